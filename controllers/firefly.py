@@ -1,0 +1,25 @@
+"""The robot of thesis chapter 4: it flashes as `oscillator` says and moves as `obstacle_avoidance` says."""
+
+import obstacle_avoidance
+import oscillator
+
+PARAMETERS = obstacle_avoidance.PARAMETERS | oscillator.PARAMETERS
+MEMORY = obstacle_avoidance.MEMORY | oscillator.MEMORY
+
+
+def check(parameters):
+    """What both parts allow."""
+    obstacle_avoidance.check(parameters)
+    oscillator.check(parameters)
+
+
+def start(memory, parameters, random):
+    """Begin both parts."""
+    obstacle_avoidance.start(memory, parameters, random)
+    oscillator.start(memory, parameters, random)
+
+
+def step(sensors, memory, actuators, parameters, random):
+    """Motion and synchronisation do not know of each other (thesis Appendix B)."""
+    obstacle_avoidance.step(sensors, memory, actuators, parameters, random)
+    oscillator.step(sensors, memory, actuators, parameters, random)

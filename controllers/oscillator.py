@@ -1,0 +1,97 @@
+"""The pulse-coupled oscillator of thesis section 4.1.2: Algorithm 1, and Algorithm 2 where `delay_ms` is above 0.
+
+All in whole milliseconds, as the e-puck has no floating-point unit; results are truncated.
+"""
+
+from epuck_sim.randomness import below
+
+PARAMETERS = {
+    "period_s": 5.0,  # tau
+    "coupling": 0.1,  # epsilon: a flash multiplies the phase by 1 + epsilon
+    "flash_fraction": 0.075,  # phi_LED / tau
+    "refractory_fraction": 0.15,  # phi_ref / tau
+    "delay_ms": 0,  # Delta of Algorithm 2; 62 on the robots, 0 makes it Algorithm 1
+    "flash_pixels": 1,  # so many red pixels are a flash; 2 on the robots (thesis 4.3.1)
+    "once_per_sighting": False,  # True: one update a sighting instead of one every step in view
+}
+
+MEMORY = {"phase_ms": int, "flash_seen": int}
+
+PARTS = 1_000_000  # the coupling is a whole number of millionths, so that the product stays whole
+
+
+def check(parameters):
+    """Algorithm 1's and 2's requirements."""
+    if not 0.001 <= parameters.period_s <= 86_400:
+        raise ValueError(f"period_s is {parameters.period_s}; allowed: 0.001 to 86400")
+    if not 0 < parameters.coupling <= 10:
+        raise ValueError(f"coupling is {parameters.coupling}; allowed: above 0, up to 10")
+    if not 0 <= parameters.refractory_fraction < 1:
+        raise ValueError(f"refractory_fraction is {parameters.refractory_fraction}; allowed: 0 to below 1")
+    if not 0 <= parameters.flash_fraction <= parameters.refractory_fraction:
+        raise ValueError(
+            f"flash_fraction is {parameters.flash_fraction}; allowed: 0 to refractory_fraction, "
+            f"which is {parameters.refractory_fraction} (Algorithm 1)"
+        )
+    if not 0 <= parameters.delay_ms <= parameters.flash_fraction * parameters.period_s * 1000:
+        raise ValueError(
+            f"delay_ms is {parameters.delay_ms}; allowed: 0 to the flash's length, flash_fraction x period_s, "
+            f"which is {parameters.flash_fraction * parameters.period_s * 1000:g} ms (Algorithm 2)"
+        )
+    if parameters.flash_pixels < 1:
+        raise ValueError(f"flash_pixels is {parameters.flash_pixels}; allowed: 1 and above")
+
+
+def whole_ms(seconds):
+    """Whole milliseconds; the allowance keeps 0.29 s from becoming 289 ms."""
+    return int(seconds * 1000 + 1e-6)
+
+
+def start(memory, parameters, random):
+    """Phases begin uniform in [0, tau)."""
+    memory.phase_ms = below(random, whole_ms(parameters.period_s))
+    memory.flash_seen = 0
+
+
+def is_flash(sensors, parameters):
+    """Whether enough pixels are red."""
+    red = 0
+    for pixel in sensors.camera:
+        red += pixel
+    return red >= parameters.flash_pixels
+
+
+def updated(phase, parameters):
+    """Algorithm 2's PHASEUPDATE': the new phase, and whether a new cycle began at the flash.
+
+    With no delay this is Algorithm 1's update (eq. 4.1).
+    """
+    period = whole_ms(parameters.period_s)
+    factor = PARTS + int(parameters.coupling * PARTS + 0.5)
+    fired = False
+    phase = (phase - parameters.delay_ms) % period
+    if phase > whole_ms(parameters.refractory_fraction * parameters.period_s):
+        phase = phase * factor // PARTS
+    if phase > period:
+        phase = 0
+        fired = True
+    return phase + parameters.delay_ms, fired
+
+
+def step(sensors, memory, actuators, parameters, random):
+    """Algorithm 1, line by line."""
+    flash = is_flash(sensors, parameters)
+    acts = flash and not (parameters.once_per_sighting and memory.flash_seen)
+    memory.flash_seen = int(flash)
+
+    phase = memory.phase_ms + sensors.step_ms
+    if phase > whole_ms(parameters.refractory_fraction * parameters.period_s) and acts:
+        phase, fired = updated(phase, parameters)
+        if fired:
+            actuators.ring_on = True
+    if phase >= whole_ms(parameters.period_s):
+        phase = 0
+        actuators.ring_on = True
+    if phase > whole_ms(parameters.flash_fraction * parameters.period_s):
+        actuators.ring_on = False
+    memory.phase_ms = phase

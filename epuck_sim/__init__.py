@@ -1,0 +1,36 @@
+"""Swarms of e-puck robots that synchronise like fireflies."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from epuck_sim.errors import ControllerError as ControllerError
+    from epuck_sim.errors import EpuckSimError as EpuckSimError
+    from epuck_sim.errors import ScenarioError as ScenarioError
+    from epuck_sim.scenario import Scenario as Scenario
+    from epuck_sim.scenario_file import load_scenario as load_scenario
+    from epuck_sim.simulation import Simulation as Simulation
+    from epuck_sim.simulation import Step as Step
+    from epuck_sim.trial import TrialResult as TrialResult
+    from epuck_sim.trial import run_trial as run_trial
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "ControllerError": "errors",
+    "EpuckSimError": "errors",
+    "Scenario": "scenario",
+    "ScenarioError": "errors",
+    "Simulation": "simulation",
+    "Step": "simulation",
+    "TrialResult": "trial",
+    "load_scenario": "scenario_file",
+    "run_trial": "trial",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first asked for: `epuck-sim --help` must not wait for numba."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

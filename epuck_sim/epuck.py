@@ -1,0 +1,76 @@
+"""The e-puck: its body, wheels, infrared sensors and camera, every constant with its source.
+
+Frame of the body: x forward, y left, angles counter-clockwise, origin on the axle's centre.
+"""
+
+import math
+
+import numpy as np
+
+RADIUS_CM = 3.7
+"""Radius of the cylindrical body (thesis 3.1.4.1: diameter 7.4 cm)."""
+
+MASS_G = 152.0
+"""Mass (thesis 3.1.4.1)."""
+
+WHEEL_BASE_CM = 5.1
+"""Distance between the wheels (thesis 3.1.4.1)."""
+
+WHEEL_LIMIT_CM_S = 12.8
+"""Largest speed of a wheel, either way (thesis 3.1.4.1)."""
+
+# --- infrared proximity sensors: numbered clockwise seen from above, from front-right -------------
+
+INFRARED_POSITIONS_CM = np.array(
+    [
+        (3.35, -1.05),
+        (2.30, -2.60),
+        (0.00, -3.30),
+        (-3.00, -1.80),
+        (-3.00, 1.80),
+        (0.00, 3.30),
+        (2.30, 2.60),
+        (3.35, 1.05),
+    ]
+)
+"""(8, 2) cm: where the sensors sit (Enki 2.x e-puck model)."""
+
+INFRARED_DIRECTIONS_RAD = np.radians([-18.0, -45.0, -90.0, -142.0, 142.0, 90.0, 45.0, 18.0])
+"""(8,) rad: where the sensors look (Enki 2.x e-puck model)."""
+
+INFRARED_SPREAD_RAD = math.radians(15.0)
+"""Angle between a sensor's centre ray and each of its two side rays (Enki 2.x e-puck model)."""
+
+INFRARED_RANGE_CM = 12.0
+"""Beyond this distance a ray finds nothing (Enki 2.x e-puck model)."""
+
+INFRARED_PEAK_COUNTS = 3731.0
+"""m of the response m (c - x0^2) / (x^2 - 2 x0 x + c): the largest reading (Enki 2.x e-puck model)."""
+
+INFRARED_PEAK_CM = 0.3
+"""x0 of the response: where the reading is largest (Enki 2.x e-puck model)."""
+
+INFRARED_WIDTH_CM2 = 0.7
+"""c of the response (Enki 2.x e-puck model)."""
+
+INFRARED_TABLE_COUNTS = np.array([4095.0, 3756.0, 3591.0, 558.0, 133.0, 58.0, 29.0])
+"""(7,) counts above ambient, falling: the firmware's table of distances (e-puck firmware)."""
+
+INFRARED_TABLE_MM = np.array([0.0, 3.0, 10.0, 25.0, 50.0, 75.0, 100.0])
+"""(7,) mm that belong to `INFRARED_TABLE_COUNTS` (e-puck firmware)."""
+
+OUT_OF_RANGE_MM = 65535
+"""The distance that stands for "nothing in range" (e-puck firmware): never mistaken for a far one."""
+
+# --- line camera ----------------------------------------------------------------------------------
+
+CAMERA_FORWARD_CM = 3.7
+"""The camera sits at the front of the body, this far ahead of the axle's centre (e-puck hardware)."""
+
+# --- what a camera tells apart ----------------------------------------------------------------------
+
+DARK = 0
+"""Pixel of an unlit robot, a wall, an obstacle, or nothing (thesis 4.1.1)."""
+
+RED = 1
+"""Pixel of a lit LED ring (thesis 4.1.1)."""

@@ -1,0 +1,13 @@
+"""Errors that are meant for the person who made them: one readable message each, never a traceback."""
+
+
+class EpuckSimError(Exception):
+    """The root of every error that this package raises on purpose."""
+
+
+class ScenarioError(EpuckSimError):
+    """A scenario that cannot be run: names the file, the key, the value given and what is allowed."""
+
+
+class ControllerError(EpuckSimError):
+    """A controller that cannot be loaded or compiled, or that raised while it ran."""

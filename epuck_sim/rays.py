@@ -1,0 +1,61 @@
+"""Where a ray first meets a disc, a segment or the arena's walls.
+
+A ray starts at (ox, oy) and runs along the unit vector (dx, dy). Each function gives the distance in cm to the first
+surface, `inf` where the ray misses, and 0 where it starts inside.
+"""
+
+import math
+
+from epuck_sim.compiled import kernel
+
+
+@kernel
+def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, radius: float) -> float:
+    """Return the distance along the ray to the disc of `radius` around (cx, cy)."""
+    fx = cx - ox
+    fy = cy - oy
+    outside = fx * fx + fy * fy - radius * radius
+    if outside <= 0.0:
+        return 0.0
+    along = fx * dx + fy * dy
+    if along <= 0.0:
+        return math.inf
+    cut = along * along - outside
+    if cut < 0.0:
+        return math.inf
+    # the nearer root, written so that a disc almost touched loses no digits
+    return outside / (along + math.sqrt(cut))
+
+
+@kernel
+def to_segment(
+    ox: float, oy: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float
+) -> float:
+    """Return the distance along the ray to the segment from (ax, ay) to (bx, by)."""
+    ex = bx - ax
+    ey = by - ay
+    turn = dx * ey - dy * ex
+    if turn == 0.0:  # parallel: the ends of the polygon's other edges are what it would meet
+        return math.inf
+    fx = ax - ox
+    fy = ay - oy
+    distance = (fx * ey - fy * ex) / turn
+    share = (fx * dy - fy * dx) / turn
+    if distance < 0.0 or share < 0.0 or share > 1.0:
+        return math.inf
+    return distance
+
+
+@kernel
+def to_walls(ox: float, oy: float, dx: float, dy: float, width: float, height: float) -> float:
+    """Return the distance along a ray from inside the arena to its walls; 0 from a start beyond them."""
+    distance = math.inf
+    if dx > 0.0:
+        distance = (width - ox) / dx
+    elif dx < 0.0:
+        distance = -ox / dx
+    if dy > 0.0:
+        distance = min(distance, (height - oy) / dy)
+    elif dy < 0.0:
+        distance = min(distance, -oy / dy)
+    return max(distance, 0.0)

@@ -1,0 +1,85 @@
+"""When is a swarm synchronised? Order parameters, and the watch on the reference robot's firings."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.simulation import Simulation, Step
+
+Floats = npt.NDArray[np.float64]
+
+NOMINAL_PERIOD_S = 5.0
+"""Where there is no oscillator to count cycles, one lasts as long as in thesis 4.2.1."""
+
+
+def order_parameter(phases: Floats, periods: Floats | float) -> float:
+    """Return r, the modulus of the complex order parameter (eq. 4.2): 0 incoherent, 1 synchronised.
+
+    phases: (n,) in the unit of `periods`, (n,) or one for all.
+
+    >>> round(order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0), 12)
+    1.0
+    """
+    return float(np.abs(np.exp(2j * math.pi * phases / periods).mean()))
+
+
+def reference_order_parameter(phases: Floats, periods: Floats | float) -> float:
+    """Return eta (eq. 3.4): the mean cosine of the phases at a firing of the reference, whose own phase is 0.
+
+    phases: (n,) in the unit of `periods`, (n,) or one for all.
+    """
+    return float(np.cos(2 * math.pi * phases / periods).mean())
+
+
+METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
+
+
+class SynchronyWatch:
+    """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
+
+    A robot fires when its ring lights up. Robots that are no oscillators do not count; if the reference is none, nothing
+    is measured and every 5 s count as a cycle.
+    """
+
+    cycles: int
+    """Firings of the reference so far."""
+    order_parameter: float | None
+    """As measured at the last one; None before the first."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        stop = simulation.scenario.stop
+        self._metric = METRICS[stop.metric]
+        self._threshold = stop.order_parameter
+        self._max_cycles = stop.max_cycles
+        self._max_steps = math.inf if stop.max_time_s is None else stop.max_time_s / simulation.step_s
+        self._reference = stop.reference_robot
+        self._oscillators = ~np.isnan(simulation.period_ms)
+        self._periods = simulation.period_ms[self._oscillators]
+        self._measures = bool(self._oscillators[self._reference])
+        self._steps_a_cycle = NOMINAL_PERIOD_S / simulation.step_s
+        self._was_on = False
+        self.cycles = 0
+        self.order_parameter = None
+
+    def look(self, step: Step) -> None:
+        """Take note of a step."""
+        if self._measures:
+            is_on = bool(step.ring_on[self._reference])
+            if is_on and not self._was_on:
+                self.cycles += 1
+                self.order_parameter = self._metric(step.phase_ms[self._oscillators], self._periods)
+            self._was_on = is_on
+        else:
+            self.cycles = int((step.number + 1) / self._steps_a_cycle)
+        self._steps = step.number + 1
+
+    @property
+    def is_synchronised(self) -> bool:
+        """Whether the order parameter has reached its threshold at the last firing."""
+        return self.order_parameter is not None and self.order_parameter >= self._threshold
+
+    @property
+    def is_censored(self) -> bool:
+        """Whether the trial has lasted as long as it may."""
+        return self.cycles >= self._max_cycles or self._steps >= self._max_steps

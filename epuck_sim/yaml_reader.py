@@ -1,0 +1,105 @@
+"""Reads YAML as people mean it: `1e-3` is a number, `no` a word, a key given twice a mistake.
+
+PyYAML follows YAML 1.1, where `1e-3` is text, `no` is false and `12:30` is 750; the words and numbers here are those of
+YAML 1.2's core schema. Files that would unfold into far more than they show are refused.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from epuck_sim.errors import ScenarioError
+
+MAX_BYTES = 1_000_000
+"""A scenario is a few kilobytes; what is a thousand times as long is something else."""
+
+MAX_NODES = 100_000
+"""So many values may a file unfold to, aliases written out."""
+
+
+class _Loader(yaml.SafeLoader):
+    """SafeLoader with the core schema's plain words and numbers."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
+
+
+for _tag, _pattern, _first in (
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("null", r"~|null|Null|NULL|", "~nN\0"),
+    ("int", r"[-+]?[0-9]+", "-+0123456789"),
+    ("float", r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", "-+.0123456789"),
+    ("float", r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)", "-+."),
+    ("merge", r"<<", "<"),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), list(_first))
+
+
+def _whole_number(loader: _Loader, node: yaml.ScalarNode) -> int:
+    return int(node.value)  # 010 is ten, as it reads
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+
+
+def read_yaml(path: Path) -> Any:
+    """Return what the YAML file holds; raises ScenarioError where it cannot be read."""
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise ScenarioError(f"{path}: is larger than {MAX_BYTES / 1e6:g} MB; a scenario is a few kB of YAML")
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ScenarioError(f"{path}: is no UTF-8 text: {error.reason} at byte {error.start}") from error
+    return parse_yaml(text, str(path))
+
+
+def parse_yaml(text: str, source: str) -> Any:
+    """Return what the YAML `text` means; `source` names it in the ScenarioError raised where it means nothing."""
+    try:
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        _refuse(node, source)
+        return loader.construct_document(node)
+    except yaml.YAMLError as error:
+        raise ScenarioError(f"{source}: is no YAML: {' '.join(str(error).split())}") from error
+    except RecursionError as error:
+        raise ScenarioError(f"{source}: is nested too deeply") from error
+    except ValueError as error:  # a number of thousands of digits
+        raise ScenarioError(f"{source}: has a value that cannot be read: {error}") from error
+
+
+def _refuse(root: yaml.Node, source: str) -> None:
+    """Raise ScenarioError for a document that unfolds into too much, holds itself, or gives a key twice."""
+    sizes: dict[int, int] = {}
+    open_nodes: set[int] = set()
+
+    def size(node: yaml.Node) -> int:
+        if id(node) in open_nodes:
+            raise ScenarioError(f"{source}: an alias in line {node.start_mark.line + 1} holds itself")
+        if id(node) not in sizes:
+            open_nodes.add(id(node))
+            parts: list[yaml.Node] = []
+            if isinstance(node, yaml.MappingNode):
+                _refuse_repeated_keys(node, source)
+                parts = [part for pair in node.value for part in pair]
+            elif isinstance(node, yaml.SequenceNode):
+                parts = node.value
+            sizes[id(node)] = 1 + sum(size(part) for part in parts)
+            open_nodes.remove(id(node))
+        return sizes[id(node)]
+
+    if size(root) > MAX_NODES:
+        raise ScenarioError(f"{source}: unfolds to more than {MAX_NODES} values; a scenario has a few dozen")
+
+
+def _refuse_repeated_keys(node: yaml.MappingNode, source: str) -> None:
+    seen: set[str] = set()
+    for key, _ in node.value:
+        if isinstance(key, yaml.ScalarNode) and key.value in seen:
+            raise ScenarioError(f"{source}: key {key.value!r} is given twice, again in line {key.start_mark.line + 1}")
+        seen.add(key.value if isinstance(key, yaml.ScalarNode) else "")
