@@ -49,20 +49,21 @@ def cache_root() -> Path:
         return Path(tempfile.gettempdir()) / f"epuck-sim-{user}"
 
 
-def compile_cached(function: Function, sources_digest: str) -> Function:
+def compile_cached(function: Function, sources_digest: str, division: str = "python") -> Function:
     """Return `function` compiled by numba, cached under `sources_digest`.
 
+    division: "python" raises where a divisor is 0, "numpy" gives inf or NaN, and is quicker.
     Neither fast-math nor parallel loops: both would break equality bit for bit.
     """
     with _redirecting:  # numba reads the folder once, when a function is decorated
         before = numba.config.CACHE_DIR
         numba.config.CACHE_DIR = str(cache_root() / sources_digest)
         try:
-            return cast(Function, numba.njit(cache=True)(function))
+            return cast(Function, numba.njit(cache=True, error_model=division)(function))
         finally:
             numba.config.CACHE_DIR = before
 
 
 def kernel(function: Function) -> Function:
     """Compile a function of this package; helpers that it calls must be kernels too."""
-    return compile_cached(function, package_digest())
+    return compile_cached(function, package_digest(), division="numpy")

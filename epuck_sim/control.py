@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -36,8 +36,8 @@ def _serve(
     infrared: npt.NDArray[np.float64],
     distance_mm: npt.NDArray[np.int64],
     camera: npt.NDArray[np.uint8],
-    memory: Records,
     actuators: Records,
+    memory: Records,
     parameters: Records,
     random: npt.NDArray[np.uint64],
     serving: npt.NDArray[np.int64],
@@ -48,73 +48,64 @@ def _serve(
         step(sensors, memory[robot], actuators[robot], parameters[robot], random[robot])
 
 
+class Senses(NamedTuple):
+    """What a group of robots senses: `controller.Sensors`, with a row a robot."""
+
+    step_ms: int
+    infrared: npt.NDArray[np.float64]
+    """(robots, 8)"""
+    distance_mm: npt.NDArray[np.int64]
+    """(robots, 8)"""
+    camera: npt.NDArray[np.uint8]
+    """(robots, pixels)"""
+
+
 class Control:
     """The controllers of one group of robots: what they remember, and what they command."""
 
     memory: Records
     """(robots,) what each remembers."""
-    actuators: Records
-    """(robots,) what each commands; see `controller.ACTUATORS`."""
 
     def __init__(
         self,
         controller: Controller,
         parameters: Records,
         random: npt.NDArray[np.uint64],
+        senses: Senses,
+        actuators: Records,
         interpret: bool = False,
     ) -> None:
         """Start `controller` on each robot.
 
-        parameters: (robots,) records; random: (robots, 4) the robots' streams.
-        Raises ControllerError where it cannot be compiled, or raises in `start`.
+        parameters: (robots,) records; random: (robots, 4) the robots' streams; senses: the arrays that it reads;
+        actuators: (robots,) records that it sets, see `controller.ACTUATORS`.
+        Raises ControllerError where it cannot be compiled, RobotError where it raises in `start`.
         """
-        self.controller = controller
-        self.interpret = interpret
-        robots = len(random)
         kind: Any = np.recarray if interpret else np.ndarray
-        self.memory = np.zeros(robots, controller.memory).view(kind)
-        self.actuators = np.zeros(robots, ACTUATORS).view(kind)
-        self._parameters = parameters.view(kind)
-        self._random = random
+        self.memory = np.zeros(len(random), controller.memory).view(kind)
+        self._controller = controller
         self._serving = np.zeros(1, np.int64)
-        begin, self._serve = (_bound if interpret else _compiled)(controller)
-        self._run(begin, self.memory, self._parameters, random, self._serving)
-
-    def step(
-        self,
-        step_ms: int,
-        infrared: npt.NDArray[np.float64],
-        distance_mm: npt.NDArray[np.int64],
-        camera: npt.NDArray[np.uint8],
-    ) -> None:
-        """Serve each robot once; see `controller.Sensors` for the arrays, which have a row a robot here."""
-        self._run(
-            self._serve,
-            step_ms,
-            infrared,
-            distance_mm,
-            camera,
-            self.memory,
-            self.actuators,
-            self._parameters,
-            self._random,
-            self._serving,
-        )
-
-    def _run(self, function: Callable[..., None], *arguments: object) -> None:
+        begin, self._serve = (_interpreted if interpret else _compiled)(controller)
+        own = (self.memory, parameters.view(kind), random, self._serving)
+        self._arguments = (*senses, actuators.view(kind), *own)
         try:
-            if self.interpret:  # numpy would only warn where compiled code raises
-                with np.errstate(divide="raise", invalid="raise"):
-                    function(*arguments)
-            else:
-                function(*arguments)
-        except numba.core.errors.NumbaError as error:
-            reason = str(error).strip()
-            raise ControllerError(
-                f"{self.controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{reason}"
-            ) from error
+            begin(*own)
         except Exception as error:  # whatever a user's controller may raise
-            raise RobotError(self.controller, int(self._serving[0]), error) from error
+            raise self._explained(error) from error
+
+    def step(self) -> None:
+        """Serve each robot once; raises RobotError where a robot's controller raises."""
+        try:
+            self._serve(*self._arguments)
+        except Exception as error:  # whatever a user's controller may raise
+            raise self._explained(error) from error
+
+    def _explained(self, error: Exception) -> ControllerError:
+        if isinstance(error, numba.core.errors.NumbaError):
+            return ControllerError(
+                f"{self._controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{error}"
+            )
+        return RobotError(self._controller, int(self._serving[0]), error)
 
 
 class RobotError(ControllerError):
@@ -127,19 +118,27 @@ class RobotError(ControllerError):
 
 def _bound(controller: Controller) -> tuple[Any, Any]:
     """Return `_begin` and `_serve` that call the controller's `start` and `step`."""
-    own = {"start": controller.start, "step": controller.step}
-    return tuple(
-        FunctionType(loop.__code__, {**globals(), **own}, loop.__name__) for loop in (_begin, _serve)
-    )
+    own = {**globals(), "start": controller.start, "step": controller.step}
+    return FunctionType(_begin.__code__, own), FunctionType(_serve.__code__, own)
+
+
+def _interpreted(controller: Controller) -> tuple[Any, Any]:
+    """Return `_bound`'s functions; where numpy would only warn of a division by 0 they raise, as compiled code does."""
+    strict = np.errstate(divide="raise", invalid="raise")
+    begin, serve = _bound(controller)
+    return strict(begin), strict(serve)
 
 
 @lru_cache
 def _compiled(controller: Controller) -> tuple[Any, Any]:
     """Return `_bound`'s functions compiled, cached under the contents of all files that they come from."""
     for function in _callees(controller.start, controller.sources) | _callees(controller.step, controller.sources):
+        # numba's cache imports the module that a function names; a controller's own is not importable
+        function.__module__ = __name__
         register_jitable(function)
     sources = f"{package_digest()}-{digest(controller.sources)}"
-    return tuple(compile_cached(loop, sources) for loop in _bound(controller))
+    begin, serve = _bound(controller)
+    return compile_cached(begin, sources), compile_cached(serve, sources)
 
 
 def _callees(function: Any, sources: tuple[Path, ...]) -> set[FunctionType]:

@@ -16,33 +16,48 @@ _LIMIT = epuck.WHEEL_LIMIT_CM_S
 _BASE = epuck.WHEEL_BASE_CM
 
 
+Floats = npt.NDArray[np.float64]
+
+
 @kernel
-def limit_speeds(wheels_cm_s: npt.NDArray[np.float64]) -> int:
-    """Bring (robots, 2) wheel speeds within the wheels' limit; return the first robot with one that is NaN, or -1."""
-    for robot in range(len(wheels_cm_s)):
-        for wheel in range(2):
-            speed = wheels_cm_s[robot, wheel]
-            if math.isnan(speed):
-                return robot
-            wheels_cm_s[robot, wheel] = min(max(speed, -_LIMIT), _LIMIT)
+def act(
+    actuators: npt.NDArray[np.void],
+    wheels_cm_s: Floats,
+    ring_on: npt.NDArray[np.bool_],
+    poses: Floats,
+    noise: Floats,
+    slip: float,
+    step_s: float,
+    velocities: Floats,
+) -> int:
+    """Carry out what controllers command; return the first robot with a wheel speed that is no number, or -1.
+
+    actuators: (robots,) see `controller.ACTUATORS`. Written are (robots, 2) wheels_cm_s, within the wheels' limit,
+    (robots,) ring_on, and (robots, 3) velocities, which are those of `chord_velocities`.
+    """
+    for robot in range(len(actuators)):
+        left, right = actuators[robot].left_cm_s, actuators[robot].right_cm_s
+        if math.isnan(left) or math.isnan(right):
+            return robot
+        wheels_cm_s[robot, 0] = min(max(left, -_LIMIT), _LIMIT)
+        wheels_cm_s[robot, 1] = min(max(right, -_LIMIT), _LIMIT)
+        ring_on[robot] = actuators[robot].ring_on != 0
+    chord_velocities(poses, wheels_cm_s, noise, slip, step_s, velocities)
     return -1
 
 
 @kernel
 def chord_velocities(
-    poses: npt.NDArray[np.float64],
-    wheels_cm_s: npt.NDArray[np.float64],
-    factors: npt.NDArray[np.float64],
-    step_s: float,
-    velocities: npt.NDArray[np.float64],
+    poses: Floats, wheels_cm_s: Floats, noise: Floats, slip: float, step_s: float, velocities: Floats
 ) -> None:
     """Write (robots, 3) velocities, cm/s, cm/s, rad/s, that take each robot to the end of its arc in `step_s`.
 
-    poses: (robots, 3); wheels_cm_s: (robots, 2) left and right; factors: (robots, 2) what each is multiplied by.
+    poses: (robots, 3); wheels_cm_s: (robots, 2) left and right; noise: (robots, 2) from [0, 1), which makes each speed
+    that much of the way from 1 - slip to 1 + slip times itself (Enki).
     """
     for robot in range(len(poses)):
-        left = wheels_cm_s[robot, 0] * factors[robot, 0]
-        right = wheels_cm_s[robot, 1] * factors[robot, 1]
+        left = wheels_cm_s[robot, 0] * (1.0 + slip * (2.0 * noise[robot, 0] - 1.0))
+        right = wheels_cm_s[robot, 1] * (1.0 + slip * (2.0 * noise[robot, 1] - 1.0))
         speed = 0.5 * (left + right)
         turn = (right - left) / _BASE
         half = 0.5 * turn * step_s

@@ -12,11 +12,13 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.cells import REACH_CM, Cells, slot
 from epuck_sim.compiled import kernel
-from epuck_sim.rays import to_disc, to_segment, to_walls
+from epuck_sim.rays import to_disc, to_segment
 
 Floats = npt.NDArray[np.float64]
 
 SENSORS = len(epuck.INFRARED_POSITIONS_CM)
+RAYS = 3
+
 _X = np.ascontiguousarray(epuck.INFRARED_POSITIONS_CM[:, 0])
 _Y = np.ascontiguousarray(epuck.INFRARED_POSITIONS_CM[:, 1])
 _ANGLES = epuck.INFRARED_DIRECTIONS_RAD[:, None] + epuck.INFRARED_SPREAD_RAD * np.array([-1, 0, 1])
@@ -28,7 +30,7 @@ _RANGE = epuck.INFRARED_RANGE_CM
 _PEAK = epuck.INFRARED_PEAK_COUNTS
 _PEAK_CM = epuck.INFRARED_PEAK_CM
 _WIDTH = epuck.INFRARED_WIDTH_CM2
-_REACH_ALONE = REACH_CM - epuck.RADIUS_CM
+_REACH = REACH_CM - epuck.RADIUS_CM  # of a ray's end from the body's centre
 _TABLE_COUNTS = epuck.INFRARED_TABLE_COUNTS
 _TABLE_MM = epuck.INFRARED_TABLE_MM
 _NOTHING_MM = epuck.OUT_OF_RANGE_MM
@@ -68,69 +70,122 @@ def firmware_table_mm(reading: float) -> int:
 
 @kernel
 def sense_infrared(
-    poses: Floats, width_cm: float, height_cm: float, circles: Floats, edges: Floats, cells: Cells, readings: Floats
+    poses: Floats,
+    width_cm: float,
+    height_cm: float,
+    circles: Floats,
+    edges: Floats,
+    cells: Cells,
+    observer: int,
+    readings: Floats,
 ) -> None:
-    """Write each robot's (robots, 8) noiseless readings in counts.
+    """Write the noiseless readings, (observers, 8) in counts, of the robots from number `observer` on.
 
     poses: (robots, 3) x cm, y cm, heading rad; circles (k, 3), edges (m, 4): see `arena.Arena`; cells: sorted by poses.
     """
-    near = np.empty((len(poses), 2))  # centres of the robots within reach
-    for robot in range(len(poses)):
-        x, y, heading = poses[robot, 0], poses[robot, 1], poses[robot, 2]
-        discs = _discs_in_reach(poses, robot, cells, near)
-        at_wall = min(min(x, y), min(width_cm - x, height_cm - y)) <= _REACH_ALONE
-        if discs == 0 and not at_wall and len(circles) == 0 and len(edges) == 0:
-            readings[robot, :] = 0.0
-            continue
-        cos, sin = math.cos(heading), math.sin(heading)
+    distances = np.empty((SENSORS, RAYS))
+    for row in range(len(readings)):
+        robot = observer + row
+        x, y = poses[robot, 0], poses[robot, 1]
+        cos, sin = math.cos(poses[robot, 2]), math.sin(poses[robot, 2])
+        distances[:] = math.inf
+        _meet_walls(x, y, cos, sin, width_cm, height_cm, distances)
+        _meet_robots(poses, robot, cos, sin, cells, distances)
+        for k in range(len(circles)):
+            dx, dy, radius = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
+            if dx * dx + dy * dy <= (_REACH + radius) ** 2:
+                _meet_disc(dx * cos + dy * sin, dy * cos - dx * sin, radius, distances)
+        for k in range(len(edges)):
+            ax, ay, bx, by = edges[k, 0] - x, edges[k, 1] - y, edges[k, 2] - x, edges[k, 3] - y
+            _meet_edge(
+                ax * cos + ay * sin, ay * cos - ax * sin, bx * cos + by * sin, by * cos - bx * sin, distances
+            )
         for sensor in range(SENSORS):
-            ox = x + cos * _X[sensor] - sin * _Y[sensor]
-            oy = y + sin * _X[sensor] + cos * _Y[sensor]
-            total = 0.0
-            for ray in range(3):
-                dx = cos * _COS[sensor, ray] - sin * _SIN[sensor, ray]
-                dy = sin * _COS[sensor, ray] + cos * _SIN[sensor, ray]
-                distance = math.inf
-                if at_wall:
-                    distance = to_walls(ox, oy, dx, dy, width_cm, height_cm)
-                for disc in range(discs):
-                    distance = min(distance, to_disc(ox, oy, dx, dy, near[disc, 0], near[disc, 1], _RADIUS))
-                for circle in circles:
-                    distance = min(distance, to_disc(ox, oy, dx, dy, circle[0], circle[1], circle[2]))
-                for edge in edges:
-                    distance = min(distance, to_segment(ox, oy, dx, dy, edge[0], edge[1], edge[2], edge[3]))
-                total += response(distance)
-                if ray == 1:
-                    total -= 2.0 * response(distance * _STRETCH)
-            readings[robot, sensor] = min(max(total, 0.0), _PEAK)
+            left, centre, right = distances[sensor, 0], distances[sensor, 1], distances[sensor, 2]
+            total = response(left) + response(centre) + response(right) - 2.0 * response(centre * _STRETCH)
+            readings[row, sensor] = min(max(total, 0.0), _PEAK)
 
 
 @kernel
-def _discs_in_reach(poses: Floats, robot: int, cells: Cells, near: Floats) -> int:
-    """Write the centres of the robots that a ray of `robot` may meet; return how many they are."""
+def _meet_walls(
+    x: float, y: float, cos: float, sin: float, width_cm: float, height_cm: float, distances: Floats
+) -> None:
+    """Shorten the rays that meet a wall; `distances` (8, 3) are those of a robot at (x, y)."""
+    if x <= _REACH:
+        _meet_wall(x, -cos, sin, distances)
+    if width_cm - x <= _REACH:
+        _meet_wall(width_cm - x, cos, -sin, distances)
+    if y <= _REACH:
+        _meet_wall(y, -sin, -cos, distances)
+    if height_cm - y <= _REACH:
+        _meet_wall(height_cm - y, sin, cos, distances)
+
+
+@kernel
+def _meet_wall(away: float, ahead: float, aside: float, distances: Floats) -> None:
+    """Shorten the rays that meet the wall `away` from the body's centre towards (ahead, aside), a unit vector."""
+    for sensor in range(SENSORS):
+        gap = max(away - ahead * _X[sensor] - aside * _Y[sensor], 0.0)
+        if gap > _RANGE:
+            continue
+        for ray in range(RAYS):
+            approach = ahead * _COS[sensor, ray] + aside * _SIN[sensor, ray]
+            if gap <= _RANGE * approach:
+                distances[sensor, ray] = min(distances[sensor, ray], gap / approach)
+
+
+@kernel
+def _meet_robots(poses: Floats, robot: int, cos: float, sin: float, cells: Cells, distances: Floats) -> None:
+    """Shorten the rays that meet another robot, one of those in the cells around."""
     x, y = poses[robot, 0], poses[robot, 1]
     column = slot(x, cells.width_cm, cells.columns)
-    row = slot(y, cells.height_cm, cells.rows)
-    found = 0
-    for r in range(max(row - 1, 0), min(row + 2, cells.rows)):
+    line = slot(y, cells.height_cm, cells.rows)
+    for r in range(max(line - 1, 0), min(line + 2, cells.rows)):
         start = cells.first[r * cells.columns + max(column - 1, 0)]
         end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
         for member in range(start, end):
             other = cells.members[member]
             dx, dy = poses[other, 0] - x, poses[other, 1] - y
             if other != robot and dx * dx + dy * dy <= REACH_CM * REACH_CM:
-                near[found, 0] = poses[other, 0]
-                near[found, 1] = poses[other, 1]
-                found += 1
-    return found
+                _meet_disc(dx * cos + dy * sin, dy * cos - dx * sin, _RADIUS, distances)
 
 
 @kernel
-def to_distances(readings: Floats, noise: Floats, by_table: bool, distances_mm: npt.NDArray[np.int64]) -> None:
-    """Add `noise` to `readings`, both (robots, 8) counts, and write the (robots, 8) distances in whole mm."""
+def _meet_disc(ahead: float, aside: float, radius: float, distances: Floats) -> None:
+    """Shorten the rays that meet the disc centred at (ahead, aside) of the body."""
+    for sensor in range(SENSORS):
+        fx, fy = ahead - _X[sensor], aside - _Y[sensor]
+        beyond_left = fy * _COS[sensor, 2] - fx * _SIN[sensor, 2]
+        beyond_right = fx * _SIN[sensor, 0] - fy * _COS[sensor, 0]
+        if max(beyond_left, beyond_right) > radius:
+            continue  # aside of all three rays
+        for ray in range(RAYS):
+            reach = to_disc(0.0, 0.0, _COS[sensor, ray], _SIN[sensor, ray], fx, fy, radius)
+            distances[sensor, ray] = min(distances[sensor, ray], reach)
+
+
+@kernel
+def _meet_edge(ax: float, ay: float, bx: float, by: float, distances: Floats) -> None:
+    """Shorten the rays that meet an obstacle's edge, given by its ends in the body's frame."""
+    if min(ax, bx) > _REACH or max(ax, bx) < -_REACH or min(ay, by) > _REACH or max(ay, by) < -_REACH:
+        return
+    for sensor in range(SENSORS):
+        for ray in range(RAYS):
+            reach = to_segment(_X[sensor], _Y[sensor], _COS[sensor, ray], _SIN[sensor, ray], ax, ay, bx, by)
+            distances[sensor, ray] = min(distances[sensor, ray], reach)
+
+
+@kernel
+def to_distances(
+    readings: Floats, noise: Floats, noise_counts: float, by_table: bool, distances_mm: npt.NDArray[np.int64]
+) -> None:
+    """Add noise to (robots, 8) readings in counts, and write the (robots, 8) distances in whole mm.
+
+    noise: (robots, 8) standard normal numbers; noise_counts: their size.
+    """
     for robot in range(readings.shape[0]):
         for sensor in range(readings.shape[1]):
-            reading = min(max(readings[robot, sensor] + noise[robot, sensor], 0.0), _PEAK)
+            reading = min(max(readings[robot, sensor] + noise_counts * noise[robot, sensor], 0.0), _PEAK)
             readings[robot, sensor] = reading
             if by_table:
                 distances_mm[robot, sensor] = firmware_table_mm(reading)

@@ -1,4 +1,4 @@
-"""Where a ray first meets a disc, a segment or the arena's walls.
+"""Where a ray first meets a disc or a segment.
 
 A ray starts at (ox, oy) and runs along the unit vector (dx, dy). Each function gives the distance in cm to the first
 surface, `inf` where the ray misses, and 0 where it starts inside.
@@ -44,18 +44,3 @@ def to_segment(
     if distance < 0.0 or share < 0.0 or share > 1.0:
         return math.inf
     return distance
-
-
-@kernel
-def to_walls(ox: float, oy: float, dx: float, dy: float, width: float, height: float) -> float:
-    """Return the distance along a ray from inside the arena to its walls; 0 from a start beyond them."""
-    distance = math.inf
-    if dx > 0.0:
-        distance = (width - ox) / dx
-    elif dx < 0.0:
-        distance = -ox / dx
-    if dy > 0.0:
-        distance = min(distance, (height - oy) / dy)
-    elif dy < 0.0:
-        distance = min(distance, -oy / dy)
-    return max(distance, 0.0)

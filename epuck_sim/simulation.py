@@ -12,16 +12,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.camera import Camera, make_camera, see
-from epuck_sim.cells import make_cells, sort_into_cells
-from epuck_sim.control import Control, RobotError
-from epuck_sim.drive import chord_velocities, limit_speeds
+from epuck_sim.camera import make_camera
+from epuck_sim.cells import make_cells
+from epuck_sim.control import Control, RobotError, Senses
+from epuck_sim.controller import ACTUATORS
+from epuck_sim.drive import act
 from epuck_sim.errors import ControllerError
-from epuck_sim.infrared import SENSORS, sense_infrared, to_distances
+from epuck_sim.infrared import SENSORS
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import robot_streams
 from epuck_sim.scenario import RobotGroup, Scenario
 from epuck_sim.scenario_file import group_controller, load_scenario
+from epuck_sim.sensing import gather, sense
 from epuck_sim.world import World
 
 Floats = npt.NDArray[np.float64]
@@ -72,20 +74,13 @@ def recall(memory: npt.NDArray[Any], field: str, otherwise: float) -> Floats:
 
 
 class _Team(NamedTuple):
-    """A group of robots at work: its controller, and its rows of the simulation's arrays."""
+    """A group of robots at work."""
 
-    control: Control
-    view: Camera
-    by_table: bool
     first: int
-    infrared: Floats
-    infrared_noise: Floats
-    distance_mm: npt.NDArray[np.int64]
-    camera: npt.NDArray[np.uint8]
-    wheels: Floats
-    ring_on: npt.NDArray[np.bool_]
-    commanded_wheels: Floats
-    commanded_ring: npt.NDArray[np.int64]
+    """The number of its first robot."""
+    control: Control
+    sensing: tuple[Any, ...]
+    """The arguments of `sense`."""
 
 
 class Simulation:
@@ -121,8 +116,8 @@ class Simulation:
         self.seed = scenario.seed if seed is None else seed
         self.step_s = scenario.timing.step_ms / 1000
         placing, sensing, driving, thinking = np.random.SeedSequence(self.seed).spawn(4)
-        self._sensing = np.random.default_rng(sensing)
-        self._driving = np.random.default_rng(driving)
+        self._sensing = np.random.Generator(np.random.SFC64(sensing))
+        self._driving = np.random.Generator(np.random.SFC64(driving))
         streams = robot_streams(thinking, scenario.robot_count)
 
         poses = place_robots(scenario, placing)
@@ -135,19 +130,23 @@ class Simulation:
         self._infrared_noise = np.zeros((robots, SENSORS))
         self._distance_mm = np.zeros((robots, SENSORS), np.int64)
         self._camera = np.zeros((robots, pixels), np.uint8)
+        self._actuators = np.zeros(robots, ACTUATORS)
         self._wheels = np.zeros((robots, 2))
-        self._wheel_factors = np.ones((robots, 2))
+        self._wheel_noise = np.zeros((robots, 2))
         self._ring_on = np.zeros(robots, np.bool_)
         self.period_ms = np.full(robots, np.nan)
+        self._number = 0
 
         self._teams: list[_Team] = []
-        self._number = 0
         first = 0
         for group in scenario.robots:
             rows = slice(first, first + group.count)
             self._teams.append(self._make_team(group, rows, streams[rows], interpret))
             first += group.count
-        self._memories = tuple(team.control.memory for team in self._teams)
+        self._acting = (
+            *(self._actuators, self._wheels, self._ring_on, self._world.poses),
+            *(self._wheel_noise, scenario.noise.wheel_speed, self.step_s, self._world.velocities),
+        )
 
     def _make_team(
         self, group: RobotGroup, rows: slice, streams: npt.NDArray[np.uint64], interpret: bool
@@ -156,85 +155,64 @@ class Simulation:
         parameters = np.repeat(controller.parameter_record(group.parameters), group.count)
         if controller.is_oscillator:
             self.period_ms[rows] = parameters["period_s"] * 1000
+        camera = self._camera[rows, : group.camera.pixels]
+        senses = Senses(self.scenario.timing.step_ms, self._infrared[rows], self._distance_mm[rows], camera)
         try:
-            control = Control(controller, parameters, streams, interpret)
+            control = Control(controller, parameters, streams, senses, self._actuators[rows], interpret)
         except RobotError as error:
             raise self._blame(error, rows.start) from error
-        camera = group.camera
-        return _Team(
-            control,
+        sensing = gather(
+            self._world.poses,
+            self._ring_on,
+            self._arena,
+            self._cells,
             make_camera(
-                camera.pixels,
-                math.radians(camera.field_of_view_deg),
-                camera.central_pixels,
-                math.inf if camera.range_cm is None else camera.range_cm,
+                group.camera.pixels,
+                math.radians(group.camera.field_of_view_deg),
+                group.camera.central_pixels,
+                math.inf if group.camera.range_cm is None else group.camera.range_cm,
             ),
-            group.infrared.distance == "firmware_table",
             rows.start,
             self._infrared[rows],
             self._infrared_noise[rows],
+            self.scenario.noise.infrared_counts,
+            group.infrared.distance == "firmware_table",
             self._distance_mm[rows],
-            self._camera[rows, : camera.pixels],
-            self._wheels[rows],
-            self._ring_on[rows],
-            _pair(control.actuators),
-            control.actuators["ring_on"],
+            camera,
         )
+        return _Team(rows.start, control, sensing)
 
     def __iter__(self) -> Iterator[Step]:
         """Yield each control step once its commands are given; bodies move when the next one is asked for.
 
         Raises ControllerError where a controller does.
         """
-        moves = self.scenario.timing.physics_hz // self.scenario.timing.control_hz
-        step_ms = self.scenario.timing.step_ms
-        poses = self._world.poses
-        arrays = (poses, self._infrared, self._distance_mm, self._camera, self._wheels, self._ring_on, self._memories)
+        timing, noise = self.scenario.timing, self.scenario.noise
+        moves = timing.physics_hz // timing.control_hz
+        memories = tuple(team.control.memory for team in self._teams)
+        arrays = (
+            *(self._world.poses, self._infrared, self._distance_mm, self._camera),
+            *(self._wheels, self._ring_on, memories),
+        )
         while True:
             if self._number > 0:
                 self._world.advance(moves)
-            self._sense()
-            self._control()
-            self._drive()
-            yield Step(self._number, self._number * step_ms / 1000, *arrays)
+            if noise.infrared_counts > 0:
+                self._sensing.standard_normal(out=self._infrared_noise)
+            for team in self._teams:
+                sense(*team.sensing)
+            for team in self._teams:
+                try:
+                    team.control.step()
+                except RobotError as error:
+                    raise self._blame(error, team.first) from error
+            if noise.wheel_speed > 0:
+                self._driving.random(out=self._wheel_noise)
+            unfit = act(*self._acting)
+            if unfit >= 0:
+                raise ControllerError(f"{self._place(unfit)}: its controller sets a wheel speed that is not a number")
+            yield Step(self._number, self._number * timing.step_ms / 1000, *arrays)
             self._number += 1
-
-    def _sense(self) -> None:
-        """Everybody senses the bodies as they stand and the rings as they were commanded in the step before."""
-        arena, cells, poses = self._arena, self._cells, self._world.poses
-        sort_into_cells(poses, cells)
-        sense_infrared(poses, arena.width_cm, arena.height_cm, arena.circles, arena.edges, cells, self._infrared)
-        if self.scenario.noise.infrared_counts > 0:
-            self._sensing.standard_normal(out=self._infrared_noise)
-            self._infrared_noise *= self.scenario.noise.infrared_counts
-        for team in self._teams:
-            to_distances(team.infrared, team.infrared_noise, team.by_table, team.distance_mm)
-            see(poses, self._ring_on, arena.circles, arena.edges, cells, team.view, team.first, team.camera)
-
-    def _control(self) -> None:
-        step_ms = self.scenario.timing.step_ms
-        for team in self._teams:
-            try:
-                team.control.step(step_ms, team.infrared, team.distance_mm, team.camera)
-            except RobotError as error:
-                raise self._blame(error, team.first) from error
-        for team in self._teams:
-            team.wheels[:] = team.commanded_wheels
-            team.ring_on[:] = team.commanded_ring
-
-    def _drive(self) -> None:
-        """Hand the bodies the velocities that the wheels give them."""
-        unfit = limit_speeds(self._wheels)
-        if unfit >= 0:
-            raise ControllerError(f"{self._place(unfit)}: its controller sets a wheel speed that is not a number")
-        slip = self.scenario.noise.wheel_speed
-        if slip > 0:
-            self._driving.random(out=self._wheel_factors)
-            self._wheel_factors *= 2 * slip
-            self._wheel_factors += 1 - slip
-        chord_velocities(
-            self._world.poses, self._wheels, self._wheel_factors, self.step_s, self._world.velocities
-        )
 
     def _place(self, robot: int) -> str:
         return (
@@ -245,10 +223,3 @@ class Simulation:
     def _blame(self, error: RobotError, first: int) -> ControllerError:
         return ControllerError(f"{self._place(first + error.robot)}: {error}")
 
-
-def _pair(actuators: npt.NDArray[np.void]) -> Floats:
-    """Return (robots, 2), the wheel speeds within the actuators' records."""
-    plain = np.asarray(actuators)
-    return np.lib.stride_tricks.as_strided(
-        plain["left_cm_s"], (len(plain), 2), (plain.dtype.itemsize, plain.dtype.fields["right_cm_s"][1])  # type: ignore[index]
-    )

@@ -64,10 +64,10 @@ class World:
 
     def advance(self, steps: int) -> None:
         """Set the bodies' velocities and move them by so many physics steps."""
-        space, step_s = self._space, self._step_s
+        space, step, step_s = self._space, self._space.step, self._step_s
         pymunk.batch.set_space_bodies(space, _VELOCITIES, self._commands)
         for _ in range(steps):
-            space.step(step_s)
+            step(step_s)
         self._poses.clear()
         pymunk.batch.get_space_bodies(space, _POSES, self._poses)
 

@@ -1,0 +1,86 @@
+"""One instant of sensing for a group of robots, in one call of compiled code.
+
+The sensors themselves are in `infrared` and `camera`. Arguments come flat, because numba needs as long to unpack one
+named tuple as for all sensors of a robot: a group's are gathered once, by `gather`.
+"""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arena import Arena
+from epuck_sim.camera import Camera, see
+from epuck_sim.cells import Cells, sort_into_cells
+from epuck_sim.compiled import kernel
+from epuck_sim.infrared import sense_infrared, to_distances
+
+Floats = npt.NDArray[np.float64]
+
+
+def gather(
+    poses: Floats,
+    ring_on: npt.NDArray[np.bool_],
+    arena: Arena,
+    cells: Cells,
+    camera: Camera,
+    observer: int,
+    readings: Floats,
+    noise: Floats,
+    noise_counts: float,
+    by_table: bool,
+    distance_mm: npt.NDArray[np.int64],
+    rows: npt.NDArray[np.uint8],
+) -> tuple[Any, ...]:
+    """Return the arguments of `sense` for the robots from number `observer` on, as many as there are `rows`.
+
+    poses (robots, 3) and ring_on (robots,) are everybody's; readings, noise and distance_mm are (observers, 8), rows
+    are (observers, pixels). noise is standard normal, noise_counts its size.
+    """
+    return (
+        *(poses, ring_on, arena.width_cm, arena.height_cm, arena.circles, arena.edges),
+        *cells,
+        *camera,
+        *(observer, readings, noise, noise_counts, by_table, distance_mm, rows),
+    )
+
+
+@kernel
+def sense(
+    poses: Floats,
+    ring_on: npt.NDArray[np.bool_],
+    width_cm: float,
+    height_cm: float,
+    circles: Floats,
+    edges: Floats,
+    columns: int,
+    lines: int,
+    cell_width_cm: float,
+    cell_height_cm: float,
+    first_member: npt.NDArray[np.int64],
+    members: npt.NDArray[np.int64],
+    first_pixel: int,
+    end_pixel: int,
+    left_rad: float,
+    pixels_per_rad: float,
+    half_view_rad: float,
+    range_cm: float,
+    pixel_cos: Floats,
+    pixel_sin: Floats,
+    observer: int,
+    readings: Floats,
+    noise: Floats,
+    noise_counts: float,
+    by_table: bool,
+    distance_mm: npt.NDArray[np.int64],
+    rows: npt.NDArray[np.uint8],
+) -> None:
+    """Write what the observers sense at this instant; see `gather` for the arguments."""
+    cells = Cells(columns, lines, cell_width_cm, cell_height_cm, first_member, members)
+    camera = Camera(
+        first_pixel, end_pixel, left_rad, pixels_per_rad, half_view_rad, range_cm, pixel_cos, pixel_sin
+    )
+    sort_into_cells(poses, cells)
+    sense_infrared(poses, width_cm, height_cm, circles, edges, cells, observer, readings)
+    to_distances(readings, noise, noise_counts, by_table, distance_mm)
+    see(poses, ring_on, circles, edges, cells, camera, observer, rows)
