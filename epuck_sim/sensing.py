@@ -1,7 +1,7 @@
 """One instant of sensing for a group of robots, in one call of compiled code.
 
 The sensors themselves are in `infrared` and `camera`. Arguments come flat, because numba needs as long to unpack one
-named tuple as for all sensors of a robot: a group's are gathered once, by `gather`.
+named tuple as for all sensors of a robot: a group's are gathered once.
 """
 
 from typing import Any
@@ -19,29 +19,13 @@ Floats = npt.NDArray[np.float64]
 
 
 def gather(
-    poses: Floats,
-    ring_on: npt.NDArray[np.bool_],
-    arena: Arena,
-    cells: Cells,
-    camera: Camera,
-    observer: int,
-    readings: Floats,
-    noise: Floats,
-    noise_counts: float,
-    by_table: bool,
-    distance_mm: npt.NDArray[np.int64],
-    rows: npt.NDArray[np.uint8],
+    poses: Floats, ring_on: npt.NDArray[np.bool_], arena: Arena, cells: Cells, camera: Camera
 ) -> tuple[Any, ...]:
-    """Return the arguments of `sense` for the robots from number `observer` on, as many as there are `rows`.
-
-    poses (robots, 3) and ring_on (robots,) are everybody's; readings, noise and distance_mm are (observers, 8), rows
-    are (observers, pixels). noise is standard normal, noise_counts its size.
-    """
+    """Return the first arguments of `sense`, those that are not the observers' own."""
     return (
         *(poses, ring_on, arena.width_cm, arena.height_cm, arena.circles, arena.edges),
         *cells,
         *camera,
-        *(observer, readings, noise, noise_counts, by_table, distance_mm, rows),
     )
 
 
@@ -75,7 +59,12 @@ def sense(
     distance_mm: npt.NDArray[np.int64],
     rows: npt.NDArray[np.uint8],
 ) -> None:
-    """Write what the observers sense at this instant; see `gather` for the arguments."""
+    """Write what the robots from number `observer` on sense at this instant.
+
+    Everybody's: poses (robots, 3), ring_on (robots,). The arena's: see `arena.Arena`; the cells': see `cells.Cells`;
+    the camera's: see `camera.Camera`. The observers': noise (observers, 8), standard normal, of size noise_counts;
+    written are readings and distance_mm (observers, 8), and rows (observers, pixels).
+    """
     cells = Cells(columns, lines, cell_width_cm, cell_height_cm, first_member, members)
     camera = Camera(
         first_pixel, end_pixel, left_rad, pixels_per_rad, half_view_rad, range_cm, pixel_cos, pixel_sin

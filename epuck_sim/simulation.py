@@ -28,6 +28,9 @@ from epuck_sim.world import World
 
 Floats = npt.NDArray[np.float64]
 
+NOISE_STEPS = 16
+"""Noise is drawn for so many steps at once: asking for numbers costs as much as 80 of them."""
+
 
 class Step(NamedTuple):
     """One control step of all robots: what they sensed, and what they commanded at that instant.
@@ -79,8 +82,8 @@ class _Team(NamedTuple):
     first: int
     """The number of its first robot."""
     control: Control
-    sensing: tuple[Any, ...]
-    """The arguments of `sense`."""
+    sensing: list[tuple[Any, ...]]
+    """The arguments of `sense`, with the noise of each of `NOISE_STEPS` steps."""
 
 
 class Simulation:
@@ -127,15 +130,17 @@ class Simulation:
 
         robots, pixels = len(poses), max(group.camera.pixels for group in scenario.robots)
         self._infrared = np.zeros((robots, SENSORS))
-        self._infrared_noise = np.zeros((robots, SENSORS))
+        self._infrared_noise = np.zeros((NOISE_STEPS, robots, SENSORS))
         self._distance_mm = np.zeros((robots, SENSORS), np.int64)
         self._camera = np.zeros((robots, pixels), np.uint8)
         self._actuators = np.zeros(robots, ACTUATORS)
         self._wheels = np.zeros((robots, 2))
-        self._wheel_noise = np.zeros((robots, 2))
+        self._wheel_noise = np.zeros((NOISE_STEPS, robots, 2))
         self._ring_on = np.zeros(robots, np.bool_)
         self.period_ms = np.full(robots, np.nan)
-        self._number = 0
+        self._number = -1  # of the last step taken
+        self._step_ms = scenario.timing.step_ms
+        self._moves = scenario.timing.physics_hz // scenario.timing.control_hz
 
         self._teams: list[_Team] = []
         first = 0
@@ -143,10 +148,17 @@ class Simulation:
             rows = slice(first, first + group.count)
             self._teams.append(self._make_team(group, rows, streams[rows], interpret))
             first += group.count
-        self._acting = (
-            *(self._actuators, self._wheels, self._ring_on, self._world.poses),
-            *(self._wheel_noise, scenario.noise.wheel_speed, self.step_s, self._world.velocities),
+        self._arrays = (
+            *(self._world.poses, self._infrared, self._distance_mm, self._camera, self._wheels, self._ring_on),
+            tuple(team.control.memory for team in self._teams),
         )
+        self._acting = [
+            (
+                *(self._actuators, self._wheels, self._ring_on, self._world.poses),
+                *(noise, scenario.noise.wheel_speed, self.step_s, self._world.velocities),
+            )
+            for noise in self._wheel_noise
+        ]
 
     def _make_team(
         self, group: RobotGroup, rows: slice, streams: npt.NDArray[np.uint64], interpret: bool
@@ -156,67 +168,60 @@ class Simulation:
         if controller.is_oscillator:
             self.period_ms[rows] = parameters["period_s"] * 1000
         camera = self._camera[rows, : group.camera.pixels]
-        senses = Senses(self.scenario.timing.step_ms, self._infrared[rows], self._distance_mm[rows], camera)
+        senses = Senses(self._step_ms, self._infrared[rows], self._distance_mm[rows], camera)
         try:
             control = Control(controller, parameters, streams, senses, self._actuators[rows], interpret)
         except RobotError as error:
             raise self._blame(error, rows.start) from error
-        sensing = gather(
-            self._world.poses,
-            self._ring_on,
-            self._arena,
-            self._cells,
-            make_camera(
-                group.camera.pixels,
-                math.radians(group.camera.field_of_view_deg),
-                group.camera.central_pixels,
-                math.inf if group.camera.range_cm is None else group.camera.range_cm,
-            ),
-            rows.start,
-            self._infrared[rows],
-            self._infrared_noise[rows],
-            self.scenario.noise.infrared_counts,
-            group.infrared.distance == "firmware_table",
-            self._distance_mm[rows],
-            camera,
+        view = make_camera(
+            group.camera.pixels,
+            math.radians(group.camera.field_of_view_deg),
+            group.camera.central_pixels,
+            math.inf if group.camera.range_cm is None else group.camera.range_cm,
         )
+        sensing = [
+            (
+                *gather(self._world.poses, self._ring_on, self._arena, self._cells, view),
+                *(rows.start, self._infrared[rows], noise[rows], self.scenario.noise.infrared_counts),
+                *(group.infrared.distance == "firmware_table", self._distance_mm[rows], camera),
+            )
+            for noise in self._infrared_noise
+        ]
         return _Team(rows.start, control, sensing)
 
     def __iter__(self) -> Iterator[Step]:
-        """Yield each control step once its commands are given; bodies move when the next one is asked for.
+        """Go on from where the simulation stands."""
+        return self
+
+    def __next__(self) -> Step:
+        """Move the bodies, unless this is the first step; let everybody sense, and command; return the step.
 
         Raises ControllerError where a controller does.
         """
-        timing, noise = self.scenario.timing, self.scenario.noise
-        moves = timing.physics_hz // timing.control_hz
-        memories = tuple(team.control.memory for team in self._teams)
-        arrays = (
-            *(self._world.poses, self._infrared, self._distance_mm, self._camera),
-            *(self._wheels, self._ring_on, memories),
-        )
-        while True:
-            if self._number > 0:
-                self._world.advance(moves)
-            if noise.infrared_counts > 0:
-                self._sensing.standard_normal(out=self._infrared_noise)
-            for team in self._teams:
-                sense(*team.sensing)
-            for team in self._teams:
-                try:
-                    team.control.step()
-                except RobotError as error:
-                    raise self._blame(error, team.first) from error
-            if noise.wheel_speed > 0:
-                self._driving.random(out=self._wheel_noise)
-            unfit = act(*self._acting)
-            if unfit >= 0:
-                raise ControllerError(f"{self._place(unfit)}: its controller sets a wheel speed that is not a number")
-            yield Step(self._number, self._number * timing.step_ms / 1000, *arrays)
-            self._number += 1
+        self._number += 1
+        now = self._number % NOISE_STEPS
+        noise = self.scenario.noise
+        if self._number > 0:
+            self._world.advance(self._moves)
+        if now == 0 and noise.infrared_counts > 0:
+            self._sensing.standard_normal(out=self._infrared_noise)
+        if now == 0 and noise.wheel_speed > 0:
+            self._driving.random(out=self._wheel_noise)
+        for team in self._teams:
+            sense(*team.sensing[now])
+        for team in self._teams:
+            try:
+                team.control.step()
+            except RobotError as error:
+                raise self._blame(error, team.first) from error
+        unfit = act(*self._acting[now])
+        if unfit >= 0:
+            raise ControllerError(f"{self._place(unfit)}: its controller sets a wheel speed that is not a number")
+        return Step(self._number, self._number * self._step_ms / 1000, *self._arrays)
 
     def _place(self, robot: int) -> str:
         return (
-            f"{self.scenario.name}: robot {robot}, step {self._number} ({self._number * self.step_s:g} s), "
+            f"{self.scenario.name}: robot {robot}, step {max(self._number, 0)}, "
             f"seed {self.seed}"
         )
 
