@@ -8,7 +8,7 @@ MEMORY = obstacle_avoidance.MEMORY | oscillator.MEMORY
 
 
 def check(parameters):
-    """What both parts allow."""
+    """Refuse what either part refuses."""
     obstacle_avoidance.check(parameters)
     oscillator.check(parameters)
 

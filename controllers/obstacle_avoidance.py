@@ -21,7 +21,7 @@ ANGLE_Y = (30, 72, 100, 48, -48, -100, -72, -30)  # hundredths; y to the robot's
 
 
 def check(parameters):
-    """The wheels' limit, and counts that make sense."""
+    """Refuse what the wheels cannot do, and counts that make no sense."""
     for name in ("speed_cm_s", "rotation_speed_cm_s"):
         speed = getattr(parameters, name)
         if not 0 <= speed <= 12.8:
@@ -100,7 +100,7 @@ def choose_speeds(x, y, memory, parameters, random):
 
 
 def step(sensors, memory, actuators, parameters, random):
-    """motionAlgorithm."""
+    """Carry out motionAlgorithm."""
     x, y = proximity_pointer(sensors, parameters)
     choose_speeds(x, y, memory, parameters, random)
     actuators.left_cm_s = memory.left_mm_s / 10

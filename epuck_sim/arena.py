@@ -42,7 +42,8 @@ def box_corners(x_cm: float, y_cm: float, width_cm: float, height_cm: float, hea
     """Return (4, 2) the corners of a box around (x_cm, y_cm), turned by heading_rad."""
     half = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * (width_cm / 2, height_cm / 2)
     cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-    return half @ np.array([(cos, sin), (-sin, cos)]) + (x_cm, y_cm)
+    corners: Points = half @ np.array([(cos, sin), (-sin, cos)]) + (x_cm, y_cm)
+    return corners
 
 
 def is_convex(corners: Points) -> bool:

@@ -9,9 +9,7 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.compiled import kernel
 
-REACH_CM = (
-    float(np.hypot(*epuck.INFRARED_POSITIONS_CM.T).max()) + epuck.INFRARED_RANGE_CM + epuck.RADIUS_CM
-)
+REACH_CM = float(np.hypot(*epuck.INFRARED_POSITIONS_CM.T).max()) + epuck.INFRARED_RANGE_CM + epuck.RADIUS_CM
 """No infrared ray of a robot meets another one whose centre is farther than this."""
 
 

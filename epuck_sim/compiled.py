@@ -11,10 +11,12 @@ import threading
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Literal, TypeVar, cast
 
-import numba
 import platformdirs
+from numba import __version__ as numba_version
+from numba import njit
+from numba.core import config
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -23,7 +25,7 @@ _redirecting = threading.Lock()
 
 def digest(sources: Iterable[Path]) -> str:
     """Return a name for the contents of `sources` and the version of numba that compiles them."""
-    contents = hashlib.sha256(numba.__version__.encode())
+    contents = hashlib.sha256(numba_version.encode())
     for source in sorted(sources):
         contents.update(source.name.encode() + b"\0" + source.read_bytes())
     return contents.hexdigest()[:16]
@@ -49,19 +51,22 @@ def cache_root() -> Path:
         return Path(tempfile.gettempdir()) / f"epuck-sim-{user}"
 
 
-def compile_cached(function: Function, sources_digest: str, division: str = "python") -> Function:
+def compile_cached(
+    function: Function, sources_digest: str, division: Literal["python", "numpy"] = "python"
+) -> Function:
     """Return `function` compiled by numba, cached under `sources_digest`.
 
     division: "python" raises where a divisor is 0, "numpy" gives inf or NaN, and is quicker.
     Neither fast-math nor parallel loops: both would break equality bit for bit.
     """
     with _redirecting:  # numba reads the folder once, when a function is decorated
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = str(cache_root() / sources_digest)
+        settings = vars(config)
+        before = settings["CACHE_DIR"]
+        settings["CACHE_DIR"] = str(cache_root() / sources_digest)
         try:
-            return cast(Function, numba.njit(cache=True, error_model=division)(function))
+            return cast(Function, njit(cache=True, error_model=division)(function))
         finally:
-            numba.config.CACHE_DIR = before
+            settings["CACHE_DIR"] = before
 
 
 def kernel(function: Function) -> Function:

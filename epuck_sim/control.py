@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
 import numpy as np
@@ -15,20 +15,22 @@ import numpy.typing as npt
 from numba.extending import register_jitable
 
 from epuck_sim.compiled import compile_cached, digest, package_digest
-from epuck_sim.controller import ACTUATORS, Controller, Sensors
+from epuck_sim.controller import Controller, Sensors
 from epuck_sim.errors import ControllerError
 
 Records = npt.NDArray[np.void]
 
-# bound to a controller's own by `_bound`
-start: Callable[..., None]
-step: Callable[..., None]
+if TYPE_CHECKING:  # bound to a controller's own by `_bound`
+    start: Callable[..., None]
+    step: Callable[..., None]
 
 
-def _begin(memory: Records, parameters: Records, random: npt.NDArray[np.uint64], serving: npt.NDArray[np.int64]) -> None:
+def _begin(
+    memory: Records, parameters: Records, random: npt.NDArray[np.uint64], serving: npt.NDArray[np.int64]
+) -> None:
     for robot in range(len(memory)):
         serving[0] = robot
-        start(memory[robot], parameters[robot], random[robot])
+        start(memory[robot], parameters[robot], random[robot])  # noqa: F821 see `_bound`
 
 
 def _serve(
@@ -45,7 +47,7 @@ def _serve(
     for robot in range(len(memory)):
         serving[0] = robot
         sensors = Sensors(step_ms, infrared[robot], distance_mm[robot], camera[robot])
-        step(sensors, memory[robot], actuators[robot], parameters[robot], random[robot])
+        step(sensors, memory[robot], actuators[robot], parameters[robot], random[robot])  # noqa: F821
 
 
 class Senses(NamedTuple):
@@ -89,6 +91,8 @@ class Control:
         own = (self.memory, parameters.view(kind), random, self._serving)
         self._arguments = (*senses, actuators.view(kind), *own)
         try:
+            if not interpret:  # now, so that it is no trial's time, and a controller that cannot be is refused
+                self._serve.compile(tuple(map(numba.typeof, self._arguments)))
             begin(*own)
         except Exception as error:  # whatever a user's controller may raise
             raise self._explained(error) from error

@@ -97,9 +97,7 @@ def sense_infrared(
                 _meet_disc(dx * cos + dy * sin, dy * cos - dx * sin, radius, distances)
         for k in range(len(edges)):
             ax, ay, bx, by = edges[k, 0] - x, edges[k, 1] - y, edges[k, 2] - x, edges[k, 3] - y
-            _meet_edge(
-                ax * cos + ay * sin, ay * cos - ax * sin, bx * cos + by * sin, by * cos - bx * sin, distances
-            )
+            _meet_edge(ax * cos + ay * sin, ay * cos - ax * sin, bx * cos + by * sin, by * cos - bx * sin, distances)
         for sensor in range(SENSORS):
             left, centre, right = distances[sensor, 0], distances[sensor, 1], distances[sensor, 2]
             total = response(left) + response(centre) + response(right) - 2.0 * response(centre * _STRETCH)

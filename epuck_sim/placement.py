@@ -78,7 +78,8 @@ def _on_grid(group: RobotGroup, where: str, arena: Arena, taken: Floats, random:
 
 def _grid_line(length_cm: float) -> Floats:
     points = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
-    return length_cm / 2 + GRID_SPACING_CM * (np.arange(points) - (points - 1) / 2)
+    steps: Floats = np.arange(points, dtype=float) - (points - 1) / 2
+    return length_cm / 2 + GRID_SPACING_CM * steps
 
 
 def _at_random(group: RobotGroup, where: str, arena: Arena, taken: Floats, random: np.random.Generator) -> Floats:

@@ -32,14 +32,15 @@ def trial_seed(master: int, trial: int) -> int:
 
 def robot_streams(sequence: np.random.SeedSequence, robots: int) -> npt.NDArray[np.uint64]:
     """Return (robots, 4) the states of one stream a robot; further robots leave the others' as they were."""
-    return sequence.generate_state(4 * robots, np.uint64).reshape(robots, 4)
+    words: npt.NDArray[np.uint64] = sequence.generate_state(4 * robots, np.uint64).astype(np.uint64)
+    return words.reshape(robots, 4)
 
 
 @kernel
 def next_word(random: npt.NDArray[np.uint64]) -> np.uint64:
     """Return 64 random bits and advance the stream `random`, (4,) (xoshiro256++, Blackman and Vigna 2019)."""
     total = random[0] + random[3]
-    word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + random[0]
+    word: np.uint64 = ((total << np.uint64(23)) | (total >> np.uint64(41))) + random[0]
     shifted = random[1] << np.uint64(17)
     random[2] ^= random[0]
     random[3] ^= random[1]

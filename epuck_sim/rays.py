@@ -28,9 +28,7 @@ def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, ra
 
 
 @kernel
-def to_segment(
-    ox: float, oy: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float
-) -> float:
+def to_segment(ox: float, oy: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance along the ray to the segment from (ax, ay) to (bx, by)."""
     ex = bx - ax
     ey = by - ay

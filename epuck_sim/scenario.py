@@ -15,7 +15,7 @@ from epuck_sim.arena import Arena, box_corners, is_convex, make_arena
 
 def _no_truth_value(value: object) -> object:
     if isinstance(value, bool):
-        raise ValueError("a number is wanted, not true or false")
+        raise ValueError("a number, not true or false")  # noqa: TRY004 pydantic gathers ValueErrors
     return value
 
 
@@ -188,8 +188,10 @@ class TimingSection(Section):
     @model_validator(mode="after")
     def _divide(self) -> "TimingSection":
         if 1000 % self.control_hz:
-            raise ValueError(f"control_hz is {self.control_hz}; a control step must be whole milliseconds: 1, 2, 4, 5, "
-                             "8, 10, 20, 25, 40, 50, 100, 125, 200, 250, 500 or 1000")
+            raise ValueError(
+                f"control_hz is {self.control_hz}; a control step must be whole milliseconds: 1, 2, 4, 5, "
+                "8, 10, 20, 25, 40, 50, 100, 125, 200, 250, 500 or 1000"
+            )
         if self.physics_hz % self.control_hz:
             raise ValueError(f"physics_hz is {self.physics_hz}; allowed: a multiple of control_hz, {self.control_hz}")
         return self

@@ -1,4 +1,4 @@
-"""Scenarios from YAML: find the file, apply `--set`, validate, fill in the controllers' defaults, write it out again."""
+"""Scenarios from YAML: find the file, apply `--set`, validate, fill in the controllers' defaults, write it again."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -59,7 +59,9 @@ def find_scenario(name: str) -> Path:
         return Path(name)
     names = shipped_names("arenas", ".yaml")
     if name not in names:
-        raise ScenarioError(f"{unknown(name, names)}; shipped arenas: {listed(names)}; or give a file that ends in .yaml")
+        raise ScenarioError(
+            f"{unknown(name, names)}; shipped arenas: {listed(names)}; or give a file that ends in .yaml"
+        )
     return shipped_folder("arenas") / f"{name}.yaml"
 
 

@@ -66,9 +66,7 @@ def sense(
     written are readings and distance_mm (observers, 8), and rows (observers, pixels).
     """
     cells = Cells(columns, lines, cell_width_cm, cell_height_cm, first_member, members)
-    camera = Camera(
-        first_pixel, end_pixel, left_rad, pixels_per_rad, half_view_rad, range_cm, pixel_cos, pixel_sin
-    )
+    camera = Camera(first_pixel, end_pixel, left_rad, pixels_per_rad, half_view_rad, range_cm, pixel_cos, pixel_sin)
     sort_into_cells(poses, cells)
     sense_infrared(poses, width_cm, height_cm, circles, edges, cells, observer, readings)
     to_distances(readings, noise, noise_counts, by_table, distance_mm)

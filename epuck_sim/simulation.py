@@ -159,10 +159,15 @@ class Simulation:
             )
             for noise in self._wheel_noise
         ]
+        self._warm_up()
 
-    def _make_team(
-        self, group: RobotGroup, rows: slice, streams: npt.NDArray[np.uint64], interpret: bool
-    ) -> _Team:
+    def _warm_up(self) -> None:
+        """Have compiled what the steps call, before any clock runs; there is no noise and no command yet."""
+        for team in self._teams:
+            sense(*team.sensing[0])
+        act(*self._acting[0])
+
+    def _make_team(self, group: RobotGroup, rows: slice, streams: npt.NDArray[np.uint64], interpret: bool) -> _Team:
         controller = group_controller(group)
         parameters = np.repeat(controller.parameter_record(group.parameters), group.count)
         if controller.is_oscillator:
@@ -220,11 +225,7 @@ class Simulation:
         return Step(self._number, self._number * self._step_ms / 1000, *self._arrays)
 
     def _place(self, robot: int) -> str:
-        return (
-            f"{self.scenario.name}: robot {robot}, step {max(self._number, 0)}, "
-            f"seed {self.seed}"
-        )
+        return f"{self.scenario.name}: robot {robot}, step {max(self._number, 0)}, seed {self.seed}"
 
     def _blame(self, error: RobotError, first: int) -> ControllerError:
         return ControllerError(f"{self._place(first + error.robot)}: {error}")
-

@@ -38,8 +38,8 @@ METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
 class SynchronyWatch:
     """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
 
-    A robot fires when its ring lights up. Robots that are no oscillators do not count; if the reference is none, nothing
-    is measured and every 5 s count as a cycle.
+    A robot fires when its ring lights up. Robots that are no oscillators do not count; if the reference is none,
+    nothing is measured and every 5 s count as a cycle.
     """
 
     cycles: int

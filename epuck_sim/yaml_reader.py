@@ -22,7 +22,7 @@ MAX_NODES = 100_000
 class _Loader(yaml.SafeLoader):
     """SafeLoader with the core schema's plain words and numbers."""
 
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012 as PyYAML has it
 
 
 for _tag, _pattern, _first in (
@@ -36,7 +36,7 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), list(_first))
 
 
-def _whole_number(loader: _Loader, node: yaml.ScalarNode) -> int:
+def _whole_number(_: _Loader, node: yaml.ScalarNode) -> int:
     return int(node.value)  # 010 is ten, as it reads
 
 

@@ -1,0 +1,49 @@
+# Two commands do everything on a fresh machine with Python >= 3.11: `make run` and `make test`.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+SOURCES := pyproject.toml README.md
+
+.PHONY: run test lint bench slow figures clean
+
+run: $(VENV)/installed ## install, and simulate the thesis's base case
+	$(BIN)/epuck-sim run thesis
+
+test: lint ## lint, types and all tests but the slow ones
+	$(BIN)/python -m pytest -m "not slow" --benchmark-skip
+
+lint: $(VENV)/test-tools
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/test-tools ## measure; figures as ratios within one run
+	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -p no:xdist -s
+
+slow: $(VENV)/test-tools ## the science that takes minutes
+	$(BIN)/python -m pytest -m slow
+
+figures: $(VENV)/docs-tools ## make the figures and tables of the docs anew
+	$(BIN)/python docs/figures/thesis_run.py
+	$(BIN)/python docs/figures/base_curve.py
+
+$(VENV)/created:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "epuck-sim needs Python 3.11 or newer")'
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/installed: $(VENV)/created $(SOURCES)
+	$(BIN)/python -m pip install --quiet --editable .
+	touch $@
+
+$(VENV)/test-tools: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@
+
+$(VENV)/docs-tools: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) dist
