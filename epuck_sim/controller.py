@@ -46,7 +46,9 @@ class Sensors(NamedTuple):
     """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture."""
 
 
-ACTUATORS = np.dtype([("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)])
+ACTUATORS = np.dtype(
+    [("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)], align=True
+)
 """What a controller sets, one record a robot; it keeps its values until they are set anew."""
 
 
@@ -112,7 +114,7 @@ def typed(name: str, given: object, default: Value) -> Value:
 
 def unknown(name: str, known: Mapping[str, object] | list[str]) -> str:
     """Return the words for an unknown `name`, with the nearest known one."""
-    nearest = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    nearest = difflib.get_close_matches(name, list(known), n=1)
     return f"unknown {name!r}" + (f", did you mean {nearest[0]!r}?" if nearest else "")
 
 

@@ -139,8 +139,8 @@ class RobotGroup(Section):
     """x_cm, y_cm, heading_rad of each robot, instead of a placement."""
     controller: str = "firefly"
     """A shipped controller's name, or a file that ends in .py, relative to the scenario's file."""
-    parameters: dict[str, bool | int | float] = Field(default_factory=dict)
-    """The controller's parameters; what is left out has the controller's default."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """The controller's parameters, which it checks itself; what is left out has the controller's default."""
     camera: CameraSection = Field(default_factory=lambda: CameraSection.model_validate({}))
     infrared: InfraredSection = InfraredSection()
 
@@ -224,7 +224,7 @@ class Scenario(Section):
     description: str = ""
     model: Literal["embodied"] = "embodied"
     arena: ArenaSection = ArenaSection()
-    robots: Annotated[tuple[RobotGroup, ...], Field(min_length=1)] = (RobotGroup(),)
+    robots: tuple[RobotGroup, ...] = (RobotGroup(),)
     noise: NoiseSection = NoiseSection()
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
@@ -242,6 +242,8 @@ class Scenario(Section):
 
     @model_validator(mode="after")
     def _fits(self) -> "Scenario":
+        if not self.robots:
+            raise ValueError("robots is []; allowed: at least one group of robots, such as [{count: 10}]")
         if self.stop.reference_robot >= self.robot_count:
             raise ValueError(
                 f"stop.reference_robot is {self.stop.reference_robot}; allowed: 0 to {self.robot_count - 1}"

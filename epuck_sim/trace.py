@@ -4,7 +4,9 @@ Rows are gathered in columns and written in chunks, so that memory stays as it i
 appears under its name only when it is whole; its metadata holds the scenario, the seed and the versions.
 """
 
+import errno
 import json
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -36,7 +38,7 @@ class Trace:
     def __init__(self, path: Path, scenario: Scenario, seed: int) -> None:
         """Open the file; nothing of a trial needs to exist yet."""
         self._path = path
-        self._part = path.with_name(f"{path.name}.part")
+        self._part = path.parent / f"{path.name}.part"
         self._robots = scenario.robot_count
         self._pixels = max(group.camera.pixels for group in scenario.robots)
         self._steps = max(1, CHUNK_ROWS // self._robots)
@@ -56,10 +58,10 @@ class Trace:
         self._schema = _schema(self._pixels).with_metadata(metadata)
         try:
             if path.is_dir():
-                raise IsADirectoryError(21, "Is a directory")
+                raise IsADirectoryError(errno.EISDIR, "")
             self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
         except OSError as error:
-            raise EpuckSimError(f"{path}: cannot be written: {error.strerror or error}") from error
+            raise _unwritable(path, error) from error
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Take note of a step."""
@@ -100,9 +102,14 @@ class Trace:
             if kind is None:
                 self._part.replace(self._path)
         except OSError as problem:
-            raise EpuckSimError(f"{self._path}: cannot be written: {problem.strerror or problem}") from problem
+            raise _unwritable(self._path, problem) from problem
         finally:
             self._part.unlink(missing_ok=True)
+
+
+def _unwritable(path: Path, error: OSError) -> EpuckSimError:
+    reason = os.strerror(error.errno) if error.errno else str(error)
+    return EpuckSimError(f"{path}: cannot be written: {reason}")
 
 
 def _schema(pixels: int) -> Any:
