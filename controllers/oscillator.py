@@ -64,12 +64,13 @@ def is_flash(sensors, parameters):
 def updated(phase, parameters):
     """Algorithm 2's PHASEUPDATE': the new phase, and whether a new cycle began at the flash.
 
-    With no delay this is Algorithm 1's update (eq. 4.1).
+    With no delay this is Algorithm 1's update (eq. 4.1). Line 2's modulo is left out: a phase out of the refractory
+    period is above the delay, and one that has passed the period must still fire, as it does in Algorithm 1.
     """
     period = whole_ms(parameters.period_s)
     factor = PARTS + int(parameters.coupling * PARTS + 0.5)
     fired = False
-    phase = (phase - parameters.delay_ms) % period
+    phase = phase - parameters.delay_ms
     if phase > whole_ms(parameters.refractory_fraction * parameters.period_s):
         phase = phase * factor // PARTS
     if phase > period:

@@ -60,8 +60,11 @@ class Trace:
             if path.is_dir():
                 raise IsADirectoryError(errno.EISDIR, "")
             self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
-        except OSError as error:
-            raise _unwritable(path, error) from error
+        except BaseException as error:  # Ctrl-C, too, must leave nothing half-written
+            self._part.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise _unwritable(path, error) from error
+            raise
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Take note of a step."""
