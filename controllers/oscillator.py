@@ -3,6 +3,8 @@
 All in whole milliseconds, as the e-puck has no floating-point unit; results are truncated.
 """
 
+import numpy as np
+
 from epuck_sim.randomness import below
 
 PARAMETERS = {
@@ -55,10 +57,7 @@ def start(memory, parameters, random):
 
 def is_flash(sensors, parameters):
     """Whether enough pixels are red."""
-    red = 0
-    for pixel in sensors.camera:
-        red += pixel
-    return red >= parameters.flash_pixels
+    return np.count_nonzero(sensors.camera) >= parameters.flash_pixels
 
 
 def updated(phase, parameters):

@@ -160,7 +160,7 @@ def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, in
 @pytest.mark.parametrize("as_json", [[], ["--json"]])
 def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(tmp_path, as_json: list[str]) -> None:
     scene = tmp_path / "scene.yaml"
-    scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 20000}")
+    scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 3000}")
     arguments = [*COMMAND, "run", str(scene), "--trials", "1000", "--trace", str(tmp_path / "t.parquet"), *as_json]
     process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 120

@@ -1,0 +1,89 @@
+"""What README and docs show is run as it stands."""
+
+import re
+import shlex
+from itertools import islice
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from epuck_sim.cli import app
+from epuck_sim.scenario_file import load_scenario
+from epuck_sim.simulation import Simulation
+from epuck_sim.yaml_reader import parse_yaml
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
+
+
+def code(page_part) -> list:
+    return [
+        pytest.param(block, id=f"{page.name}-{number}")
+        for page in PAGES
+        for number, block in enumerate(blocks(page, "python"))
+        if page_part(block)
+    ]
+
+
+def is_controller(block: str) -> bool:
+    return "PARAMETERS = " in block
+
+
+@pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
+def test_examples_run(block: str, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block, "example", "exec"), {})
+
+
+@pytest.mark.parametrize("block", code(is_controller))
+def test_controllers_run_compiled_and_interpreted_alike(block: str, tmp_path) -> None:
+    path = tmp_path / "shown.py"
+    path.write_text(block)
+    scenario = load_scenario({"robots": [{"controller": str(path), "count": 5}, {"count": 5}]})
+    runs = [islice(Simulation(scenario, 3, interpret=interpret), 200) for interpret in (False, True)]
+    for compiled, interpreted in zip(*runs, strict=True):
+        assert compiled.poses.tobytes() == interpreted.poses.tobytes()
+        assert compiled.ring_on.tobytes() == interpreted.ring_on.tobytes()
+    assert compiled.wheels_cm_s[:5].any()
+
+
+def test_the_commands_of_the_readme_run(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
+    Path("turner.py").write_text(controller)
+    shown = "".join(blocks(ROOT / "README.md", "console"))
+    commands = re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)
+    assert len(commands) >= 6
+    for command in commands:
+        result = CliRunner().invoke(app, shlex.split(command))
+        assert result.exit_code == 0, (command, result.stderr)
+    assert Path("trace.parquet").exists()
+
+
+def test_the_readmes_controller_is_no_longer_than_promised() -> None:
+    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
+    assert len([line for line in controller.splitlines() if line.strip()]) <= 20
+
+
+def test_the_scenario_reference_shows_all_keys_with_their_defaults() -> None:
+    shown, with_obstacles = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/scenario.md", "yaml"))
+    assert load_scenario(shown) == load_scenario({})
+    assert len(load_scenario(with_obstacles).arena.obstacles) == 3
+    defaults = load_scenario({}).model_dump()
+    for section, keys in defaults.items():
+        if isinstance(keys, dict):
+            assert shown[section].keys() == keys.keys()
+    group = defaults["robots"][0]
+    assert shown["robots"][0].keys() | {"poses"} == group.keys()
+    assert shown["robots"][0]["camera"].keys() == group["camera"].keys()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+        assert (page.parent / target).exists(), target
