@@ -26,6 +26,8 @@ def check(parameters):
         speed = getattr(parameters, name)
         if not 0 <= speed <= 12.8:
             raise ValueError(f"{name} is {speed}; allowed: 0 to 12.8, the wheels' limit")
+    if parameters.rotation_speed_cm_s != int(parameters.rotation_speed_cm_s * 10 + 0.5) / 10:
+        raise ValueError(f"rotation_speed_cm_s is {parameters.rotation_speed_cm_s}; allowed: whole mm/s, steps of 0.1")
     if not 0 <= parameters.proximity_threshold < 100:
         raise ValueError(f"proximity_threshold is {parameters.proximity_threshold}; allowed: 0 to 99")
     if parameters.proximity_count_threshold < 0:

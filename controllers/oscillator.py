@@ -26,8 +26,10 @@ def check(parameters):
     """Algorithm 1's and 2's requirements."""
     if not 0.001 <= parameters.period_s <= 86_400:
         raise ValueError(f"period_s is {parameters.period_s}; allowed: 0.001 to 86400")
-    if not 0 < parameters.coupling <= 10:
-        raise ValueError(f"coupling is {parameters.coupling}; allowed: above 0, up to 10")
+    if abs(whole_ms(parameters.period_s) - parameters.period_s * 1000) > 1e-3:
+        raise ValueError(f"period_s is {parameters.period_s}; allowed: whole milliseconds")
+    if not 0.000001 <= parameters.coupling <= 10:
+        raise ValueError(f"coupling is {parameters.coupling}; allowed: 0.000001 to 10")
     if not 0 <= parameters.refractory_fraction < 1:
         raise ValueError(f"refractory_fraction is {parameters.refractory_fraction}; allowed: 0 to below 1")
     if not 0 <= parameters.flash_fraction <= parameters.refractory_fraction:
@@ -45,7 +47,7 @@ def check(parameters):
 
 
 def whole_ms(seconds):
-    """Whole milliseconds; the allowance keeps 0.29 s from becoming 289 ms."""
+    """Whole milliseconds; the allowance keeps 1.001 s from becoming 1000 ms."""
     return int(seconds * 1000 + 1e-6)
 
 

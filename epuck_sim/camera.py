@@ -18,7 +18,7 @@ from epuck_sim.rays import to_disc, to_segment
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
-Pixels = npt.NDArray[np.uint8]
+Pixels = npt.NDArray[np.int64]
 
 _RADIUS = epuck.RADIUS_CM
 _FORWARD = epuck.CAMERA_FORWARD_CM

@@ -23,18 +23,18 @@ Function = TypeVar("Function", bound=Callable[..., object])
 _redirecting = threading.Lock()
 
 
-def digest(sources: Iterable[Path]) -> str:
-    """Return a name for the contents of `sources` and the version of numba that compiles them."""
-    contents = hashlib.sha256(numba_version.encode())
-    for source in sorted(sources):
-        contents.update(source.name.encode() + b"\0" + source.read_bytes())
-    return contents.hexdigest()[:16]
+def digest(contents: Iterable[bytes]) -> str:
+    """Return a name for `contents`, and for the version of numba that compiles them."""
+    name = hashlib.sha256(numba_version.encode())
+    for content in contents:
+        name.update(hashlib.sha256(content).digest())
+    return name.hexdigest()[:16]
 
 
 @lru_cache
 def package_digest() -> str:
     """Return the digest of this package's own sources."""
-    return digest(Path(__file__).parent.glob("*.py"))
+    return digest(source.read_bytes() for source in sorted(Path(__file__).parent.glob("*.py")))
 
 
 @lru_cache
@@ -51,24 +51,23 @@ def cache_root() -> Path:
         return Path(tempfile.gettempdir()) / f"epuck-sim-{user}"
 
 
-def compile_cached(
-    function: Function, sources_digest: str, division: Literal["python", "numpy"] = "python"
-) -> Function:
-    """Return `function` compiled by numba, cached under `sources_digest`.
+def compile_cached(function: Function, contents_digest: str, *, careful: bool) -> Function:
+    """Return `function` compiled by numba, cached under `contents_digest`.
 
-    division: "python" raises where a divisor is 0, "numpy" gives inf or NaN, and is quicker.
+    careful: a divisor of 0 and an index out of bounds raise, as in Python; else they are the function's own business.
     Neither fast-math nor parallel loops: both would break equality bit for bit.
     """
     with _redirecting:  # numba reads the folder once, when a function is decorated
         settings = vars(config)
         before = settings["CACHE_DIR"]
-        settings["CACHE_DIR"] = str(cache_root() / sources_digest)
+        settings["CACHE_DIR"] = str(cache_root() / contents_digest)
         try:
-            return cast(Function, njit(cache=True, error_model=division)(function))
+            division: Literal["python", "numpy"] = "python" if careful else "numpy"
+            return cast(Function, njit(cache=True, error_model=division, boundscheck=careful)(function))
         finally:
             settings["CACHE_DIR"] = before
 
 
 def kernel(function: Function) -> Function:
     """Compile a function of this package; helpers that it calls must be kernels too."""
-    return compile_cached(function, package_digest(), division="numpy")
+    return compile_cached(function, package_digest(), careful=False)

@@ -3,10 +3,11 @@
 Both run the same source, the controller's file and `_serve` below, with equal results bit for bit.
 """
 
-from collections.abc import Callable, Iterator
+import pickle
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
@@ -19,6 +20,9 @@ from epuck_sim.controller import Controller, Sensors
 from epuck_sim.errors import ControllerError
 
 Records = npt.NDArray[np.void]
+
+CONSTANTS = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic)
+"""Types of global values that numba freezes into compiled code."""
 
 if TYPE_CHECKING:  # bound to a controller's own by `_bound`
     start: Callable[..., None]
@@ -37,7 +41,7 @@ def _serve(
     step_ms: int,
     infrared: npt.NDArray[np.float64],
     distance_mm: npt.NDArray[np.int64],
-    camera: npt.NDArray[np.uint8],
+    camera: npt.NDArray[np.int64],
     actuators: Records,
     memory: Records,
     parameters: Records,
@@ -58,7 +62,7 @@ class Senses(NamedTuple):
     """(robots, 8)"""
     distance_mm: npt.NDArray[np.int64]
     """(robots, 8)"""
-    camera: npt.NDArray[np.uint8]
+    camera: npt.NDArray[np.int64]
     """(robots, pixels)"""
 
 
@@ -90,26 +94,20 @@ class Control:
         begin, self._serve = (_interpreted if interpret else _compiled)(controller)
         own = (self.memory, parameters.view(kind), random, self._serving)
         self._arguments = (*senses, actuators.view(kind), *own)
+        if not interpret:  # now, so that it is no trial's time, and a controller that cannot be compiled is refused
+            for loop, arguments in ((begin, own), (self._serve, self._arguments)):
+                _compile(controller, loop, arguments)
         try:
-            if not interpret:  # now, so that it is no trial's time, and a controller that cannot be is refused
-                self._serve.compile(tuple(map(numba.typeof, self._arguments)))
             begin(*own)
         except Exception as error:  # whatever a user's controller may raise
-            raise self._explained(error) from error
+            raise RobotError(controller, int(self._serving[0]), error) from error
 
     def step(self) -> None:
         """Serve each robot once; raises RobotError where a robot's controller raises."""
         try:
             self._serve(*self._arguments)
         except Exception as error:  # whatever a user's controller may raise
-            raise self._explained(error) from error
-
-    def _explained(self, error: Exception) -> ControllerError:
-        if isinstance(error, numba.core.errors.NumbaError):
-            return ControllerError(
-                f"{self._controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{error}"
-            )
-        return RobotError(self._controller, int(self._serving[0]), error)
+            raise RobotError(self._controller, int(self._serving[0]), error) from error
 
 
 class RobotError(ControllerError):
@@ -135,17 +133,29 @@ def _interpreted(controller: Controller) -> tuple[Any, Any]:
 
 @lru_cache
 def _compiled(controller: Controller) -> tuple[Any, Any]:
-    """Return `_bound`'s functions compiled, cached under the contents of all files that they come from."""
-    for function in _callees(controller.start, controller.sources) | _callees(controller.step, controller.sources):
+    """Return `_bound`'s functions compiled, cached under all that they are made of: sources, and values they name."""
+    functions = _callees(controller.start, controller.sources) | _callees(controller.step, controller.sources)
+    contents = [package_digest().encode(), *controller.sources.values()]
+    for function in sorted(functions, key=lambda function: (function.__code__.co_filename, function.__qualname__)):
         # numba's cache imports the module that a function names; a controller's own is not importable
         function.__module__ = __name__
-        register_jitable(function)
-    sources = f"{package_digest()}-{digest(controller.sources)}"
+        register_jitable(boundscheck=True)(function)
+        contents += [pickle.dumps(value) for value in _named(function) if isinstance(value, CONSTANTS)]
     begin, serve = _bound(controller)
-    return compile_cached(begin, sources), compile_cached(serve, sources)
+    return tuple(compile_cached(loop, digest(contents), careful=True) for loop in (begin, serve))
 
 
-def _callees(function: Any, sources: tuple[Path, ...]) -> set[FunctionType]:
+def _compile(controller: Controller, loop: Any, arguments: tuple[object, ...]) -> None:
+    try:
+        loop.compile(tuple(map(numba.typeof, arguments)))
+    except Exception as error:  # numba's own errors, and what escapes it
+        raise ControllerError(
+            f"{controller.path}: cannot be compiled; --interpret runs it as plain Python.\n"
+            f"{type(error).__name__}: {error}"
+        ) from error
+
+
+def _callees(function: Any, sources: Mapping[Path, bytes]) -> set[FunctionType]:
     """Return `function` and every plain function from `sources` that it names, directly or not."""
     found: set[FunctionType] = set()
     waiting = [function]
@@ -162,9 +172,17 @@ def _callees(function: Any, sources: tuple[Path, ...]) -> set[FunctionType]:
 
 def _named(function: FunctionType) -> Iterator[object]:
     """Yield what the names in a function's code stand for: globals, and attributes of global modules."""
-    names = function.__code__.co_names
+    names = list(_names(function.__code__))
     values = [function.__globals__[name] for name in names if name in function.__globals__]
     yield from values
     for module in values:
         if isinstance(module, ModuleType):
             yield from (vars(module)[name] for name in names if name in vars(module))
+
+
+def _names(code: CodeType) -> Iterator[str]:
+    """Yield the names in a function's code, and in the functions, lambdas and comprehensions inside it."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names(constant)

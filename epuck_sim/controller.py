@@ -1,4 +1,4 @@
-"""What a controller is: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step`. Found, loaded, checked.
+"""What a controller is: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step`; see `controller_file`.
 
     PARAMETERS = {"speed_cm_s": 6.0}     name -> default; the default's type is the parameter's type
     MEMORY = {"turns": int}              name -> type, or (type, shape): what a robot remembers between two steps
@@ -14,23 +14,20 @@ A controller may import others that lie beside it, and shipped ones, by their fi
 """
 
 import difflib
-import importlib.util
-import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.errors import ControllerError
-from epuck_sim.shipped import shipped_folder, shipped_names
-
 Value = bool | int | float
+
+MAX_WHOLE = 2**53
+"""Whole parameters are smaller than this: they are the same as `int` and as `float`."""
 
 
 class Sensors(NamedTuple):
@@ -42,13 +39,11 @@ class Sensors(NamedTuple):
     """(8,) counts: raw readings of the proximity sensors."""
     distance_mm: npt.NDArray[np.int64]
     """(8,) mm: distances that belong to the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
-    camera: npt.NDArray[np.uint8]
+    camera: npt.NDArray[np.int64]
     """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture."""
 
 
-ACTUATORS = np.dtype(
-    [("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)], align=True
-)
+ACTUATORS = np.dtype([("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)], align=True)
 """What a controller sets, one record a robot; it keeps its values until they are set anew."""
 
 
@@ -65,8 +60,8 @@ class Controller:
     start: Callable[..., None]
     step: Callable[..., None]
     check: Callable[[SimpleNamespace], None] | None
-    sources: tuple[Path, ...]
-    """Every file that the controller's code comes from."""
+    sources: Mapping[Path, bytes]
+    """What stood in every file that the controller's code comes from when it was loaded."""
 
     @property
     def is_oscillator(self) -> bool:
@@ -86,7 +81,10 @@ class Controller:
             for name, default in self.parameters.items()
         }
         if self.check is not None:
-            self.check(SimpleNamespace(**values))
+            try:
+                self.check(SimpleNamespace(**values))
+            except Exception as error:  # whatever a user's file may raise
+                raise ValueError(str(error) if isinstance(error, ValueError) else f"check: {error!r}") from error
         return values
 
     def parameter_record(self, values: Mapping[str, Value]) -> npt.NDArray[np.void]:
@@ -103,13 +101,14 @@ def typed(name: str, given: object, default: Value) -> Value:
         if isinstance(given, bool):
             return given
         raise ValueError(f"{name} is {given!r}; allowed: true or false")
-    wanted = "a whole number" if isinstance(default, int) else "a number"
-    if isinstance(given, int | float) and not isinstance(given, bool) and math.isfinite(given):
-        if isinstance(default, float):
+    if isinstance(given, int | float) and not isinstance(given, bool):
+        if isinstance(default, float) and abs(given) <= sys.float_info.max:
             return float(given)
-        if given == int(given) and abs(given) < 2**53:
+        if isinstance(default, int) and abs(given) < MAX_WHOLE and given == int(given):
             return int(given)
-    raise ValueError(f"{name} is {given!r}; allowed: {wanted}")
+    wanted = "a whole number" if isinstance(default, int) else "a number"
+    shown = repr(given) if len(repr(given)) < 40 else f"{repr(given)[:37]}..."
+    raise ValueError(f"{name} is {shown}; allowed: {wanted}")
 
 
 def unknown(name: str, known: Mapping[str, object] | list[str]) -> str:
@@ -124,115 +123,16 @@ def listed(names: Mapping[str, object] | list[str]) -> str:
 
 
 def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
-    """Return the record with `fields`, name -> type or (type, shape); truth values are kept as 0 and 1."""
+    """Return the record with `fields`, name -> type or (type, shape); truth values are kept as 0 and 1.
+
+    Raises ValueError on a name that a record cannot have, or a type that is not int, float or bool.
+    """
     columns: list[tuple[Any, ...]] = []
     for name, field in fields.items():
         kind, *shape = field if isinstance(field, tuple) else (field,)
-        columns.append((name, np.int64 if kind in (bool, int) else kind, *shape))
+        if kind not in (bool, int, float):
+            raise ValueError(f"{name!r} is {field!r}; allowed: int, float, bool, or one of them and a shape")
+        if not isinstance(name, str) or not name.isidentifier() or hasattr(np.recarray, name):
+            raise ValueError(f"{name!r} is no name that a record can have, or one that numpy needs; choose another")
+        columns.append((name, np.float64 if kind is float else np.int64, *shape))
     return np.dtype(columns or [("nothing", np.int64)], align=True)
-
-
-def find_controller(name: str, folder: Path | None = None) -> Controller:
-    """Return the controller `name`: a shipped one, or a file relative to `folder` or to the working directory.
-
-    Raises ControllerError where there is none, or where its file is no controller.
-    """
-    if not name.endswith(".py") and "/" not in name and "\\" not in name:
-        names = shipped_names("controllers", ".py")
-        if name not in names:
-            raise ControllerError(
-                f"{unknown(name, names)}; shipped controllers: {listed(names)}; or give a file that ends in .py"
-            )
-        return load_controller(shipped_folder("controllers") / f"{name}.py")
-    for path in ([folder / name] if folder else []) + [Path(name)]:
-        if path.is_file():
-            return load_controller(path.resolve())
-    raise ControllerError(f"no controller file {name!r}, looked in {folder or Path.cwd()}")
-
-
-_loaded: dict[Path, tuple[list[int], Controller]] = {}
-
-
-def load_controller(path: Path) -> Controller:
-    """Return the controller that the file `path` describes; raises ControllerError where it describes none.
-
-    The file is read anew only when it, or what it imports beside it, has changed.
-    """
-    if path in _loaded:
-        stamps, controller = _loaded[path]
-        if stamps == _stamps(controller):
-            return controller
-    controller = _load(path)
-    _loaded[path] = (_stamps(controller), controller)
-    return controller
-
-
-def _stamps(controller: Controller) -> list[int]:
-    return [source.stat().st_mtime_ns for source in controller.sources if source.exists()]
-
-
-def _load(path: Path) -> Controller:
-    with _imports_beside(path) as loaded:
-        try:
-            module = _execute(path)
-        except Exception as error:  # whatever a user's file may raise
-            raise ControllerError(f"{path}: cannot be loaded: {type(error).__name__}: {error}") from error
-    parts = vars(module)
-    for part, is_right, wanted in (
-        ("PARAMETERS", lambda part: isinstance(part, dict), "a mapping of names to default values"),
-        ("MEMORY", lambda part: isinstance(part, dict), "a mapping of names to types"),
-        ("start", callable, "a function start(memory, parameters, random)"),
-        ("step", callable, "a function step(sensors, memory, actuators, parameters, random)"),
-    ):
-        if not is_right(parts.get(part)):
-            raise ControllerError(f"{path}: a controller needs {part}: {wanted}")
-    for name, default in parts["PARAMETERS"].items():
-        if not isinstance(default, bool | int | float):
-            raise ControllerError(f"{path}: PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
-    try:
-        memory = record_type(parts["MEMORY"])
-    except (TypeError, ValueError) as error:
-        raise ControllerError(f"{path}: MEMORY: name -> int, float, bool, or (type, shape): {error}") from error
-    return Controller(
-        name=path.stem,
-        path=path,
-        parameters=parts["PARAMETERS"],
-        memory=memory,
-        start=parts["start"],
-        step=parts["step"],
-        check=parts.get("check"),
-        sources=(path, *loaded),
-    )
-
-
-def _execute(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise ControllerError(f"{path}: is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@contextmanager
-def _imports_beside(path: Path) -> Iterator[list[Path]]:
-    """While it lasts, files beside `path` and shipped controllers can be imported by name.
-
-    Yields a list that holds, afterwards, the files that were imported so. Nothing stays in `sys.modules`: two files of
-    one name in two folders must not be taken for each other.
-    """
-    folders = [path.parent, shipped_folder("controllers")]
-    names = {file.stem for folder in folders for file in folder.glob("*.py")}
-    hidden = {name: sys.modules.pop(name) for name in names if name in sys.modules}
-    loaded: list[Path] = []
-    sys.path[:0] = map(str, folders)
-    try:
-        yield loaded
-    finally:
-        for folder in folders:
-            sys.path.remove(str(folder))
-        for name in names:
-            module = sys.modules.pop(name, None)
-            if module is not None and module.__file__:
-                loaded.append(Path(module.__file__))
-        sys.modules.update(hidden)

@@ -8,7 +8,8 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from epuck_sim.controller import Controller, find_controller, listed, unknown
+from epuck_sim.controller import Controller, listed, unknown
+from epuck_sim.controller_file import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario import RobotGroup, Scenario
 from epuck_sim.shipped import shipped_folder, shipped_names

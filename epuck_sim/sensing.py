@@ -57,7 +57,7 @@ def sense(
     noise_counts: float,
     by_table: bool,
     distance_mm: npt.NDArray[np.int64],
-    rows: npt.NDArray[np.uint8],
+    rows: npt.NDArray[np.int64],
 ) -> None:
     """Write what the robots from number `observer` on sense at this instant.
 

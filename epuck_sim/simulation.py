@@ -48,7 +48,7 @@ class Step(NamedTuple):
     """(robots, 8) counts: readings of the proximity sensors."""
     distance_mm: npt.NDArray[np.int64]
     """(robots, 8) mm: distances that belong to them; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
-    camera: npt.NDArray[np.uint8]
+    camera: npt.NDArray[np.int64]
     """(robots, pixels): 1 where a lit ring is seen; index 0 is the left edge. Shorter rows are filled up with 0."""
     wheels_cm_s: Floats
     """(robots, 2) cm/s: left and right wheel as commanded, within the wheels' limit, without noise."""
@@ -132,7 +132,7 @@ class Simulation:
         self._infrared = np.zeros((robots, SENSORS))
         self._infrared_noise = np.zeros((NOISE_STEPS, robots, SENSORS))
         self._distance_mm = np.zeros((robots, SENSORS), np.int64)
-        self._camera = np.zeros((robots, pixels), np.uint8)
+        self._camera = np.zeros((robots, pixels), np.int64)
         self._actuators = np.zeros(robots, ACTUATORS)
         self._wheels = np.zeros((robots, 2))
         self._wheel_noise = np.zeros((NOISE_STEPS, robots, 2))

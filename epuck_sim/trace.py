@@ -56,9 +56,9 @@ class Trace:
             "versions": json.dumps(versions()),
         }
         self._schema = _schema(self._pixels).with_metadata(metadata)
+        if path.is_dir():
+            raise _unwritable(path, IsADirectoryError(errno.EISDIR, ""))
         try:
-            if path.is_dir():
-                raise IsADirectoryError(errno.EISDIR, "")
             self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
         except BaseException as error:  # Ctrl-C, too, must leave nothing half-written
             self._part.unlink(missing_ok=True)

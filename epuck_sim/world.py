@@ -22,9 +22,9 @@ WALL_CM = 50.0
 MARGIN_CM = 0.08
 """By so much every body is larger than it is, and twice that an overlap may be before it is corrected.
 
-pymunk finds out about a contact when bodies overlap already: two robots that meet head-on at full speed close 2.56 mm in a
-physics step. So it is told 1.6 mm in advance; what is left is below 1 mm, and robots that press on something come to rest
-where their real surfaces touch.
+pymunk finds out about a contact when bodies overlap already: two robots that meet head-on at full speed close 2.56 mm
+in a physics step. So it is told 1.6 mm in advance; what is left is below 1 mm, and robots that press on something come
+to rest where their real surfaces touch.
 """
 
 _POSES = BodyFields.POSITION | BodyFields.ANGLE

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.control import Control, Senses
-from epuck_sim.controller import ACTUATORS, Controller, Sensors, Value, find_controller
+from epuck_sim.controller import ACTUATORS, Controller, Sensors, Value
+from epuck_sim.controller_file import find_controller
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.randomness import robot_streams
 

@@ -68,10 +68,10 @@ def readings(scene: Scene, observer: int = 0) -> Floats:
     return written
 
 
-def rows(scene: Scene, lens: Lens, observer: int = 0) -> npt.NDArray[np.uint8]:
+def rows(scene: Scene, lens: Lens, observer: int = 0) -> npt.NDArray[np.int64]:
     """Return the rows of pixels of the robots from `observer` on."""
     arena = scene.arena
-    written = np.full((len(scene.poses) - observer, lens.pixels), 77, np.uint8)
+    written = np.full((len(scene.poses) - observer, lens.pixels), 77, np.int64)
     cells = sorted_cells(scene)
     see(scene.poses, scene.lit, arena.circles, arena.edges, cells, lens.camera(), observer, written)
     return written

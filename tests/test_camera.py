@@ -125,7 +125,7 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
     poses = np.column_stack([places, np.full(3, math.radians(60 + 90 * quarter))])
     cells = make_cells(200, 200, 100)  # 20 cm wide
     sort_into_cells(poses, cells)
-    nothing, row = empty_arena(), np.zeros((1, 1), np.uint8)
+    nothing, row = empty_arena(), np.zeros((1, 1), np.int64)
     for near_is_lit in (False, True):
         lit = np.array([False, not near_is_lit, near_is_lit])
         see(poses, lit, nothing.circles, nothing.edges, cells, Lens(1, 56.0, 1).camera(), 0, row)
@@ -241,7 +241,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, lens, by_t
     cells = sorted_cells(Scene(scene.poses[::-1].copy(), scene.lit, scene.arena))  # of an earlier instant
     noise = random.standard_normal((observers, 8))
     counts, distance_mm = np.full((observers, 8), np.nan), np.zeros((observers, 8), np.int64)
-    seen = np.full((observers, lens.pixels), 77, np.uint8)
+    seen = np.full((observers, lens.pixels), 77, np.int64)
     everybody = gather(scene.poses, scene.lit, scene.arena, cells, lens.camera())
     sense(*everybody, observer, counts, noise, 10.0, by_table, distance_mm, seen)
     expected, expected_mm = readings(scene)[group].copy(), np.zeros((observers, 8), np.int64)

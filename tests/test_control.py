@@ -11,7 +11,7 @@ from controllers_kit import Bench, with_step, write_controller, write_soon_after
 
 from epuck_sim import compiled
 from epuck_sim.control import RobotError
-from epuck_sim.controller import find_controller
+from epuck_sim.controller_file import find_controller
 from epuck_sim.errors import ControllerError
 
 MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
@@ -154,12 +154,31 @@ def test_a_camera_full_of_red_means_the_same_compiled_and_interpreted():
 
 
 @MODES
-@pytest.mark.parametrize("name", ["size", "max"])
-def test_a_parameter_and_a_memory_may_be_called_like_something_of_numpy_s(name, interpret, tmp_path):
-    text = with_step(f"memory.{name} = parameters.{name} + 1", PARAMETERS=f"{{'{name}': 2.5}}")
-    bench = Bench(write_controller(tmp_path / "mine.py", text + f"MEMORY = {{'{name}': float}}"), interpret=interpret)
-    bench.control.step()
-    assert bench.memory[name].tolist() == [3.5]
+@pytest.mark.parametrize("line", ["memory.x = memory.row[6]", "memory.x = sensors.camera[99]"])
+def test_an_index_out_of_bounds_raises(line, interpret, tmp_path):
+    text = with_step(line) + "\nMEMORY = {'x': float, 'row': (float, 4)}"
+    bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=interpret)
+    with pytest.raises(RobotError, match="IndexError"):
+        bench.control.step()
+
+
+def test_a_helper_may_be_called_in_a_comprehension(tmp_path):
+    text = "def twice(value):\n    return 2 * value\n"
+    text += with_step("memory.x = sum([twice(count) for count in sensors.infrared])")
+    for interpret in (False, True):
+        bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=interpret)
+        bench.senses.infrared[:] = 1.5
+        bench.control.step()
+        assert bench.memory["x"].tolist() == [24]
+
+
+def test_a_value_read_from_elsewhere_is_never_stale(tmp_path):
+    text = f"from pathlib import Path\nGAIN = float(Path({str(tmp_path / 'gain.txt')!r}).read_text())\n"
+    for gain in ("1.5", "2.5"):
+        (tmp_path / "gain.txt").write_text(gain)
+        bench = Bench(write_controller(tmp_path / "mine.py", text + with_step("memory.x = GAIN")), interpret=False)
+        bench.control.step()
+        assert bench.memory["x"].tolist() == [float(gain)]
 
 
 @MODES
@@ -266,7 +285,7 @@ import sys
 from pathlib import Path
 sys.path[:0] = {path!r}
 from controllers_kit import Bench
-from epuck_sim.controller import find_controller
+from epuck_sim.controller_file import find_controller
 bench = Bench(find_controller({file!r}), interpret=False)
 bench.control.step()
 print(bench.memory["x"].tolist()[0])

@@ -9,7 +9,7 @@ from controllers_kit import EMPTY, with_step, write_controller, write_soon_after
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.controller import find_controller, load_controller
+from epuck_sim.controller_file import find_controller, load_controller
 from epuck_sim.errors import ControllerError
 from epuck_sim.shipped import shipped_folder
 
@@ -100,10 +100,35 @@ def test_a_default_that_is_no_number_is_refused(default, tmp_path):
         gain(tmp_path / "mine.py", default)
 
 
-@pytest.mark.parametrize("memory", ["{'x': 'no type'}", "{'x': 5}"])
+@pytest.mark.parametrize("memory", ["{'x': 'no type'}", "{'x': 5}", "{'x': str}", "{'x': (str, 3)}"])
 def test_a_memory_of_no_type_is_refused(memory, tmp_path):
-    with pytest.raises(ControllerError, match=r"mine\.py: MEMORY: "):
+    with pytest.raises(ControllerError, match=r"mine\.py: PARAMETERS or MEMORY: 'x' is .*; allowed: int, float, bool"):
         write_controller(tmp_path / "mine.py", with_step("pass", MEMORY=memory))
+
+
+@pytest.mark.parametrize("name", ["size", "max", "T", "two words", "3rd", 7])
+@pytest.mark.parametrize("part", ["PARAMETERS", "MEMORY"])
+def test_a_name_that_a_record_cannot_have_is_refused(part, name, tmp_path):
+    values = {"PARAMETERS": f"{{{name!r}: 1.0}}", "MEMORY": f"{{{name!r}: float}}"}
+    with pytest.raises(ControllerError, match=r"is no name that a record can have"):
+        write_controller(tmp_path / "mine.py", with_step("pass", **{part: values[part]}))
+
+
+@pytest.mark.parametrize("default", ["10**20", "float('nan')", "float('inf')"])
+def test_a_default_is_checked_as_a_given_value_is(default, tmp_path):
+    with pytest.raises(ControllerError, match=r"PARAMETERS or MEMORY: gain is .*; allowed: a "):
+        gain(tmp_path / "mine.py", default)
+
+
+def test_a_controller_that_ends_the_program_is_no_controller(tmp_path):
+    with pytest.raises(ControllerError, match="cannot be loaded: SystemExit"):
+        write_controller(tmp_path / "mine.py", "raise SystemExit(3)")
+
+
+def test_a_file_may_extend_the_shipped_controller_of_its_own_name(tmp_path):
+    text = "import constant\nPARAMETERS = constant.PARAMETERS\nMEMORY = constant.MEMORY\n"
+    text += "start = constant.start\nstep = constant.step\n"
+    assert write_controller(tmp_path / "constant.py", text).parameters["left_cm_s"] == 0.0
 
 
 def test_memory_has_the_types_and_shapes_of_the_file(tmp_path):

@@ -9,7 +9,7 @@ from controllers_kit import Bench, exactly, function, sensors, settings
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.controller import find_controller
+from epuck_sim.controller_file import find_controller
 from epuck_sim.randomness import robot_streams
 
 ONE_STREAM = robot_streams(np.random.SeedSequence(1), 1)[0]

@@ -150,7 +150,7 @@ def step(sensors, memory, actuators, parameters, random):
 
 REACT = """
 PARAMETERS = {"beat": 7}
-MEMORY = {"clock": int}
+MEMORY = {"clock": int, "pixels": int}
 
 
 def start(memory, parameters, random):
@@ -158,6 +158,7 @@ def start(memory, parameters, random):
 
 
 def step(sensors, memory, actuators, parameters, random):
+    memory.pixels = len(sensors.camera)
     red = 0
     for pixel in sensors.camera:
         red += int(pixel)
@@ -270,7 +271,7 @@ def test_groups_with_different_cameras_and_controllers_work_side_by_side(control
     lamp = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
     wide = {"poses": [[50, 30, math.pi]], "controller": "constant", "camera": {"pixels": 100, "field_of_view_deg": 112}}
     few = {"poses": [[30, 50, -math.pi / 2]], "parameters": {"speed_cm_s": 0}, "camera": {"pixels": 20}}
-    blind = {"poses": [[10, 30, 0]], "controller": controller(REACT), "camera": {"range_cm": 5}}
+    blind = {"poses": [[10, 30, 0]], "controller": controller(REACT), "camera": {"pixels": 30, "range_cm": 5}}
     simulation = Simulation({"robots": [lamp, wide, few, blind], "noise": "off"}, 1)
     _, step = kept(simulation, 2)
     assert step.camera.shape == (4, 100)
@@ -278,6 +279,7 @@ def test_groups_with_different_cameras_and_controllers_work_side_by_side(control
     seen = 2 * math.degrees(math.asin(3.7 / 16.3))
     assert step.camera.sum(axis=1) == pytest.approx([0, seen / 112 * 100, seen / 56 * 20, 0], abs=1)
     assert not step.camera[2, 20:].any()
+    assert step.memories[3]["pixels"] == 30  # a controller is shown the pixels of its own camera alone
     assert [np.isnan(phase) for phase in step.phase_ms] == [True, True, False, True]
     np.testing.assert_array_equal(simulation.period_ms, [np.nan, np.nan, 5000, np.nan])
     np.testing.assert_array_equal(step.flash_seen, [False, True, True, False])
@@ -333,7 +335,7 @@ def test_a_steps_arrays_have_the_documented_shapes_and_types():
         "poses": ((5, 3), np.float64),
         "infrared": ((5, 8), np.float64),
         "distance_mm": ((5, 8), np.int64),
-        "camera": ((5, 60), np.uint8),
+        "camera": ((5, 60), np.int64),
         "wheels_cm_s": ((5, 2), np.float64),
         "ring_on": ((5,), np.bool_),
         "phase_ms": ((5,), np.float64),
@@ -391,9 +393,11 @@ def response(distance_cm):
 
 
 def before_a_wall(noise):
-    """Return (steps, 8) readings of a robot that stands still with its centre 8 cm from the wall that it faces."""
-    robot = {"poses": [[52, 30, 0]], "controller": "constant"}
-    return np.array([step.infrared[0] for step in kept(Simulation({"robots": [robot], "noise": noise}, 3), 3000)])
+    """Return (steps, 3, 8) readings of robots that stand still with their centres 8 cm from the wall that they face."""
+    places = [[52, 20, 0], [52, 60, 0]], [[52, 100, 0]]
+    groups = [{"poses": poses, "controller": "constant"} for poses in places]
+    simulation = Simulation({"arena": {"height_cm": 120}, "robots": groups, "noise": noise}, 3)
+    return np.array([step.infrared for step in kept(simulation, 3000)])
 
 
 def test_without_noise_infrared_is_exact():
@@ -402,16 +406,22 @@ def test_without_noise_infrared_is_exact():
         left, centre, right = ((8 - x) / math.cos(math.radians(degrees + ray)) for ray in (15, 0, -15))
         exact = response(left) + response(centre) + response(right)
         exact -= 2 * response(centre / math.cos(math.radians(15)))
-        np.testing.assert_allclose(readings[:, sensor], exact, rtol=1e-12)
-    np.testing.assert_array_equal(readings[:, 2:6], 0)
+        np.testing.assert_allclose(readings[..., sensor], exact, rtol=1e-12)
+    np.testing.assert_array_equal(readings[..., 2:6], 0)
 
 
-def test_noise_of_infrared_is_10_counts_by_default_and_drawn_anew_for_each_sensor_and_step():
-    exact, noisy = before_a_wall("off"), before_a_wall("on")
-    front = [0, 1, 6, 7]
-    noise = (noisy - exact)[:, front]  # the others' readings cannot fall below 0
+def test_noise_of_infrared_is_10_counts_by_default_and_drawn_anew_for_each_sensor_robot_and_step():
+    noisy = before_a_wall("on")
+    noise = (noisy - before_a_wall("off"))[..., [0, 1, 6, 7]]  # the others' readings cannot fall below 0
     np.testing.assert_allclose(noise.mean(axis=0), 0, atol=4 * 10 / math.sqrt(3000))
     np.testing.assert_allclose(noise.std(axis=0), 10, rtol=0.06)
     assert noisy.min() >= 0
-    for one, other in ((noise[:, :-1], noise[:, 1:]), (noise[:-1], noise[1:]), (noise[:-16], noise[16:])):
-        assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / math.sqrt(one.size)
+    pairs = {
+        "sensors": (noise[..., :-1], noise[..., 1:]),
+        "robots": (noise[:, 0], noise[:, 1]),
+        "groups": (noise[:, 0], noise[:, 2]),
+        "steps": (noise[:-1], noise[1:]),
+        "blocks of 16 steps": (noise[:-16], noise[16:]),
+    }
+    for name, (one, other) in pairs.items():
+        assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / math.sqrt(one.size), name
