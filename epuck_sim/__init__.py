@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from epuck_sim.scenario import Scenario as Scenario
     from epuck_sim.scenario_file import load_scenario as load_scenario
     from epuck_sim.simulation import Simulation as Simulation
-    from epuck_sim.simulation import Step as Step
+    from epuck_sim.step import Step as Step
     from epuck_sim.trial import TrialResult as TrialResult
     from epuck_sim.trial import run_trial as run_trial
 
@@ -22,7 +22,7 @@ _HOMES = {
     "Scenario": "scenario",
     "ScenarioError": "errors",
     "Simulation": "simulation",
-    "Step": "simulation",
+    "Step": "step",
     "TrialResult": "trial",
     "load_scenario": "scenario_file",
     "run_trial": "trial",

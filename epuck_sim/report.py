@@ -12,7 +12,7 @@ from rich.status import Status
 from rich.table import Table
 
 from epuck_sim.provenance import versions
-from epuck_sim.simulation import Step
+from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
 from epuck_sim.trial import TrialResult
 

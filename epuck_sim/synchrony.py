@@ -5,7 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.simulation import Simulation, Step
+from epuck_sim.simulation import Simulation
+from epuck_sim.step import Step
 
 Floats = npt.NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from epuck_sim.infrared import SENSORS
 from epuck_sim.provenance import versions
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import write_scenario
-from epuck_sim.simulation import Step
+from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
 
 CHUNK_ROWS = 20_000

@@ -4,7 +4,8 @@ import time
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from epuck_sim.simulation import Simulation, Step
+from epuck_sim.simulation import Simulation
+from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
 
 Onlooker = Callable[[Step, SynchronyWatch], None]
