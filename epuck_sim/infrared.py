@@ -34,6 +34,7 @@ _REACH = REACH_CM - epuck.RADIUS_CM  # of a ray's end from the body's centre
 _TABLE_COUNTS = epuck.INFRARED_TABLE_COUNTS
 _TABLE_MM = epuck.INFRARED_TABLE_MM
 _NOTHING_MM = epuck.OUT_OF_RANGE_MM
+_ROUNDING_MM = 1e-6  # what is cut off to whole mm: a wall 40 mm away must not read 39
 
 
 @kernel
@@ -52,7 +53,7 @@ def inverse_response_mm(reading: float) -> int:
     if reading < response(_RANGE):
         return _NOTHING_MM
     share = 1.0 - _PEAK / min(reading, _PEAK)
-    return int(10.0 * (_PEAK_CM + math.sqrt((_PEAK_CM**2 - _WIDTH) * share)))
+    return int(10.0 * (_PEAK_CM + math.sqrt((_PEAK_CM**2 - _WIDTH) * share)) + _ROUNDING_MM)
 
 
 @kernel
@@ -64,7 +65,7 @@ def firmware_table_mm(reading: float) -> int:
         high, low = _TABLE_COUNTS[entry - 1], _TABLE_COUNTS[entry]
         if reading >= low:
             share = (high - reading) / (high - low)
-            return int(_TABLE_MM[entry - 1] + share * (_TABLE_MM[entry] - _TABLE_MM[entry - 1]))
+            return int(_TABLE_MM[entry - 1] + share * (_TABLE_MM[entry] - _TABLE_MM[entry - 1]) + _ROUNDING_MM)
     return _NOTHING_MM
 
 
@@ -128,7 +129,7 @@ def _meet_wall(away: float, ahead: float, aside: float, distances: Floats) -> No
             continue
         for ray in range(RAYS):
             approach = ahead * _COS[sensor, ray] + aside * _SIN[sensor, ray]
-            if gap <= _RANGE * approach:
+            if approach > 0.0 and gap <= _RANGE * approach:
                 distances[sensor, ray] = min(distances[sensor, ray], gap / approach)
 
 

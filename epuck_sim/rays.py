@@ -1,7 +1,7 @@
 """Where a ray first meets a disc or a segment.
 
 A ray starts at (ox, oy) and runs along the unit vector (dx, dy). Each function gives the distance in cm to the first
-surface, `inf` where the ray misses, and 0 where it starts inside.
+surface, `inf` where the ray misses, and 0 where it starts inside a disc and looks towards its centre.
 """
 
 import math
@@ -14,16 +14,16 @@ def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, ra
     """Return the distance along the ray to the disc of `radius` around (cx, cy)."""
     fx = cx - ox
     fy = cy - oy
+    along = fx * dx + fy * dy
+    if along <= 0.0:  # from inside, too: bodies that touch may overlap a little, and a sensor still looks away
+        return math.inf
     outside = fx * fx + fy * fy - radius * radius
     if outside <= 0.0:
         return 0.0
-    along = fx * dx + fy * dy
-    if along <= 0.0:
-        return math.inf
     cut = along * along - outside
     if cut < 0.0:
         return math.inf
-    # the nearer root, written so that a disc almost touched loses no digits
+    # the nearer root, written without a difference of nearly equal numbers
     return outside / (along + math.sqrt(cut))
 
 

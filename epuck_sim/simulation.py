@@ -17,7 +17,7 @@ from epuck_sim.cells import make_cells
 from epuck_sim.control import Control, RobotError, Senses
 from epuck_sim.controller import ACTUATORS
 from epuck_sim.drive import act
-from epuck_sim.errors import ControllerError
+from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.infrared import SENSORS
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import robot_streams
@@ -74,6 +74,8 @@ class Simulation:
         """
         self.scenario = scenario = load_scenario(scenario)
         self.seed = scenario.seed if seed is None else seed
+        if self.seed < 0:
+            raise ScenarioError(f"{scenario.name}: seed is {self.seed}; allowed: whole numbers from 0")
         self.step_s = scenario.timing.step_ms / 1000
         placing, sensing, driving, thinking = np.random.SeedSequence(self.seed).spawn(4)
         self._sensing = np.random.Generator(np.random.SFC64(sensing))
@@ -105,9 +107,10 @@ class Simulation:
             rows = slice(first, first + group.count)
             self._teams.append(self._make_team(group, rows, streams[rows], interpret))
             first += group.count
-        self._arrays = (
-            *(self._world.poses, self._infrared, self._distance_mm, self._camera, self._wheels, self._ring_on),
-            tuple(team.control.memory for team in self._teams),
+        arrays = (self._world.poses, self._infrared, self._distance_mm, self._camera, self._wheels, self._ring_on)
+        self._shown: tuple[Any, ...] = (
+            *(_read_only(array) for array in arrays),
+            tuple(_read_only(team.control.memory) for team in self._teams),
         )
         self._acting = [
             (
@@ -151,6 +154,11 @@ class Simulation:
         ]
         return _Team(rows.start, control, sensing)
 
+    @property
+    def steps(self) -> int:
+        """Control steps taken so far."""
+        return self._number + 1
+
     def __iter__(self) -> Iterator[Step]:
         """Go on from where the simulation stands."""
         return self
@@ -179,10 +187,16 @@ class Simulation:
         unfit = act(*self._acting[now])
         if unfit >= 0:
             raise ControllerError(f"{self._place(unfit)}: its controller sets a wheel speed that is not a number")
-        return Step(self._number, self._number * self._step_ms / 1000, *self._arrays)
+        return Step(self._number, self._number * self._step_ms / 1000, *self._shown)
 
     def _place(self, robot: int) -> str:
         return f"{self.scenario.name}: robot {robot}, step {max(self._number, 0)}, seed {self.seed}"
 
     def _blame(self, error: RobotError, first: int) -> ControllerError:
         return ControllerError(f"{self._place(first + error.robot)}: {error}")
+
+
+def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view

@@ -11,7 +11,8 @@ Floats = npt.NDArray[np.float64]
 class Step(NamedTuple):
     """One control step of all robots: what they sensed, and what they commanded at that instant.
 
-    The arrays are the simulation's own and hold the next step's values as soon as that is taken: copy what you keep.
+    The arrays are read-only views of the simulation's own and hold the next step's values as soon as that is taken:
+    copy what you keep.
     """
 
     number: int
@@ -35,7 +36,7 @@ class Step(NamedTuple):
 
     @property
     def phase_ms(self) -> Floats:
-        """(robots,) ms: the oscillators' phases; NaN for robots that are none."""
+        """(robots,) ms: the oscillators' phases; NaN for robots that remember none."""
         return np.concatenate([recall(memory, "phase_ms", np.nan) for memory in self.memories])
 
     @property

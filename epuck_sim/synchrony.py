@@ -53,12 +53,18 @@ class SynchronyWatch:
         self._metric = METRICS[stop.metric]
         self._threshold = stop.order_parameter
         self._max_cycles = stop.max_cycles
-        self._max_steps = math.inf if stop.max_time_s is None else stop.max_time_s / simulation.step_s
         self._reference = stop.reference_robot
         self._oscillators = ~np.isnan(simulation.period_ms)
         self._periods = simulation.period_ms[self._oscillators]
         self._measures = bool(self._oscillators[self._reference])
-        self._steps_a_cycle = NOMINAL_PERIOD_S / simulation.step_s
+        step_ms = round(simulation.step_s * 1000)
+        period_ms = simulation.period_ms[self._reference] if self._measures else NOMINAL_PERIOD_S * 1000
+        self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
+        # a reference that never fires must not keep a trial for ever: twice the time that its cycles should take
+        self._max_steps = math.ceil(2 * stop.max_cycles * (period_ms / step_ms + 1))
+        if stop.max_time_s is not None:
+            self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
+        self._steps = 0
         self._was_on = False
         self.cycles = 0
         self.order_parameter = None

@@ -41,7 +41,10 @@ def run_trial(simulation: Simulation, onlookers: Iterable[Onlooker] = ()) -> Tri
     """Run a fresh simulation to the end of its trial and return the outcome.
 
     onlookers: each is shown every step and the state of the watch; they cannot change the outcome.
+    Raises ValueError for a simulation that has taken steps already: its cycles before would go uncounted.
     """
+    if simulation.steps:
+        raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     onlookers = tuple(onlookers)
     watch = SynchronyWatch(simulation)
     began = time.perf_counter()

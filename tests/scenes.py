@@ -178,10 +178,11 @@ def _in_frame_of_rays(origins: Floats, directions: Floats, points: Floats) -> tu
 def cast_on_discs(origins: Floats, directions: Floats, discs: Floats) -> tuple[Floats, Bools]:
     """Return the (rays, discs) distances, inf where a ray misses, and whether it nearly does or nearly does not."""
     ahead, aside = _in_frame_of_rays(origins, directions, discs[:, :2])
-    approach = np.where(ahead > 0, np.abs(aside), np.hypot(ahead, aside))
     half_chord = np.sqrt(np.maximum(discs[:, 2] ** 2 - aside**2, 0))
-    distance = np.where(approach <= discs[:, 2], np.maximum(ahead - half_chord, 0), np.inf)
-    return distance, np.abs(approach - discs[:, 2]) < EDGE_CM
+    meets = (ahead > 0) & (np.abs(aside) <= discs[:, 2])
+    grazes = (ahead > -EDGE_CM) & (np.abs(np.abs(aside) - discs[:, 2]) < EDGE_CM)
+    looks_along = (np.abs(ahead) < EDGE_CM) & (np.hypot(ahead, aside) < discs[:, 2] + EDGE_CM)
+    return np.where(meets, np.maximum(ahead - half_chord, 0), np.inf), grazes | looks_along
 
 
 def cast_on_segments(origins: Floats, directions: Floats, segments: Floats) -> tuple[Floats, Bools]:

@@ -78,7 +78,7 @@ def test_any_whole_number_is_a_seed() -> None:
 
 def test_the_scenario_says_how_many_trials_and_which_seed() -> None:
     rows = trials("pair", "--set", "trials=2", "--set", "seed=9")
-    assert [row["seed"] for row in rows][0] == 9
+    assert rows[0]["seed"] == 9
     assert len(rows) == 2
 
 

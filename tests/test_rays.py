@@ -38,15 +38,17 @@ def test_a_disc_just_short_of_the_ray_is_missed(side):
     assert to_disc(0.0, 0.0, 1.0, 0.0, 10.0, side * (3.0 - 1e-9), 3.0) == pytest.approx(10.0, abs=1e-4)
 
 
-@given(places, places, lengths, turns, turns, st.floats(0, 0.999))
-def test_a_ray_that_starts_inside_a_disc_meets_it_at_once(cx, cy, radius, towards, heading, share):
-    x, y = cx + share * radius * math.cos(towards), cy + share * radius * math.sin(towards)
-    assert to_disc(x, y, math.cos(heading), math.sin(heading), cx, cy, radius) == 0.0
+@given(places, places, lengths, turns, st.floats(-1.5, 1.5), st.floats(0.01, 0.999))
+def test_from_inside_a_disc_is_met_at_once_towards_its_centre_and_never_away_from_it(cx, cy, radius, at, slant, share):
+    x, y = cx + share * radius * math.cos(at), cy + share * radius * math.sin(at)
+    towards = at + math.pi + slant
+    assert to_disc(x, y, math.cos(towards), math.sin(towards), cx, cy, radius) == 0.0
+    assert to_disc(x, y, -math.cos(towards), -math.sin(towards), cx, cy, radius) == math.inf
 
 
-@pytest.mark.parametrize("dx", [-1.0, 1.0])
-def test_a_ray_that_starts_on_a_disc_meets_it_at_once(dx):
-    assert to_disc(0.0, 0.0, dx, 0.0, 3.0, 0.0, 3.0) == 0.0
+def test_a_disc_touched_by_the_start_is_met_towards_its_centre_alone():
+    assert to_disc(0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 3.0) == 0.0
+    assert to_disc(0.0, 0.0, -1.0, 0.0, 3.0, 0.0, 3.0) == math.inf
 
 
 @given(places, places, turns, st.floats(-1.5, 1.5), lengths, lengths)

@@ -1,6 +1,7 @@
 """Scenarios: what is read, what is refused and in which words, and that what is written is read again."""
 
 import math
+from contextlib import suppress
 
 import pytest
 from hypothesis import given
@@ -202,7 +203,5 @@ JUNK = st.recursive(
 
 @given(st.dictionaries(st.sampled_from([*Scenario.model_fields, "other"]), JUNK, max_size=4))
 def test_junk_is_refused_or_read_but_never_ends_in_a_traceback(given: dict) -> None:
-    try:
+    with suppress(ScenarioError):
         assert isinstance(load_scenario(given), Scenario)
-    except ScenarioError as error:
-        assert str(error)

@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 
-from epuck_sim.errors import ControllerError
+from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.shipped import shipped_names
 from epuck_sim.simulation import Simulation
@@ -425,3 +426,22 @@ def test_noise_of_infrared_is_10_counts_by_default_and_drawn_anew_for_each_senso
     }
     for name, (one, other) in pairs.items():
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / math.sqrt(one.size), name
+
+
+def test_a_negative_seed_is_refused():
+    with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
+        Simulation("pair", -1)
+
+
+def test_no_step_makes_numba_look_for_types_anew(monkeypatch):
+    """Its slow way, which arrays of unaligned records take, costs ten times a step."""
+    simulations = [Simulation(arena, 1) for arena in ("thesis", "arc", "spotlight")]
+    for simulation in simulations:
+        next(simulation)
+
+    def refuse(*_):
+        raise AssertionError("the types of a kernel's arguments are not known at once")
+
+    monkeypatch.setattr(Dispatcher, "_compile_for_args", refuse)
+    for simulation in simulations:
+        next(simulation)

@@ -133,3 +133,18 @@ def test_onlookers_that_write_into_a_steps_arrays_do_not_change_the_outcome(fiel
 def test_the_same_seed_has_the_same_outcome(arena):
     scenario = load_scenario(arena, ["stop.max_cycles=40"])
     assert outcome(run_trial(Simulation(scenario, 3))) == outcome(run_trial(Simulation(scenario, 3)))
+
+
+def test_a_trial_needs_a_fresh_simulation():
+    simulation = Simulation("pair", 2)
+    run_trial(simulation)
+    with pytest.raises(ValueError, match="needs a fresh simulation"):
+        run_trial(simulation)
+
+
+@pytest.mark.parametrize("max_cycles", [1, 3])
+def test_a_reference_that_never_fires_again_does_not_keep_a_trial_for_ever(max_cycles):
+    robots = [{"count": 1, "parameters": {"period_s": 0.1}}, {"count": 1, "parameters": {"period_s": 7}}]
+    result = run_trial(Simulation({"robots": robots, "stop": {"max_cycles": max_cycles, "order_parameter": 1}}))
+    assert result.censored
+    assert result.steps <= 2 * max_cycles * 2

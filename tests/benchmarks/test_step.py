@@ -1,7 +1,7 @@
 """What a control step costs, beside the bare physics of the same world. Run by `make bench`.
 
-Machines are noisy, so that speeds are compared within one run only: two simulations of one seed take turns, one timed as
-a whole, the other around its ten calls of `Space.step`.
+Machines are noisy, so that speeds are compared within one run only: two simulations of one seed take turns, one timed
+as a whole, the other around its ten calls of `Space.step`.
 """
 
 import subprocess
