@@ -19,7 +19,7 @@ lint: $(VENV)/test-tools
 	$(BIN)/mypy
 
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
-	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -p no:xdist -s
+	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
 
 slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow

@@ -30,8 +30,8 @@ def synchronisation_times(speed_cm_s: float) -> list[int]:
     return [result.cycles for result in results]
 
 
-def main() -> None:
-    """Simulate all speeds and write the table and the figure."""
+def simulate() -> None:
+    """Simulate all speeds and write the table."""
     with ProcessPoolExecutor() as executor:
         times = np.array(list(executor.map(synchronisation_times, SPEEDS_CM_S)))
     few, mean, median = times[:, :FEW].mean(axis=1), times.mean(axis=1), np.median(times, axis=1)
@@ -42,15 +42,23 @@ def main() -> None:
         for row in zip(SPEEDS_CM_S, few, mean, error, median, strict=True):
             writer.writerow([f"{value:.4g}" for value in row])
 
+
+def draw() -> None:
+    """Draw the table."""
+    speed, few, mean, error, _ = np.loadtxt(OUT.with_suffix(".csv"), delimiter=",", skiprows=1, unpack=True)
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.subplots()
-    axes.fill_between(SPEEDS_CM_S, mean - 1.96 * error, mean + 1.96 * error, color="0.85")
-    axes.loglog(SPEEDS_CM_S, mean, "o-", color="black", label=f"mean of {TRIALS} trials, 95 % interval")
-    axes.loglog(SPEEDS_CM_S, few, "x", color="tab:red", label=f"mean of the first {FEW}")
+    axes.fill_between(speed, mean - 1.96 * error, mean + 1.96 * error, color="0.85")
+    axes.loglog(speed, mean, "o-", color="black", label=f"mean of {TRIALS} trials, 95 % interval")
+    axes.loglog(speed, few, "x", color="tab:red", label=f"mean of the first {FEW}")
     axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]")
+    axes.set_xticks(ticks := [0.1, 1, 10], labels=map(str, ticks))
+    axes.set_yticks(ticks := [20, 30, 40, 60, 80, 100], labels=map(str, ticks))
+    axes.minorticks_off()
     axes.legend()
     figure.savefig(OUT.with_suffix(".png"), dpi=110)
 
 
 if __name__ == "__main__":
-    main()
+    simulate()
+    draw()
