@@ -1,5 +1,6 @@
 """The `epuck-sim` command: parse, call, print."""
 
+import errno
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -32,6 +33,11 @@ def _readable_errors() -> Iterator[None]:
         yield
     except EpuckSimError as error:
         typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(2) from error
+    except OSError as error:
+        if error.errno == errno.EPIPE:  # who reads the output has had enough
+            raise
+        typer.echo(f"error: cannot write the output: {error.strerror or error}", err=True)
         raise typer.Exit(2) from error
     except KeyboardInterrupt as interrupt:
         typer.echo("interrupted", err=True)

@@ -4,6 +4,7 @@ Both run the same source, the controller's file and `_serve` below, with equal r
 """
 
 import pickle
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -147,12 +148,25 @@ def _compiled(controller: Controller) -> tuple[Any, Any]:
 
 def _compile(controller: Controller, loop: Any, arguments: tuple[object, ...]) -> None:
     try:
-        loop.compile(tuple(map(numba.typeof, arguments)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
+            loop.compile(tuple(map(numba.typeof, arguments)))
     except Exception as error:  # numba's own errors, and what escapes it
         raise ControllerError(
-            f"{controller.path}: cannot be compiled; --interpret runs it as plain Python.\n"
-            f"{type(error).__name__}: {error}"
+            f"{controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{_reason(error)}"
         ) from error
+
+
+DETAILS = ("During: Pass", "During: lowering", "During: resolving", "raised from")
+"""Lines of numba's that tell how it works rather than what is wrong."""
+
+
+def _reason(error: Exception) -> str:
+    """Return what numba's long story comes to: the innermost reason, and where in the source it lies."""
+    _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
+    lines = [line.strip() for line in innermost.splitlines()]
+    told = [line for line in lines if line and "pipeline" not in line and not line.startswith(DETAILS)]
+    return "\n".join(f"  {line}" for line in told[:6])
 
 
 def _callees(function: Any, sources: Mapping[Path, bytes]) -> set[FunctionType]:
