@@ -1,6 +1,7 @@
 """The `epuck-sim` command: parse, call, print."""
 
 import errno
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -10,7 +11,7 @@ from typing import Annotated
 import typer
 
 from epuck_sim import __version__
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.errors import EpuckSimError, ScenarioError
 
 app = typer.Typer(
     help="Simulate swarms of e-puck robots that synchronise like fireflies.",
@@ -37,11 +38,21 @@ def _readable_errors() -> Iterator[None]:
     except OSError as error:
         if error.errno == errno.EPIPE:  # who reads the output has had enough
             raise
-        typer.echo(f"error: cannot write the output: {error.strerror or error}", err=True)
+        what = f"{error.filename}" if error.filename else "the output cannot be written"
+        typer.echo(f"error: {what}: {error.strerror or error}", err=True)
         raise typer.Exit(2) from error
     except KeyboardInterrupt as interrupt:
         typer.echo("interrupted", err=True)
         raise typer.Exit(130) from interrupt
+
+
+@contextmanager
+def _naming(scenario: str) -> Iterator[None]:
+    """Have errors of a scenario that is loaded already name its file, too."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError(f"{scenario}: {error}") from error
 
 
 def _print_version(wanted: bool) -> None:
@@ -80,22 +91,22 @@ def run(
         from epuck_sim.report import Progress, print_json, print_table
         from epuck_sim.scenario_file import load_scenario
         from epuck_sim.simulation import Simulation
-        from epuck_sim.trace import Trace
+        from epuck_sim.trace import Trace, trace_paths
         from epuck_sim.trial import Onlooker, TrialResult, run_trial
 
         loaded = load_scenario(scenario, settings or ())
         master = loaded.seed if seed is None else seed
         count = loaded.trials if trials is None else trials
+        traces = None if trace is None else trace_paths(trace, count)
         results: list[TrialResult] = []
         try:
-            with Progress(count) as progress:
+            with Progress(count) as progress, _naming(scenario):
                 for trial in range(count):
                     own_seed = trial_seed(master, trial)
                     with ExitStack() as stack:
                         onlookers: list[Onlooker] = [progress]
-                        if trace is not None:
-                            path = trace if count == 1 else trace.with_stem(f"{trace.stem}-{trial}")
-                            onlookers.append(stack.enter_context(Trace(path, loaded, own_seed)))
+                        if traces is not None:
+                            onlookers.append(stack.enter_context(Trace(traces[trial], loaded, own_seed)))
                         simulation = Simulation(loaded, own_seed, interpret=interpret)
                         progress.begin(trial)
                         results.append(run_trial(simulation, onlookers))
@@ -116,7 +127,8 @@ def check(scenario: ScenarioArgument, settings: SetOption = None) -> None:
         from epuck_sim.scenario_file import load_scenario, write_scenario
 
         loaded = load_scenario(scenario, settings or ())
-        place_robots(loaded, np.random.SeedSequence(loaded.seed))
+        with _naming(scenario):
+            place_robots(loaded, np.random.SeedSequence(loaded.seed))
         sys.stdout.write(write_scenario(loaded))
 
 
@@ -133,5 +145,6 @@ def list_shipped() -> None:
 
 
 def main() -> None:
-    """Run the command."""
+    """Run the command; a polite request to end is as good as Ctrl-C."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()

@@ -100,21 +100,21 @@ class Control:
                 _compile(controller, loop, arguments)
         try:
             begin(*own)
-        except Exception as error:  # whatever a user's controller may raise
+        except (Exception, SystemExit) as error:  # whatever a user's controller may raise
             raise RobotError(controller, int(self._serving[0]), error) from error
 
     def step(self) -> None:
         """Serve each robot once; raises RobotError where a robot's controller raises."""
         try:
             self._serve(*self._arguments)
-        except Exception as error:  # whatever a user's controller may raise
+        except (Exception, SystemExit) as error:  # whatever a user's controller may raise
             raise RobotError(self._controller, int(self._serving[0]), error) from error
 
 
 class RobotError(ControllerError):
     """A controller raised while it served the robot number `robot` of its group."""
 
-    def __init__(self, controller: Controller, robot: int, error: Exception) -> None:
+    def __init__(self, controller: Controller, robot: int, error: BaseException) -> None:
         super().__init__(f"{controller.path}: {type(error).__name__}: {error}")
         self.robot = robot
 

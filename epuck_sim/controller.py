@@ -13,7 +13,6 @@ A robot whose memory has `phase_ms` and whose parameters have `period_s` is an o
 A controller may import others that lie beside it, and shipped ones, by their file's name.
 """
 
-import difflib
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,6 +22,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+
+from epuck_sim.wording import listed, shown, unknown
 
 Value = bool | int | float
 
@@ -65,8 +66,9 @@ class Controller:
 
     @property
     def is_oscillator(self) -> bool:
-        """Whether its robots have a phase and a period."""
-        return "phase_ms" in (self.memory.names or ()) and "period_s" in self.parameters
+        """Whether its robots have a phase, one number, and a period."""
+        has_phase = "phase_ms" in (self.memory.names or ()) and self.memory["phase_ms"].shape == ()
+        return has_phase and isinstance(self.parameters.get("period_s"), float)
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
         """Return every parameter with its given value or its default.
@@ -80,6 +82,8 @@ class Controller:
             name: typed(name, given[name], default) if name in given else default
             for name, default in self.parameters.items()
         }
+        if self.is_oscillator and values["period_s"] <= 0:
+            raise ValueError(f"period_s is {values['period_s']}; allowed: above 0")
         if self.check is not None:
             try:
                 self.check(SimpleNamespace(**values))
@@ -107,19 +111,7 @@ def typed(name: str, given: object, default: Value) -> Value:
         if isinstance(default, int) and abs(given) < MAX_WHOLE and given == int(given):
             return int(given)
     wanted = "a whole number" if isinstance(default, int) else "a number"
-    shown = repr(given) if len(repr(given)) < 40 else f"{repr(given)[:37]}..."
-    raise ValueError(f"{name} is {shown}; allowed: {wanted}")
-
-
-def unknown(name: str, known: Mapping[str, object] | list[str]) -> str:
-    """Return the words for an unknown `name`, with the nearest known one."""
-    nearest = difflib.get_close_matches(name, list(known), n=1)
-    return f"unknown {name!r}" + (f", did you mean {nearest[0]!r}?" if nearest else "")
-
-
-def listed(names: Mapping[str, object] | list[str]) -> str:
-    """Return names as a readable list."""
-    return ", ".join(names) or "none"
+    raise ValueError(f"{name} is {shown(given)}; allowed: {wanted}")
 
 
 def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:

@@ -10,9 +10,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from epuck_sim.controller import Controller, listed, record_type, typed, unknown
+from epuck_sim.controller import Controller, record_type, typed
 from epuck_sim.errors import ControllerError
 from epuck_sim.shipped import shipped_folder, shipped_names
+from epuck_sim.wording import listed, unknown
 
 PARTS = {
     "PARAMETERS": "a mapping of names to default values",

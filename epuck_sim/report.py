@@ -10,6 +10,7 @@ from typing import Self
 from rich.console import Console
 from rich.status import Status
 from rich.table import Table
+from rich.text import Text
 
 from epuck_sim.provenance import versions
 from epuck_sim.step import Step
@@ -17,10 +18,14 @@ from epuck_sim.synchrony import SynchronyWatch
 from epuck_sim.trial import TrialResult
 
 REFRESH_S = 0.2
+"""How often a terminal shows how far a trial is."""
+
+LINE_S = 10.0
+"""How often a log does."""
 
 
 class Progress:
-    """An onlooker of trials that shows, on a terminal's stderr, how far they are; to be used in a `with` block."""
+    """An onlooker of trials that shows on stderr how far they are; to be used in a `with` block."""
 
     def __init__(self, trials: int) -> None:
         self._trials = trials
@@ -28,6 +33,7 @@ class Progress:
         console = Console(stderr=True)
         text = "preparing; the first run of a controller compiles it, which takes some seconds"
         self._status = Status(text, console=console) if console.is_terminal else None
+        self._pause_s = REFRESH_S if self._status else LINE_S
         self._next = 0.0
         self._began = 0.0
 
@@ -35,19 +41,23 @@ class Progress:
         """Say that trial number `trial` begins."""
         self._trial = trial
         self._began = time.perf_counter()
-        self._next = self._began + REFRESH_S
+        self._next = self._began + self._pause_s
 
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:
         """Show a step, if it is time to."""
         now = time.perf_counter()
-        if self._status is None or now < self._next:
+        if now < self._next:
             return
-        self._next = now + REFRESH_S
+        self._next = now + self._pause_s
         r = "" if watch.order_parameter is None else f", order parameter {watch.order_parameter:.3f}"
-        self._status.update(
+        text = (
             f"trial {self._trial + 1} of {self._trials}: {step.time_s:.1f} s simulated, {watch.cycles} cycles{r}, "
             f"{step.time_s / (now - self._began):.0f} x real time"
         )
+        if self._status:
+            self._status.update(text)
+        else:
+            print(text, file=sys.stderr)
 
     def __enter__(self) -> Self:
         if self._status:
@@ -65,7 +75,7 @@ def print_table(results: Sequence[TrialResult]) -> None:
     """Print a readable table of trials of one scenario on stdout."""
     if not results:
         return
-    table = Table(title=results[0].scenario, title_justify="left")
+    table = Table(title=Text(results[0].scenario), title_justify="left")
     for heading in ("seed", "T_sync [cycles]", "censored", "order par.", "simulated [s]", "wall [s]", "x real time"):
         table.add_column(heading, justify="right")
     for result in results:

@@ -149,8 +149,8 @@ class RobotGroup(Section):
     def _count_poses(cls, given: Any) -> Any:
         if isinstance(given, dict) and given.get("poses") is not None:
             poses = given["poses"]
-            count = len(poses) if isinstance(poses, list | tuple) else 0
-            return {"placement": "poses", "count": count, **given}
+            count = {"count": len(poses)} if isinstance(poses, list | tuple) and poses else {}
+            return {"placement": "poses", **count, **given}
         return given
 
     @model_validator(mode="after")
@@ -183,7 +183,8 @@ class TimingSection(Section):
     """How often robots sense and act, and how often bodies move (thesis 3.1.4.1)."""
 
     control_hz: Annotated[Whole, Field(ge=1, le=1000)] = 10
-    physics_hz: Annotated[Whole, Field(ge=50, le=10_000)] = 100
+    physics_hz: Annotated[Whole, Field(ge=100, le=10_000)] = 100
+    """At fewer, bodies would overlap by more than 1 mm before they are known to touch."""
 
     @model_validator(mode="after")
     def _divide(self) -> "TimingSection":
@@ -235,9 +236,11 @@ class Scenario(Section):
     @model_validator(mode="before")
     @classmethod
     def _noise_off(cls, given: Any) -> Any:
-        words = {"off": {"wheel_speed": 0, "infrared_counts": 0}, "on": {}}
-        if isinstance(given, dict) and isinstance(noise := given.get("noise"), str) and noise in words:
-            return {**given, "noise": words[noise]}
+        noise = given.get("noise") if isinstance(given, dict) else None
+        if noise in ("off", "OFF", "Off", False):
+            return {**given, "noise": {"wheel_speed": 0, "infrared_counts": 0}}
+        if noise in ("on", "ON", "On", True):
+            return {**given, "noise": {}}
         return given
 
     @model_validator(mode="after")

@@ -8,11 +8,11 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from epuck_sim.controller import Controller, listed, unknown
 from epuck_sim.controller_file import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario import RobotGroup, Scenario
+from epuck_sim.scenario import Scenario
 from epuck_sim.shipped import shipped_folder, shipped_names
+from epuck_sim.wording import listed, shown, unknown
 from epuck_sim.yaml_reader import parse_yaml, read_yaml
 
 
@@ -42,9 +42,10 @@ def load_scenario(source: Scenario | str | Path | Mapping[str, Any], settings: S
         if isinstance(given, dict):
             given = {"name": path.stem, **given}
     if not isinstance(given, dict):
-        raise ScenarioError(f"{origin}: is {_shown(given)}; a scenario is a mapping of keys to values")
+        raise ScenarioError(f"{origin}: is {shown(given)}; a scenario is a mapping of keys to values")
     for setting in settings:
         given = apply_setting(given, setting)
+    origin = " ".join([origin, *(f"--set {setting}" for setting in settings)])
     try:
         scenario = Scenario.model_validate(given)
     except ValidationError as error:
@@ -54,21 +55,20 @@ def load_scenario(source: Scenario | str | Path | Mapping[str, Any], settings: S
 
 def find_scenario(name: str) -> Path:
     """Return the file of a shipped arena, or the file `name`; raises ScenarioError where there is neither."""
-    if Path(name).suffix in (".yaml", ".yml") or Path(name).is_file():
-        if not Path(name).exists():
-            raise ScenarioError(f"{name}: there is no such file")
-        return Path(name)
     names = shipped_names("arenas", ".yaml")
-    if name not in names:
-        raise ScenarioError(
-            f"{unknown(name, names)}; shipped arenas: {listed(names)}; or give a file that ends in .yaml"
-        )
-    return shipped_folder("arenas") / f"{name}.yaml"
-
-
-def group_controller(group: RobotGroup, folder: Path | None = None) -> Controller:
-    """Return a group's controller; raises ControllerError where there is none."""
-    return find_controller(group.controller, folder)
+    if name in names:
+        return shipped_folder("arenas") / f"{name}.yaml"
+    path = Path(name)
+    try:
+        if path.is_file():
+            return path
+        if path.exists():
+            raise ScenarioError(f"{name}: is no regular file")
+    except OSError as error:
+        raise ScenarioError(f"{name}: cannot be read: {error.strerror}") from error
+    if path.suffix in (".yaml", ".yml"):
+        raise ScenarioError(f"{name}: there is no such file")
+    raise ScenarioError(f"{unknown(name, names)}; shipped arenas: {listed(names)}; or give a file that ends in .yaml")
 
 
 def apply_setting(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def _with(container: Any, parts: list[str], value: Any, setting: str) -> Any:
         place = int(first)
         return [*container[:place], _with(container[place], rest, value, setting), *container[place + 1 :]]
     if container is not None and not isinstance(container, Mapping):
-        raise ScenarioError(f"--set {setting}: {first!r} lies in {_shown(container)}, which has no keys")
+        raise ScenarioError(f"--set {setting}: {first!r} lies in {shown(container)}, which has no keys")
     here = dict(container or {})
     here[first] = _with(here.get(first), rest, value, setting)
     return here
@@ -106,7 +106,7 @@ def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
     for place, group in enumerate(scenario.robots):
         key = f"{origin}: robots.{place}"
         try:
-            controller = group_controller(group, folder)
+            controller = find_controller(group.controller, folder)
         except ControllerError as error:
             raise ScenarioError(f"{key}.controller: {error}") from error
         try:
@@ -130,10 +130,22 @@ def _readable(origin: str, detail: ErrorDetails) -> str:
     where = f"{origin}: {'.'.join(path)}" if path else origin
     if detail["type"] == "extra_forbidden":
         return f"{where}: {unknown(path[-1], _known_keys(path[:-1]))}; allowed: {listed(_known_keys(path[:-1]))}"
-    message = detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if detail["type"] == "missing":
+        return f"{where}: is missing"
+    message = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
     if detail["type"] == "value_error" and isinstance(detail["input"], dict):
         return f"{where}: {message}"
-    return f"{where}: is {_shown(detail['input'])}; allowed: {message}"
+    return f"{where}: is {shown(detail['input'])}; allowed: {message}"
+
+
+WORDS = {
+    "tuple_type": "a list",
+    "dict_type": "a mapping of keys to values",
+    "model_type": "a mapping of keys to values",
+    "union_tag_invalid": "shape: circle, box or polygon",
+    "union_tag_not_found": "shape: circle, box or polygon",
+}
+"""What is allowed, in words of the file rather than of Python."""
 
 
 def _known_keys(path: list[str]) -> list[str]:
@@ -144,8 +156,3 @@ def _known_keys(path: list[str]) -> list[str]:
             return ["shape", "x_cm", "y_cm", "radius_cm", "width_cm", "height_cm", "heading_rad", "corners_cm"]
         section = section[0] if isinstance(section, tuple) else getattr(section, part)
     return list(type(section).model_fields) if isinstance(section, BaseModel) else []
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -16,13 +16,14 @@ from epuck_sim.camera import make_camera
 from epuck_sim.cells import make_cells
 from epuck_sim.control import Control, RobotError, Senses
 from epuck_sim.controller import ACTUATORS
+from epuck_sim.controller_file import find_controller
 from epuck_sim.drive import act
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.infrared import SENSORS
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import robot_streams
 from epuck_sim.scenario import RobotGroup, Scenario
-from epuck_sim.scenario_file import group_controller, load_scenario
+from epuck_sim.scenario_file import load_scenario
 from epuck_sim.sensing import gather, sense
 from epuck_sim.step import Step
 from epuck_sim.world import World
@@ -128,10 +129,15 @@ class Simulation:
         act(*self._acting[0])
 
     def _make_team(self, group: RobotGroup, rows: slice, streams: npt.NDArray[np.uint64], interpret: bool) -> _Team:
-        controller = group_controller(group)
+        controller = find_controller(group.controller)
         parameters = np.repeat(controller.parameter_record(group.parameters), group.count)
         if controller.is_oscillator:
             self.period_ms[rows] = parameters["period_s"] * 1000
+            if group.parameters["period_s"] * 1000 <= self._step_ms:
+                raise ScenarioError(
+                    f"{self.scenario.name}: period_s is {group.parameters['period_s']}; allowed: longer than a control "
+                    f"step, {self.step_s:g} s"
+                )
         camera = self._camera[rows, : group.camera.pixels]
         senses = Senses(self._step_ms, self._infrared[rows], self._distance_mm[rows], camera)
         try:

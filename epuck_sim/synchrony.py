@@ -5,6 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.errors import ControllerError
 from epuck_sim.simulation import Simulation
 from epuck_sim.step import Step
 
@@ -39,8 +40,9 @@ METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
 class SynchronyWatch:
     """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
 
-    A robot fires when its ring lights up. Robots that are no oscillators do not count; if the reference is none,
-    nothing is measured and every 5 s count as a cycle.
+    A robot fires when its ring lights up, or when it is lit already and the phase falls. Robots that are no oscillators
+    do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One oscillator alone is
+    never synchronised.
     """
 
     cycles: int
@@ -65,26 +67,36 @@ class SynchronyWatch:
         if stop.max_time_s is not None:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
         self._steps = 0
-        self._was_on = False
+        self._lit_phase: float | None = None  # of the reference, while its ring is lit
         self.cycles = 0
         self.order_parameter = None
 
     def look(self, step: Step) -> None:
         """Take note of a step."""
         if self._measures:
-            is_on = bool(step.ring_on[self._reference])
-            if is_on and not self._was_on:
-                self.cycles += 1
-                self.order_parameter = self._metric(step.phase_ms[self._oscillators], self._periods)
-            self._was_on = is_on
+            if step.ring_on[self._reference]:
+                self._look_at_firing(step)
+            else:
+                self._lit_phase = None
         else:
             self.cycles = int((step.number + 1) / self._steps_a_cycle)
         self._steps = step.number + 1
 
+    def _look_at_firing(self, step: Step) -> None:
+        phases = step.phase_ms
+        phase = float(phases[self._reference])
+        if self._lit_phase is None or phase < self._lit_phase:
+            self.cycles += 1
+            if not np.isfinite(phases[self._oscillators]).all():
+                raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
+            self.order_parameter = self._metric(phases[self._oscillators], self._periods)
+        self._lit_phase = phase
+
     @property
     def is_synchronised(self) -> bool:
         """Whether the order parameter has reached its threshold at the last firing."""
-        return self.order_parameter is not None and self.order_parameter >= self._threshold
+        r = self.order_parameter
+        return r is not None and r >= self._threshold and len(self._periods) > 1
 
     @property
     def is_censored(self) -> bool:

@@ -4,7 +4,6 @@ Rows are gathered in columns and written in chunks, so that memory stays as it i
 appears under its name only when it is whole; its metadata holds the scenario, the seed and the versions.
 """
 
-import errno
 import json
 import os
 from pathlib import Path
@@ -37,8 +36,9 @@ class Trace:
 
     def __init__(self, path: Path, scenario: Scenario, seed: int) -> None:
         """Open the file; nothing of a trial needs to exist yet."""
-        self._path = path
-        self._part = path.parent / f"{path.name}.part"
+        check_target(path)
+        self._path = path = path.resolve()
+        self._part = path.with_name(f"{path.name}.part")
         self._robots = scenario.robot_count
         self._pixels = max(group.camera.pixels for group in scenario.robots)
         self._steps = max(1, CHUNK_ROWS // self._robots)
@@ -56,8 +56,6 @@ class Trace:
             "versions": json.dumps(versions()),
         }
         self._schema = _schema(self._pixels).with_metadata(metadata)
-        if path.is_dir():
-            raise _unwritable(path, IsADirectoryError(errno.EISDIR, ""))
         try:
             self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
         except BaseException as error:  # Ctrl-C, too, must leave nothing half-written
@@ -108,6 +106,32 @@ class Trace:
             raise _unwritable(self._path, problem) from problem
         finally:
             self._part.unlink(missing_ok=True)
+
+
+def trace_paths(path: Path, trials: int) -> list[Path]:
+    """Return a file for each trial: `path`, or FILE-0, FILE-1 and so on; raises as `check_target` does."""
+    check_target(path)
+    paths = [path] if trials == 1 else [path.with_stem(f"{path.stem}-{trial}") for trial in range(trials)]
+    for target in paths:
+        check_target(target)
+    return paths
+
+
+def check_target(path: Path) -> None:
+    """Raise EpuckSimError where no trace can be written: no file's name, no folder for it, or no regular file there."""
+    reason = ""
+    if path.is_dir():
+        reason = "is a directory"
+    elif not path.name or path.name == "..":
+        reason = "is no file's name"
+    elif path.exists() and not path.is_file():
+        reason = "is no regular file"
+    elif not path.parent.is_dir():
+        reason = f"there is no directory {path.parent}"
+    elif not os.access(path.parent, os.W_OK):
+        reason = f"no permission to write in {path.parent}"
+    if reason:
+        raise EpuckSimError(f"{path}: cannot be written: {reason}")
 
 
 def _unwritable(path: Path, error: OSError) -> EpuckSimError:

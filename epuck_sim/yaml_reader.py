@@ -60,13 +60,14 @@ def parse_yaml(text: str, source: str) -> Any:
     """Return what the YAML `text` means; `source` names it in the ScenarioError raised where it means nothing."""
     try:
         loader = _Loader(text)
+        loader.name = source
         node = loader.get_single_node()
         if node is None:
             return None
         _refuse(node, source)
         return loader.construct_document(node)
     except yaml.YAMLError as error:
-        raise ScenarioError(f"{source}: is no YAML: {' '.join(str(error).split())}") from error
+        raise ScenarioError(f"{source}: cannot be read as YAML: {' '.join(str(error).split())}") from error
     except RecursionError as error:
         raise ScenarioError(f"{source}: is nested too deeply") from error
     except ValueError as error:  # a number of thousands of digits

@@ -10,7 +10,7 @@ import time
 import pytest
 from typer.testing import CliRunner
 
-from epuck_sim import __version__
+from epuck_sim import __version__, report
 from epuck_sim.cli import app
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.shipped import shipped_names
@@ -125,8 +125,16 @@ def test_the_version_is_printed() -> None:
         (["check", "thesis", "--set", "stop.max_cyles=3"], "did you mean 'max_cycles'"),
         (["run", "thesis", "--set", "robots.0.count=100"], "do not fit into the arena"),
         (["check", "thesis", "--set", "robots.0.count=60"], "no free place was found"),
-        (["run", "thesis", "--trace", "gone/trace.parquet"], "cannot be written: No such file or directory"),
-        (["run", "thesis", "--trace", "."], "cannot be written: Is a directory"),
+        (["run", "thesis", "--trace", "gone/trace.parquet"], "cannot be written: there is no directory gone"),
+        (["run", "thesis", "--trace", "."], "cannot be written: is a directory"),
+        (["run", "thesis", "--trace", "/", "--trials", "2"], "cannot be written: is a directory"),
+        (["run", "."], ".: is no regular file"),
+        (["run", "x" * 300 + ".yaml"], "cannot be read: File name too long"),
+        (["run", "thesis", "--set", "seed=-1"], "thesis.yaml --set seed=-1: seed: is -1"),
+        (
+            ["run", "thesis", "--set", "robots.0.parameters.period_s=0.1"],
+            "period_s is 0.1; allowed: longer than",
+        ),
         (["run", "thesis", "--seed", "-1"], "--seed"),
         (["run", "thesis", "--seed", "1.5"], "--seed"),
         (["run", "thesis", "--trials", "0"], "--trials"),
@@ -157,8 +165,10 @@ def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, in
     assert sorted(path.name for path in tmp_path.glob("*.parquet*")) == []
 
 
-@pytest.mark.parametrize("as_json", [[], ["--json"]])
-def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(tmp_path, as_json: list[str]) -> None:
+@pytest.mark.parametrize(("as_json", "signalled"), [([], signal.SIGINT), (["--json"], signal.SIGTERM)])
+def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(
+    tmp_path, as_json: list[str], signalled: signal.Signals
+) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 3000}")
     arguments = [*COMMAND, "run", str(scene), "--trials", "1000", "--trace", str(tmp_path / "t.parquet"), *as_json]
@@ -168,13 +178,51 @@ def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(tmp_path
         assert time.monotonic() < deadline
         assert process.poll() is None
         time.sleep(0.02)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(signalled)
     stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert stderr.strip() == "interrupted"
     assert stdout.count("yes, at" if not as_json else '"censored": true') >= 1
     assert (tmp_path / "t-0.parquet").exists()
     assert list(tmp_path.glob("*.part")) == []
+
+
+def test_all_traces_are_checked_before_the_first_trial(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t-1.parquet").mkdir()
+    result = call("run", "pair", "--trials", "2", "--trace", "t.parquet")
+    assert result.exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["t-1.parquet"]
+
+
+def test_a_placement_that_fails_names_the_file(tmp_path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("robots: [{count: 60}]")
+    for command in ("run", "check"):
+        result = call(command, str(scene))
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert f"{scene}: scene: robots.0.count: is 60; no free place" in result.stderr
+
+
+def test_names_are_no_markup() -> None:
+    result = call("run", "pair", "--set", 'name="[/red]x"')
+    assert result.exit_code == 0
+    assert "[/red]x" in result.stdout
+
+
+def test_a_shipped_arena_is_not_hidden_by_a_file_of_its_name(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pair").touch()
+    assert call("check", "pair").exit_code == 0
+
+
+def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None:
+    monkeypatch.setattr(report, "LINE_S", 0.0)
+    result = call("run", "pair", "--json")
+    first = result.stderr.splitlines()[0]
+    assert first.startswith("trial 1 of 1: 0.0 s simulated, 0 cycles")
+    assert first.endswith(" x real time")
+    assert len(result.stdout.splitlines()) == 1
 
 
 def test_help_waits_for_nothing_heavy() -> None:

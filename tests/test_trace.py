@@ -1,6 +1,7 @@
 """A trace holds what the simulation's arrays held, and never half of it."""
 
 import json
+import os
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -102,7 +103,18 @@ def test_an_older_trace_stays_until_the_new_one_is_whole(tmp_path) -> None:
     assert path.read_text() == "older"
 
 
-@pytest.mark.parametrize(("name", "reason"), [("gone/t.parquet", "No such file"), (".", "Is a directory")])
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("gone/t.parquet", "there is no directory"), (".", "is a directory"), ("pipe", "is no regular file")],
+)
 def test_a_path_that_cannot_be_written_is_refused_before_anything_runs(tmp_path, name: str, reason: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
     with pytest.raises(EpuckSimError, match=f"cannot be written: {reason}"):
         Trace(tmp_path / name, load_scenario("thesis"), 0)
+
+
+def test_a_link_is_followed(tmp_path) -> None:
+    (tmp_path / "link.parquet").symlink_to(tmp_path / "real.parquet")
+    traced(tmp_path / "link.parquet", load_scenario("pair"))
+    assert (tmp_path / "link.parquet").is_symlink()
+    assert pq.read_table(tmp_path / "real.parquet").num_rows > 0

@@ -5,6 +5,7 @@ import time
 import numpy as np
 import pytest
 
+from epuck_sim.errors import ControllerError
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation, Step
 from epuck_sim.synchrony import SynchronyWatch
@@ -142,9 +143,47 @@ def test_a_trial_needs_a_fresh_simulation():
         run_trial(simulation)
 
 
+NEVER_FIRES = """
+PARAMETERS = {"period_s": 5.0}
+MEMORY = {"phase_ms": float}
+def start(memory, parameters, random):
+    memory.phase_ms = PHASE
+def step(sensors, memory, actuators, parameters, random):
+    actuators.ring_on = LIT
+"""
+
+
+def of_its_own(tmp_path, phase, lit, **stop):
+    """Return the trial of two robots with a phase that never changes."""
+    path = tmp_path / "own.py"
+    path.write_text(f"PHASE, LIT = {phase}, {lit}\n{NEVER_FIRES}")
+    return run_trial(Simulation({"robots": [{"count": 2, "controller": str(path)}], "stop": stop}))
+
+
 @pytest.mark.parametrize("max_cycles", [1, 3])
-def test_a_reference_that_never_fires_again_does_not_keep_a_trial_for_ever(max_cycles):
-    robots = [{"count": 1, "parameters": {"period_s": 0.1}}, {"count": 1, "parameters": {"period_s": 7}}]
-    result = run_trial(Simulation({"robots": robots, "stop": {"max_cycles": max_cycles, "order_parameter": 1}}))
-    assert result.censored
-    assert result.steps <= 2 * max_cycles * 2
+def test_a_reference_that_never_fires_does_not_keep_a_trial_for_ever(max_cycles, tmp_path):
+    result = of_its_own(tmp_path, "1.0", False, max_cycles=max_cycles)
+    assert (result.censored, result.cycles, result.steps) == (True, 0, 2 * max_cycles * 51)
+
+
+def test_a_phase_that_is_no_number_is_an_error(tmp_path):
+    with pytest.raises(ControllerError, match="step 0: an oscillator's phase is not a number"):
+        of_its_own(tmp_path, "float('inf')", True)
+
+
+def test_one_oscillator_alone_is_never_synchronised():
+    result = run_trial(Simulation({"robots": [{"count": 1}], "stop": {"max_cycles": 3}}))
+    assert (result.censored, result.cycles) == (True, 3)
+
+
+def test_a_firing_counts_though_the_ring_is_lit_already():
+    parameters = {"flash_fraction": 0.15, "coupling": 10, "speed_cm_s": 2}
+    simulation = Simulation({"robots": [{"count": 10, "parameters": parameters}], "stop": {"order_parameter": 1}}, 1)
+    watched, resets, before, edges, was_on = SynchronyWatch(simulation), 0, np.inf, 0, False
+    for step, _ in zip(simulation, range(2000), strict=False):
+        watched.look(step)
+        resets += bool(step.phase_ms[0] < before)
+        edges += bool(step.ring_on[0] and not was_on)
+        before, was_on = step.phase_ms[0], step.ring_on[0]
+    first = 1  # the phase at the start falls from nowhere
+    assert watched.cycles == resets - first > edges

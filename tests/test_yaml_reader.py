@@ -52,10 +52,10 @@ def bomb(depth: int = 12, width: int = 9) -> str:
     ("text", "message"),
     [
         ("a: 1\na: 2", "'a' is given twice, again in line 2"),
-        ("a: [1, 2", "is no YAML"),
-        ("a: !!python/object:os.system {}", "is no YAML"),
+        ("a: [1, 2", "cannot be read as YAML"),
+        ("a: !!python/object:os.system {}", "cannot be read as YAML"),
         ("a: &a [*a]", "holds itself"),
-        ("- 1\n--- \n- 2", "is no YAML"),
+        ("- 1\n--- \n- 2", "cannot be read as YAML"),
         ("[" * 3000 + "]" * 3000, "nested too deeply"),
         ("a: " + "9" * 5000, "cannot be read"),
         (bomb(), "unfolds to more than"),
