@@ -11,7 +11,7 @@ run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
 
 test: lint ## lint, types and all tests but the slow ones
-	$(BIN)/python -m pytest -m "not slow" --benchmark-skip
+	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks
 
 lint: $(VENV)/test-tools
 	$(BIN)/ruff check .

@@ -1,13 +1,17 @@
 """What README and docs show is run as it stands."""
 
+import doctest
+import pkgutil
 import re
 import shlex
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+import epuck_sim
 from epuck_sim.cli import app
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation
@@ -87,3 +91,10 @@ def test_the_scenario_reference_shows_all_keys_with_their_defaults() -> None:
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
         assert (page.parent / target).exists(), target
+
+
+def test_examples_in_docstrings_hold() -> None:
+    modules = [module.name for module in pkgutil.iter_modules(epuck_sim.__path__) if module.name != "__main__"]
+    results = [doctest.testmod(import_module(f"epuck_sim.{module}")) for module in modules]
+    assert sum(result.failed for result in results) == 0
+    assert sum(result.attempted for result in results) >= 6
