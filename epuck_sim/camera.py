@@ -91,9 +91,8 @@ def see(
 
 
 @kernel
-def _view(pose: Floats, camera: Camera, left: int, right: int) -> View:
-    """Return what a robot's camera views from pixel `left` to pixel `right`."""
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+def _view(pose: Floats, cos: float, sin: float, camera: Camera, left: int, right: int) -> View:
+    """Return what a robot's camera views from pixel `left` to pixel `right`; cos, sin: of its heading."""
     return View(
         pose[0] + _FORWARD * cos,
         pose[1] + _FORWARD * sin,
@@ -108,7 +107,8 @@ def _view(pose: Floats, camera: Camera, left: int, right: int) -> View:
 @kernel
 def _is_any_in_view(poses: Floats, others: npt.NDArray[np.int64], camera: Camera, robot: int) -> bool:
     """Whether any of `others`, numbers of robots, may reach into a robot's field of view."""
-    view = _view(poses[robot], camera, camera.first, camera.end - 1)
+    cos, sin = math.cos(poses[robot, 2]), math.sin(poses[robot, 2])
+    view = _view(poses[robot], cos, sin, camera, camera.first, camera.end - 1)
     for other in others:
         if other != robot and may_hold(view, poses[other, 0] - view.x, poses[other, 1] - view.y, _RADIUS):
             return True
@@ -126,7 +126,7 @@ def _see_robots(
     cos, sin = math.cos(poses[robot, 2]), math.sin(poses[robot, 2])
     depth[camera.first : camera.end] = camera.range_cm
     left, right = camera.first, camera.end - 1  # pixels beyond them see something nearer than what is to come
-    view = _view(poses[robot], camera, left, right)
+    view = _view(poses[robot], cos, sin, camera, left, right)
     column = slot(view.x, cells.width_cm, cells.columns)
     line = slot(view.y, cells.height_cm, cells.rows)
     half_cell = 0.5 * math.hypot(cells.width_cm, cells.height_cm)
@@ -160,7 +160,7 @@ def _see_robots(
             right -= 1
         if left > right:
             return red
-        view = _view(poses[robot], camera, left, right)
+        view = _view(poses[robot], cos, sin, camera, left, right)
     return red
 
 

@@ -12,11 +12,10 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.compiled import kernel
 
+Floats = npt.NDArray[np.float64]
+
 _LIMIT = epuck.WHEEL_LIMIT_CM_S
 _BASE = epuck.WHEEL_BASE_CM
-
-
-Floats = npt.NDArray[np.float64]
 
 
 @kernel

@@ -66,11 +66,3 @@ OUT_OF_RANGE_MM = 65535
 
 CAMERA_FORWARD_CM = 3.7
 """The camera sits at the front of the body, this far ahead of the axle's centre (e-puck hardware)."""
-
-# --- what a camera tells apart ----------------------------------------------------------------------
-
-DARK = 0
-"""Pixel of an unlit robot, a wall, an obstacle, or nothing (thesis 4.1.1)."""
-
-RED = 1
-"""Pixel of a lit LED ring (thesis 4.1.1)."""

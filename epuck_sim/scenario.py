@@ -265,3 +265,8 @@ class Scenario(Section):
     def robot_count(self) -> int:
         """Robots in all groups."""
         return sum(group.count for group in self.robots)
+
+    @property
+    def camera_pixels(self) -> int:
+        """Pixels of the camera that has the most."""
+        return max(group.camera.pixels for group in self.robots)

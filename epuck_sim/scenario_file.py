@@ -10,7 +10,7 @@ from pydantic_core import ErrorDetails
 
 from epuck_sim.controller_file import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario import Scenario
+from epuck_sim.scenario import Box, Circle, Polygon, Scenario
 from epuck_sim.shipped import shipped_folder, shipped_names
 from epuck_sim.wording import listed, shown, unknown
 from epuck_sim.yaml_reader import parse_yaml, read_yaml
@@ -113,6 +113,11 @@ def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
             parameters = controller.resolve(group.parameters)
         except ValueError as error:
             raise ScenarioError(f"{key}.parameters: {error}") from error
+        if controller.is_oscillator and parameters["period_s"] * 1000 <= scenario.timing.step_ms:
+            raise ScenarioError(
+                f"{key}.parameters: period_s is {parameters['period_s']}; allowed: longer than a control step, "
+                f"{scenario.timing.step_ms / 1000:g} s"
+            )
         shipped = controller.path.parent == shipped_folder("controllers")
         name = controller.name if shipped else str(controller.path)
         groups.append(group.model_copy(update={"controller": name, "parameters": parameters}))
@@ -153,6 +158,6 @@ def _known_keys(path: list[str]) -> list[str]:
     section: Any = Scenario.model_validate({})
     for part in path:
         if part == "obstacles":
-            return ["shape", "x_cm", "y_cm", "radius_cm", "width_cm", "height_cm", "heading_rad", "corners_cm"]
+            return list(dict.fromkeys(key for shape in (Circle, Box, Polygon) for key in shape.model_fields))
         section = section[0] if isinstance(section, tuple) else getattr(section, part)
     return list(type(section).model_fields) if isinstance(section, BaseModel) else []

@@ -59,7 +59,7 @@ class SynchronyWatch:
         self._oscillators = ~np.isnan(simulation.period_ms)
         self._periods = simulation.period_ms[self._oscillators]
         self._measures = bool(self._oscillators[self._reference])
-        step_ms = round(simulation.step_s * 1000)
+        step_ms = simulation.scenario.timing.step_ms
         period_ms = simulation.period_ms[self._reference] if self._measures else NOMINAL_PERIOD_S * 1000
         self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
         # a reference that never fires must not keep a trial for ever: twice the time that its cycles should take

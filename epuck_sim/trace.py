@@ -40,11 +40,12 @@ class Trace:
         self._path = path = path.resolve()
         self._part = path.with_name(f"{path.name}.part")
         self._robots = scenario.robot_count
-        self._pixels = max(group.camera.pixels for group in scenario.robots)
+        self._pixels = scenario.camera_pixels
+        schema = _schema(self._pixels)
         self._steps = max(1, CHUNK_ROWS // self._robots)
         self._columns = {
             field.name: np.zeros((self._steps, self._robots), field.type.to_pandas_dtype())
-            for field in _schema(self._pixels)
+            for field in schema
             if field.name != "camera"
         }
         self._columns["robot"][:] = np.arange(self._robots)
@@ -55,7 +56,7 @@ class Trace:
             "seed": str(seed),
             "versions": json.dumps(versions()),
         }
-        self._schema = _schema(self._pixels).with_metadata(metadata)
+        self._schema = schema.with_metadata(metadata)
         try:
             self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
         except BaseException as error:  # Ctrl-C, too, must leave nothing half-written

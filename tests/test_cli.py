@@ -132,8 +132,8 @@ def test_the_version_is_printed() -> None:
         (["run", "x" * 300 + ".yaml"], "cannot be read: File name too long"),
         (["run", "thesis", "--set", "seed=-1"], "thesis.yaml --set seed=-1: seed: is -1"),
         (
-            ["run", "thesis", "--set", "robots.0.parameters.period_s=0.1"],
-            "period_s is 0.1; allowed: longer than",
+            ["check", "thesis", "--set", "robots.0.parameters.period_s=0.1"],
+            "robots.0.parameters: period_s is 0.1; allowed: longer than",
         ),
         (["run", "thesis", "--seed", "-1"], "--seed"),
         (["run", "thesis", "--seed", "1.5"], "--seed"),

@@ -75,8 +75,10 @@ def test_each_robots_phase_is_measured_by_its_own_period(metric):
 def watch(periods, step_s=0.1, **stop):
     """Return a watch on robots with these periods in ms, NaN for no oscillator."""
     robots = [{"count": len(periods)}]
-    scenario = load_scenario({"robots": robots, "stop": stop, "arena": {"width_cm": 200, "height_cm": 200}})
-    return SynchronyWatch(SimpleNamespace(scenario=scenario, step_s=step_s, period_ms=np.array(periods, float)))
+    timing = {"control_hz": round(1 / step_s), "physics_hz": 1000}
+    arena = {"width_cm": 200, "height_cm": 200}
+    scenario = load_scenario({"robots": robots, "stop": stop, "arena": arena, "timing": timing})
+    return SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=np.array(periods, float)))
 
 
 def step(number, rings, phase_ms):
