@@ -12,7 +12,7 @@ from typing import Any
 
 from epuck_sim.controller import Controller, record_type, typed
 from epuck_sim.errors import ControllerError
-from epuck_sim.shipped import shipped_folder, shipped_names
+from epuck_sim.shipped import CONTROLLERS, shipped_files, shipped_folder
 from epuck_sim.wording import listed, unknown
 
 PARTS = {
@@ -31,12 +31,12 @@ def find_controller(name: str, folder: Path | None = None) -> Controller:
     Raises ControllerError where there is none, or where its file is no controller.
     """
     if not name.endswith(".py") and "/" not in name and "\\" not in name:
-        names = shipped_names("controllers", ".py")
-        if name not in names:
+        shipped = shipped_files(CONTROLLERS)
+        if name not in shipped:
             raise ControllerError(
-                f"{unknown(name, names)}; shipped controllers: {listed(names)}; or give a file that ends in .py"
+                f"{unknown(name, shipped)}; shipped controllers: {listed(shipped)}; or give a file that ends in .py"
             )
-        return load_controller(shipped_folder("controllers") / f"{name}.py")
+        return load_controller(shipped[name])
     folders = dict.fromkeys([folder or Path(), Path()])
     for place in folders:
         if (place / name).is_file():
@@ -111,7 +111,7 @@ class _Beside(MetaPathFinder):
     """Finds files by name in some folders, but for the one that imports them."""
 
     def __init__(self, path: Path, sources: dict[Path, bytes]) -> None:
-        folders = (path.parent, shipped_folder("controllers"))
+        folders = (path.parent, shipped_folder(CONTROLLERS))
         files = [file for folder in reversed(folders) for file in folder.glob("*.py") if file != path]
         self.files: Mapping[str, Path] = {file.stem: file.resolve() for file in files}
         self._sources = sources

@@ -4,6 +4,8 @@ A trial's seed alone decides what happens in it; a robot's stream depends on its
 which robots are served, and what others draw, cannot change what it draws.
 """
 
+import hashlib
+
 import numpy as np
 import numpy.typing as npt
 
@@ -24,9 +26,17 @@ def trial_seed(master: int, trial: int) -> int:
     >>> trial_seed(7, 1) == trial_seed(7, 1) != trial_seed(8, 1)
     True
     """
-    if trial == 0:
-        return master
-    word = np.random.SeedSequence(master, spawn_key=(trial,)).generate_state(1, np.uint64)[0]
+    return master if trial == 0 else _derived(master, (trial,))
+
+
+def point_seed(master: int, point: str, trial: int) -> int:
+    """Return the seed of trial number `trial` at the point of a sweep that is known as `point`."""
+    digest = hashlib.sha256(point.encode()).digest()
+    return _derived(master, (int.from_bytes(digest[:4]), int.from_bytes(digest[4:8]), trial))
+
+
+def _derived(master: int, spawn_key: tuple[int, ...]) -> int:
+    word = np.random.SeedSequence(master, spawn_key=spawn_key).generate_state(1, np.uint64)[0]
     return int(word) >> (64 - SEED_BITS)
 
 

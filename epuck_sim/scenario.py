@@ -7,27 +7,12 @@ import math
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena, box_corners, is_convex, make_arena
-
-
-def _no_truth_value(value: object) -> object:
-    if isinstance(value, bool):
-        raise ValueError("a number, not true or false")  # noqa: TRY004 pydantic gathers ValueErrors
-    return value
-
-
-Number = Annotated[float, BeforeValidator(_no_truth_value)]
-Whole = Annotated[int, BeforeValidator(_no_truth_value)]
-Positive = Annotated[Number, Field(gt=0, le=1e6)]
-
-
-class Section(BaseModel):
-    """Part of a scenario: no unknown keys, no NaN, no change after it was made."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+from epuck_sim.axes import Axes
+from epuck_sim.section import Number, Positive, Section, Whole
 
 
 class Circle(Section):
@@ -101,23 +86,17 @@ class CameraSection(Section):
 
     pixels: Annotated[Whole, Field(ge=1, le=1000)] = 60
     field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
-    central_pixels: Annotated[Whole, Field(ge=1)]
+    central_pixels: Annotated[Whole, Field(ge=1)] | None = None
     """Only so many pixels in the middle of the row are looked at (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
     """Nothing beyond it is seen; unlimited by default."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _all_pixels(cls, given: Any) -> Any:
-        if isinstance(given, dict) and "central_pixels" not in given:
-            return {**given, "central_pixels": given.get("pixels", 60)}
-        return given
-
     @model_validator(mode="after")
     def _centred(self) -> "CameraSection":
-        if self.central_pixels > self.pixels or (self.pixels - self.central_pixels) % 2:
+        central = self.pixels if self.central_pixels is None else self.central_pixels
+        if central > self.pixels or (self.pixels - central) % 2:
             raise ValueError(
-                f"central_pixels is {self.central_pixels}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
+                f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
                 f"2, so that they lie in the middle of {self.pixels} pixels"
             )
         return self
@@ -141,7 +120,7 @@ class RobotGroup(Section):
     """A shipped controller's name, or a file that ends in .py, relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters, which it checks itself; what is left out has the controller's default."""
-    camera: CameraSection = Field(default_factory=lambda: CameraSection.model_validate({}))
+    camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()
 
     @model_validator(mode="before")
@@ -231,7 +210,10 @@ class Scenario(Section):
     timing: TimingSection = TimingSection()
     stop: StopSection = StopSection()
     trials: Annotated[Whole, Field(ge=1, le=10_000_000)] = 1
+    """How many; of a sweep, at each of its points."""
     seed: Annotated[Whole, Field(ge=0)] = 0
+    """The master seed, from which each trial gets its own."""
+    sweep: Axes | None = None
 
     @model_validator(mode="before")
     @classmethod

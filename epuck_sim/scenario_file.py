@@ -1,5 +1,6 @@
-"""Scenarios from YAML: find the file, apply `--set`, validate, fill in the controllers' defaults, write it again."""
+"""Scenarios from YAML: find the file, apply changes, validate, fill in the controllers' defaults, write it again."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,19 +9,31 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from epuck_sim.axes import Axes
+from epuck_sim.controller import Controller
 from epuck_sim.controller_file import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario import Box, Circle, Polygon, Scenario
-from epuck_sim.shipped import shipped_folder, shipped_names
+from epuck_sim.settings import apply_axis, apply_setting, refuse_hidden
+from epuck_sim.shipped import ARENAS, CONTROLLERS, SWEEPS, shipped_files, shipped_folder
 from epuck_sim.wording import listed, shown, unknown
-from epuck_sim.yaml_reader import parse_yaml, read_yaml
+from epuck_sim.yaml_reader import read_yaml
+
+RUN_SCENARIO = "scenario.yaml"
+"""In a run folder: what was run."""
+
+CONTROLLER_KEY = re.compile(r"robots\.\d+\.controller")
+"""The keys that name a controller."""
 
 
-def load_scenario(source: Scenario | str | Path | Mapping[str, Any], settings: Sequence[str] = ()) -> Scenario:
+def load_scenario(
+    source: Scenario | str | Path | Mapping[str, Any], settings: Sequence[str] = (), axes: Sequence[str] = ()
+) -> Scenario:
     """Return a validated scenario with every default written out.
 
     source: a shipped arena's name, a YAML file, a mapping with a scenario's keys, or a Scenario.
     settings: changes as `key=value`, such as `robots.0.parameters.speed_cm_s=1.0`; later ones win.
+    axes: axes for the grid of the scenario's sweep as `key=value,value,...`.
     Raises ScenarioError, which names the file, the key, the value and what is allowed.
 
     >>> load_scenario("thesis", ["arena.width_cm=100"]).arena.width_cm
@@ -28,9 +41,9 @@ def load_scenario(source: Scenario | str | Path | Mapping[str, Any], settings: S
     """
     folder = None
     if isinstance(source, Scenario):
-        if not settings:
+        if not settings and not axes:
             return _resolve(source, source.name, folder)
-        given: Any = source.model_dump(mode="json", exclude_none=True)
+        given: Any = source.model_dump(mode="json")
         origin = source.name
     elif isinstance(source, Mapping):
         given, origin = dict(source), "scenario"
@@ -45,59 +58,42 @@ def load_scenario(source: Scenario | str | Path | Mapping[str, Any], settings: S
         raise ScenarioError(f"{origin}: is {shown(given)}; a scenario is a mapping of keys to values")
     for setting in settings:
         given = apply_setting(given, setting)
-    origin = " ".join([origin, *(f"--set {setting}" for setting in settings)])
+    for axis in axes:
+        given = apply_axis(given, axis)
+    options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
+    origin = " ".join([origin, *options])
     try:
         scenario = Scenario.model_validate(given)
     except ValidationError as error:
         raise ScenarioError("\n".join(_readable(origin, detail) for detail in error.errors())) from error
+    refuse_hidden(settings, scenario.sweep)
     return _resolve(scenario, origin, folder)
 
 
 def find_scenario(name: str) -> Path:
-    """Return the file of a shipped arena, or the file `name`; raises ScenarioError where there is neither."""
-    names = shipped_names("arenas", ".yaml")
-    if name in names:
-        return shipped_folder("arenas") / f"{name}.yaml"
+    """Return the file of a shipped arena, the file `name`, or the scenario of the run folder `name`.
+
+    Raises ScenarioError where there is none.
+    """
+    shipped = {**shipped_files(ARENAS), **shipped_files(SWEEPS)}
+    if name in shipped:
+        return shipped[name]
     path = Path(name)
     try:
         if path.is_file():
             return path
+        if path.is_dir() and (path / RUN_SCENARIO).is_file():
+            return path / RUN_SCENARIO
         if path.exists():
-            raise ScenarioError(f"{name}: is no regular file")
+            raise ScenarioError(f"{name}: is no regular file, nor a run folder with a {RUN_SCENARIO}")
     except OSError as error:
         raise ScenarioError(f"{name}: cannot be read: {error.strerror}") from error
     if path.suffix in (".yaml", ".yml"):
-        raise ScenarioError(f"{name}: there is no such file")
-    raise ScenarioError(f"{unknown(name, names)}; shipped arenas: {listed(names)}; or give a file that ends in .yaml")
-
-
-def apply_setting(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
-    """Return the mapping `given` with one change, `key=value` with a dotted key; raises ScenarioError."""
-    key, equals, text = setting.partition("=")
-    if not equals or not key:
-        raise ScenarioError(f"--set {setting}: give it as key=value, such as stop.max_cycles=100")
-    value = parse_yaml(text, f"--set {setting}")
-    parts = key.split(".")
-    result = _with({"robots": [{}], **given}, parts, value, setting)
-    assert isinstance(result, dict)  # a mapping changed is a mapping
-    return result
-
-
-def _with(container: Any, parts: list[str], value: Any, setting: str) -> Any:
-    """Return `container` with `value` at the path `parts`; sections that are not there yet are made."""
-    if not parts:
-        return value
-    first, *rest = parts
-    if isinstance(container, list | tuple):
-        if not first.isdecimal() or int(first) >= len(container):
-            raise ScenarioError(f"--set {setting}: {first!r} is no place in a list of {len(container)}, counted from 0")
-        place = int(first)
-        return [*container[:place], _with(container[place], rest, value, setting), *container[place + 1 :]]
-    if container is not None and not isinstance(container, Mapping):
-        raise ScenarioError(f"--set {setting}: {first!r} lies in {shown(container)}, which has no keys")
-    here = dict(container or {})
-    here[first] = _with(here.get(first), rest, value, setting)
-    return here
+        named = f"; the shipped one is called {path.stem!r}" if path.stem in shipped else ""
+        raise ScenarioError(f"{name}: there is no such file{named}")
+    raise ScenarioError(
+        f"{unknown(name, shipped)}; shipped: {listed(shipped)}; or give a .yaml file, or a run folder"
+    )
 
 
 def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
@@ -105,6 +101,9 @@ def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
     groups = []
     for place, group in enumerate(scenario.robots):
         key = f"{origin}: robots.{place}"
+        if scenario.sweep is not None and f"robots.{place}.controller" in scenario.sweep.keys:
+            groups.append(group)  # whose parameters they are is known at each point only
+            continue
         try:
             controller = find_controller(group.controller, folder)
         except ControllerError as error:
@@ -118,15 +117,39 @@ def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
                 f"{key}.parameters: period_s is {parameters['period_s']}; allowed: longer than a control step, "
                 f"{scenario.timing.step_ms / 1000:g} s"
             )
-        shipped = controller.path.parent == shipped_folder("controllers")
-        name = controller.name if shipped else str(controller.path)
-        groups.append(group.model_copy(update={"controller": name, "parameters": parameters}))
-    return scenario.model_copy(update={"robots": tuple(groups)})
+        groups.append(group.model_copy(update={"controller": _place_of(controller), "parameters": parameters}))
+    sweep = scenario.sweep and _with_controllers_found(scenario.sweep, origin, folder)
+    return scenario.model_copy(update={"robots": tuple(groups), "sweep": sweep})
+
+
+def _place_of(controller: Controller) -> str:
+    """Return the name of a shipped controller, or the path of another."""
+    shipped = controller.path.parent == shipped_folder(CONTROLLERS)
+    return controller.name if shipped else str(controller.path)
+
+
+def _with_controllers_found(axes: Axes, origin: str, folder: Path | None) -> Axes:
+    """Return the axes with the paths of the controllers that they name; raises ScenarioError."""
+
+    def found(key: str, value: Any) -> Any:
+        if not CONTROLLER_KEY.fullmatch(key):
+            return value
+        try:
+            return _place_of(find_controller(str(value), folder))
+        except ControllerError as error:
+            raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
+
+    columns = {
+        name: {key: tuple(found(key, value) for value in values) for key, values in getattr(axes, name).items()}
+        for name in ("zip", "grid")
+    }
+    points = axes.points and tuple({key: found(key, value) for key, value in row.items()} for row in axes.points)
+    return axes.model_copy(update={**columns, "points": points})
 
 
 def write_scenario(scenario: Scenario) -> str:
     """Return a scenario as YAML with every key; read again, it is the same scenario."""
-    return yaml.safe_dump(scenario.model_dump(mode="json", exclude_none=True), sort_keys=False, default_flow_style=None)
+    return yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False, default_flow_style=None)
 
 
 def _readable(origin: str, detail: ErrorDetails) -> str:
@@ -147,6 +170,7 @@ WORDS = {
     "tuple_type": "a list",
     "dict_type": "a mapping of keys to values",
     "model_type": "a mapping of keys to values",
+    "too_short": "at least one value",
     "union_tag_invalid": "shape: circle, box or polygon",
     "union_tag_not_found": "shape: circle, box or polygon",
 }
@@ -155,7 +179,7 @@ WORDS = {
 
 def _known_keys(path: list[str]) -> list[str]:
     """Return the keys of the section at `path`."""
-    section: Any = Scenario.model_validate({})
+    section: Any = Scenario.model_validate({"sweep": {"grid": {"model": [0]}}})
     for part in path:
         if part == "obstacles":
             return list(dict.fromkeys(key for shape in (Circle, Box, Polygon) for key in shape.model_fields))

@@ -9,8 +9,14 @@ from epuck_sim.yaml_reader import read_yaml
 _PACKAGE = Path(epuck_sim.__file__).parent
 
 
+ARENAS, SWEEPS, CONTROLLERS = "arenas", "arenas/sweeps", "controllers"
+"""What is shipped: a folder each."""
+
+_SUFFIX = {ARENAS: ".yaml", SWEEPS: ".yaml", CONTROLLERS: ".py"}
+
+
 def shipped_folder(kind: str) -> Path:
-    """Return the folder of the shipped `kind`, "arenas" or "controllers".
+    """Return the folder of what is shipped of a kind.
 
     A built wheel carries them inside the package; in a checkout they lie beside it.
     """
@@ -18,23 +24,20 @@ def shipped_folder(kind: str) -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / kind
 
 
-def shipped_names(kind: str, suffix: str) -> list[str]:
-    """Return the names, without suffix, of what is shipped."""
-    return sorted(path.stem for path in shipped_folder(kind).glob(f"*{suffix}"))
+def shipped_files(kind: str) -> dict[str, Path]:
+    """Return the files that are shipped of a kind by their names, without suffix."""
+    return {path.stem: path for path in sorted(shipped_folder(kind).glob(f"*{_SUFFIX[kind]}"))}
 
 
-def describe_arenas() -> dict[str, str]:
-    """Return each shipped arena's name and description."""
-    folder = shipped_folder("arenas")
-    names = shipped_names("arenas", ".yaml")
-    return {name: str(read_yaml(folder / f"{name}.yaml").get("description", "")) for name in names}
+def describe_scenarios(kind: str) -> dict[str, str]:
+    """Return the name and description of each shipped arena or sweep."""
+    return {name: str(read_yaml(path).get("description", "")) for name, path in shipped_files(kind).items()}
 
 
 def describe_controllers() -> dict[str, str]:
     """Return each shipped controller's name and the first line of its docstring."""
-    folder = shipped_folder("controllers")
     docs = {
-        name: ast.get_docstring(ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))) or ""
-        for name in shipped_names("controllers", ".py")
+        name: ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        for name, path in shipped_files(CONTROLLERS).items()
     }
     return {name: doc.partition("\n")[0] for name, doc in docs.items()}

@@ -74,6 +74,10 @@ class Simulation:
         Raises ScenarioError where robots do not fit, ControllerError where a controller cannot start.
         """
         self.scenario = scenario = load_scenario(scenario)
+        if scenario.sweep is not None:
+            raise ScenarioError(
+                f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`"
+            )
         self.seed = scenario.seed if seed is None else seed
         if self.seed < 0:
             raise ScenarioError(f"{scenario.name}: seed is {self.seed}; allowed: whole numbers from 0")
@@ -142,8 +146,8 @@ class Simulation:
         view = make_camera(
             group.camera.pixels,
             math.radians(group.camera.field_of_view_deg),
-            group.camera.central_pixels,
-            math.inf if group.camera.range_cm is None else group.camera.range_cm,
+            group.camera.central_pixels or group.camera.pixels,
+            group.camera.range_cm or math.inf,
         )
         sensing = [
             (

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from epuck_sim import __version__, report
 from epuck_sim.cli import app
 from epuck_sim.scenario_file import load_scenario
-from epuck_sim.shipped import shipped_names
+from epuck_sim.shipped import ARENAS, CONTROLLERS, SWEEPS, shipped_files
 from epuck_sim.simulation import Simulation
 from epuck_sim.trial import run_trial
 from epuck_sim.yaml_reader import parse_yaml
@@ -102,11 +102,11 @@ def test_a_censored_trial_says_so() -> None:
 def test_list_names_arenas_and_controllers_a_line_each() -> None:
     lines = call("list").stdout.splitlines()
     names = [line.split()[0] for line in lines if line.startswith("  ")]
-    assert names == shipped_names("arenas", ".yaml") + shipped_names("controllers", ".py")
+    assert names == [*shipped_files(ARENAS), *shipped_files(SWEEPS), *shipped_files(CONTROLLERS)]
     assert all(len(line.split()) > 3 for line in lines if line.startswith("  "))
 
 
-@pytest.mark.parametrize("arena", shipped_names("arenas", ".yaml"))
+@pytest.mark.parametrize("arena", list(shipped_files(ARENAS)))
 def test_check_prints_the_resolved_scenario(arena: str) -> None:
     result = call("check", arena, "--set", "seed=4")
     assert result.exit_code == 0
@@ -120,7 +120,7 @@ def test_the_version_is_printed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "nothing"], "unknown 'nothing'; shipped arenas: "),
+        (["run", "nothing"], "unknown 'nothing'; shipped: "),
         (["run", "gone.yaml"], "gone.yaml: there is no such file"),
         (["check", "thesis", "--set", "stop.max_cyles=3"], "did you mean 'max_cycles'"),
         (["run", "thesis", "--set", "robots.0.count=100"], "do not fit into the arena"),

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from epuck_sim.shipped import ARENAS, CONTROLLERS, SWEEPS
+
 ROOT = Path(__file__).parent.parent
 
 
@@ -25,9 +27,9 @@ def wheel(tmp_path_factory) -> Path:
 
 
 def test_arenas_and_controllers_are_inside(wheel: Path) -> None:
-    for kind in ("arenas", "controllers"):
+    for kind in (ARENAS, SWEEPS, CONTROLLERS):
         shipped = {path.name for path in (ROOT / kind).iterdir() if path.is_file()}
-        assert {path.name for path in (wheel / "epuck_sim" / kind).iterdir()} == shipped
+        assert {path.name for path in (wheel / "epuck_sim" / kind).iterdir() if path.is_file()} == shipped
     assert (wheel / "epuck_sim" / "py.typed").exists()
 
 

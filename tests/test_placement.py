@@ -9,7 +9,7 @@ import pytest
 from epuck_sim.errors import ScenarioError
 from epuck_sim.placement import place_robots
 from epuck_sim.scenario_file import load_scenario
-from epuck_sim.shipped import shipped_names
+from epuck_sim.shipped import ARENAS, SWEEPS, shipped_files
 
 RADIUS_CM = 3.7
 OBSTACLES = [
@@ -85,7 +85,7 @@ def test_the_seed_alone_decides_where_robots_start(kind):
     assert not np.array_equal(placed(group, seed=4), placed(group, seed=5))
 
 
-@pytest.mark.parametrize("arena", shipped_names("arenas", ".yaml"))
+@pytest.mark.parametrize("arena", [*shipped_files(ARENAS), *shipped_files(SWEEPS)])
 def test_every_shipped_arena_has_room_for_its_robots_whatever_the_seed(arena):
     scenario = load_scenario(arena)
     for seed in range(100):

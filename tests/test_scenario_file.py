@@ -9,11 +9,12 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario import Scenario
-from epuck_sim.scenario_file import apply_setting, load_scenario, write_scenario
-from epuck_sim.shipped import shipped_names
+from epuck_sim.scenario_file import load_scenario, write_scenario
+from epuck_sim.settings import apply_setting
+from epuck_sim.shipped import ARENAS, SWEEPS, shipped_files
 from epuck_sim.yaml_reader import parse_yaml
 
-ARENAS = shipped_names("arenas", ".yaml")
+SHIPPED = [*shipped_files(ARENAS), *shipped_files(SWEEPS)]
 
 
 def test_an_empty_mapping_is_the_base_case_of_the_thesis() -> None:
@@ -24,7 +25,7 @@ def test_an_empty_mapping_is_the_base_case_of_the_thesis() -> None:
     assert (scenario.stop.order_parameter, scenario.stop.max_cycles) == (0.95, 10_000)
 
 
-@pytest.mark.parametrize("arena", ARENAS)
+@pytest.mark.parametrize("arena", SHIPPED)
 def test_what_is_written_is_read_again(arena: str) -> None:
     scenario = load_scenario(arena)
     assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
@@ -47,10 +48,6 @@ def test_noise_is_off_and_on_by_a_word() -> None:
     off = load_scenario({"noise": "off"}).noise
     assert (off.wheel_speed, off.infrared_counts) == (0, 0)
     assert load_scenario({"noise": "on"}).noise == load_scenario({}).noise
-
-
-def test_all_pixels_are_central_unless_said_otherwise() -> None:
-    assert load_scenario("thesis", ["robots.0.camera={pixels: 20}"]).robots[0].camera.central_pixels == 20
 
 
 @pytest.mark.parametrize(
@@ -177,7 +174,7 @@ def test_yaml_that_is_no_mapping_is_refused(tmp_path, text: str, message: str) -
 
 
 def test_a_scenario_that_is_not_there_is_named_with_the_nearest_one() -> None:
-    with pytest.raises(ScenarioError, match=r"unknown 'thesi', did you mean 'thesis'\?; shipped arenas: arc, "):
+    with pytest.raises(ScenarioError, match=r"unknown 'thesi', did you mean 'thesis'\?; shipped: arc, "):
         load_scenario("thesi")
     with pytest.raises(ScenarioError, match=r"gone\.yaml: there is no such file"):
         load_scenario("gone.yaml")

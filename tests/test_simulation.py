@@ -15,10 +15,10 @@ from numba.core.dispatcher import Dispatcher
 
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario_file import load_scenario
-from epuck_sim.shipped import shipped_names
+from epuck_sim.shipped import ARENAS, shipped_files
 from epuck_sim.simulation import Simulation
 
-ARENAS = shipped_names("arenas", ".yaml")
+SHIPPED = list(shipped_files(ARENAS))
 LONG = ("crowded", "obstacles", "thesis")
 
 
@@ -55,12 +55,12 @@ fingerprinted = cache(fingerprint)
 # --- the same seed makes the same trial -------------------------------------------------------------
 
 
-@pytest.mark.parametrize("arena", ARENAS)
+@pytest.mark.parametrize("arena", SHIPPED)
 def test_the_same_seed_makes_the_same_trial_bit_for_bit(arena):
     assert fingerprint(arena) == fingerprinted(arena)
 
 
-@pytest.mark.parametrize("arena", ARENAS)
+@pytest.mark.parametrize("arena", SHIPPED)
 def test_interpreted_controllers_make_the_same_trial_bit_for_bit(arena):
     assert fingerprint(arena, interpret=True) == fingerprinted(arena)
 
@@ -78,14 +78,14 @@ def test_interpreted_controllers_make_the_same_trial_with_other_than_default_set
 @pytest.fixture(scope="module")
 def from_another_process():
     """Fingerprints of all shipped arenas, made by a fresh interpreter whose hashes of strings differ."""
-    code = "import json, test_simulation as t; print(json.dumps({arena: t.fingerprint(arena) for arena in t.ARENAS}))"
+    code = "import json, test_simulation as t; print(json.dumps({arena: t.fingerprint(arena) for arena in t.SHIPPED}))"
     path = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     environment = {**os.environ, "PYTHONHASHSEED": "4242", "PYTHONPATH": path}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     return json.loads(done.stdout)
 
 
-@pytest.mark.parametrize("arena", ARENAS)
+@pytest.mark.parametrize("arena", SHIPPED)
 def test_another_process_makes_the_same_trial_bit_for_bit(arena, from_another_process):
     assert from_another_process[arena] == fingerprinted(arena)
 

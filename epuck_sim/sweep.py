@@ -1,0 +1,79 @@
+"""The points of a sweep, and the seed of each trial at each of them.
+
+A point is known by its axis values, not by its place: points and trials that are added leave the seeds of the others
+as they were.
+"""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.randomness import point_seed
+from epuck_sim.scenario import Scenario
+from epuck_sim.scenario_file import CONTROLLER_KEY, load_scenario
+from epuck_sim.settings import with_value
+from epuck_sim.wording import shown
+
+
+class Point(NamedTuple):
+    """One combination of a sweep's axis values."""
+
+    number: int
+    """Its place in the sweep, from 0."""
+    axes: dict[str, Any]
+    """Value of each axis by dotted key; of a controller its file's name."""
+    scenario: Scenario
+    """The scenario with these values, and without a sweep."""
+
+    @property
+    def key(self) -> str:
+        """The axis values as text, the same for the same values however they are written or ordered."""
+        numbers_alike = json.loads(json.dumps(self.axes), parse_int=float)
+        return json.dumps(numbers_alike, sort_keys=True)
+
+    def seed(self, trial: int) -> int:
+        """Return the seed of trial number `trial`: of the master seed, the axis values and the trial alone."""
+        return point_seed(self.scenario.seed, self.key, trial)
+
+
+def points(scenario: Scenario) -> tuple[Point, ...]:
+    """Return the points of a scenario's sweep, in order; a scenario without a sweep is one point without axes.
+
+    Raises ScenarioError, which names the point, where its values make no valid scenario.
+
+    >>> sweep = load_scenario("pair", axes=["robots.0.count=2,3", "robots.0.parameters.speed_cm_s=1,5"])
+    >>> [tuple(point.axes.values()) for point in points(sweep)]
+    [(2, 1), (2, 5), (3, 1), (3, 5)]
+    """
+    if scenario.sweep is None:
+        return (Point(0, {}, scenario),)
+    base = scenario.model_copy(update={"sweep": None}).model_dump(mode="json")
+    found = tuple(_point(number, row, base) for number, row in enumerate(scenario.sweep.rows()))
+    first: dict[str, int] = {}
+    for point in found:
+        if point.key in first:
+            numbers = f"{first[point.key]} and {point.number}"
+            raise ScenarioError(f"{scenario.name}: sweep: points {numbers} are the same: {_told(point.axes)}")
+        first[point.key] = point.number
+    return found
+
+
+def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
+    origin = f"{base['name']}: sweep: point {number} ({_told(row)})"
+    given = base
+    for key in sorted(row, key=lambda key: key.count(".")):  # a section as a whole before what lies in it
+        given = with_value(given, key, row[key], origin)
+    try:
+        scenario = load_scenario(given)
+    except ScenarioError as error:
+        lines = (line.removeprefix("scenario: ") for line in str(error).splitlines())
+        raise ScenarioError("\n".join(f"{origin}: {line}" for line in lines)) from error
+    if scenario.sweep is not None:
+        raise ScenarioError(f"{origin}: a point cannot hold a sweep")
+    axes = {key: Path(value).name if CONTROLLER_KEY.fullmatch(key) else value for key, value in row.items()}
+    return Point(number, axes, scenario)
+
+
+def _told(row: dict[str, Any]) -> str:
+    return ", ".join(f"{key} = {shown(value)}" for key, value in row.items())
