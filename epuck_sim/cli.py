@@ -1,17 +1,16 @@
 """The `epuck-sim` command: parse, call, print."""
 
-import errno
 import signal
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from epuck_sim import __version__
-from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.cli_results import results
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.mistakes import naming, readable_errors
 
 app = typer.Typer(
     help="Simulate swarms of e-puck robots that synchronise like fireflies.",
@@ -20,39 +19,19 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-ScenarioArgument = Annotated[str, typer.Argument(help="A YAML file, or the name of a shipped arena (see `list`).")]
+app.add_typer(results)
+
+ScenarioArgument = Annotated[
+    str, typer.Argument(help="A YAML file, a shipped scenario's name (see `list`), or a run folder to go on with.")
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change one value: robots.0.parameters.speed_cm_s=1.0"),
 ]
-
-
-@contextmanager
-def _readable_errors() -> Iterator[None]:
-    """Turn a user's mistake into one message and exit code 2, Ctrl-C into exit code 130."""
-    try:
-        yield
-    except EpuckSimError as error:
-        typer.echo(f"error: {error}", err=True)
-        raise typer.Exit(2) from error
-    except OSError as error:
-        if error.errno == errno.EPIPE:  # who reads the output has had enough
-            raise
-        what = f"{error.filename}" if error.filename else "the output cannot be written"
-        typer.echo(f"error: {what}: {error.strerror or error}", err=True)
-        raise typer.Exit(2) from error
-    except KeyboardInterrupt as interrupt:
-        typer.echo("interrupted", err=True)
-        raise typer.Exit(130) from interrupt
-
-
-@contextmanager
-def _naming(scenario: str) -> Iterator[None]:
-    """Have errors of a scenario that is loaded already name its file, too."""
-    try:
-        yield
-    except ScenarioError as error:
-        raise ScenarioError(f"{scenario}: {error}") from error
+AxesOption = Annotated[
+    list[str] | None,
+    typer.Option("--sweep", metavar="KEY=V1,V2,...", help="Add an axis to the sweep: robots.0.count=5,10,20"),
+]
 
 
 def _print_version(wanted: bool) -> None:
@@ -74,9 +53,15 @@ def _options(
 def run(
     scenario: ScenarioArgument,
     seed: Annotated[int | None, typer.Option(min=0, help="Master seed; the scenario's own by default.")] = None,
-    trials: Annotated[int | None, typer.Option(min=1, help="How many; the scenario's own number by default.")] = None,
+    trials: Annotated[
+        int | None,
+        typer.Option(min=1, max=10_000_000, help="How many, at each point; the scenario's own number by default."),
+    ] = None,
     settings: SetOption = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a trial.")] = False,
+    axes: AxesOption = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON: an object a trial, or of a whole sweep.")
+    ] = False,
     trace: Annotated[
         Path | None,
         typer.Option(
@@ -84,61 +69,75 @@ def run(
         ),
     ] = None,
     interpret: Annotated[bool, typer.Option("--interpret", help="Run controllers as plain Python.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Run all points and trials into this run folder.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; all cores by default.")] = None,
+    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.")] = None,
+    status: Annotated[bool, typer.Option("--status", help="Only show what the run folder holds.")] = False,
+    point: Annotated[int | None, typer.Option(min=0, help="Run one trial of a sweep: its point, from 0.")] = None,
+    trial: Annotated[int | None, typer.Option(min=0, help="And its trial, from 0.")] = None,
 ) -> None:
-    """Simulate SCENARIO until the swarm is synchronised, once or several times."""
-    with _readable_errors():
-        from epuck_sim.randomness import trial_seed
-        from epuck_sim.report import Progress, print_json, print_table
-        from epuck_sim.scenario_file import load_scenario
-        from epuck_sim.simulation import Simulation
-        from epuck_sim.trace import Trace, trace_paths
-        from epuck_sim.trial import Onlooker, TrialResult, run_trial
+    """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep of thousands into a run folder."""
+    with readable_errors():
+        from epuck_sim.scenario_file import find_scenario, load_scenario
 
-        loaded = load_scenario(scenario, settings or ())
-        master = loaded.seed if seed is None else seed
-        count = loaded.trials if trials is None else trials
-        traces = None if trace is None else trace_paths(trace, count)
-        results: list[TrialResult] = []
-        try:
-            with Progress(count) as progress, _naming(scenario):
-                for trial in range(count):
-                    own_seed = trial_seed(master, trial)
-                    with ExitStack() as stack:
-                        onlookers: list[Onlooker] = [progress]
-                        if traces is not None:
-                            onlookers.append(stack.enter_context(Trace(traces[trial], loaded, own_seed)))
-                        simulation = Simulation(loaded, own_seed, interpret=interpret)
-                        progress.begin(trial)
-                        results.append(run_trial(simulation, onlookers))
-                    if as_json:
-                        print_json(results[-1])
-        finally:
-            if not as_json:
-                print_table(results)
+        single = point is not None or trial is not None
+        found = find_scenario(scenario)
+        folder = out or (found.parent if found.parent == Path(scenario) and not single else None)
+        if single and (point is None or trial is None or out is not None):
+            raise EpuckSimError("--point and --trial go together, and without --out")
+        if folder is None and (workers is not None or dask is not None or status):
+            raise EpuckSimError("--workers, --dask and --status need a run folder: --out FOLDER")
+        if folder is not None and trace is not None:
+            raise EpuckSimError("a sweep keeps no traces; run the trial again with --point, --trial and --trace")
+        if workers is not None and dask is not None:
+            raise EpuckSimError("--workers and --dask exclude each other")
+        if folder is not None and status:
+            from epuck_sim.results import read_status
+            from epuck_sim.sweep_report import print_status
+
+            print_status(read_status(folder), as_json)
+            return
+        from epuck_sim.cli_run import Output, run_into, run_one, run_some
+
+        loaded = load_scenario(scenario, settings or (), axes or ())
+        given = {"seed": seed, "trials": trials}
+        loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
+        output = Output(as_json, trace, interpret)
+        if point is not None and trial is not None:
+            run_one(scenario, loaded, point, trial, output)
+        elif folder is not None:
+            run_into(scenario, loaded, folder, workers, dask, output)
+        else:
+            run_some(scenario, loaded, output)
 
 
 @app.command()
-def check(scenario: ScenarioArgument, settings: SetOption = None) -> None:
-    """Validate SCENARIO and print it with every default written out."""
-    with _readable_errors():
+def check(scenario: ScenarioArgument, settings: SetOption = None, axes: AxesOption = None) -> None:
+    """Validate SCENARIO, with every point of its sweep, and print it with every default written out."""
+    with readable_errors():
         import numpy as np
 
         from epuck_sim.placement import place_robots
         from epuck_sim.scenario_file import load_scenario, write_scenario
+        from epuck_sim.sweep import points
 
-        loaded = load_scenario(scenario, settings or ())
-        with _naming(scenario):
-            place_robots(loaded, np.random.SeedSequence(loaded.seed))
+        loaded = load_scenario(scenario, settings or (), axes or ())
+        with naming(scenario):
+            for point in points(loaded):
+                place_robots(point.scenario, np.random.SeedSequence(point.scenario.seed))
         sys.stdout.write(write_scenario(loaded))
 
 
 @app.command("list")
 def list_shipped() -> None:
-    """List the shipped arenas and controllers."""
-    with _readable_errors():
-        from epuck_sim.shipped import describe_arenas, describe_controllers
+    """List the shipped arenas, sweeps and controllers."""
+    with readable_errors():
+        from epuck_sim.shipped import ARENAS, SWEEPS, describe_controllers, describe_scenarios
 
-        for heading, entries in (("arenas", describe_arenas()), ("controllers", describe_controllers())):
+        shipped = {"arenas": describe_scenarios(ARENAS), "sweeps": describe_scenarios(SWEEPS)}
+        for heading, entries in {**shipped, "controllers": describe_controllers()}.items():
             typer.echo(heading)
             for name, description in entries.items():
                 typer.echo(f"  {name:20} {description}")

@@ -11,3 +11,11 @@ class ScenarioError(EpuckSimError):
 
 class ControllerError(EpuckSimError):
     """A controller that cannot be loaded or compiled, or that raised while it ran."""
+
+
+class StoreError(EpuckSimError):
+    """A run folder that cannot be used: it holds something else, is damaged, in use, or cannot be written."""
+
+
+class ClusterError(EpuckSimError):
+    """A cluster that cannot be reached, or that is gone."""

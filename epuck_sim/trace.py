@@ -5,7 +5,6 @@ appears under its name only when it is whole; its metadata holds the scenario, t
 """
 
 import json
-import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -15,7 +14,7 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.files import check_target, unwritable
 from epuck_sim.infrared import SENSORS
 from epuck_sim.provenance import versions
 from epuck_sim.scenario import Scenario
@@ -62,7 +61,7 @@ class Trace:
         except BaseException as error:  # Ctrl-C, too, must leave nothing half-written
             self._part.unlink(missing_ok=True)
             if isinstance(error, OSError):
-                raise _unwritable(path, error) from error
+                raise unwritable(path, error) from error
             raise
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
@@ -104,7 +103,7 @@ class Trace:
             if kind is None:
                 self._part.replace(self._path)
         except OSError as problem:
-            raise _unwritable(self._path, problem) from problem
+            raise unwritable(self._path, problem) from problem
         finally:
             self._part.unlink(missing_ok=True)
 
@@ -116,28 +115,6 @@ def trace_paths(path: Path, trials: int) -> list[Path]:
     for target in paths:
         check_target(target)
     return paths
-
-
-def check_target(path: Path) -> None:
-    """Raise EpuckSimError where no trace can be written: no file's name, no folder for it, or no regular file there."""
-    reason = ""
-    if path.is_dir():
-        reason = "is a directory"
-    elif not path.name or path.name == "..":
-        reason = "is no file's name"
-    elif path.exists() and not path.is_file():
-        reason = "is no regular file"
-    elif not path.parent.is_dir():
-        reason = f"there is no directory {path.parent}"
-    elif not os.access(path.parent, os.W_OK):
-        reason = f"no permission to write in {path.parent}"
-    if reason:
-        raise EpuckSimError(f"{path}: cannot be written: {reason}")
-
-
-def _unwritable(path: Path, error: OSError) -> EpuckSimError:
-    reason = os.strerror(error.errno) if error.errno else str(error)
-    return EpuckSimError(f"{path}: cannot be written: {reason}")
 
 
 def _schema(pixels: int) -> Any:

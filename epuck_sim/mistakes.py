@@ -1,0 +1,37 @@
+"""How the command ends where something is wrong: one message and an exit code, never a traceback for a mistake."""
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+
+from epuck_sim.errors import EpuckSimError, ScenarioError
+
+
+@contextmanager
+def readable_errors() -> Iterator[None]:
+    """Turn a user's mistake into one message and exit code 2, Ctrl-C into exit code 130."""
+    try:
+        yield
+    except EpuckSimError as error:
+        typer.echo(f"error: {error}", err=True)
+        raise typer.Exit(2) from error
+    except OSError as error:
+        if error.errno == errno.EPIPE:  # who reads the output has had enough
+            raise
+        what = f"{error.filename}" if error.filename else "the output cannot be written"
+        typer.echo(f"error: {what}: {error.strerror or error}", err=True)
+        raise typer.Exit(2) from error
+    except KeyboardInterrupt as interrupt:
+        typer.echo("interrupted", err=True)
+        raise typer.Exit(130) from interrupt
+
+
+@contextmanager
+def naming(scenario: str) -> Iterator[None]:
+    """Have errors of a scenario that is loaded already name its file, too."""
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError(f"{scenario}: {error}") from error

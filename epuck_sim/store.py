@@ -1,0 +1,124 @@
+"""A run folder open for writing: the results of a sweep, one row a trial, each on disk as soon as it is known.
+
+A folder belongs to one sweep. It may grow, by points and by trials, and a run that was stopped goes on in it; it never
+holds results of two scenarios.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from epuck_sim.database import (
+    DATABASE,
+    RESULT,
+    as_column,
+    check_database,
+    create_database,
+    quoted,
+    readable_errors,
+    writing,
+)
+from epuck_sim.files import written_whole
+from epuck_sim.identity import StoredPoint, describe, refuse_another_sweep
+from epuck_sim.lock import hold
+from epuck_sim.provenance import PROVENANCE
+from epuck_sim.scenario import Scenario
+from epuck_sim.scenario_file import RUN_SCENARIO, write_scenario
+from epuck_sim.sweep import Point
+from epuck_sim.worker import Outcome
+
+
+class Store:
+    """A run folder, held by this process; to be used in a `with` block."""
+
+    def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point]) -> None:
+        """Take hold of the folder, make it if it is not there, and enter the points that are new.
+
+        Raises StoreError, and leaves everything as it was, where the folder holds something else, is damaged, or is
+        in use.
+        """
+        self._path = folder / DATABASE
+        self._points = points
+        self._keys = [point.key for point in points]
+        if self._path.exists():
+            check_database(self._path)
+        self._lock = hold(folder)
+        try:
+            if not self._path.exists():
+                create_database(self._path, list(points[0].axes))
+            with readable_errors(self._path):
+                self._connection = writing(self._path)
+                self._enter_points(folder)
+            with written_whole(folder / RUN_SCENARIO) as part:
+                part.write_text(write_scenario(scenario), encoding="utf-8")
+        except BaseException:
+            self._lock.close()
+            raise
+        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error")
+        anew = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
+        self._insert = (
+            f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
+            f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(anew)} WHERE error IS NOT NULL"
+        )
+
+    def _enter_points(self, folder: Path) -> None:
+        rows = [describe(point) for point in self._points]
+        with self._connection:
+            stored = self._connection.execute(
+                "SELECT key, number, (SELECT count(*) FROM trials WHERE point = key), axes, scenario, controllers "
+                "FROM points"
+            )
+            refuse_another_sweep(folder, [StoredPoint(*row) for row in stored], rows)
+            self._connection.executemany(
+                "INSERT INTO points (key, number, trials, axes, scenario, controllers) VALUES (?, ?, ?, ?, ?, ?) "
+                "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials",
+                rows,
+            )
+
+    def finished(self) -> set[tuple[int, int]]:
+        """Return the point's number and the trial's of every trial that has a result; failed ones have none."""
+        with readable_errors(self._path):
+            return set(
+                self._connection.execute(
+                    "SELECT number, trial FROM trials JOIN points ON point = key WHERE error IS NULL"
+                )
+            )
+
+    def censored(self) -> int:
+        """Return how many trials were not synchronised."""
+        with readable_errors(self._path):
+            (count,) = self._connection.execute("SELECT count(*) FROM trials WHERE censored").fetchone()
+        return int(count)
+
+    def versions(self) -> set[tuple[str, ...]]:
+        """Return the combinations of versions, without the host, that have made the trials so far."""
+        columns = ", ".join(PROVENANCE[:-1])
+        with readable_errors(self._path):
+            return set(self._connection.execute(f"SELECT DISTINCT {columns} FROM trials"))
+
+    def add(self, outcome: Outcome) -> None:
+        """Store a trial; one that failed before is replaced, one that has a result stays."""
+        result: Any = outcome.result
+        values = (
+            *(self._keys[outcome.point], outcome.trial),
+            *(as_column(value) for value in self._points[outcome.point].axes.values()),
+            outcome.seed,
+            *(None if result is None else getattr(result, name) for name in RESULT),
+            *(outcome.provenance[name] for name in PROVENANCE),
+            outcome.error,
+        )
+        with readable_errors(self._path), self._connection:
+            self._connection.execute(self._insert, values)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        try:
+            with readable_errors(self._path):
+                self._connection.close()
+        finally:
+            self._lock.close()
