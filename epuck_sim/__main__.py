@@ -1,5 +1,12 @@
-"""`python -m epuck_sim` is `epuck-sim`."""
+"""`epuck-sim`, and `python -m epuck_sim`."""
 
-from epuck_sim.cli import main
 
-main()
+def main() -> None:
+    """Run the command; worker processes import this module, too, and must not wait for the command line."""
+    from epuck_sim.cli import main as run_command  # noqa: PLC0415
+
+    run_command()
+
+
+if __name__ == "__main__":
+    main()

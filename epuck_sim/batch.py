@@ -5,14 +5,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.control import RobotError
 from epuck_sim.dispatch import run_tasks
-from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.executors import OpenPool
 from epuck_sim.scenario import Scenario
-from epuck_sim.simulation import Simulation
 from epuck_sim.store import Store
-from epuck_sim.sweep import Point, points
+from epuck_sim.sweep import Point, check_room, points
 from epuck_sim.worker import Task
 
 
@@ -47,13 +44,13 @@ def run_sweep(
     where there are no workers; the trials stored so far stay.
     """
     places = points(scenario)
+    check_room(places)
     with Store(folder, scenario, places) as store:
         finished = store.finished()
         tasks = missing_tasks(places, finished, interpret)
         total = sum(point.scenario.trials for point in places)
         tally = Tally(total, len(finished), store.censored(), 0, 0)
         onlooker(tally)
-        warm_up([places[number] for number in dict.fromkeys(task.point for task in tasks)], interpret)
         with closing(run_tasks(tasks, open_pool)) as outcomes:
             for outcome in outcomes:
                 store.add(outcome)
@@ -79,18 +76,3 @@ def missing_tasks(points: Sequence[Point], finished: set[tuple[int, int]], inter
         for point in points
         if trial < point.scenario.trials and (point.number, trial) not in finished
     ]
-
-
-def warm_up(points: Sequence[Point], interpret: bool) -> None:
-    """Set up a trial of each point: robots that do not fit are found, and code is compiled, before any worker starts.
-
-    Raises ScenarioError or ControllerError. What a controller raises is left to the trials, each of which has its own.
-    """
-    for point in points:
-        try:
-            Simulation(point.scenario, point.seed(0), interpret=interpret)
-        except ScenarioError as error:
-            raise ScenarioError(f"point {point.number}: {error}") from error
-        except ControllerError as error:
-            if not isinstance(error.__cause__, RobotError):
-                raise

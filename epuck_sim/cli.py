@@ -117,16 +117,12 @@ def run(
 def check(scenario: ScenarioArgument, settings: SetOption = None, axes: AxesOption = None) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out."""
     with readable_errors():
-        import numpy as np
-
-        from epuck_sim.placement import place_robots
         from epuck_sim.scenario_file import load_scenario, write_scenario
-        from epuck_sim.sweep import points
+        from epuck_sim.sweep import check_room, points
 
         loaded = load_scenario(scenario, settings or (), axes or ())
         with naming(scenario):
-            for point in points(loaded):
-                place_robots(point.scenario, np.random.SeedSequence(point.scenario.seed))
+            check_room(points(loaded))
         sys.stdout.write(write_scenario(loaded))
 
 

@@ -7,10 +7,14 @@ import math
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from contextlib import suppress
+from typing import TypeVar
 
 from epuck_sim.errors import ClusterError
 from epuck_sim.executors import OpenPool, Pool
-from epuck_sim.worker import Outcome, Task, carry_out, outcome
+from epuck_sim.worker import Outcome, Task, carry_out, outcome, prepare
+
+Result = TypeVar("Result")
 
 CHUNK_S = 0.5
 """So much work is handed over at once: long beside the milliseconds that this costs, short beside a run."""
@@ -55,6 +59,7 @@ def run_tasks(tasks: Iterable[Task], open_pool: OpenPool) -> Generator[Outcome]:
 
 def _together(pool: Pool, waiting: deque[Task], pace: Pace) -> Generator[Outcome, None, deque[Task]]:
     """Yield outcomes until nothing is left in `waiting` or a worker dies; return what was lost with it."""
+    _prepare(pool, waiting)
     running: dict[Future[list[Outcome]], list[Task]] = {}
     lost: deque[Task] = deque()
     while running or (waiting and not lost):
@@ -77,6 +82,13 @@ def _together(pool: Pool, waiting: deque[Task], pace: Pace) -> Generator[Outcome
     return lost
 
 
+def _prepare(pool: Pool, waiting: Iterable[Task]) -> None:
+    """Have one worker compile what all need; if it dies over that, trials will show which of them it was."""
+    kinds = {tuple(group.controller for group in task.scenario.robots): task for task in waiting}
+    with suppress(*pool.deaths):
+        _result(pool.executor.submit(prepare, list(kinds.values())), pool)
+
+
 def _one_by_one(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
     """Yield outcomes of `suspects` until nothing is left or one of them takes its worker along."""
     while suspects:
@@ -92,7 +104,7 @@ def _one_by_one(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
             return
 
 
-def _result(future: Future[list[Outcome]], pool: Pool) -> list[Outcome]:
+def _result(future: Future[Result], pool: Pool) -> Result:
     try:
         return future.result()
     except pool.deaths:

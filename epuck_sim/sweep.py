@@ -5,10 +5,14 @@ as they were.
 """
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from epuck_sim.errors import ScenarioError
+from epuck_sim.placement import place_robots
 from epuck_sim.randomness import point_seed
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import CONTROLLER_KEY, load_scenario
@@ -57,6 +61,16 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
             raise ScenarioError(f"{scenario.name}: sweep: points {numbers} are the same: {_told(point.axes)}")
         first[point.key] = point.number
     return found
+
+
+def check_room(places: Iterable[Point]) -> None:
+    """Raise ScenarioError for a point whose robots find no room in their arena."""
+    for point in places:
+        try:
+            place_robots(point.scenario, np.random.SeedSequence(point.scenario.seed))
+        except ScenarioError as error:
+            where = f"sweep: point {point.number} ({_told(point.axes)}): " if point.axes else ""
+            raise ScenarioError(f"{where}{error}") from error
 
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:

@@ -4,6 +4,7 @@ It imports what a simulation needs, and nothing else: no plots, no tables, no co
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NamedTuple
 
 from epuck_sim.errors import EpuckSimError
@@ -37,6 +38,13 @@ class Outcome(NamedTuple):
     """Why it failed."""
     provenance: dict[str, str]
     """Versions, and the host that ran it."""
+
+
+def prepare(tasks: Sequence[Task]) -> None:
+    """Set up the trials and take no step, so that other workers find compiled code in the cache."""
+    for task in tasks:
+        with suppress(Exception):  # the trial itself will tell
+            Simulation(task.scenario, task.seed, interpret=task.interpret)
 
 
 def carry_out(tasks: Sequence[Task]) -> list[Outcome]:
