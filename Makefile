@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
+SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
 
 .PHONY: run test lint bench slow figures clean
 
@@ -24,9 +25,14 @@ bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow
 
-figures: $(VENV)/docs-tools ## make the figures and tables of the docs anew
+figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
 	$(BIN)/python docs/figures/thesis_run.py
 	$(BIN)/python docs/figures/base_curve.py
+	set -e; for sweep in $(SWEEPS); do \
+	    $(BIN)/epuck-sim run $$sweep --trials 100 --out runs/$$sweep; \
+	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \
+	done
+	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
 
 $(VENV)/created:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "epuck-sim needs Python 3.11 or newer")'
@@ -39,10 +45,6 @@ $(VENV)/installed: $(VENV)/created $(SOURCES)
 
 $(VENV)/test-tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
-	touch $@
-
-$(VENV)/docs-tools: $(VENV)/installed
-	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $@
 
 clean:

@@ -58,7 +58,8 @@ class Axes(Section):
         return [*(self.points[0] if self.points else ()), *self.zip, *self.grid]
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return every point's values by key."""
+        """Return every point's values by key, in the order of `keys`."""
         zipped = [dict(zip(self.zip, row, strict=True)) for row in zip(*self.zip.values(), strict=True)] or [{}]
         combined = [dict(zip(self.grid, row, strict=True)) for row in product(*self.grid.values())]
-        return [{**a, **b, **c} for a in self.points or ({},) for b in zipped for c in combined]
+        listed = [{key: row[key] for key in self.points[0]} for row in self.points] if self.points else [{}]
+        return [{**a, **b, **c} for a in listed for b in zipped for c in combined]

@@ -25,3 +25,54 @@ def export_results(
         failed = export(folder, to)
         if failed:
             typer.echo(f"{failed} trials failed and are left out; see: epuck-sim run {folder} --status", err=True)
+
+
+@results.command()
+def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
+    """Print the statistics of T_sync at each point of a sweep, censored trials taken into account."""
+    with readable_errors():
+        from epuck_sim.results import read_points
+        from epuck_sim.summary import summarize as statistics
+        from epuck_sim.sweep_report import print_summary
+
+        print_summary(str(folder), statistics(read_points(folder)), as_json)
+
+
+@results.command()
+def plot(
+    folder: FolderArgument,
+    to: Annotated[
+        Path | None, typer.Option(metavar="STEM", help="Write STEM.png, .svg and .csv; FOLDER/T_sync by default.")
+    ] = None,
+    x: Annotated[
+        str | None, typer.Option(metavar="KEY", help="The axis to draw against; the speed by default.")
+    ] = None,
+) -> None:
+    """Draw T_sync against speed, a line for each value of the other axes, and write its numbers."""
+    with readable_errors():
+        from epuck_sim.curves import choose_axis, read_curves
+        from epuck_sim.errors import StoreError
+        from epuck_sim.figures import save_figure
+        from epuck_sim.results import read_points, read_status
+
+        points = read_points(folder)
+        axis = choose_axis(points, x)
+        curves = read_curves(points, axis)
+        if not curves:
+            raise StoreError(f"{folder}: holds no results yet")
+        for file in save_figure(to or folder / "T_sync", read_status(folder).scenario, axis, curves):
+            typer.echo(file)
+
+
+@results.command()
+def fit(
+    folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
+    as_json: JsonOption = False,
+) -> None:
+    """Print where T_sync has its local minimum and peak against speed, and the laws by which they scale."""
+    with readable_errors():
+        from epuck_sim.fit_report import print_fit
+        from epuck_sim.fitting import fit_curves, fit_laws
+
+        curves = [curve for folder in folders for curve in fit_curves(folder)]
+        print_fit(curves, fit_laws(curves), as_json)

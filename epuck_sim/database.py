@@ -3,7 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +44,14 @@ CREATE TABLE trials (
 """
 
 
-def create_database(path: Path, axes: Sequence[str]) -> None:
-    """Make an empty database; it appears under its name when it is whole."""
+ENTER_POINT = (
+    "INSERT INTO points (key, number, trials, axes, scenario, controllers) VALUES (?, ?, ?, ?, ?, ?) "
+    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario"
+)
+
+
+def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> None:
+    """Make a database with points, and without trials; it appears under its name when it is whole."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
     with readable_errors(path), written_whole(path) as part:
@@ -56,6 +62,7 @@ def create_database(path: Path, axes: Sequence[str]) -> None:
             connection.execute(f"PRAGMA user_version = {FORMAT}")
             connection.execute(POINTS)
             connection.execute(TRIALS.format(axes=columns, provenance=provenance))
+            connection.executemany(ENTER_POINT, points)
             connection.commit()
 
 
@@ -71,8 +78,11 @@ def check_database(path: Path) -> None:
     found = int.from_bytes(header[60:64])
     if found != FORMAT:
         raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}")
+    page_size = int.from_bytes(header[16:18])
     with readable_errors(path), closing(_connect(path, "ro")) as connection:
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    if verdict == "ok" and path.stat().st_size % (65536 if page_size == 1 else page_size):
+        verdict = "its end is missing"  # SQLite would take what is missing of the last page for zeros
     if verdict != "ok":
         raise StoreError(f"{path}: is damaged: {verdict}")
 
@@ -85,12 +95,18 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
         yield connection
 
 
-def writing(path: Path) -> sqlite3.Connection:
-    """Return a connection to a database that was checked; a commit survives the death of the process."""
-    connection = _connect(path, "rw")
-    connection.execute("PRAGMA journal_mode = WAL")
-    connection.execute("PRAGMA synchronous = NORMAL")
-    return connection
+@contextmanager
+def writing(path: Path) -> Iterator[sqlite3.Connection]:
+    """Yield a connection to a database that was checked; each commit survives the death of the process.
+
+    Afterwards nothing but the one file is left, unless somebody is reading it.
+    """
+    with closing(_connect(path, "rw")) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+        yield connection
+        with suppress(sqlite3.OperationalError):
+            connection.execute("PRAGMA journal_mode = DELETE")
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
@@ -115,4 +131,6 @@ def quoted(name: str) -> str:
 
 def as_column(value: Any) -> Any:
     """Return an axis value as a column holds it: numbers and text as they are, anything else as JSON."""
+    if isinstance(value, int) and abs(value) >= 2**63:
+        return float(value)
     return value if value is None or isinstance(value, bool | int | float | str) else json.dumps(value)

@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from epuck_sim.database import quoted, reading
+from epuck_sim.database import as_column, reading
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.files import written_whole
 from epuck_sim.provenance import PROVENANCE
@@ -40,27 +40,27 @@ def export(folder: Path, target: Path) -> int:
     if target.suffix not in WRITERS:
         raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv")
     with reading(database_of(folder)) as connection:
-        (first,) = connection.execute("SELECT axes FROM points ORDER BY number LIMIT 1").fetchone()
-        axes = list(json.loads(first))
-        wanted = ["number" if name == "point" else quoted(name) for name in [*axes, *COLUMNS]]
+        points = {
+            number: json.loads(axes)
+            for number, axes in connection.execute("SELECT number, axes FROM points ORDER BY number")
+        }
+        wanted = ", ".join("number" if name == "point" else name for name in COLUMNS)
         rows = connection.execute(
-            f"SELECT {', '.join(wanted)} FROM trials JOIN points ON point = key WHERE error IS NULL "
-            "ORDER BY number, trial"
+            f"SELECT {wanted} FROM trials JOIN points ON point = key WHERE error IS NULL ORDER BY number, trial"
         ).fetchall()
         (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
-    columns = list(zip(*rows, strict=True)) or [()] * len(wanted)
-    arrays = [_axis(column) for column in columns[: len(axes)]]
-    arrays += [
-        pa.array([bool(value) for value in column] if kind == pa.bool_() else column, kind)
-        for kind, column in zip(COLUMNS.values(), columns[len(axes) :], strict=True)
-    ]
+    columns = dict(zip(COLUMNS, zip(*rows, strict=True) if rows else [()] * len(COLUMNS), strict=True))
+    columns["censored"] = [bool(value) for value in columns["censored"]]
+    axes = {key: _axis([as_column(points[number][key]) for number in columns["point"]]) for key in points[0]}
+    arrays = {**axes, **{name: pa.array(columns[name], kind) for name, kind in COLUMNS.items()}}
     with written_whole(target) as part:
-        WRITERS[target.suffix](pa.table(arrays, [*axes, *COLUMNS]), part)
+        WRITERS[target.suffix](pa.table(arrays), part)
     return int(failed)
 
 
-def _axis(values: tuple[Any, ...]) -> Any:
+def _axis(values: list[Any]) -> Any:
     """Return a column of axis values; where some are numbers and some text, all as text."""
-    if len({isinstance(value, str) for value in values if value is not None}) > 1:
-        values = tuple(None if value is None else str(value) for value in values)
+    kinds = {str if isinstance(value, str) else type(value) for value in values if value is not None}
+    if len(kinds) > 1 and kinds != {int, float}:
+        values = [None if value is None else str(value) for value in values]
     return pa.array(values)

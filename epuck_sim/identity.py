@@ -26,7 +26,7 @@ class StoredPoint(NamedTuple):
     key: str
     number: int
     trials: int
-    """How many there are to be; of one that is stored already, how many there are."""
+    """How many there are to be; of one that is stored already, one more than the last."""
     axes: str
     scenario: str
     controllers: str

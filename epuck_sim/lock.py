@@ -2,6 +2,8 @@
 
 import fcntl
 import os
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -33,7 +35,7 @@ def hold(folder: Path) -> IO[str]:
     except OSError as error:
         raise StoreError(f"{folder}: cannot be used as a run folder: {error.strerror}") from error
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock_patiently(lock)
     except OSError as error:
         lock.seek(0)
         holder = lock.read() or "another process"
@@ -43,6 +45,16 @@ def hold(folder: Path) -> IO[str]:
     lock.write(f"process {os.getpid()} on {host()}")
     lock.flush()
     return lock
+
+
+def _lock_patiently(lock: IO[str]) -> None:
+    """Lock the file; `holder` may have it for a moment."""
+    for _ in range(3):
+        with suppress(BlockingIOError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        time.sleep(0.05)
+    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def holder(folder: Path) -> str | None:

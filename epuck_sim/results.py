@@ -1,5 +1,6 @@
 """What a run folder holds: read-only, also while a run is at work on it."""
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,8 @@ class PointTrials(NamedTuple):
     """The trials of one point of a sweep that have a result."""
 
     number: int
+    key: str
+    """The axis values as text."""
     axes: dict[str, Any]
     """Value of each axis by dotted key."""
     scenario: Scenario
@@ -25,6 +28,11 @@ class PointTrials(NamedTuple):
     """(trials,) cycles at which each trial ended."""
     observed: npt.NDArray[np.bool_]
     """(trials,) whether it was synchronised then; else it is censored."""
+
+    @property
+    def seed(self) -> int:
+        """Its own, for resampling: points resampled alike would all err together."""
+        return int.from_bytes(hashlib.sha256(self.key.encode()).digest()[:8])
 
 
 class Failure(NamedTuple):
@@ -68,7 +76,7 @@ def read_points(folder: Path) -> list[PointTrials]:
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
         read = Scenario.model_validate_json(scenario)
-        results.append(PointTrials(number, json.loads(axes), read, cycles.astype(np.float64), censored == 0))
+        results.append(PointTrials(number, key, json.loads(axes), read, cycles.astype(np.float64), censored == 0))
     return results
 
 

@@ -1,11 +1,10 @@
 """Scenarios from YAML: find the file, apply changes, validate, fill in the controllers' defaults, write it again."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
@@ -17,13 +16,10 @@ from epuck_sim.scenario import Box, Circle, Polygon, Scenario
 from epuck_sim.settings import apply_axis, apply_setting, refuse_hidden
 from epuck_sim.shipped import ARENAS, CONTROLLERS, SWEEPS, shipped_files, shipped_folder
 from epuck_sim.wording import listed, shown, unknown
-from epuck_sim.yaml_reader import read_yaml
+from epuck_sim.yaml_reader import read_yaml, write_yaml
 
 RUN_SCENARIO = "scenario.yaml"
 """In a run folder: what was run."""
-
-CONTROLLER_KEY = re.compile(r"robots\.\d+\.controller")
-"""The keys that name a controller."""
 
 
 def load_scenario(
@@ -91,9 +87,7 @@ def find_scenario(name: str) -> Path:
     if path.suffix in (".yaml", ".yml"):
         named = f"; the shipped one is called {path.stem!r}" if path.stem in shipped else ""
         raise ScenarioError(f"{name}: there is no such file{named}")
-    raise ScenarioError(
-        f"{unknown(name, shipped)}; shipped: {listed(shipped)}; or give a .yaml file, or a run folder"
-    )
+    raise ScenarioError(f"{unknown(name, shipped)}; shipped: {listed(shipped)}; or give a .yaml file, or a run folder")
 
 
 def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
@@ -132,10 +126,8 @@ def _with_controllers_found(axes: Axes, origin: str, folder: Path | None) -> Axe
     """Return the axes with the paths of the controllers that they name; raises ScenarioError."""
 
     def found(key: str, value: Any) -> Any:
-        if not CONTROLLER_KEY.fullmatch(key):
-            return value
         try:
-            return _place_of(find_controller(str(value), folder))
+            return with_controllers(key, value, lambda name: _place_of(find_controller(str(name), folder)))
         except ControllerError as error:
             raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
 
@@ -147,9 +139,20 @@ def _with_controllers_found(axes: Axes, origin: str, folder: Path | None) -> Axe
     return axes.model_copy(update={**columns, "points": points})
 
 
+def with_controllers(key: str, value: Any, change: Callable[[Any], str]) -> Any:
+    """Return the value of an axis with every controller that it names changed."""
+    if re.fullmatch(r"robots\.\d+\.controller", key):
+        return change(value)
+    if re.fullmatch(r"robots\.\d+", key) and isinstance(value, Mapping) and "controller" in value:
+        return {**value, "controller": change(value["controller"])}
+    if key == "robots" and isinstance(value, list | tuple):
+        return [with_controllers("robots.0", group, change) for group in value]
+    return value
+
+
 def write_scenario(scenario: Scenario) -> str:
     """Return a scenario as YAML with every key; read again, it is the same scenario."""
-    return yaml.safe_dump(scenario.model_dump(mode="json"), sort_keys=False, default_flow_style=None)
+    return write_yaml(scenario.model_dump(mode="json"))
 
 
 def _readable(origin: str, detail: ErrorDetails) -> str:

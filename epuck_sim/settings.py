@@ -31,7 +31,7 @@ def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
         return value
     first, *rest = parts
     if isinstance(container, list | tuple):
-        if not first.isdecimal() or int(first) >= len(container):
+        if first not in map(str, range(len(container))):
             raise ScenarioError(f"{origin}: {first!r} is no place in a list of {len(container)}, counted from 0")
         place = int(first)
         return [*container[:place], _with(container[place], rest, value, origin), *container[place + 1 :]]

@@ -5,18 +5,21 @@ holds results of two scenarios.
 """
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from epuck_sim.database import (
     DATABASE,
+    ENTER_POINT,
     RESULT,
     as_column,
     check_database,
     create_database,
     quoted,
     readable_errors,
+    reading,
     writing,
 )
 from epuck_sim.files import written_whole
@@ -41,40 +44,28 @@ class Store:
         self._path = folder / DATABASE
         self._points = points
         self._keys = [point.key for point in points]
+        rows = [describe(point) for point in points]
         if self._path.exists():
             check_database(self._path)
-        self._lock = hold(folder)
-        try:
-            if not self._path.exists():
-                create_database(self._path, list(points[0].axes))
-            with readable_errors(self._path):
-                self._connection = writing(self._path)
-                self._enter_points(folder)
+        with ExitStack() as held:
+            held.enter_context(hold(folder))
+            if self._path.exists():
+                refuse_another_sweep(folder, _stored_points(self._path), rows)
+            else:
+                create_database(self._path, list(points[0].axes), rows)
+            held.enter_context(readable_errors(self._path))
+            self._connection = held.enter_context(writing(self._path))
+            with self._connection:
+                self._connection.executemany(ENTER_POINT, rows)
             with written_whole(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
-        except BaseException:
-            self._lock.close()
-            raise
+            self._held = held.pop_all()
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error")
         anew = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
             f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
             f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(anew)} WHERE error IS NOT NULL"
         )
-
-    def _enter_points(self, folder: Path) -> None:
-        rows = [describe(point) for point in self._points]
-        with self._connection:
-            stored = self._connection.execute(
-                "SELECT key, number, (SELECT count(*) FROM trials WHERE point = key), axes, scenario, controllers "
-                "FROM points"
-            )
-            refuse_another_sweep(folder, [StoredPoint(*row) for row in stored], rows)
-            self._connection.executemany(
-                "INSERT INTO points (key, number, trials, axes, scenario, controllers) VALUES (?, ?, ?, ?, ?, ?) "
-                "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials",
-                rows,
-            )
 
     def finished(self) -> set[tuple[int, int]]:
         """Return the point's number and the trial's of every trial that has a result; failed ones have none."""
@@ -117,8 +108,13 @@ class Store:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        try:
-            with readable_errors(self._path):
-                self._connection.close()
-        finally:
-            self._lock.close()
+        self._held.close()
+
+
+def _stored_points(path: Path) -> list[StoredPoint]:
+    with reading(path) as connection:
+        rows = connection.execute(
+            "SELECT key, number, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key), "
+            "axes, scenario, controllers FROM points"
+        )
+        return [StoredPoint(*row) for row in rows]

@@ -15,7 +15,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import point_seed
 from epuck_sim.scenario import Scenario
-from epuck_sim.scenario_file import CONTROLLER_KEY, load_scenario
+from epuck_sim.scenario_file import load_scenario, with_controllers
 from epuck_sim.settings import with_value
 from epuck_sim.wording import shown
 
@@ -46,7 +46,7 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
 
     Raises ScenarioError, which names the point, where its values make no valid scenario.
 
-    >>> sweep = load_scenario("pair", axes=["robots.0.count=2,3", "robots.0.parameters.speed_cm_s=1,5"])
+    >>> sweep = load_scenario("thesis", axes=["robots.0.count=2,3", "robots.0.parameters.speed_cm_s=1,5"])
     >>> [tuple(point.axes.values()) for point in points(sweep)]
     [(2, 1), (2, 5), (3, 1), (3, 5)]
     """
@@ -69,8 +69,9 @@ def check_room(places: Iterable[Point]) -> None:
         try:
             place_robots(point.scenario, np.random.SeedSequence(point.scenario.seed))
         except ScenarioError as error:
+            name = f"{point.scenario.name}: "
             where = f"sweep: point {point.number} ({_told(point.axes)}): " if point.axes else ""
-            raise ScenarioError(f"{where}{error}") from error
+            raise ScenarioError(f"{name}{where}{str(error).removeprefix(name)}") from error
 
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
@@ -85,7 +86,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
         raise ScenarioError("\n".join(f"{origin}: {line}" for line in lines)) from error
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot hold a sweep")
-    axes = {key: Path(value).name if CONTROLLER_KEY.fullmatch(key) else value for key, value in row.items()}
+    axes = {key: with_controllers(key, value, lambda name: Path(name).name) for key, value in row.items()}
     return Point(number, axes, scenario)
 
 

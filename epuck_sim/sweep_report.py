@@ -9,10 +9,13 @@ from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
+from rich.text import Text
 
 from epuck_sim.batch import Tally
 from epuck_sim.report import LINE_S, REFRESH_S
 from epuck_sim.results import Failure, Status
+from epuck_sim.summary import PointSummary
 
 MOST_FAILURES = 10
 """So many failed trials are listed."""
@@ -102,3 +105,38 @@ def print_failures(failures: Sequence[Failure]) -> None:
         print(f"  failed: --point {failure.point} --trial {failure.trial}: {failure.error}")
     if len(failures) > MOST_FAILURES:
         print(f"  and {len(failures) - MOST_FAILURES} more")
+
+
+def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> None:
+    """Print the statistics of a sweep's points on stdout."""
+    if as_json:
+        print(json.dumps([point._asdict() for point in points]))
+        return
+    table = Table(title=Text(f"{title}: T_sync [cycles], with 95 % intervals"), title_justify="left")
+    table.add_column("point", justify="right")
+    for key in points[0].axes:
+        table.add_column(Text(key.rpartition(".")[2]), justify="right")
+    for heading in ("trials", "censored", "mean", "", "median", "", "restricted mean"):
+        table.add_column(heading, justify="right")
+    for point in points:
+        table.add_row(
+            str(point.point),
+            *(Text(str(value)) for value in point.axes.values()),
+            str(point.trials),
+            f"{point.censored:.0%}",
+            _number(point.mean),
+            _interval(point.mean_low, point.mean_high),
+            _number(point.median),
+            _interval(point.median_low, point.median_high),
+            _number(point.restricted_mean),
+        )
+    Console(width=None if sys.stdout.isatty() else 140).print(table)
+    print("mean: Appendix A, -: undetermined. Restricted mean: up to the limit of cycles.")
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
+
+
+def _interval(low: float | None, high: float | None) -> str:
+    return "" if low is None else f"{low:.4g} to {'?' if high is None else f'{high:.4g}'}"

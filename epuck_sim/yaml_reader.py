@@ -1,4 +1,4 @@
-"""Reads YAML as people mean it: `1e-3` is a number, `no` a word, a key given twice a mistake.
+"""Reads and writes YAML as people mean it: `1e-3` is a number, `no` a word, a key given twice a mistake.
 
 PyYAML follows YAML 1.1, where `1e-3` is text, `no` is false and `12:30` is 750; the words and numbers here are those of
 YAML 1.2's core schema. Files that would unfold into far more than they show are refused.
@@ -41,6 +41,23 @@ def _whole_number(_: _Loader, node: yaml.ScalarNode) -> int:
 
 
 _Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+
+
+class _Dumper(yaml.SafeDumper):
+    """SafeDumper that puts in quotes what any reader, YAML 1.1's or this one, would take for something else."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012 as PyYAML has it
+        first: [
+            *yaml.SafeDumper.yaml_implicit_resolvers.get(first, []),
+            *_Loader.yaml_implicit_resolvers.get(first, []),
+        ]
+        for first in {*yaml.SafeDumper.yaml_implicit_resolvers, *_Loader.yaml_implicit_resolvers}
+    }
+
+
+def write_yaml(value: Any) -> str:
+    """Return plain values as YAML, which `parse_yaml` reads again as they are."""
+    return yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
 
 
 def read_yaml(path: Path) -> Any:

@@ -15,6 +15,7 @@ import epuck_sim
 from epuck_sim.cli import app
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation
+from epuck_sim.sweep import points
 from epuck_sim.yaml_reader import parse_yaml
 
 ROOT = Path(__file__).parent.parent
@@ -41,7 +42,7 @@ def is_controller(block: str) -> bool:
 @pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
 def test_examples_run(block: str, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(compile(block, "example", "exec"), {})
+    exec(compile(block, "example", "exec"), {"__name__": "__main__"})
 
 
 @pytest.mark.parametrize("block", code(is_controller))
@@ -56,17 +57,29 @@ def test_controllers_run_compiled_and_interpreted_alike(block: str, tmp_path) ->
     assert compiled.wheels_cm_s[:5].any()
 
 
-def test_the_commands_of_the_readme_run(tmp_path, monkeypatch) -> None:
+def commands(page: Path) -> list[list[str]]:
+    """Return the commands that a page shows; of the thesis's figures, short ones instead of minutes."""
+    shown = "".join(blocks(page, "console"))
+    found = [shlex.split(line) for line in re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)]
+    short = ["--trials", "1", "--set", "stop.max_cycles=2"]
+    return [[*words, *short] if words[:2] == ["run", "fig-4-2a"] else words for words in found]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
+def test_the_commands_shown_run(page: Path, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
     Path("turner.py").write_text(controller)
-    shown = "".join(blocks(ROOT / "README.md", "console"))
-    commands = re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)
-    assert len(commands) >= 6
-    for command in commands:
-        result = CliRunner().invoke(app, shlex.split(command))
-        assert result.exit_code == 0, (command, result.stderr)
+    assert len(commands(page)) >= 6
+    for words in commands(page):
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, (words, result.stderr)
     assert Path("trace.parquet").exists()
+
+
+def test_the_sweep_shown_has_the_points_told() -> None:
+    (shown,) = blocks(ROOT / "docs/sweeps.md", "yaml")
+    assert len(points(load_scenario(parse_yaml(shown, "docs")))) == 2 * 4 * 2 * 2
 
 
 def test_the_readmes_controller_is_no_longer_than_promised() -> None:

@@ -1,0 +1,117 @@
+"""The regimes of run folders, and the scaling laws that they follow (thesis 4.2.2)."""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.curves import SPEED, choose_axis, read_curves
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.regimes import Bump, find_bump
+from epuck_sim.results import read_points
+from epuck_sim.scaling import Comparison, OffsetLaw, Parameters, compare_laws, fit_offset_law
+from epuck_sim.scenario import Scenario
+
+
+class FittedCurve(NamedTuple):
+    """The local minimum and the peak of one curve."""
+
+    run: str
+    """Its run folder."""
+    axes: dict[str, Any]
+    """Values of the axes other than speed."""
+    parameters: dict[str, float]
+    """epsilon, L (cm), N and tau (s)."""
+    others: str
+    """All else in its scenario, as text; curves that share it can follow one law."""
+    bump: Bump | None
+    """None if too few speeds are determined."""
+
+
+class Laws(NamedTuple):
+    """The scaling laws of the curves that differ in epsilon, L, N and tau alone and have a bump."""
+
+    curves: int
+    """How many those are."""
+    exponents: list[Comparison]
+    offset_laws: dict[str, OffsetLaw]
+    """Of T_m and T_p."""
+    reason: str
+    """Why there are none, if so."""
+
+
+def fit_curves(folder: Path) -> list[FittedCurve]:
+    """Return the regimes of each curve of T_sync against speed in a run folder.
+
+    Raises StoreError for what is no run folder, EpuckSimError where no axis is a speed.
+    """
+    points = read_points(folder)
+    axis = choose_axis(points)
+    if not axis.endswith(SPEED):
+        raise EpuckSimError(f"{folder}: no axis ends in {SPEED}; regimes are those of T_sync against speed")
+    return [
+        FittedCurve(
+            run=str(folder),
+            axes=curve.axes,
+            parameters=_parameters(curve.scenario),
+            others=_others(curve.scenario),
+            bump=find_bump(curve.x, curve.means, curve.resampled),
+        )
+        for curve in read_curves(points, axis)
+    ]
+
+
+def _parameters(scenario: Scenario) -> dict[str, float]:
+    values = scenario.robots[0].parameters
+    return {
+        "epsilon": float(values.get("coupling", math.nan)),
+        "L": math.sqrt(scenario.arena.width_cm * scenario.arena.height_cm),
+        "N": float(scenario.robot_count),
+        "tau": float(values.get("period_s", math.nan)),
+    }
+
+
+def _others(scenario: Scenario) -> str:
+    """Return all that a law does not account for, as text."""
+    rest = scenario.model_dump(mode="json", exclude={"name", "description", "trials", "seed"})
+    for name in ("width_cm", "height_cm"):
+        del rest["arena"][name]
+    for group in rest["robots"]:
+        del group["count"]
+        group["parameters"] = {
+            key: value
+            for key, value in group["parameters"].items()
+            if key not in ("coupling", "period_s", SPEED.removeprefix("."))
+        }
+    return json.dumps(rest)
+
+
+def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
+    """Return the laws of the largest group of curves that differ in nothing but speed, epsilon, L, N and tau."""
+    having = [curve for curve in curves if curve.bump is not None and curve.bump.is_found]
+    if not having:
+        return Laws(0, [], {}, "no curve has a local minimum and a peak")
+    ((most, _),) = Counter(curve.others for curve in having).most_common(1)
+    alike = [curve for curve in having if curve.others == most]
+    parameters = {name: np.array([curve.parameters[name] for curve in alike]) for name in alike[0].parameters}
+    bumps = [curve.bump for curve in alike]
+    try:
+        return Laws(len(alike), compare_laws(parameters, bumps), _offset_laws(parameters, bumps), "")
+    except ValueError as error:
+        return Laws(len(alike), [], {}, str(error))
+
+
+def _offset_laws(parameters: Parameters, bumps: Sequence[Bump | None]) -> dict[str, OffsetLaw]:
+    """Return the laws of T_m and T_p; none where the curves do not vary in what these depend on."""
+    found = np.array([bump[:4] for bump in bumps if bump])
+    resampled = np.stack([bump.resampled for bump in bumps if bump], axis=1)
+    laws = {}
+    with suppress(ValueError):
+        for name, place in (("T_m", 1), ("T_p", 3)):
+            laws[name] = fit_offset_law(parameters, found[:, place], resampled[:, :, place])
+    return laws
