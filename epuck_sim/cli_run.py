@@ -11,9 +11,11 @@ from typing import NamedTuple
 import typer
 
 from epuck_sim.batch import run_sweep
+from epuck_sim.database import DATABASE
 from epuck_sim.errors import ScenarioError
 from epuck_sim.executors import dask_pool, local_pool
 from epuck_sim.mistakes import naming
+from epuck_sim.provenance import in_text, versions
 from epuck_sim.randomness import trial_seed
 from epuck_sim.report import Progress, print_json, print_table
 from epuck_sim.results import read_status
@@ -78,6 +80,7 @@ def run_into(
     origin: str, scenario: Scenario, folder: Path, workers: int | None, dask: str | None, output: Output
 ) -> None:
     """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
+    _tell_of_other_versions(folder)
     open_pool = partial(local_pool, workers or _cores()) if dask is None else partial(dask_pool, dask)
     with SweepProgress() as progress, naming(origin):
         try:
@@ -92,6 +95,15 @@ def run_into(
     if status.failed:
         print(f"{len(status.failed)} trials failed; run again to retry them: epuck-sim run {folder}/", file=sys.stderr)
         raise typer.Exit(1)
+
+
+def _tell_of_other_versions(folder: Path) -> None:
+    if not (folder / DATABASE).exists():
+        return
+    now = in_text(versions())
+    for made, count in read_status(folder).versions.items():
+        if not made.startswith(f"{now}, "):
+            print(f"note: {count} trials were made by {made}; this is {now}: last digits may differ", file=sys.stderr)
 
 
 def _cores() -> int:

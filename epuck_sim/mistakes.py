@@ -34,4 +34,5 @@ def naming(scenario: str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        raise ScenarioError(f"{scenario}: {error}") from error
+        named = str(error).startswith(f"{scenario}: ")
+        raise ScenarioError(str(error) if named else f"{scenario}: {error}") from error

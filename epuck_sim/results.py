@@ -11,7 +11,7 @@ import numpy.typing as npt
 from epuck_sim.database import DATABASE, reading
 from epuck_sim.errors import StoreError
 from epuck_sim.lock import holder
-from epuck_sim.provenance import PROVENANCE
+from epuck_sim.provenance import PROVENANCE, in_text
 from epuck_sim.scenario import Scenario
 
 
@@ -94,9 +94,7 @@ def read_status(folder: Path) -> Status:
             "ORDER BY number, trial"
         ).fetchall()
         made = connection.execute(f"SELECT {columns}, count(*) FROM trials GROUP BY {columns}").fetchall()
-    versions = {
-        ", ".join(f"{name} {value}" for name, value in zip(PROVENANCE, row, strict=True)): count for *row, count in made
-    }
+    versions = {in_text(dict(zip(PROVENANCE, row, strict=True))): count for *row, count in made}
     return Status(
         scenario=json.loads(scenario)["name"],
         points=points,

@@ -82,12 +82,6 @@ class Store:
             (count,) = self._connection.execute("SELECT count(*) FROM trials WHERE censored").fetchone()
         return int(count)
 
-    def versions(self) -> set[tuple[str, ...]]:
-        """Return the combinations of versions, without the host, that have made the trials so far."""
-        columns = ", ".join(PROVENANCE[:-1])
-        with readable_errors(self._path):
-            return set(self._connection.execute(f"SELECT DISTINCT {columns} FROM trials"))
-
     def add(self, outcome: Outcome) -> None:
         """Store a trial; one that failed before is replaced, one that has a result stays."""
         result: Any = outcome.result

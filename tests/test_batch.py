@@ -2,7 +2,10 @@
 
 import json
 import os
+import re
 import signal
+import sqlite3
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -10,8 +13,11 @@ from subprocess import TimeoutExpired
 
 import pytest
 from sweeps_kit import begin, processes_marked, short_sweep, stored, table, wait_until
+from typer.testing import CliRunner
 
 from epuck_sim.batch import Tally, missing_tasks, run_sweep
+from epuck_sim.cli import app
+from epuck_sim.database import DATABASE
 from epuck_sim.executors import local_pool
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation
@@ -222,3 +228,15 @@ def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
     before = resident_kb()
     carry_out(tasks[200:1000])
     assert resident_kb() <= 1.05 * before
+
+
+def test_other_versions_that_made_trials_are_told(tmp_path) -> None:
+    path, folder = short_sweep(tmp_path, 2), tmp_path / "run"
+    run_sweep(load_scenario(path), folder, partial(local_pool, 1))
+    quiet = CliRunner().invoke(app, ["run", str(folder)])
+    assert (quiet.exit_code, "note: " in quiet.stderr) == (0, False)
+    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
+        connection.execute("UPDATE trials SET pymunk = '6.0' WHERE trial = 1")
+    noisy = CliRunner().invoke(app, ["run", str(folder)])
+    assert noisy.exit_code == 0
+    assert re.search(r"note: 8 trials were made by epuck_sim .*, pymunk 6.0, .*; this is epuck_sim ", noisy.stderr)
