@@ -4,28 +4,40 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from epuck_sim.batch import run_sweep as run_sweep
+    from epuck_sim.errors import ClusterError as ClusterError
     from epuck_sim.errors import ControllerError as ControllerError
     from epuck_sim.errors import EpuckSimError as EpuckSimError
     from epuck_sim.errors import ScenarioError as ScenarioError
+    from epuck_sim.errors import StoreError as StoreError
+    from epuck_sim.results import read_points as read_points
     from epuck_sim.scenario import Scenario as Scenario
     from epuck_sim.scenario_file import load_scenario as load_scenario
     from epuck_sim.simulation import Simulation as Simulation
     from epuck_sim.step import Step as Step
+    from epuck_sim.summary import summarize as summarize
+    from epuck_sim.sweep import points as points
     from epuck_sim.trial import TrialResult as TrialResult
     from epuck_sim.trial import run_trial as run_trial
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "ClusterError": "errors",
     "ControllerError": "errors",
     "EpuckSimError": "errors",
     "Scenario": "scenario",
     "ScenarioError": "errors",
     "Simulation": "simulation",
     "Step": "step",
+    "StoreError": "errors",
     "TrialResult": "trial",
     "load_scenario": "scenario_file",
+    "points": "sweep",
+    "read_points": "results",
+    "run_sweep": "batch",
     "run_trial": "trial",
+    "summarize": "summary",
 }
 
 

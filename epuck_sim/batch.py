@@ -1,13 +1,14 @@
 """A sweep from its scenario to its run folder: what is missing is run, and stored as it ends."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from epuck_sim.dispatch import run_tasks
-from epuck_sim.executors import OpenPool
+from epuck_sim.executors import OpenPool, local_pool
 from epuck_sim.scenario import Scenario
+from epuck_sim.scenario_file import load_scenario
 from epuck_sim.store import Store
 from epuck_sim.sweep import Point, check_room, points
 from epuck_sim.worker import Task
@@ -29,23 +30,24 @@ class Tally(NamedTuple):
 
 
 def run_sweep(
-    scenario: Scenario,
-    folder: Path,
-    open_pool: OpenPool,
+    scenario: Scenario | str | Path | Mapping[str, Any],
+    folder: Path | str,
+    open_pool: OpenPool = local_pool,
     onlooker: Callable[[Tally], None] = lambda _: None,
     *,
     interpret: bool = False,
 ) -> Tally:
     """Run the trials of a sweep that have no result in the run folder yet, and return how far it is then.
 
-    scenario: as `load_scenario` gives it; open_pool: opens a pool of workers, see `executors`; onlooker: is shown the
-    tally before the first trial and after each.
+    scenario: a Scenario, or what `load_scenario` takes; open_pool: opens a pool of workers, see `executors`, processes
+    on all cores by default; onlooker: is shown the tally before the first trial and after each.
     Raises ScenarioError where a point cannot be run, StoreError where the folder cannot be used, and ClusterError
     where there are no workers; the trials stored so far stay.
     """
-    places = points(scenario)
+    loaded = load_scenario(scenario)
+    places = points(loaded)
     check_room(places)
-    with Store(folder, scenario, places) as store:
+    with Store(Path(folder), loaded, places) as store:
         finished = store.finished()
         tasks = missing_tasks(places, finished, interpret)
         total = sum(point.scenario.trials for point in places)

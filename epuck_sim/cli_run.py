@@ -1,6 +1,5 @@
 """What `epuck-sim run` does: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
 
-import os
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -81,7 +80,7 @@ def run_into(
 ) -> None:
     """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
     _tell_of_other_versions(folder)
-    open_pool = partial(local_pool, workers or _cores()) if dask is None else partial(dask_pool, dask)
+    open_pool = partial(local_pool, workers) if dask is None else partial(dask_pool, dask)
     with SweepProgress() as progress, naming(origin):
         try:
             run_sweep(scenario, folder, open_pool, progress, interpret=output.interpret)
@@ -104,8 +103,3 @@ def _tell_of_other_versions(folder: Path) -> None:
     for made, count in read_status(folder).versions.items():
         if not made.startswith(f"{now}, "):
             print(f"note: {count} trials were made by {made}; this is {now}: last digits may differ", file=sys.stderr)
-
-
-def _cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -35,14 +35,16 @@ OpenPool = Callable[[], AbstractContextManager[Pool]]
 
 
 @contextmanager
-def local_pool(workers: int) -> Iterator[Pool]:
+def local_pool(workers: int | None = None) -> Iterator[Pool]:
     """Yield a pool of processes, each with one thread; they end with the block, or with this process.
 
-    Where the block ends with an error, what they are at is thrown away.
+    workers: how many; as many as this process may use cores if None. Where the block ends with an error, what they are
+    at is thrown away.
     """
     # a server that has the simulation loaded forks the workers: it has no threads that a fork could break
     start = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(start)
+    workers = workers or _cores()
     context.set_forkserver_preload(["epuck_sim.worker"])
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
@@ -55,6 +57,10 @@ def local_pool(workers: int) -> Iterator[Pool]:
                 process.terminate()
             raise
         executor.shutdown()
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _begin_worker() -> None:

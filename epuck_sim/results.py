@@ -63,7 +63,7 @@ class Status(NamedTuple):
     """The process that is running it."""
 
 
-def read_points(folder: Path) -> list[PointTrials]:
+def read_points(folder: Path | str) -> list[PointTrials]:
     """Return the results of each point, in the sweep's order; raises StoreError for what is no run folder."""
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
@@ -108,8 +108,8 @@ def read_status(folder: Path) -> Status:
     )
 
 
-def database_of(folder: Path) -> Path:
+def database_of(folder: Path | str) -> Path:
     """Return the run folder's database; raises StoreError where there is none."""
-    if not (folder / DATABASE).is_file():
+    if not (Path(folder) / DATABASE).is_file():
         raise StoreError(f"{folder}: is no run folder: there is no {DATABASE} in it")
-    return folder / DATABASE
+    return Path(folder) / DATABASE
