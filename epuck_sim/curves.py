@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.mean_time import bootstrap_means, confidence_interval, mean_time
 from epuck_sim.results import PointTrials
 from epuck_sim.scenario import Scenario
-from epuck_sim.survival import bootstrap_means, confidence_interval, mean_time
 from epuck_sim.wording import listed, unknown
 
 Floats = npt.NDArray[np.float64]

@@ -4,8 +4,9 @@ import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from epuck_sim.mean_time import bootstrap_means, confidence_interval, mean_time
 from epuck_sim.results import PointTrials
-from epuck_sim.survival import bootstrap_means, confidence_interval, mean_time, median_time, restricted_mean
+from epuck_sim.survival import median_time, restricted_mean
 
 
 class PointSummary(NamedTuple):

@@ -12,17 +12,9 @@ from lifelines.utils import median_survival_times, restricted_mean_survival_time
 from scipy.optimize import curve_fit
 from scipy.stats import CensoredData, ecdf
 
-from epuck_sim.survival import (
-    LEAST_UNCENSORED,
-    Weibull,
-    bootstrap_means,
-    confidence_interval,
-    fit_weibull,
-    kaplan_meier,
-    mean_time,
-    median_time,
-    restricted_mean,
-)
+from epuck_sim.mean_time import LEAST_UNCENSORED, bootstrap_means, confidence_interval, mean_time
+from epuck_sim.survival import kaplan_meier, median_time, restricted_mean
+from epuck_sim.weibull import Weibull, fit_weibull
 
 whole_cycles = st.integers(1, 12) | st.integers(0, 10**7)
 trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=40).map(
