@@ -1,11 +1,24 @@
 """The axes of a sweep: which keys of a scenario take which values together."""
 
+import json
+from collections.abc import Mapping
 from itertools import product
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
 from epuck_sim.section import Section
+
+
+def as_text(axes: Mapping[str, Any]) -> str:
+    """Return axis values as text, the same for the same values however they are written or ordered.
+
+    >>> as_text({"b": 1, "a": [2.0]}) == as_text({"a": [2], "b": 1.0})
+    True
+    """
+    numbers_alike = json.loads(json.dumps(axes), parse_int=float)
+    return json.dumps(numbers_alike, sort_keys=True)
+
 
 Values = Annotated[tuple[Any, ...], Field(min_length=1)]
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.axes import as_text
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.mean_time import bootstrap_means, confidence_interval, mean_time
 from epuck_sim.results import PointTrials
@@ -58,19 +59,24 @@ def _are_numbers(values: set[Any]) -> bool:
 
 def read_curves(points: Sequence[PointTrials], axis: str) -> list[Curve]:
     """Return a curve for each combination of the values of the other axes, in the order of the sweep."""
+    others = [key for key in points[0].axes if key != axis and not _goes_along(key, axis, points)]
     groups: dict[str, list[PointTrials]] = {}
     for point in points:
-        others = {key: value for key, value in point.axes.items() if key != axis}
-        groups.setdefault(repr(others), [])
         if len(point.times):
-            groups[repr(others)].append(point)
-    return [_curve(sorted(group, key=lambda point: point.axes[axis]), axis) for group in groups.values() if group]
+            groups.setdefault(as_text({key: point.axes[key] for key in others}), []).append(point)
+    return [_curve(sorted(group, key=lambda point: point.axes[axis]), axis, others) for group in groups.values()]
 
 
-def _curve(points: Sequence[PointTrials], axis: str) -> Curve:
+def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
+    """Return whether the value of `axis` tells that of `key`, as in a zip, where this changes at all."""
+    values = {point.axes[axis]: repr(point.axes[key]) for point in points}
+    return len(set(values.values())) > 1 and all(repr(point.axes[key]) == values[point.axes[axis]] for point in points)
+
+
+def _curve(points: Sequence[PointTrials], axis: str, others: Sequence[str]) -> Curve:
     resampled = np.stack([bootstrap_means(point.times, point.observed, seed=point.seed) for point in points], axis=1)
     return Curve(
-        axes={key: value for key, value in points[0].axes.items() if key != axis},
+        axes={key: points[0].axes[key] for key in others},
         scenario=points[0].scenario,
         x=np.array([point.axes[axis] for point in points], np.float64),
         trials=np.array([len(point.times) for point in points]),

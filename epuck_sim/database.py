@@ -119,7 +119,7 @@ def readable_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.OperationalError as error:  # a full disk, no permission, locked by another program
-        raise StoreError(f"{path}: {error}; what is stored is whole: go on once that is mended") from error
+        raise StoreError(f"{path}: {error}; what is stored is whole: go on once mended") from error
     except sqlite3.DatabaseError as error:
         raise StoreError(f"{path}: is damaged: {error}") from error
 

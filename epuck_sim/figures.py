@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from epuck_sim.curves import SPEED, Curve, told_apart
-from epuck_sim.files import written_whole
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.files import check_target, written_whole
 from epuck_sim.regimes import Bump, find_bump
 
 SYMBOLS = {
@@ -40,7 +41,11 @@ def save_figure(stem: Path, title: str, axis: str, curves: Sequence[Curve]) -> l
     axis: the dotted key of the curves' x. Returns the files; raises EpuckSimError where one cannot be written.
     """
     bumps = [find_bump(curve.x, curve.means, curve.resampled) if axis.endswith(SPEED) else None for curve in curves]
+    if stem.name in ("", ".."):
+        raise EpuckSimError(f"{stem}: is no file's name; give FOLDER/NAME, to which .png and so on are added")
     files = [stem.with_name(f"{stem.name}{ending}") for ending in (".png", ".svg", ".csv", "-regimes.csv")]
+    for file in files:
+        check_target(file)
     figure = draw(title, axis, curves, bumps)
     # nothing in the files tells when they were made: the same results give the same files
     with written_whole(files[0]) as part:
@@ -72,9 +77,11 @@ def draw(title: str, axis: str, curves: Sequence[Curve], bumps: Sequence[Bump | 
                 axes.plot(speed, time, marker, color=colour, markersize=10, markeredgecolor="black", zorder=4)
     axes.set_ylim(top=min(axes.get_ylim()[1], 3 * highest))
     unit = SYMBOLS.get(axis.rpartition(".")[2], ("", ""))[1]
-    axes.set(title=title, xlabel=f"{key_name(axis)} [{unit}]" if unit else key_name(axis), ylabel="T_sync [cycles]")
+    axes.set_title(title, parse_math=False)
+    axes.set(xlabel=f"{key_name(axis)} [{unit}]" if unit else key_name(axis), ylabel="T_sync [cycles]")
     if any(axes.get_legend_handles_labels()[1]):
-        axes.legend(fontsize="small")
+        for text in axes.legend(fontsize="small").get_texts():
+            text.set_parse_math(False)
     return figure
 
 

@@ -15,6 +15,7 @@ from epuck_sim.figures import values_told
 from epuck_sim.fitting import FittedCurve, Laws
 from epuck_sim.regimes import Bump
 from epuck_sim.scaling import Estimate
+from epuck_sim.sweep_report import WIDE
 
 QUANTITIES = ("V_m [cm/s]", "T_m [cycles]", "V_p [cm/s]", "T_p [cycles]")
 
@@ -24,7 +25,7 @@ def print_fit(curves: Sequence[FittedCurve], laws: Laws, as_json: bool) -> None:
     if as_json:
         print(json.dumps({"curves": [_curve_object(curve) for curve in curves], "laws": _laws_object(laws)}))
         return
-    console = Console(width=None if sys.stdout.isatty() else 140)
+    console = Console(width=None if sys.stdout.isatty() else WIDE)
     table = Table(title="Local minimum and peak, with 95 % intervals", title_justify="left")
     for heading in ("run", "curve", *QUANTITIES, "p"):
         table.add_column(Text(heading))
@@ -42,12 +43,13 @@ def print_fit(curves: Sequence[FittedCurve], laws: Laws, as_json: bool) -> None:
         table.add_column(heading)
     for row in laws.exponents:
         thesis = f"{row.thesis:g}" if row.thesis else "none"
-        table.add_row(row.quantity, row.parameter, row.form, _told(row.exponent), thesis, f"{row.misfit:.1f}")
+        misfit = f"{row.misfit:.1f}" if math.isfinite(row.misfit) else "-"
+        table.add_row(row.quantity, row.parameter, row.form, _told(row.exponent), thesis, misfit)
     console.print(table)
     for quantity, law in laws.offset_laws.items():
         print(
             f"{quantity} = A L e^N / tau^2 + K: A = {_told(law.factor)}, K = {_told(law.offset)}, "
-            f"R^2 = {law.r_squared:.2f}"
+            f"R^2 = {law.r_squared:.2f}".replace("nan", "-")
         )
     print("Intervals hold the noise of the trials alone; a misfit far above 1 says that the law does not hold.")
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.curves import SPEED, choose_axis, read_curves
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.regimes import Bump, find_bump
 from epuck_sim.results import read_points
 from epuck_sim.scaling import Comparison, OffsetLaw, Parameters, compare_laws, fit_offset_law
@@ -51,9 +51,15 @@ def fit_curves(folder: Path) -> list[FittedCurve]:
     Raises StoreError for what is no run folder, EpuckSimError where no axis is a speed.
     """
     points = read_points(folder)
-    axis = choose_axis(points)
+    try:
+        axis = choose_axis(points)
+    except EpuckSimError as error:
+        raise EpuckSimError(f"{folder}: {error}") from error
     if not axis.endswith(SPEED):
         raise EpuckSimError(f"{folder}: no axis ends in {SPEED}; regimes are those of T_sync against speed")
+    curves = read_curves(points, axis)
+    if not curves:
+        raise StoreError(f"{folder}: holds no results yet")
     return [
         FittedCurve(
             run=str(folder),
@@ -62,7 +68,7 @@ def fit_curves(folder: Path) -> list[FittedCurve]:
             others=_others(curve.scenario),
             bump=find_bump(curve.x, curve.means, curve.resampled),
         )
-        for curve in read_curves(points, axis)
+        for curve in curves
     ]
 
 
@@ -81,13 +87,12 @@ def _others(scenario: Scenario) -> str:
     rest = scenario.model_dump(mode="json", exclude={"name", "description", "trials", "seed"})
     for name in ("width_cm", "height_cm"):
         del rest["arena"][name]
-    for group in rest["robots"]:
+    for number, group in enumerate(rest["robots"]):
         del group["count"]
-        group["parameters"] = {
-            key: value
-            for key, value in group["parameters"].items()
-            if key not in ("coupling", "period_s", SPEED.removeprefix("."))
-        }
+        group["parameters"].pop(SPEED.removeprefix("."), None)
+        if number == 0:
+            group["parameters"].pop("coupling", None)
+            group["parameters"].pop("period_s", None)
     return json.dumps(rest)
 
 
@@ -101,9 +106,12 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     parameters = {name: np.array([curve.parameters[name] for curve in alike]) for name in alike[0].parameters}
     bumps = [curve.bump for curve in alike]
     try:
-        return Laws(len(alike), compare_laws(parameters, bumps), _offset_laws(parameters, bumps), "")
+        exponents = compare_laws(parameters, bumps)
     except ValueError as error:
         return Laws(len(alike), [], {}, str(error))
+    if not exponents:
+        return Laws(len(alike), [], {}, f"{len(alike)} curves with both; none differ in epsilon, L, N or tau")
+    return Laws(len(alike), exponents, _offset_laws(parameters, bumps), "")
 
 
 def _offset_laws(parameters: Parameters, bumps: Sequence[Bump | None]) -> dict[str, OffsetLaw]:

@@ -8,11 +8,9 @@ from typing import Any, NamedTuple
 
 from epuck_sim.controller_file import find_controller
 from epuck_sim.errors import StoreError
+from epuck_sim.scenario import WITHOUT_EFFECT
 from epuck_sim.sweep import Point
 from epuck_sim.wording import shown
-
-WITHOUT_EFFECT = ("name", "description", "trials")
-"""Keys of a scenario on which no trial depends."""
 
 MOST_SHOWN = 8
 """Differences in a message."""

@@ -12,7 +12,7 @@ from epuck_sim.database import DATABASE, reading
 from epuck_sim.errors import StoreError
 from epuck_sim.lock import holder
 from epuck_sim.provenance import PROVENANCE, in_text
-from epuck_sim.scenario import Scenario
+from epuck_sim.scenario import WITHOUT_EFFECT, Scenario
 
 
 class PointTrials(NamedTuple):
@@ -32,7 +32,8 @@ class PointTrials(NamedTuple):
     @property
     def seed(self) -> int:
         """Its own, for resampling: points resampled alike would all err together."""
-        return int.from_bytes(hashlib.sha256(self.key.encode()).digest()[:8])
+        everything = self.key + self.scenario.model_dump_json(exclude=WITHOUT_EFFECT)
+        return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 
 
 class Failure(NamedTuple):

@@ -1,5 +1,6 @@
 """How do the regimes scale? Power laws of the local minimum and the peak of T_sync (thesis 4.2.2)."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -120,15 +121,15 @@ def fit_offset_law(parameters: Parameters, values: Floats, resampled: Floats) ->
     """
     known, values, resampled = _known(values, resampled)
     size, robots, period = (parameters[name][known] for name in ("L", "N", "tau"))
-    term = size * np.exp(robots) / period**2
-    unit = term.max(initial=0) or 1.0  # for e^N would swamp the offset in the solution
-    design = np.column_stack([term / unit, np.ones(len(values))])
+    logs = np.log(size) + robots - 2 * np.log(period)
+    highest = logs.max()  # in units of the largest, e^N neither swamps the offset nor overflows
+    design = np.column_stack([np.exp(logs - highest), np.ones(len(values))])
     weights = 1 / np.maximum(resampled.var(axis=0, ddof=1), LEAST_VARIANCE * values**2)
     solution = _solution(design, weights, ["L e^N / tau^2"])
     factor, offset = _estimates(solution @ values, resampled @ solution.T)
     unexplained = weights @ (values - design @ (solution @ values)) ** 2
     total = weights @ (values - np.average(values, weights=weights)) ** 2
-    factor = Estimate(factor.value / unit, factor.low / unit, factor.high / unit)
+    factor = Estimate(*(number * math.exp(-highest) for number in factor))
     return OffsetLaw(factor, offset, float(1 - unexplained / total) if total else np.nan)
 
 

@@ -197,6 +197,10 @@ class StopSection(Section):
     """Robots are numbered from 0, in the order of their groups."""
 
 
+WITHOUT_EFFECT = {"name", "description", "trials"}
+"""Keys of a scenario on which no trial depends."""
+
+
 class Scenario(Section):
     """All that a trial depends on, but for its seed."""
 

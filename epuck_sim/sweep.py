@@ -4,13 +4,13 @@ A point is known by its axis values, not by its place: points and trials that ar
 as they were.
 """
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from epuck_sim.axes import as_text
 from epuck_sim.errors import ScenarioError
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import point_seed
@@ -32,9 +32,8 @@ class Point(NamedTuple):
 
     @property
     def key(self) -> str:
-        """The axis values as text, the same for the same values however they are written or ordered."""
-        numbers_alike = json.loads(json.dumps(self.axes), parse_int=float)
-        return json.dumps(numbers_alike, sort_keys=True)
+        """The axis values as text."""
+        return as_text(self.axes)
 
     def seed(self, trial: int) -> int:
         """Return the seed of trial number `trial`: of the master seed, the axis values and the trial alone."""

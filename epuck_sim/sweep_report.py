@@ -17,6 +17,9 @@ from epuck_sim.report import LINE_S, REFRESH_S
 from epuck_sim.results import Failure, Status
 from epuck_sim.summary import PointSummary
 
+WIDE = 1000
+"""Columns of a table that goes to a file: as many as it takes."""
+
 MOST_FAILURES = 10
 """So many failed trials are listed."""
 
@@ -39,7 +42,7 @@ class SweepProgress:
         now = time.monotonic()
         if tally.ended and self._began is None:
             self._began = now  # the first trial waits for workers to start: no measure of the others
-        if now < self._next and tally.stored < tally.trials:
+        if now < self._next and tally.stored + tally.failed < tally.trials:
             return
         self._next = now + self._pause_s
         self._show(tally, self._words(tally, now))
@@ -130,7 +133,7 @@ def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> 
             _interval(point.median_low, point.median_high),
             _number(point.restricted_mean),
         )
-    Console(width=None if sys.stdout.isatty() else 140).print(table)
+    Console(width=None if sys.stdout.isatty() else WIDE).print(table)
     print("mean: Appendix A, -: undetermined. Restricted mean: up to the limit of cycles.")
 
 

@@ -682,7 +682,7 @@ def test_where_the_disk_is_full_what_is_stored_stays_whole_and_the_next_run_goes
             for trial in range(1, 500):
                 store.add(outcome(found[0], trial))
                 kept += 1
-        expected = f"{tmp_path / DATABASE}: database or disk is full; what is stored is whole: go on once that is mended"
+        expected = f"{tmp_path / DATABASE}: database or disk is full; what is stored is whole: go on once mended"
         assert str(caught.value) == expected
         assert kept > 10
     assert [(row["number"], row["trial"]) for row in stored(tmp_path)] == [(0, trial) for trial in range(kept)]
