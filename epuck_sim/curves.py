@@ -62,9 +62,9 @@ def read_curves(points: Sequence[PointTrials], axis: str) -> list[Curve]:
     others = [key for key in points[0].axes if key != axis and not _goes_along(key, axis, points)]
     groups: dict[str, list[PointTrials]] = {}
     for point in points:
-        if len(point.times):
-            groups.setdefault(as_text({key: point.axes[key] for key in others}), []).append(point)
-    return [_curve(sorted(group, key=lambda point: point.axes[axis]), axis, others) for group in groups.values()]
+        groups.setdefault(as_text({key: point.axes[key] for key in others}), []).append(point)
+    filled = ([point for point in group if len(point.times)] for group in groups.values())
+    return [_curve(sorted(group, key=lambda point: point.axes[axis]), axis, others) for group in filled if group]
 
 
 def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
