@@ -68,9 +68,9 @@ def read_curves(points: Sequence[PointTrials], axis: str) -> list[Curve]:
 
 
 def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
-    """Return whether the value of `axis` tells that of `key`, as in a zip, where this changes at all."""
-    values = {point.axes[axis]: repr(point.axes[key]) for point in points}
-    return len(set(values.values())) > 1 and all(repr(point.axes[key]) == values[point.axes[axis]] for point in points)
+    """Return whether the values of `axis` and `key` belong together one to one, as in a zip."""
+    pairs = {(point.axes[axis], repr(point.axes[key])) for point in points}
+    return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
 
 
 def _curve(points: Sequence[PointTrials], axis: str, others: Sequence[str]) -> Curve:

@@ -134,12 +134,23 @@ def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> 
             _number(point.restricted_mean),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
-    print("mean: Appendix A, -: undetermined. Restricted mean: up to the limit of cycles.")
+    print(
+        "mean: Appendix A, -: undetermined. Restricted mean: up to the limit of cycles, or as far as trials were followed."
+    )
 
 
 def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
+    return "-" if value is None else in_digits(value)
 
 
 def _interval(low: float | None, high: float | None) -> str:
-    return "" if low is None else f"{low:.4g} to {'?' if high is None else f'{high:.4g}'}"
+    return "" if low is None else f"{in_digits(low)} to {'?' if high is None else in_digits(high)}"
+
+
+def in_digits(value: float) -> str:
+    """Return a number of cycles with four digits, or all that are before the point.
+
+    >>> in_digits(12345.6), in_digits(47.0271)
+    ('12346', '47.03')
+    """
+    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}"

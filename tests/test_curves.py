@@ -161,6 +161,15 @@ def test_speeds_of_two_groups_that_go_together_make_one_curve() -> None:
     assert curve.x.tolist() == [1, 2, 3]
 
 
+def test_speeds_that_differ_from_curve_to_curve_do_not_make_one_of_two() -> None:
+    rows = [{COUPLING: 0.1, SPEED: 1}, {COUPLING: 0.1, SPEED: 3}, {COUPLING: 0.2, SPEED: 2}, {COUPLING: 0.2, SPEED: 4}]
+    curves = read_curves(with_axes({"points": rows}), SPEED)
+    assert [(curve.axes, curve.x.tolist()) for curve in curves] == [
+        ({COUPLING: 0.1}, [1, 3]),
+        ({COUPLING: 0.2}, [2, 4]),
+    ]
+
+
 def test_values_that_are_equal_make_one_curve_however_they_are_written() -> None:
     (curve,) = read_curves(with_axes({"points": [{WIDTH: 60, SPEED: 1}, {WIDTH: 60.0, SPEED: 2}]}), SPEED)
     assert curve.x.tolist() == [1, 2]
