@@ -134,9 +134,7 @@ def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> 
             _number(point.restricted_mean),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
-    print(
-        "mean: Appendix A, -: undetermined. Restricted mean: up to the limit of cycles, or as far as trials were followed."
-    )
+    print("Mean: Appendix A; -: undetermined. Restricted mean: up to the limit of cycles, or to the longest trial.")
 
 
 def _number(value: float | None) -> str:
