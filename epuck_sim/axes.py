@@ -50,6 +50,8 @@ class Axes(Section):
         if len(set(lengths.values())) > 1:
             counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
             raise ValueError(f"zip: all keys need equally many values, but {counts}")
+        if len({key.casefold() for key in self.keys}) < len(set(self.keys)):
+            raise ValueError("two axes differ in nothing but capital letters; the table of results cannot hold both")
         twice = (listed & set(self.zip)) | (listed & set(self.grid)) | (set(self.zip) & set(self.grid))
         if twice:
             raise ValueError(f"{sorted(twice)[0]} is in more than one of points, zip and grid")

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from epuck_sim.dispatch import run_tasks
 from epuck_sim.executors import OpenPool, local_pool
+from epuck_sim.randomness import point_seed
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.store import Store
@@ -49,10 +50,10 @@ def run_sweep(
     check_room(places)
     with Store(Path(folder), loaded, places) as store:
         finished = store.finished()
-        tasks = missing_tasks(places, finished, interpret)
         total = sum(point.scenario.trials for point in places)
         tally = Tally(total, len(finished), store.censored(), 0, 0)
         onlooker(tally)
+        tasks = missing_tasks(places, finished, interpret)
         with closing(run_tasks(tasks, open_pool)) as outcomes:
             for outcome in outcomes:
                 store.add(outcome)
@@ -72,8 +73,15 @@ def missing_tasks(points: Sequence[Point], finished: set[tuple[int, int]], inter
 
     Points take turns, so that slow ones are spread over all workers and over the whole run.
     """
+    keys = {point.number: point.key for point in points}
     return [
-        Task(point.number, trial, point.seed(trial), point.scenario, interpret)
+        Task(
+            point=point.number,
+            trial=trial,
+            seed=point_seed(point.scenario.seed, keys[point.number], trial),
+            scenario=point.scenario,
+            interpret=interpret,
+        )
         for trial in range(max(point.scenario.trials for point in points))
         for point in points
         if trial < point.scenario.trials and (point.number, trial) not in finished

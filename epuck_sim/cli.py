@@ -94,6 +94,8 @@ def run(
         if workers is not None and dask is not None:
             raise EpuckSimError("--workers and --dask exclude each other")
         if folder is not None and status:
+            if any((seed is not None, trials, settings, axes, interpret, workers, dask)):
+                raise EpuckSimError("--status shows what is in the run folder; give no other option but --json")
             from epuck_sim.results import read_status
             from epuck_sim.sweep_report import print_status
 

@@ -10,7 +10,7 @@ from epuck_sim.mistakes import readable_errors
 results = typer.Typer()
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @results.command("export")
@@ -24,7 +24,7 @@ def export_results(
 
         failed = export(folder, to)
         if failed:
-            typer.echo(f"{failed} trials failed and are left out; see: epuck-sim run {folder} --status", err=True)
+            typer.echo(f"{failed} trials failed and are left out; see: epuck-sim run {folder}/ --status", err=True)
 
 
 @results.command()

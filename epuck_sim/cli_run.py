@@ -80,6 +80,9 @@ def run_into(
 ) -> None:
     """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
     _tell_of_other_versions(folder)
+    options = {"--workers": workers, "--dask": dask, "--interpret": "" if output.interpret else None}
+    told = [f" {name} {value}".rstrip() for name, value in options.items() if value is not None]
+    again = f"epuck-sim run {folder}/{''.join(told)}"
     open_pool = partial(local_pool, workers) if dask is None else partial(dask_pool, dask)
     with SweepProgress() as progress, naming(origin):
         try:
@@ -87,12 +90,12 @@ def run_into(
         except KeyboardInterrupt:
             tally = progress.tally
             stored = f"{tally.stored} of {tally.trials} trials are stored" if tally else "nothing is lost"
-            print(f"stopped; {stored}; go on with: epuck-sim run {folder}/", file=sys.stderr)
+            print(f"stopped; {stored}; go on with: {again}", file=sys.stderr)
             raise typer.Exit(130) from None
     status = read_status(folder)
     print_status(status, output.as_json)
     if status.failed:
-        print(f"{len(status.failed)} trials failed; run again to retry them: epuck-sim run {folder}/", file=sys.stderr)
+        print(f"{len(status.failed)} trials failed; run again to retry them: {again}", file=sys.stderr)
         raise typer.Exit(1)
 
 

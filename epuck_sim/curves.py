@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from epuck_sim.axes import as_text
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.mean_time import bootstrap_means, confidence_interval, mean_time
+from epuck_sim.mean_time import estimate_mean
 from epuck_sim.results import PointTrials
 from epuck_sim.scenario import Scenario
 from epuck_sim.wording import listed, unknown
@@ -74,16 +74,16 @@ def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
 
 
 def _curve(points: Sequence[PointTrials], axis: str, others: Sequence[str]) -> Curve:
-    resampled = np.stack([bootstrap_means(point.times, point.observed, seed=point.seed) for point in points], axis=1)
+    estimates = [estimate_mean(point.times, point.observed, point.seed) for point in points]
     return Curve(
         axes={key: points[0].axes[key] for key in others},
         scenario=points[0].scenario,
         x=np.array([point.axes[axis] for point in points], np.float64),
         trials=np.array([len(point.times) for point in points]),
         censored=np.array([1 - point.observed.mean() for point in points]),
-        means=np.array([mean_time(point.times, point.observed) for point in points]),
-        intervals=np.array([confidence_interval(means) for means in resampled.T]),
-        resampled=resampled,
+        means=np.array([each.mean for each in estimates]),
+        intervals=np.array([(each.low, each.high) for each in estimates]),
+        resampled=np.stack([each.resampled for each in estimates], axis=1),
     )
 
 

@@ -54,7 +54,7 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
     """Make a database with points, and without trials; it appears under its name when it is whole."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
-    with readable_errors(path), written_whole(path) as part:
+    with sqlite_errors(path), written_whole(path) as part:
         part.unlink(missing_ok=True)  # what a killed run may have left
         with closing(sqlite3.connect(part)) as connection:
             connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
@@ -79,7 +79,7 @@ def check_database(path: Path) -> None:
     if found != FORMAT:
         raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}")
     page_size = int.from_bytes(header[16:18])
-    with readable_errors(path), closing(_connect(path, "ro")) as connection:
+    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if verdict == "ok" and path.stat().st_size % (65536 if page_size == 1 else page_size):
         verdict = "its end is missing"  # SQLite would take what is missing of the last page for zeros
@@ -91,7 +91,7 @@ def check_database(path: Path) -> None:
 def reading(path: Path) -> Iterator[sqlite3.Connection]:
     """Yield a connection that cannot write, of a database that was checked."""
     check_database(path)
-    with readable_errors(path), closing(_connect(path, "ro")) as connection:
+    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
         yield connection
 
 
@@ -114,7 +114,7 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
 
 
 @contextmanager
-def readable_errors(path: Path) -> Iterator[None]:
+def sqlite_errors(path: Path) -> Iterator[None]:
     """Turn SQLite's errors into StoreErrors that name the file."""
     try:
         yield

@@ -44,27 +44,38 @@ class Pace:
 def run_tasks(tasks: Iterable[Task], open_pool: OpenPool) -> Generator[Outcome]:
     """Yield the outcome of every task as it is known.
 
-    Where a worker dies, nobody knows at which trial: those that were under way are run again, one at a time, and one
-    that takes its worker along even then has failed. A broken pool is opened anew.
+    Where a worker dies, nobody knows at which trial. Those that were under way are handed over again, each by itself;
+    those that are under way at a death once more are run one at a time, and one that takes its worker along even then
+    has failed. A broken pool is opened anew.
     Raises ClusterError where the pool cannot be opened, cannot run trials, or is gone.
     """
     waiting, pace = deque(tasks), Pace()
+    lost_before: set[tuple[int, int]] = set()
     while waiting:
         with open_pool() as pool:
-            suspects = yield from _together(pool, waiting, pace)
+            lost = yield from _together(pool, waiting, pace, lost_before)
+        suspects = deque(task for task in lost if task[:2] in lost_before)
+        waiting.extendleft(task for task in lost if task[:2] not in lost_before)
+        lost_before.update(task[:2] for task in lost)
         while suspects:
             with open_pool() as pool:
                 yield from _one_by_one(pool, suspects)
 
 
-def _together(pool: Pool, waiting: deque[Task], pace: Pace) -> Generator[Outcome, None, deque[Task]]:
-    """Yield outcomes until nothing is left in `waiting` or a worker dies; return what was lost with it."""
+def _together(
+    pool: Pool, waiting: deque[Task], pace: Pace, lost_before: set[tuple[int, int]]
+) -> Generator[Outcome, None, list[Task]]:
+    """Yield outcomes until nothing is left in `waiting` or a worker dies; return what was lost with it.
+
+    lost_before: the point and trial of tasks that were lost with a worker already; each is a chunk by itself.
+    """
     _prepare(pool, waiting)
     running: dict[Future[list[Outcome]], list[Task]] = {}
-    lost: deque[Task] = deque()
+    lost: list[Task] = []
     while running or (waiting and not lost):
         while waiting and not lost and len(running) < (slots := pool.slots()):
-            chunk = [waiting.popleft() for _ in range(pace.chunk(len(waiting), slots))]
+            size = 1 if waiting[0][:2] in lost_before else pace.chunk(len(waiting), slots)
+            chunk = [waiting.popleft() for _ in range(size)]
             try:
                 running[pool.executor.submit(carry_out, chunk)] = chunk
             except BrokenExecutor:

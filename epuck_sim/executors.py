@@ -1,5 +1,7 @@
 """Where trials run: processes of this machine, or a Dask cluster; both are executors of concurrent.futures."""
 
+import asyncio
+import logging
 import multiprocessing
 import os
 import signal
@@ -8,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
+from multiprocessing import forkserver
 from typing import NamedTuple
 
 from epuck_sim.errors import ClusterError
@@ -15,7 +18,7 @@ from epuck_sim.errors import ClusterError
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Libraries in a worker are told by these to leave the other cores to the other workers."""
 
-CONNECT_S = 8
+CONNECT_S = 6
 """So long a cluster may take to answer."""
 
 LOOK_S = 1.0
@@ -42,12 +45,13 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     at is thrown away.
     """
     # a server that has the simulation loaded forks the workers: it has no threads that a fork could break
-    start = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    context = multiprocessing.get_context(start)
+    context = multiprocessing.get_context("forkserver")
     workers = workers or _cores()
     context.set_forkserver_preload(["epuck_sim.worker"])
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
+        with _deaf_to_ctrl_c():
+            forkserver.ensure_running()
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker)
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
@@ -59,13 +63,22 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         executor.shutdown()
 
 
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Leave Ctrl-C to this process: those started meanwhile, and theirs, never hear of it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _begin_worker() -> None:
-    """Leave Ctrl-C to the parent, and end when the parent does, even if it was killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """End when the parent does, even if it was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None  # this runs in a child
 
@@ -98,13 +111,25 @@ def dask_pool(address: str) -> Iterator[Pool]:
     Raises ClusterError where distributed is not installed or the scheduler does not answer.
     """
     try:
-        from distributed import Client, KilledWorker  # noqa: PLC0415 an extra, and slow to import
+        from distributed import Client, KilledWorker, rpc  # noqa: PLC0415 an extra, and slow to import
     except ImportError as error:
         raise ClusterError("--dask needs the extra `cluster`: pip install 'epuck-sim[cluster]'") from error
+
+    async def ask() -> None:
+        async with rpc(address) as scheduler:
+            await scheduler.identity()
+
+    log = logging.getLogger("distributed")
+    level = log.level
+    log.setLevel(logging.CRITICAL)  # what it has to say is in our messages
     try:
+        # whatever listens there may be no Dask, and hold a client's connection for ever
+        asyncio.run(asyncio.wait_for(ask(), CONNECT_S))
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, TypeError, ValueError) as error:  # TimeoutError is an OSError
-        raise ClusterError(f"--dask {address}: no Dask scheduler answers there: {error}") from error
+    except Exception as error:  # of any kind: it is not known who answered
+        log.setLevel(level)
+        reason = str(error) or f"nothing within {CONNECT_S} s"
+        raise ClusterError(f"--dask {address}: no Dask scheduler answers there: {reason}") from error
     looked, slots = -LOOK_S, 0
 
     def count() -> int:
@@ -114,5 +139,8 @@ def dask_pool(address: str) -> Iterator[Pool]:
             looked = time.monotonic()
         return slots
 
-    with client:
-        yield Pool(client.get_executor(pure=False), count, (KilledWorker,))
+    try:
+        with client:
+            yield Pool(client.get_executor(pure=False), count, (KilledWorker,))
+    finally:
+        log.setLevel(level)

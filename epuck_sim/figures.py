@@ -1,7 +1,7 @@
 """The figures of thesis chapter 4 from a run folder: T_sync against speed, a line for each value of the second axis."""
 
 import csv
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +17,7 @@ from epuck_sim.curves import SPEED, Curve, told_apart
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.files import check_target, written_whole
 from epuck_sim.regimes import Bump, find_bump
-
-SYMBOLS = {
-    "speed_cm_s": ("V", "cm/s"),
-    "width_cm": ("L", "cm"),
-    "count": ("N", ""),
-    "period_s": ("τ", "s"),
-    "coupling": ("ε", ""),
-    "central_pixels": ("pixels", ""),
-}
-"""The thesis's symbols, and units, by the last part of a key."""
+from epuck_sim.symbols import key_name, unit_of, values_told
 
 POINT_COLUMNS = ("trials", "censored", "mean", "mean_low", "mean_high")
 
@@ -76,7 +67,7 @@ def draw(title: str, axis: str, curves: Sequence[Curve], bumps: Sequence[Bump | 
             for speed, time, marker in ((bump.v_m, bump.t_m, "v"), (bump.v_p, bump.t_p, "^")):
                 axes.plot(speed, time, marker, color=colour, markersize=10, markeredgecolor="black", zorder=4)
     axes.set_ylim(top=min(axes.get_ylim()[1], 3 * highest))
-    unit = SYMBOLS.get(axis.rpartition(".")[2], ("", ""))[1]
+    unit = unit_of(axis)
     axes.set_title(title, parse_math=False)
     axes.set(xlabel=f"{key_name(axis)} [{unit}]" if unit else key_name(axis), ylabel="T_sync [cycles]")
     if any(axes.get_legend_handles_labels()[1]):
@@ -106,25 +97,6 @@ def _scale(axes: Axes, x: npt.NDArray[np.float64]) -> None:
         each.set_major_locator(LogLocator(subs=(1, 2, 5)))
         each.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         each.set_minor_formatter(NullFormatter())
-
-
-def key_name(key: str) -> str:
-    """Return the thesis's symbol for a key, or the key itself.
-
-    >>> key_name("robots.0.parameters.speed_cm_s"), key_name("stop.metric")
-    ('V', 'stop.metric')
-    """
-    return SYMBOLS.get(key.rpartition(".")[2], (key, ""))[0]
-
-
-def values_told(values: Mapping[str, Any]) -> str:
-    """Return axis values in words.
-
-    >>> values_told({"arena.width_cm": 60, "robots.0.count": 10})
-    'L = 60 cm, N = 10'
-    """
-    units = {key: SYMBOLS.get(key.rpartition(".")[2], ("", ""))[1] for key in values}
-    return ", ".join(f"{key_name(key)} = {value} {units[key]}".rstrip() for key, value in values.items())
 
 
 def _point_rows(curves: Sequence[Curve]) -> Iterator[list[Any]]:

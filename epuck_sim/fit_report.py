@@ -11,11 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.curves import told_apart
-from epuck_sim.figures import values_told
 from epuck_sim.fitting import FittedCurve, Laws
 from epuck_sim.regimes import Bump
 from epuck_sim.scaling import Estimate
 from epuck_sim.sweep_report import WIDE
+from epuck_sim.symbols import values_told
 
 QUANTITIES = ("V_m [cm/s]", "T_m [cycles]", "V_p [cm/s]", "T_p [cycles]")
 
@@ -52,6 +52,9 @@ def print_fit(curves: Sequence[FittedCurve], laws: Laws, as_json: bool) -> None:
             f"R^2 = {law.r_squared:.2f}".replace("nan", "-")
         )
     print("Intervals hold the noise of the trials alone; a misfit far above 1 says that the law does not hold.")
+    print("T_m and T_p: exponents leave the thesis's offset K out, and are the nearer to 0 the larger it is.")
+    if laws.left_out:
+        print(f"{laws.left_out} curves with both are left out: they differ in more than V, epsilon, L, N and tau.")
 
 
 def _bump_cells(bump: Bump | None) -> list[str]:
@@ -88,7 +91,13 @@ def _laws_object(laws: Laws) -> dict[str, Any]:
         name: {"factor": law.factor._asdict(), "offset": law.offset._asdict(), "r_squared": _finite(law.r_squared)}
         for name, law in laws.offset_laws.items()
     }
-    return {"curves": laws.curves, "exponents": exponents, "offset_laws": offset_laws, "reason": laws.reason}
+    return {
+        "curves": laws.curves,
+        "exponents": exponents,
+        "offset_laws": offset_laws,
+        "reason": laws.reason,
+        "left_out": laws.left_out,
+    }
 
 
 def _finite(number: float) -> float | None:

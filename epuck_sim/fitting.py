@@ -43,6 +43,8 @@ class Laws(NamedTuple):
     """Of T_m and T_p."""
     reason: str
     """Why there are none, if so."""
+    left_out: int = 0
+    """Curves with a bump that differ from these in something else."""
 
 
 def fit_curves(folder: Path) -> list[FittedCurve]:
@@ -111,7 +113,7 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
         return Laws(len(alike), [], {}, str(error))
     if not exponents:
         return Laws(len(alike), [], {}, f"{len(alike)} curves with both; none differ in epsilon, L, N or tau")
-    return Laws(len(alike), exponents, _offset_laws(parameters, bumps), "")
+    return Laws(len(alike), exponents, _offset_laws(parameters, bumps), "", len(having) - len(alike))
 
 
 def _offset_laws(parameters: Parameters, bumps: Sequence[Bump | None]) -> dict[str, OffsetLaw]:

@@ -36,7 +36,7 @@ def hold(folder: Path) -> IO[str]:
         raise StoreError(f"{folder}: cannot be used as a run folder: {error.strerror}") from error
     try:
         _lock_patiently(lock)
-    except OSError as error:
+    except BlockingIOError as error:
         lock.seek(0)
         holder = lock.read() or "another process"
         lock.close()

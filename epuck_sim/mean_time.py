@@ -4,6 +4,7 @@
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,25 @@ LEAST_UNCENSORED = 0.1
 
 _FEW_TIMES = 20  # with so few event times resamples differ: their fits need more starts, and are quick
 _BLOCK = 50_000  # numbers: resamples are fitted in blocks that fit the processor's cache
+
+
+class MeanTime(NamedTuple):
+    """The mean T_sync by Appendix A, in cycles."""
+
+    mean: float
+    """NaN where it is undetermined."""
+    low: float
+    high: float
+    """The 95 % bootstrap interval; NaN where the mean is undetermined, inf where an end is not reached."""
+    resampled: Floats
+    """(B,) of resamples, as `bootstrap_means` gives them."""
+
+
+def estimate_mean(times: npt.ArrayLike, observed: npt.ArrayLike, seed: int) -> MeanTime:
+    """Return the mean with its interval; seed: of the resamples."""
+    mean, resampled = mean_time(times, observed), bootstrap_means(times, observed, seed=seed)
+    low, high = (math.nan, math.nan) if math.isnan(mean) else confidence_interval(resampled)
+    return MeanTime(mean, low, high, resampled)
 
 
 def mean_time(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:

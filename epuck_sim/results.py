@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import ValidationError
 
 from epuck_sim.database import DATABASE, reading
 from epuck_sim.errors import StoreError
@@ -76,7 +77,10 @@ def read_points(folder: Path | str) -> list[PointTrials]:
     results = []
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
-        read = Scenario.model_validate_json(scenario)
+        try:
+            read = Scenario.model_validate_json(scenario)
+        except ValidationError as error:
+            raise StoreError(f"{folder}: the scenario of point {number} is of another version: {error}") from error
         results.append(PointTrials(number, key, json.loads(axes), read, cycles.astype(np.float64), censored == 0))
     return results
 

@@ -127,7 +127,7 @@ def _with_controllers_found(axes: Axes, origin: str, folder: Path | None) -> Axe
 
     def found(key: str, value: Any) -> Any:
         try:
-            return with_controllers(key, value, lambda name: _place_of(find_controller(str(name), folder)))
+            return map_controllers(key, value, lambda name: _place_of(find_controller(str(name), folder)))
         except ControllerError as error:
             raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
 
@@ -139,14 +139,14 @@ def _with_controllers_found(axes: Axes, origin: str, folder: Path | None) -> Axe
     return axes.model_copy(update={**columns, "points": points})
 
 
-def with_controllers(key: str, value: Any, change: Callable[[Any], str]) -> Any:
+def map_controllers(key: str, value: Any, change: Callable[[Any], str]) -> Any:
     """Return the value of an axis with every controller that it names changed."""
     if re.fullmatch(r"robots\.\d+\.controller", key):
         return change(value)
     if re.fullmatch(r"robots\.\d+", key) and isinstance(value, Mapping) and "controller" in value:
         return {**value, "controller": change(value["controller"])}
     if key == "robots" and isinstance(value, list | tuple):
-        return [with_controllers("robots.0", group, change) for group in value]
+        return [map_controllers("robots.0", group, change) for group in value]
     return value
 
 

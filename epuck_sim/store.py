@@ -18,8 +18,8 @@ from epuck_sim.database import (
     check_database,
     create_database,
     quoted,
-    readable_errors,
     reading,
+    sqlite_errors,
     writing,
 )
 from epuck_sim.files import written_whole
@@ -53,12 +53,14 @@ class Store:
                 refuse_another_sweep(folder, _stored_points(self._path), rows)
             else:
                 create_database(self._path, list(points[0].axes), rows)
-            held.enter_context(readable_errors(self._path))
-            self._connection = held.enter_context(writing(self._path))
-            with self._connection:
-                self._connection.executemany(ENTER_POINT, rows)
+            # before the points: the folder's own scenario must have all that the database has
             with written_whole(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
+            held.enter_context(sqlite_errors(self._path))
+            self._connection = held.enter_context(writing(self._path))
+            with self._connection:
+                self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
+                self._connection.executemany(ENTER_POINT, rows)
             self._held = held.pop_all()
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error")
         anew = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
@@ -69,7 +71,7 @@ class Store:
 
     def finished(self) -> set[tuple[int, int]]:
         """Return the point's number and the trial's of every trial that has a result; failed ones have none."""
-        with readable_errors(self._path):
+        with sqlite_errors(self._path):
             return set(
                 self._connection.execute(
                     "SELECT number, trial FROM trials JOIN points ON point = key WHERE error IS NULL"
@@ -78,7 +80,7 @@ class Store:
 
     def censored(self) -> int:
         """Return how many trials were not synchronised."""
-        with readable_errors(self._path):
+        with sqlite_errors(self._path):
             (count,) = self._connection.execute("SELECT count(*) FROM trials WHERE censored").fetchone()
         return int(count)
 
@@ -93,7 +95,7 @@ class Store:
             *(outcome.provenance[name] for name in PROVENANCE),
             outcome.error,
         )
-        with readable_errors(self._path), self._connection:
+        with sqlite_errors(self._path), self._connection:
             self._connection.execute(self._insert, values)
 
     def __enter__(self) -> Self:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from epuck_sim.mean_time import bootstrap_means, confidence_interval, mean_time
+from epuck_sim.mean_time import estimate_mean
 from epuck_sim.results import PointTrials
 from epuck_sim.survival import median_time, restricted_mean
 
@@ -46,19 +46,16 @@ def _summary(point: PointTrials) -> PointSummary:
         return PointSummary(point.number, point.axes, 0, 0.0, None, None, None, None, None, None, None, limit)
     # trials that ran out of time before they ran out of cycles tell nothing of what comes after the longest of them
     horizon = limit if observed.all() else min(limit, float(times.max()))
-    mean = mean_time(times, observed)
-    interval = math.nan, math.nan
-    if not math.isnan(mean):
-        interval = confidence_interval(bootstrap_means(times, observed, seed=point.seed))
+    mean = estimate_mean(times, observed, point.seed)
     median, median_low, median_high = median_time(times, observed)
     return PointSummary(
         point=point.number,
         axes=point.axes,
         trials=len(times),
         censored=1 - float(observed.mean()),
-        mean=_known(mean),
-        mean_low=_known(interval[0]),
-        mean_high=_known(interval[1]),
+        mean=_known(mean.mean),
+        mean_low=_known(mean.low),
+        mean_high=_known(mean.high),
         median=_known(median),
         median_low=_known(median_low),
         median_high=_known(median_high),

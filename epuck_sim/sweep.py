@@ -15,7 +15,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import point_seed
 from epuck_sim.scenario import Scenario
-from epuck_sim.scenario_file import load_scenario, with_controllers
+from epuck_sim.scenario_file import load_scenario, map_controllers
 from epuck_sim.settings import with_value
 from epuck_sim.wording import shown
 
@@ -85,7 +85,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
         raise ScenarioError("\n".join(f"{origin}: {line}" for line in lines)) from error
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot hold a sweep")
-    axes = {key: with_controllers(key, value, lambda name: Path(name).name) for key, value in row.items()}
+    axes = {key: map_controllers(key, value, lambda name: Path(name).name) for key, value in row.items()}
     return Point(number, axes, scenario)
 
 

@@ -13,9 +13,11 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.batch import Tally
+from epuck_sim.curves import told_apart
 from epuck_sim.report import LINE_S, REFRESH_S
 from epuck_sim.results import Failure, Status
 from epuck_sim.summary import PointSummary
+from epuck_sim.symbols import key_name
 
 WIDE = 1000
 """Columns of a table that goes to a file: as many as it takes."""
@@ -50,11 +52,11 @@ class SweepProgress:
     def _words(self, tally: Tally, now: float) -> str:
         failed = f", {tally.failed} failed" if tally.failed else ""
         words = f"{tally.stored} of {tally.trials} trials, {tally.censored} censored{failed}"
+        left = tally.trials - tally.stored - tally.failed
         if self._began is None or tally.ended < 2:
-            return f"{words}; starting workers"
+            return f"{words}; starting workers" if left else words
         a_minute = (tally.ended - 1) / max(now - self._began, 1e-9) * 60
-        left = (tally.trials - tally.stored - tally.failed) / a_minute
-        return f"{words}, {a_minute:.0f} a minute, {in_words(left * 60)} left"
+        return f"{words}, {a_minute:.0f} a minute, {in_words(left / a_minute * 60)} left"
 
     def _show(self, tally: Tally, words: str) -> None:
         if self._bar is None:
@@ -116,33 +118,27 @@ def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> 
         print(json.dumps([point._asdict() for point in points]))
         return
     table = Table(title=Text(f"{title}: T_sync [cycles], with 95 % intervals"), title_justify="left")
-    table.add_column("point", justify="right")
-    for key in points[0].axes:
-        table.add_column(Text(key.rpartition(".")[2]), justify="right")
-    for heading in ("trials", "censored", "mean", "", "median", "", "restricted mean"):
-        table.add_column(heading, justify="right")
-    for point in points:
+    told = told_apart([point.axes for point in points])
+    for heading in ("point", *map(key_name, told[0]), "trials", "censored", "mean", "median", "restricted mean"):
+        table.add_column(Text(heading), justify="right", overflow="fold")
+    for point, axes in zip(points, told, strict=True):
         table.add_row(
             str(point.point),
-            *(Text(str(value)) for value in point.axes.values()),
+            *(Text(str(value)) for value in axes.values()),
             str(point.trials),
             f"{point.censored:.0%}",
-            _number(point.mean),
-            _interval(point.mean_low, point.mean_high),
-            _number(point.median),
-            _interval(point.median_low, point.median_high),
-            _number(point.restricted_mean),
+            _estimate(point.mean, point.mean_low, point.mean_high),
+            _estimate(point.median, point.median_low, point.median_high),
+            "-" if point.restricted_mean is None else in_digits(point.restricted_mean),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
     print("Mean: Appendix A; -: undetermined. Restricted mean: up to the limit of cycles, or to the longest trial.")
 
 
-def _number(value: float | None) -> str:
-    return "-" if value is None else in_digits(value)
-
-
-def _interval(low: float | None, high: float | None) -> str:
-    return "" if low is None else f"{in_digits(low)} to {'?' if high is None else in_digits(high)}"
+def _estimate(value: float | None, low: float | None, high: float | None) -> str:
+    if value is None or low is None:
+        return "-" if value is None else in_digits(value)
+    return f"{in_digits(value)} ({in_digits(low)} to {'?' if high is None else in_digits(high)})"
 
 
 def in_digits(value: float) -> str:

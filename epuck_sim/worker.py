@@ -57,7 +57,7 @@ def _carry_out(task: Task) -> Outcome:
         result, error = run_trial(Simulation(task.scenario, task.seed, interpret=task.interpret)), None
     except EpuckSimError as problem:
         result, error = None, str(problem)
-    except Exception as problem:  # one trial's failure, whatever it is, must not end the others
+    except BaseException as problem:  # one trial's failure, whatever it is, must not end the others
         result, error = None, f"{type(problem).__name__}: {problem}"
     return outcome(task, result, error)
 

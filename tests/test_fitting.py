@@ -180,7 +180,7 @@ def test_a_falling_curve_has_no_regimes_and_there_are_no_laws(tmp_path, capsys) 
     assert "No laws: no curve has a local minimum and a peak." in stdout
     assert "-: no rise that noise would not make" in stdout
     read = json_of(capsys, curves)
-    assert read["laws"] == {"curves": 0, "exponents": [], "offset_laws": {}, "reason": fit_laws(curves).reason}
+    assert read["laws"] == fit_laws(curves)._asdict()
     assert [read["curves"][0][name] for name in NAMES] == [None] * 4
     assert 0.05 < read["curves"][0]["p_value"] <= 1
 

@@ -538,9 +538,17 @@ def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> 
     with pytest.raises(ZeroDivisionError), Store(tmp_path, DEMO, found):
         1 / 0  # noqa: B018
     assert holder(tmp_path) is None
+    fill(tmp_path)
     refused(tmp_path, load_scenario(DEMO, ["trials=3", "seed=1"]))
     assert holder(tmp_path) is None
-    fill(tmp_path)
+
+
+def test_a_sweep_of_which_nothing_was_run_gives_its_folder_up(tmp_path) -> None:
+    with Store(tmp_path, DEMO, points(DEMO)):
+        pass
+    mended = load_scenario(DEMO, ["seed=1"], [f"{COUNT}=4,5"])
+    fill(tmp_path, mended)
+    assert [point.axes for point in read_points(tmp_path)] == [point.axes for point in points(mended)]
 
 
 def test_a_database_that_another_program_has_locked_is_told_and_stays_whole(tmp_path) -> None:
