@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from multiprocessing import forkserver
+from multiprocessing import forkserver, resource_tracker
 from typing import NamedTuple
 
 from epuck_sim.errors import ClusterError
@@ -50,6 +50,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     context.set_forkserver_preload(["epuck_sim.worker"])
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
+        resource_tracker.ensure_running()  # it would lift the block
         with _deaf_to_ctrl_c():
             forkserver.ensure_running()
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker)
@@ -57,8 +58,11 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
             executor.shutdown(wait=False, cancel_futures=True)
-            for process in set(multiprocessing.active_children()) - others:
+            ours = set(multiprocessing.active_children()) - others
+            for process in ours:
                 process.terminate()
+            for process in ours:  # one that is just starting would miss what this process takes along
+                process.join()
             raise
         executor.shutdown()
 

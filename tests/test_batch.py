@@ -142,6 +142,20 @@ def test_ctrl_c_ends_cleanly_and_says_how_to_go_on(tmp_path, uninterrupted, sign
     assert table(folder) == uninterrupted
 
 
+def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path) -> None:
+    path, random = short_sweep(tmp_path, TRIALS), Random(1)
+    for number in range(6):
+        mark = f"{tmp_path.name}-{number}"
+        run = begin(path, "--out", tmp_path / f"run-{number}", "--workers", 2, folder=tmp_path, mark=mark)
+        with pytest.raises(TimeoutExpired):
+            run.wait(random.uniform(0.8, 2.2))
+        os.killpg(run.pid, signal.SIGINT)
+        out, err = run.communicate(timeout=30)
+        assert run.returncode == 130, err
+        assert "Traceback" not in out + err
+        wait_until(lambda mark=mark: not processes_marked(mark))
+
+
 POISONED = """
 import os
 from pathlib import Path

@@ -4,12 +4,14 @@ import ast
 import json
 import multiprocessing
 import os
+import socket
 import subprocess
 import sys
 import time
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from sweeps_kit import begin, short_sweep, stored, table, wait_until
@@ -119,6 +121,27 @@ def test_a_scheduler_that_does_not_answer_is_named_within_ten_seconds(tmp_path) 
     _, err = run.communicate(timeout=60)
     assert run.returncode == 2
     assert "error: --dask tcp://127.0.0.1:9: no Dask scheduler answers there" in err
+    assert "Traceback" not in err
+
+
+def greet(server: socket.socket, greeting: bytes) -> None:
+    connection, _ = server.accept()
+    with connection:
+        connection.sendall(greeting)
+        connection.recv(1)
+        time.sleep(8)
+
+
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH_9.6\r\n", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+def test_what_listens_but_is_no_scheduler_is_named_and_leaves_nothing_behind(greeting: bytes, tmp_path) -> None:
+    path = short_sweep(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        Thread(target=greet, args=(server, greeting), daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        run = begin(path, "--out", tmp_path / "run", "--dask", address, folder=tmp_path)
+        _, err = run.communicate(timeout=60)
+    assert run.returncode == 2
+    assert f"error: --dask {address}: no Dask scheduler answers there" in err
     assert "Traceback" not in err
 
 
