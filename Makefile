@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
 SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
+TRIALS ?= 200
 
 .PHONY: run test lint bench slow figures clean
 
@@ -29,7 +30,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/thesis_run.py
 	$(BIN)/python docs/figures/base_curve.py
 	set -e; for sweep in $(SWEEPS); do \
-	    $(BIN)/epuck-sim run $$sweep --trials 100 --out runs/$$sweep; \
+	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
 	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \
 	done
 	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
