@@ -193,6 +193,15 @@ def test_noise_on_a_falling_curve_is_rarely_taken_for_a_bump(logs, count):
     assert share_found(logs, count) <= 2 * SIGNIFICANCE  # 100 curves: 5 % are within it but for one seed in 80
 
 
+@pytest.mark.parametrize(("kept", "is_found"), [(1.0, True), (0.96, True), (0.94, False), (0.5, False)])
+def test_a_bump_that_noise_would_undo_is_none(kept, is_found):
+    bump = find_bump(SPEEDS, *trials(cubic(X), 1000, 1))
+    assert bump.is_found
+    lost = bump.resampled.copy()
+    lost[round(kept * len(lost)) :] = np.nan
+    assert bump._replace(resampled=lost).is_found == is_found
+
+
 def base_case(speeds):
     return np.interp(np.log10(speeds), np.log10(BASE_SPEEDS), np.log(BASE_MEANS))
 
