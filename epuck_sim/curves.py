@@ -45,7 +45,8 @@ def choose_axis(points: Sequence[PointTrials], wanted: str | None = None) -> str
 
     Raises EpuckSimError where there is none.
     """
-    numbers = {key: values for key in points[0].axes if _are_numbers(values := {point.axes[key] for point in points})}
+    columns = {key: [point.axes[key] for point in points] for key in points[0].axes}
+    numbers = {key: set(values) for key, values in columns.items() if _are_numbers(values)}
     if wanted is not None and wanted not in numbers:
         raise EpuckSimError(f"--x: {unknown(wanted, numbers)}; axes with numbers: {listed(numbers)}")
     if not numbers:
@@ -53,7 +54,7 @@ def choose_axis(points: Sequence[PointTrials], wanted: str | None = None) -> str
     return wanted or max(numbers, key=lambda key: (key.endswith(SPEED), len(numbers[key])))
 
 
-def _are_numbers(values: set[Any]) -> bool:
+def _are_numbers(values: Sequence[Any]) -> bool:
     return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
 
 

@@ -170,6 +170,13 @@ def test_speeds_that_differ_from_curve_to_curve_do_not_make_one_of_two() -> None
     ]
 
 
+def test_whole_sections_may_be_an_axis_beside_the_speed() -> None:
+    obstacles = [[], [{"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 5}]]
+    made = with_axes({"grid": {"arena.obstacles": obstacles, SPEED: [1, 2]}})
+    assert choose_axis(made) == SPEED
+    assert [curve.axes["arena.obstacles"] for curve in read_curves(made, SPEED)] == obstacles
+
+
 def test_values_that_are_equal_make_one_curve_however_they_are_written() -> None:
     (curve,) = read_curves(with_axes({"points": [{WIDTH: 60, SPEED: 1}, {WIDTH: 60.0, SPEED: 2}]}), SPEED)
     assert curve.x.tolist() == [1, 2]
