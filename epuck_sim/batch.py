@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 from epuck_sim.dispatch import run_tasks
 from epuck_sim.executors import OpenPool, local_pool
-from epuck_sim.randomness import point_seed
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.store import Store
@@ -73,15 +72,8 @@ def missing_tasks(points: Sequence[Point], finished: set[tuple[int, int]], inter
 
     Points take turns, so that slow ones are spread over all workers and over the whole run.
     """
-    keys = {point.number: point.key for point in points}
     return [
-        Task(
-            point=point.number,
-            trial=trial,
-            seed=point_seed(point.scenario.seed, keys[point.number], trial),
-            scenario=point.scenario,
-            interpret=interpret,
-        )
+        Task(point.number, trial, point.seed(trial), point.scenario, interpret)
         for trial in range(max(point.scenario.trials for point in points))
         for point in points
         if trial < point.scenario.trials and (point.number, trial) not in finished

@@ -62,11 +62,12 @@ def _bump_cells(bump: Bump | None) -> list[str]:
         return ["too few speeds"]
     if not bump.is_found:
         return ["-"] * len(QUANTITIES) + [f"{bump.p_value:.3f}"]
-    cells = [
-        _told(Estimate(value, *ends))
-        for value, ends in zip((bump.v_m, bump.t_m, bump.v_p, bump.t_p), bump.intervals.tolist(), strict=True)
-    ]
-    return [*cells, f"{bump.p_value:.3f}"]
+    return [*map(_told, _estimates(bump).values()), f"{bump.p_value:.3f}"]
+
+
+def _estimates(bump: Bump) -> dict[str, Estimate]:
+    values = {"v_m": bump.v_m, "t_m": bump.t_m, "v_p": bump.v_p, "t_p": bump.t_p}
+    return {name: Estimate(values[name], *ends) for name, ends in zip(values, bump.intervals.tolist(), strict=True)}
 
 
 def _told(estimate: Estimate) -> str:
@@ -74,13 +75,11 @@ def _told(estimate: Estimate) -> str:
 
 
 def _curve_object(curve: FittedCurve) -> dict[str, Any]:
-    found: dict[str, Any] = {"run": curve.run, "axes": curve.axes, "p_value": curve.bump and curve.bump.p_value}
-    for place, name in enumerate(("v_m", "t_m", "v_p", "t_p")):
-        estimate = None
-        if curve.bump is not None and curve.bump.is_found:
-            estimate = Estimate(getattr(curve.bump, name), *curve.bump.intervals[place].tolist())._asdict()
-        found[name] = estimate
-    return found
+    bump = curve.bump
+    estimates: dict[str, Any] = dict.fromkeys(("v_m", "t_m", "v_p", "t_p"))
+    if bump is not None and bump.is_found:
+        estimates = {name: estimate._asdict() for name, estimate in _estimates(bump).items()}
+    return {"run": curve.run, "axes": curve.axes, "p_value": bump and bump.p_value, **estimates}
 
 
 def _laws_object(laws: Laws) -> dict[str, Any]:
@@ -91,13 +90,7 @@ def _laws_object(laws: Laws) -> dict[str, Any]:
         name: {"factor": law.factor._asdict(), "offset": law.offset._asdict(), "r_squared": _finite(law.r_squared)}
         for name, law in laws.offset_laws.items()
     }
-    return {
-        "curves": laws.curves,
-        "exponents": exponents,
-        "offset_laws": offset_laws,
-        "reason": laws.reason,
-        "left_out": laws.left_out,
-    }
+    return {**laws._asdict(), "exponents": exponents, "offset_laws": offset_laws}
 
 
 def _finite(number: float) -> float | None:

@@ -55,11 +55,11 @@ def refuse_another_sweep(folder: Path, stored: Sequence[StoredPoint], given: Seq
     """Raise StoreError, which shows the difference, unless `given` is the sweep that is stored, or holds more."""
     now = {point.key: point for point in given}
     for point in stored:
-        if not point.trials and set(json.loads(point.axes)) == set(json.loads(given[0].axes)):
-            continue  # nothing of it has been run
         if set(json.loads(point.axes)) != set(json.loads(given[0].axes)):
             axes = " and ".join(", ".join(json.loads(each.axes)) or "none" for each in (point, given[0]))
             raise StoreError(f"{folder}: holds another sweep; axes in the folder and now: {axes}; give another folder")
+        if not point.trials:
+            continue  # nothing of it has been run
         if point.key not in now:
             raise StoreError(
                 f"{folder}: holds a point that this sweep lacks: {point.key}; add it, or give another folder"

@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.intp]
 
 MIN_SPEEDS = 6
 """Fewer determined speeds than this leave a bump undetermined: a smooth curve with two bends takes four and more."""

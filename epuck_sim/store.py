@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from epuck_sim.database import (
     DATABASE,
@@ -43,7 +43,6 @@ class Store:
         """
         self._path = folder / DATABASE
         self._points = points
-        self._keys = [point.key for point in points]
         rows = [describe(point) for point in points]
         if self._path.exists():
             check_database(self._path)
@@ -86,10 +85,10 @@ class Store:
 
     def add(self, outcome: Outcome) -> None:
         """Store a trial; one that failed before is replaced, one that has a result stays."""
-        result: Any = outcome.result
+        point, result = self._points[outcome.point], outcome.result
         values = (
-            *(self._keys[outcome.point], outcome.trial),
-            *(as_column(value) for value in self._points[outcome.point].axes.values()),
+            *(point.key, outcome.trial),
+            *(as_column(value) for value in point.axes.values()),
             outcome.seed,
             *(None if result is None else getattr(result, name) for name in RESULT),
             *(outcome.provenance[name] for name in PROVENANCE),

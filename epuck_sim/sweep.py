@@ -25,15 +25,12 @@ class Point(NamedTuple):
 
     number: int
     """Its place in the sweep, from 0."""
+    key: str
+    """The axis values as text."""
     axes: dict[str, Any]
     """Value of each axis by dotted key; of a controller its file's name."""
     scenario: Scenario
     """The scenario with these values, and without a sweep."""
-
-    @property
-    def key(self) -> str:
-        """The axis values as text."""
-        return as_text(self.axes)
 
     def seed(self, trial: int) -> int:
         """Return the seed of trial number `trial`: of the master seed, the axis values and the trial alone."""
@@ -50,7 +47,7 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
     [(2, 1), (2, 5), (3, 1), (3, 5)]
     """
     if scenario.sweep is None:
-        return (Point(0, {}, scenario),)
+        return (Point(0, as_text({}), {}, scenario),)
     base = scenario.model_copy(update={"sweep": None}).model_dump(mode="json")
     found = tuple(_point(number, row, base) for number, row in enumerate(scenario.sweep.rows()))
     first: dict[str, int] = {}
@@ -86,7 +83,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot hold a sweep")
     axes = {key: map_controllers(key, value, lambda name: Path(name).name) for key, value in row.items()}
-    return Point(number, axes, scenario)
+    return Point(number, as_text(axes), axes, scenario)
 
 
 def _told(row: dict[str, Any]) -> str:
