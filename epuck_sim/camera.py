@@ -18,7 +18,7 @@ from epuck_sim.rays import to_disc, to_segment
 from epuck_sim.view import View, bearing, distance_beyond, half_width, may_hold, span
 
 Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
+Shown = npt.NDArray[np.bool_] | npt.NDArray[np.int64]
 Pixels = npt.NDArray[np.int64]
 
 _RADIUS = epuck.RADIUS_CM
@@ -64,7 +64,7 @@ def make_camera(pixels: int, field_of_view_rad: float, central_pixels: int, rang
 @kernel
 def see(
     poses: Floats,
-    ring_on: Bools,
+    shown: Shown,
     circles: Floats,
     edges: Floats,
     cells: Cells,
@@ -74,11 +74,12 @@ def see(
 ) -> None:
     """Write the rows that the robots from number `observer` on see, one a row of (observers, pixels) `rows`.
 
-    poses: (robots, 3) x cm, y cm, heading rad; ring_on: (robots,); circles (k, 3), edges (m, 4): see `arena.Arena`;
-    cells: sorted by poses. Pixels outside the central window are dark.
+    poses: (robots, 3) x cm, y cm, heading rad; shown: (robots,) what a pixel holds that meets this robot, 0 if it is
+    dark (of the line camera: whose ring is on); circles (k, 3), edges (m, 4): see `arena.Arena`; cells: sorted by
+    poses. Pixels outside the central window are 0.
     """
     rows[:] = 0
-    lit = np.flatnonzero(ring_on)
+    lit = np.flatnonzero(shown)
     if len(lit) == 0:
         return
     depth = np.empty(rows.shape[1])
@@ -86,7 +87,7 @@ def see(
         robot = observer + row
         if not _is_any_in_view(poses, lit, camera, robot):
             continue  # nothing red to see: most of the time, where robots are few
-        if _see_robots(poses, ring_on, cells, camera, robot, rows[row], depth):
+        if _see_robots(poses, shown, cells, camera, robot, rows[row], depth):
             _hide_behind_obstacles(poses[robot], circles, edges, camera, rows[row], depth)
 
 
@@ -117,9 +118,9 @@ def _is_any_in_view(poses: Floats, others: npt.NDArray[np.int64], camera: Camera
 
 @kernel
 def _see_robots(
-    poses: Floats, ring_on: Bools, cells: Cells, camera: Camera, robot: int, row: Pixels, depth: Floats
+    poses: Floats, shown: Shown, cells: Cells, camera: Camera, robot: int, row: Pixels, depth: Floats
 ) -> bool:
-    """Write what one robot sees of the others, and the distances; return whether anything is red.
+    """Write what one robot sees of the others, and the distances; return whether any of them is lit.
 
     Cells are visited in squares around the camera, from near to far, until what is left lies behind what was seen.
     """
@@ -130,7 +131,7 @@ def _see_robots(
     column = slot(view.x, cells.width_cm, cells.columns)
     line = slot(view.y, cells.height_cm, cells.rows)
     half_cell = 0.5 * math.hypot(cells.width_cm, cells.height_cm)
-    red = False
+    any_lit = False
     for ring in range(max(cells.columns, cells.rows)):
         west, east = span(view.left_x, view.right_x, view.wide, column, ring, cells.columns)
         south, north = span(view.left_y, view.right_y, view.wide, line, ring, cells.rows)
@@ -150,30 +151,30 @@ def _see_robots(
                     dx, dy = poses[other, 0] - view.x, poses[other, 1] - view.y
                     if other != robot and may_hold(view, dx, dy, _RADIUS):
                         ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
-                        red |= _see_disc(ahead, aside, ring_on[other], camera, row, depth)
+                        any_lit |= _see_disc(ahead, aside, shown[other], camera, row, depth)
         if not any_in_view:  # nor will there be any beyond
-            return red
+            return any_lit
         unseen = distance_beyond(view.x, view.y, column, line, ring, cells) - _RADIUS
         while left <= right and depth[left] < unseen:
             left += 1
         while left <= right and depth[right] < unseen:
             right -= 1
         if left > right:
-            return red
+            return any_lit
         view = _view(poses[robot], cos, sin, camera, left, right)
-    return red
+    return any_lit
 
 
 @kernel
-def _see_disc(ahead: float, aside: float, lit: bool, camera: Camera, row: Pixels, depth: Floats) -> bool:
-    """Write a robot's disc, centred at (ahead, aside) of the camera, where it is nearest; return whether in red."""
+def _see_disc(ahead: float, aside: float, shown: int, camera: Camera, row: Pixels, depth: Floats) -> bool:
+    """Write a robot's disc, centred at (ahead, aside) of the camera, where it is nearest; return whether as lit."""
     distance = math.sqrt(ahead * ahead + aside * aside)
     nearest = distance - _RADIUS - 1e-9
     width = half_width(distance)
     direction = bearing(ahead, aside)
     # a disc behind the camera may show at both ends of a row that looks nearly all round
     round_about = 1 if width + camera.half_view_rad >= math.pi else 0
-    red = False
+    any_lit = False
     for turn in range(-round_about, round_about + 1):
         middle = (camera.left_rad - direction - turn * 2.0 * math.pi) * camera.pixels_per_rad
         spread = width * camera.pixels_per_rad + 1.0
@@ -183,18 +184,18 @@ def _see_disc(ahead: float, aside: float, lit: bool, camera: Camera, row: Pixels
             if depth[pixel] < nearest:
                 continue
             reach = to_disc(0.0, 0.0, camera.cos[pixel], camera.sin[pixel], ahead, aside, _RADIUS)
-            if reach < depth[pixel] or (reach == depth[pixel] and lit and reach < math.inf):
+            if reach < depth[pixel] or (reach == depth[pixel] and shown > row[pixel] and reach < math.inf):
                 depth[pixel] = reach
-                row[pixel] = lit
-                red |= lit
-    return red
+                row[pixel] = shown
+                any_lit |= shown > 0
+    return any_lit
 
 
 @kernel
 def _hide_behind_obstacles(
     pose: Floats, circles: Floats, edges: Floats, camera: Camera, row: Pixels, depth: Floats
 ) -> None:
-    """Darken the red pixels before which an obstacle stands."""
+    """Darken the lit pixels before which an obstacle stands."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = pose[0] + _FORWARD * cos, pose[1] + _FORWARD * sin
     for pixel in range(camera.first, camera.end):

@@ -34,7 +34,7 @@ def digest(contents: Iterable[bytes]) -> str:
 @lru_cache
 def package_digest() -> str:
     """Return the digest of this package's own sources."""
-    return digest(source.read_bytes() for source in sorted(Path(__file__).parent.glob("*.py")))
+    return digest(source.read_bytes() for source in sorted(Path(__file__).parent.rglob("*.py")))
 
 
 @lru_cache

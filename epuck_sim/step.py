@@ -37,7 +37,8 @@ class Step(NamedTuple):
     @property
     def phase_ms(self) -> Floats:
         """(robots,) ms: the oscillators' phases; NaN for robots that remember none."""
-        return np.concatenate([recall(memory, "phase_ms", np.nan) for memory in self.memories])
+        groups = [recall(memory, "phase_ms", np.nan) for memory in self.memories]
+        return groups[0] if len(groups) == 1 else np.concatenate(groups)  # which takes as long as all the rest
 
     @property
     def flash_seen(self) -> npt.NDArray[np.bool_]:
@@ -47,7 +48,7 @@ class Step(NamedTuple):
 
 
 def recall(memory: npt.NDArray[Any], field: str, otherwise: float) -> Floats:
-    """Return (robots,) a field of what a group remembers, or `otherwise` where it remembers none."""
+    """Return (robots,) a copy of a field of what a group remembers, or `otherwise` where it remembers none."""
     if field in (memory.dtype.names or ()):
-        return np.asarray(memory[field], float)
+        return np.array(memory[field], float)
     return np.full(len(memory), otherwise)

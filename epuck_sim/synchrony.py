@@ -15,23 +15,25 @@ NOMINAL_PERIOD_S = 5.0
 """Where there is no oscillator to count cycles, one lasts as long as in thesis 4.2.1."""
 
 
-def order_parameter(phases: Floats, periods: Floats | float) -> float:
+def order_parameter(phases: Floats, periods: Floats | float) -> Floats:
     """Return r, the modulus of the complex order parameter (eq. 4.2): 0 incoherent, 1 synchronised.
 
-    phases: (n,) in the unit of `periods`, (n,) or one for all.
+    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
 
-    >>> round(order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0), 12)
-    1.0
+    >>> f"{order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0):.6f}"
+    '1.000000'
     """
-    return float(np.abs(np.exp(2j * math.pi * phases / periods).mean()))
+    r: Floats = np.abs(np.exp(2j * math.pi * phases / periods).mean(axis=-1))
+    return r
 
 
-def reference_order_parameter(phases: Floats, periods: Floats | float) -> float:
+def reference_order_parameter(phases: Floats, periods: Floats | float) -> Floats:
     """Return eta (eq. 3.4): the mean cosine of the phases at a firing of the reference, whose own phase is 0.
 
-    phases: (n,) in the unit of `periods`, (n,) or one for all.
+    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
     """
-    return float(np.cos(2 * math.pi * phases / periods).mean())
+    eta: Floats = np.cos(2 * math.pi * phases / periods).mean(axis=-1)
+    return eta
 
 
 METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
@@ -89,8 +91,14 @@ class SynchronyWatch:
             self.cycles += 1
             if not np.isfinite(phases[self._oscillators]).all():
                 raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
-            self.order_parameter = self._metric(phases[self._oscillators], self._periods)
+            self.order_parameter = float(self.measure(phases))
         self._lit_phase = phase
+
+    def measure(self, phase_ms: Floats) -> Floats:
+        """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none."""
+        if not len(self._periods):
+            return np.full(phase_ms.shape[:-1], np.nan)
+        return self._metric(np.ascontiguousarray(phase_ms[..., self._oscillators]), self._periods)
 
     @property
     def is_synchronised(self) -> bool:
