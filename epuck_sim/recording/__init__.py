@@ -1,0 +1,1 @@
+"""Recordings of trials for the rerun viewer: written, read back, replayed and drawn."""

@@ -1,0 +1,121 @@
+"""A window of a trial: what some hundreds of control steps held, column by column, until it is written away."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.infrared import SENSORS
+from epuck_sim.recording.level import Level
+from epuck_sim.scenario import Scenario
+from epuck_sim.step import Step
+from epuck_sim.synchrony import SynchronyWatch
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+Whole = npt.NDArray[np.int64]
+
+
+class Columns(NamedTuple):
+    """Steps in a row. Arrays begin with (steps, robots), unless told; those that the level leaves out have no steps."""
+
+    time_ns: Whole
+    """(steps,) simulated time."""
+    ring_on: Bools
+    ring_before: Bools
+    """The rings of the step before, which are the ones that others see."""
+    phase_ms: Floats
+    poses: Floats
+    """(steps, robots, 3) cm, cm, rad."""
+    camera: npt.NDArray[np.uint8]
+    """(steps, robots, pixels)"""
+    distance_mm: npt.NDArray[np.uint16]
+    """(steps, robots, 8)"""
+    wheels_cm_s: Floats
+    """(steps, robots, 2)"""
+    order_parameter: Floats
+    """(steps,) of all oscillators."""
+    flashes: Whole
+    """(flashes, 3) place among the steps, robot, and which of the robot's flashes it is, from 1."""
+    firings: Whole
+    """(firings,) places of the steps in which the reference robot fires."""
+    firing_order: Floats
+    """(firings,) the order parameter that was measured then."""
+
+
+class Window:
+    """Gathers steps; to be emptied when it is full."""
+
+    taken: int
+    """Steps in the window."""
+
+    def __init__(self, scenario: Scenario, level: Level, steps: int) -> None:
+        """Make room for so many steps."""
+        robots, pixels = scenario.robot_count, scenario.camera_pixels
+        seen = steps if level is not Level.SUMMARY else 0
+        sensed = steps if level is Level.FULL else 0
+        self._shapes: dict[str, tuple[tuple[int, ...], type]] = {
+            "ring_on": ((steps, robots), np.bool_),
+            "phase_ms": ((steps, robots), np.float64),
+            "poses": ((seen, robots, 3), np.float64),
+            "camera": ((sensed, robots, pixels), np.uint8),
+            "distance_mm": ((sensed, robots, SENSORS), np.uint16),
+            "wheels_cm_s": ((sensed, robots, 2), np.float64),
+        }
+        self._steps = steps
+        self._step_ns = scenario.timing.step_ms * 1_000_000
+        self._next = 0  # number of the step to come
+        self._cycles = 0  # of the reference
+        self._ring_before = np.zeros(robots, np.bool_)
+        self._phase_before = np.full(robots, np.nan)
+        self._flashes = np.zeros(robots, np.int64)  # of each robot, before this window
+        self._begin()
+
+    def _begin(self) -> None:
+        """Take new arrays: what was returned is not written to again."""
+        self.taken = 0
+        self._arrays: dict[str, npt.NDArray[Any]] = {
+            name: np.empty(shape, kind) for name, (shape, kind) in self._shapes.items()
+        }
+        self._filled = [(name, array) for name, array in self._arrays.items() if len(array)]
+        self._firings: list[tuple[int, float]] = []
+
+    @property
+    def is_full(self) -> bool:
+        """Whether there is no room for another step."""
+        return self.taken == self._steps
+
+    def take(self, step: Step, watch: SynchronyWatch) -> None:
+        """Take note of a step."""
+        row = self.taken
+        for name, array in self._filled:
+            array[row] = getattr(step, name)
+        if watch.cycles > self._cycles:
+            self._cycles = watch.cycles
+            if watch.order_parameter is not None:
+                self._firings.append((row, watch.order_parameter))
+        self.taken += 1
+
+    def empty(self, watch: SynchronyWatch) -> Columns:
+        """Return what is in the window, at least one step; it is empty then."""
+        arrays = {name: array[: self.taken] for name, array in self._arrays.items()}
+        ring_on, phase_ms = arrays["ring_on"], arrays["phase_ms"]
+        ring_before = np.concatenate([self._ring_before[None], ring_on])[:-1]
+        phase_before = np.concatenate([self._phase_before[None], phase_ms])[:-1]
+        fires = ring_on & (~ring_before | (phase_ms < phase_before))  # as `synchrony.SynchronyWatch` has it
+        rows, robots = np.nonzero(fires)
+        counts = self._flashes + np.cumsum(fires, axis=0)
+        firings = np.array(self._firings, float).reshape(-1, 2)
+        columns = Columns(
+            time_ns=(self._next + np.arange(self.taken)) * self._step_ns,
+            ring_before=ring_before,
+            order_parameter=watch.measure(phase_ms),
+            flashes=np.column_stack([rows, robots, counts[rows, robots]]),
+            firings=firings[:, 0].astype(np.int64),
+            firing_order=firings[:, 1],
+            **arrays,
+        )
+        self._next += self.taken
+        self._ring_before, self._phase_before, self._flashes = ring_on[-1].copy(), phase_ms[-1].copy(), counts[-1]
+        self._begin()
+        return columns
