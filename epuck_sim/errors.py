@@ -17,5 +17,9 @@ class StoreError(EpuckSimError):
     """A run folder that cannot be used: it holds something else, is damaged, in use, or cannot be written."""
 
 
+class RecordingError(EpuckSimError):
+    """A recording that cannot be read, written or shown."""
+
+
 class ClusterError(EpuckSimError):
     """A cluster that cannot be reached, or that is gone."""

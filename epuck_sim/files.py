@@ -27,19 +27,33 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 def check_target(path: Path) -> None:
     """Raise EpuckSimError where nothing can be written: no file's name, no folder for it, or no regular file there."""
-    reason = ""
-    if path.is_dir():
-        reason = "is a directory"
-    elif not path.name or path.name == "..":
-        reason = "is no file's name"
-    elif path.exists() and not path.is_file():
-        reason = "is no regular file"
-    elif not path.parent.is_dir():
-        reason = f"there is no directory {path.parent}"
-    elif not os.access(path.parent, os.W_OK):
-        reason = f"no permission to write in {path.parent}"
+    try:
+        reason = _reason_against(path)
+    except OSError as error:  # of a name that is too long, say
+        raise unwritable(path, error) from error
     if reason:
         raise EpuckSimError(f"{path}: cannot be written: {reason}")
+
+
+def _reason_against(path: Path) -> str:
+    if path.is_dir():
+        return "is a directory"
+    if not path.name or path.name == "..":
+        return "is no file's name"
+    if path.exists() and not path.is_file():
+        return "is no regular file"
+    if not path.parent.is_dir():
+        return f"there is no directory {path.parent}"
+    return "" if os.access(path.parent, os.W_OK) else f"no permission to write in {path.parent}"
+
+
+def trial_paths(path: Path, trials: int) -> list[Path]:
+    """Return a file for each trial: `path`, or FILE-0, FILE-1 and so on; raises as `check_target` does."""
+    check_target(path)
+    paths = [path] if trials == 1 else [path.with_stem(f"{path.stem}-{trial}") for trial in range(trials)]
+    for target in paths:
+        check_target(target)
+    return paths
 
 
 def unwritable(path: Path, error: OSError) -> EpuckSimError:

@@ -108,15 +108,6 @@ class Trace:
             self._part.unlink(missing_ok=True)
 
 
-def trace_paths(path: Path, trials: int) -> list[Path]:
-    """Return a file for each trial: `path`, or FILE-0, FILE-1 and so on; raises as `check_target` does."""
-    check_target(path)
-    paths = [path] if trials == 1 else [path.with_stem(f"{path.stem}-{trial}") for trial in range(trials)]
-    for target in paths:
-        check_target(target)
-    return paths
-
-
 def _schema(pixels: int) -> Any:
     """Return the columns: one row a robot and control step."""
     return pa.schema(

@@ -1,0 +1,103 @@
+"""What a recording shows as pictures: camera rows, their course over time, and infrared distances."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+from rerun.chunk import Chunk
+
+from epuck_sim import epuck
+from epuck_sim.infrared import SENSORS
+from epuck_sim.recording.chunks import moving, still
+from epuck_sim.recording.window import Columns
+from epuck_sim.scenario import Scenario
+
+Pixels = npt.NDArray[np.uint8]
+
+CAMERA = "/camera/rows"
+"""A picture at each step: a row a robot, of class 1 where a lit ring is seen."""
+
+SPACE_TIME = "/camera/space_time"
+"""A picture for each minute: time runs down, a row a step; robot beside robot, with a column of class 2 between two.
+
+A minute at 10 Hz, that is: `PICTURE_STEPS` control steps.
+"""
+
+INFRARED = "/infrared"
+"""A picture at each step: a row a robot, a column a sensor, in mm; 65535 where nothing is in range."""
+
+BETWEEN = 2
+
+MAX_COLUMNS = 4096
+"""Of the picture over time, which shows but the first of more robots."""
+
+PICTURE_STEPS = 600
+
+COLOURS = rr.AnnotationContext([(0, "dark", (30, 30, 34)), (1, "red", (225, 40, 40)), (BETWEEN, "", (90, 90, 96))])
+
+
+def set_pictures(scenario: Scenario) -> Iterator[Chunk]:
+    """Yield the formats of the pictures, and how they look."""
+    robots, pixels = scenario.robot_count, scenario.camera_pixels
+    for camera in (CAMERA, SPACE_TIME):
+        yield still(camera, COLOURS)
+    yield still(CAMERA, rr.SegmentationImage.from_fields(format=_format(pixels, robots, rr.ChannelDatatype.U8)))
+    minute = _format(_side_by_side(scenario), PICTURE_STEPS, rr.ChannelDatatype.U8)
+    yield still(SPACE_TIME, rr.SegmentationImage.from_fields(format=minute))
+    infrared = rr.DepthImage.from_fields(
+        format=_format(SENSORS, robots, rr.ChannelDatatype.U16),
+        meter=1000,
+        depth_range=[10 * epuck.INFRARED_RANGE_CM, 0],
+        colormap="turbo",
+    )
+    yield still(INFRARED, infrared)
+
+
+def pictures(columns: Columns) -> Iterator[Chunk]:
+    """Yield the camera rows and the infrared distances at these steps."""
+    steps = len(columns.time_ns)
+    rows, distances = columns.camera.reshape(steps, -1), columns.distance_mm.reshape(steps, -1).view(np.uint8)
+    yield moving(CAMERA, columns.time_ns, *rr.SegmentationImage.columns(buffer=rows))
+    yield moving(INFRARED, columns.time_ns, *rr.DepthImage.columns(buffer=distances))
+
+
+class SpaceTime:
+    """The running minute of camera rows, robot beside robot."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        pixels = scenario.camera_pixels
+        robots = _side_by_side(scenario) // (pixels + 1)
+        self._blank = np.full((PICTURE_STEPS, robots, pixels + 1), BETWEEN, np.uint8)
+        self._blank[:, :, :pixels] = 0
+        self._picture = self._blank.copy()
+        self._filled = 0
+        self._began_ns = 0
+
+    def pictures(self, columns: Columns) -> Iterator[Chunk]:
+        """Yield pictures of the minutes in which these steps are, each as it is by now, at the time when it began."""
+        began, buffers = [], []
+        camera = columns.camera[:, : self._blank.shape[1]]
+        step = 0
+        while step < len(camera):
+            if self._filled == 0:
+                self._picture[:] = self._blank
+                self._began_ns = columns.time_ns[step]
+            rows = camera[step : step + len(self._picture) - self._filled]
+            self._picture[self._filled : self._filled + len(rows), :, :-1] = rows
+            began.append(self._began_ns)
+            buffers.append(self._picture.ravel().copy())
+            self._filled = (self._filled + len(rows)) % len(self._picture)
+            step += len(rows)
+        yield moving(SPACE_TIME, np.array(began), *rr.SegmentationImage.columns(buffer=np.array(buffers)))
+
+
+def _side_by_side(scenario: Scenario) -> int:
+    """Return the columns that the rows of as many robots take as find room, with one more after each."""
+    columns = scenario.camera_pixels + 1
+    return columns * max(1, min(scenario.robot_count, MAX_COLUMNS // columns))
+
+
+def _format(width: int, height: int, number: rr.ChannelDatatype) -> rr.components.ImageFormat:
+    """Return the format of a picture with one number a pixel."""
+    return rr.components.ImageFormat(width=width, height=height, channel_datatype=number)

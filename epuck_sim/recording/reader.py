@@ -1,0 +1,166 @@
+"""Reads a recording back into arrays."""
+
+import json
+import warnings
+from collections import defaultdict
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+from pydantic import ValidationError
+from rerun.chunk import Chunk, RrdReader
+
+from epuck_sim.errors import RecordingError, ScenarioError
+from epuck_sim.provenance import in_text
+from epuck_sim.recording import scene, series
+from epuck_sim.recording.chunks import APPLICATION, TIMELINE
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
+from epuck_sim.scenario import Scenario
+from epuck_sim.yaml_reader import parse_yaml
+
+Floats = npt.NDArray[np.float64]
+
+
+class Recorded(NamedTuple):
+    """A trial as it was recorded; poses and phases have no steps where the level leaves them out."""
+
+    scenario: Scenario
+    seed: int
+    level: Level
+    versions: dict[str, str]
+    cycles: int
+    """Firings of the reference robot."""
+    synchronised: bool
+    """Whether the trial ended with the swarm synchronised."""
+    time_s: Floats
+    """(steps,)"""
+    order_parameter: Floats
+    """(steps,) of all oscillators."""
+    flash_s: Floats
+    """(flashes,) when a robot fired."""
+    flash_robot: npt.NDArray[np.int64]
+    """(flashes,) which one."""
+    flash_cycle: npt.NDArray[np.int64]
+    """(flashes,) which of its own flashes it was, from 1."""
+    firing_s: Floats
+    """(firings,) when the reference robot fired."""
+    firing_order: Floats
+    """(firings,) the order parameter as the trial measured it then."""
+    phase_ms: Floats
+    """(steps, robots)"""
+    positions: npt.NDArray[np.float32]
+    """(steps, robots, 2) cm, in single precision, which is what a recording holds."""
+    headings: Floats
+    """(steps, robots) rad in -pi to pi, of arrows in single precision."""
+    ring_on: npt.NDArray[np.bool_]
+    """(steps, robots)"""
+
+
+def read_recording(path: Path) -> Recorded:
+    """Return what a recording of any level holds.
+
+    Raises RecordingError for a file that is no whole recording, or one of another program or version.
+    """
+    entities = _Entities(path)
+    trial = entities.properties(TRIAL)
+    if trial.get("format") != FORMAT:
+        made_by = in_text(json.loads(trial.get("versions", "{}"))) or "an unknown version"
+        raise RecordingError(
+            f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version of "
+            f"epuck-sim reads format {FORMAT}"
+        )
+    try:
+        recorded = _gather(entities, trial, entities.properties(OUTCOME))
+    except ValidationError as error:
+        key, reason = ".".join(map(str, error.errors()[0]["loc"])), error.errors()[0]["msg"]
+        raise RecordingError(f"{path}: holds a scenario that this version cannot read: {key}: {reason}") from error
+    except ScenarioError as error:
+        raise RecordingError(f"{path}: holds a scenario that this version cannot read: {error}") from error
+    except (KeyError, ValueError) as error:
+        raise RecordingError(f"{path}: is no whole recording: {error}") from error
+    steps = len(recorded.time_s)
+    for name in ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ():
+        if len(getattr(recorded, name)) != steps:
+            raise RecordingError(f"{path}: is no whole recording: {name} of {steps} steps are not there")
+    return recorded
+
+
+def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
+    """Return a recording's arrays; raises KeyError or ValueError for what is missing."""
+    scenario = Scenario.model_validate(parse_yaml(trial["scenario"], "its scenario"))
+    robots = scenario.robot_count
+    arrows = entities.values(scene.HEADINGS, "Arrows2D:vectors").reshape(-1, robots, 2)
+    return Recorded(
+        scenario,
+        int(trial["seed"]),
+        Level(trial["level"]),
+        json.loads(trial["versions"]),
+        outcome["cycles"],
+        outcome["synchronised"],
+        entities.times(series.ORDER_AT_STEPS),
+        entities.values(series.ORDER_AT_STEPS, "Scalars:scalars"),
+        entities.times(series.FLASHES),
+        entities.values(series.FLASHES, "Scalars:scalars").astype(np.int64),
+        entities.values(series.FLASHES, "cycle").astype(np.int64),
+        entities.times(series.ORDER_AT_FIRINGS),
+        entities.values(series.ORDER_AT_FIRINGS, "Scalars:scalars"),
+        entities.values(series.PHASES, "Scalars:scalars").reshape(-1, robots),
+        entities.values(scene.ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, robots, 2),
+        np.arctan2(arrows[..., 1], arrows[..., 0]),
+        entities.values(scene.ROBOTS, "Points2D:class_ids").reshape(-1, robots) == 1,
+    )
+
+
+class _Entities:
+    """The entities of a recording's file."""
+
+    def __init__(self, path: Path) -> None:
+        self._properties: dict[str, dict[str, Any]] = defaultdict(dict)
+        self._moving: dict[str, list[pa.RecordBatch]] = defaultdict(list)
+        for chunk in _read_chunks(path):
+            if chunk.is_static:
+                self._properties[chunk.entity_path] |= chunk.to_record_batch().to_pydict()
+            else:
+                self._moving[chunk.entity_path].append(chunk.to_record_batch())
+        for batches in self._moving.values():
+            batches.sort(key=lambda batch: batch.column(TIMELINE)[0].value)
+
+    def properties(self, name: str) -> dict[str, Any]:
+        """Return a recording's properties, each a single value; none where it has none of this name."""
+        columns = self._properties[f"/__properties/{name}"]
+        return {key: value[0][0] for key, value in columns.items() if isinstance(value[0], list)}
+
+    def times(self, entity: str) -> Floats:
+        """Return (rows,) s: the times of an entity's rows."""
+        times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._moving[entity]]
+        return np.concatenate([np.empty(0), *times]) / 1e9
+
+    def values(self, entity: str, component: str) -> Floats:
+        """Return the numbers of a component of all rows, one after the other."""
+        columns = [batch.column(component).flatten() for batch in self._moving[entity]]
+        numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
+        return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
+
+
+def _read_chunks(path: Path) -> list[Chunk]:
+    if not path.is_file():
+        raise RecordingError(f"{path}: {'is no file' if path.exists() else 'there is no such file'}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about a file without its end, which is refused below
+        try:
+            reader = RrdReader(path)
+            found = reader.recordings()
+            if len(found) == 1 and found[0].application_id == APPLICATION:
+                return reader.store().stream().to_chunks()
+        except (RuntimeError, ValueError) as error:
+            if "Not an RRD file" in str(error):
+                raise RecordingError(f"{path}: is no recording, which ends in .rrd") from error
+            reason = "its end is missing" if "footer" in str(error) else error
+            raise RecordingError(f"{path}: is no whole recording: {reason}; record the trial again") from error
+    programs = ", ".join(sorted({entry.application_id for entry in found})) or "nobody"
+    raise RecordingError(
+        f"{path}: holds {len(found)} recordings, made by {programs}; allowed: one made by {APPLICATION}"
+    )

@@ -1,0 +1,122 @@
+"""Records a trial: an onlooker that gathers steps in a window and turns full windows into chunks of a recording."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+
+import rerun as rr
+from rerun.chunk import Chunk
+
+from epuck_sim.provenance import versions
+from epuck_sim.recording.chunks import still, strictly
+from epuck_sim.recording.layout import layout_file
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.pictures import SpaceTime, pictures, set_pictures
+from epuck_sim.recording.rrd_file import rrd_file
+from epuck_sim.recording.scene import make_stage, scene, set_scene
+from epuck_sim.recording.series import series, series_styles
+from epuck_sim.recording.window import Columns, Window
+from epuck_sim.scenario import Scenario
+from epuck_sim.scenario_file import load_scenario, write_scenario
+from epuck_sim.step import Step
+from epuck_sim.synchrony import SynchronyWatch
+
+FORMAT = 1
+"""Of the entities in a recording; a newer one may have others."""
+
+WINDOW_S = 600
+"""Simulated time in memory before it is written."""
+
+WINDOW_ROWS = 60_000
+"""But no more rows, one a robot and step, than these: about 8 MB."""
+
+TRIAL = "trial"
+OUTCOME = "outcome"
+"""Properties of a recording."""
+
+
+@contextmanager
+def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
+    """Yield an onlooker of a trial (see `trial.run_trial`) that records it into a file for the rerun viewer.
+
+    The file gets its name when the block ends; where it ends with an error, nothing is left behind.
+    Raises EpuckSimError where the file cannot be written.
+    """
+    scenario = load_scenario(scenario)  # with every default written out
+    steps = max(1, min(WINDOW_S * scenario.timing.control_hz, WINDOW_ROWS // scenario.robot_count))
+    with rrd_file(path, recording_id(scenario, seed, level), layout_file(level)) as write:
+        recorder = Recorder(scenario, seed, level, steps, write)
+        yield recorder
+        recorder.finish()
+
+
+class Recorder:
+    """An onlooker that hands on chunks, whenever so many steps are full."""
+
+    def __init__(
+        self, scenario: Scenario, seed: int, level: Level, steps: int, write: Callable[[Iterable[Chunk]], None]
+    ) -> None:
+        """Write what does not move; nothing of a trial needs to exist yet."""
+        self._send = write
+        self._window = Window(scenario, level, steps)
+        self._watch: SynchronyWatch | None = None
+        self._write(_description(scenario, seed, level))
+        self._write(series_styles(scenario, level))
+        self._views: list[Callable[[Columns], Iterable[Chunk]]] = [
+            partial(series, threshold=scenario.stop.order_parameter, level=level)
+        ]
+        if level is not Level.SUMMARY:
+            stage = make_stage(scenario)
+            self._write(set_scene(stage, scenario.robot_count, level))
+            self._views.append(partial(scene, stage=stage, level=level))
+        if level is Level.FULL:
+            self._write(set_pictures(scenario))
+            self._views += [pictures, SpaceTime(scenario).pictures]
+
+    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
+        """Take note of a step."""
+        self._watch = watch
+        self._window.take(step, watch)
+        if self._window.is_full:
+            self._empty_window(watch)
+
+    def _empty_window(self, watch: SynchronyWatch) -> None:
+        columns = self._window.empty(watch)
+        for view in self._views:
+            self._write(view(columns))
+
+    def _write(self, chunks: Iterable[Chunk]) -> None:
+        with strictly():
+            self._send(chunks)
+
+    def finish(self) -> None:
+        """Write what is left, and how the trial ended."""
+        cycles, synchronised = 0, False
+        if self._watch is not None:
+            cycles, synchronised = self._watch.cycles, self._watch.is_synchronised
+            if self._window.taken:
+                self._empty_window(self._watch)
+        self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
+
+
+def recording_id(scenario: Scenario, seed: int, level: Level) -> str:
+    """Return a name that is the same whenever the same trial is recorded at the same level."""
+    described = f"{write_scenario(scenario)}\n{seed}\n{level}\n{json.dumps(versions())}"
+    return hashlib.sha256(described.encode()).hexdigest()[:32]
+
+
+def _description(scenario: Scenario, seed: int, level: Level) -> Iterator[Chunk]:
+    made_by = {**versions(), "rerun": version("rerun-sdk")}
+    trial = rr.AnyValues(
+        format=FORMAT,
+        level=str(level),
+        scenario=write_scenario(scenario),
+        seed=str(seed),  # which may exceed 64 bits
+        versions=json.dumps(made_by),
+    )
+    yield Chunk.from_property(TRIAL, trial)
+    yield still("/__properties", rr.archetypes.RecordingInfo(name=f"{scenario.name}, seed {seed}"))

@@ -1,0 +1,74 @@
+"""What a recording plots over time: flashes, order parameter, phases, wheel speeds."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+import rerun as rr
+from rerun.chunk import Chunk
+
+from epuck_sim.recording.chunks import moving, still
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.window import Columns
+from epuck_sim.scenario import Scenario
+
+Floats = npt.NDArray[np.float64]
+
+FLASHES = "/flashes"
+"""A scalar at each flash: the robot's number; `cycle`: which of its flashes it is, from 1."""
+
+ORDER_AT_STEPS = "/order/steps"
+"""A scalar at each step: the order parameter of all oscillators."""
+
+ORDER_AT_FIRINGS = "/order/firings"
+"""A scalar at each firing of the reference robot: the order parameter as the trial measures it."""
+
+THRESHOLD = "/order/threshold"
+"""Beyond it the swarm is synchronised."""
+
+PHASES = "/phases"
+"""(robots,) ms at each step."""
+
+WHEELS = "/wheels"
+"""(2 robots,) cm/s at each step: left and right wheel of each robot, as commanded."""
+
+RED = (225, 40, 40)
+GREY = (150, 150, 150)
+BLUE = (60, 130, 230)
+
+
+def series_styles(scenario: Scenario, level: Level) -> Iterator[Chunk]:
+    """Yield how the plots look."""
+    robots = [f"robot {robot}" for robot in range(scenario.robot_count)]
+    yield still(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))
+    yield still(ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names="at each step"))
+    yield still(ORDER_AT_FIRINGS, rr.SeriesPoints(colors=BLUE, marker_sizes=4, names="at firings of the reference"))
+    yield still(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
+    if level is not Level.SUMMARY:
+        yield still(PHASES, rr.SeriesLines(names=robots))
+    if level is Level.FULL:
+        yield still(WHEELS, rr.SeriesLines(names=[f"{robot} {side}" for robot in robots for side in ("left", "right")]))
+
+
+def series(columns: Columns, threshold: float, level: Level) -> Iterator[Chunk]:
+    """Yield what the plots show of these steps; threshold: of the order parameter."""
+    time_ns = columns.time_ns
+    if len(columns.flashes):
+        rows, robots, cycles = columns.flashes.T
+        numbers = rr.Scalars.columns(scalars=robots)
+        yield moving(FLASHES, time_ns[rows], *numbers, *rr.AnyValues.columns(cycle=cycles))
+    if len(columns.firings):
+        order = rr.Scalars.columns(scalars=columns.firing_order)
+        yield moving(ORDER_AT_FIRINGS, time_ns[columns.firings], *order)
+    yield moving(ORDER_AT_STEPS, time_ns, *rr.Scalars.columns(scalars=columns.order_parameter))
+    yield moving(THRESHOLD, time_ns[[0, -1]], *rr.Scalars.columns(scalars=[threshold, threshold]))
+    if level is not Level.SUMMARY:
+        yield moving(PHASES, time_ns, *rows_of(columns.phase_ms))
+    if level is Level.FULL:
+        yield moving(WHEELS, time_ns, *rows_of(columns.wheels_cm_s))
+
+
+def rows_of(values: Floats) -> rr.ComponentColumnList:
+    """Return (steps, ...) values as scalars, a row a step."""
+    flat = values.reshape(len(values), -1)
+    return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))

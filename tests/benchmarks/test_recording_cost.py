@@ -1,0 +1,111 @@
+"""What recording costs: time a step, bytes a minute, threads and memory. Run by `make bench`."""
+
+import os
+import time
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.recorder import record
+from epuck_sim.scenario_file import load_scenario
+from epuck_sim.simulation import Simulation
+from epuck_sim.synchrony import SynchronyWatch
+
+pytestmark = pytest.mark.benchmark
+
+SWARMS = {10: (60, 6000), 100: (221, 3000), 1000: (700, 600)}
+"""Robots: side of their arena in cm, steps."""
+
+TARGETS = {(10, Level.SUMMARY): "<= 5 us", (10, Level.FULL): "<= 30 us, < 700 kB"}
+
+
+def status(line: str) -> int:
+    """Return a number from the kernel's account of this process: kB, or threads."""
+    (found,) = (each for each in Path("/proc/self/status").read_text().splitlines() if each.startswith(line))
+    return int(found.split()[1])
+
+
+def endless(robots: int) -> Simulation:
+    """Return a simulation as dense as ever that nobody stops."""
+    side, _ = SWARMS[robots]
+    settings = [f"robots.0.count={robots}", f"arena.width_cm={side}", f"arena.height_cm={side}"]
+    return Simulation(load_scenario("thesis", settings), 1)
+
+
+@pytest.fixture(scope="module")
+def costs():
+    """(robots, level) -> (us a step, kB a minute); printed as a table at the end."""
+    found: dict[tuple[int, Level], tuple[float, float]] = {}
+    yield found
+    print("\n\nrobots  level    us a step  kB a minute  target")
+    for (robots, level), (step_us, minute_kb) in found.items():
+        print(f"{robots:6}  {level:7}  {step_us:9.1f}  {minute_kb:11.0f}  {TARGETS.get((robots, level), '')}")
+
+
+@pytest.mark.parametrize("level", Level)
+@pytest.mark.parametrize("robots", SWARMS)
+def test_a_step_and_a_minute(benchmark, costs, tmp_path, robots: int, level: Level) -> None:
+    """CPU time of all threads, but for that of the simulation itself and of a recording with nothing in it."""
+    file = tmp_path / "t.rrd"
+
+    def recording_s(steps: int) -> float:
+        simulation = endless(robots)
+        watch = SynchronyWatch(simulation)
+        simulating = 0.0
+        began = time.process_time()
+        with record(file, simulation.scenario, 1, level) as recorder:
+            for _ in range(steps):
+                stepping = time.thread_time()
+                step = next(simulation)
+                watch.look(step)
+                simulating += time.thread_time() - stepping
+                recorder(step, watch)
+        return time.process_time() - began - simulating
+
+    steps = SWARMS[robots][1]
+    recording_s(1)
+    empty_s, empty = min(recording_s(0) for _ in range(3)), file.stat().st_size
+    found_s = []
+    benchmark.pedantic(lambda: found_s.append(recording_s(steps)), rounds=3)
+    minute_kb = (file.stat().st_size - empty) / 1000 / (steps / 600)
+    costs[robots, level] = (min(found_s) - empty_s) / steps * 1e6, minute_kb
+
+
+def test_ten_hours(benchmark, tmp_path) -> None:
+    """Memory after each simulated hour."""
+    simulation = endless(10)
+    watch = SynchronyWatch(simulation)
+    resident = []
+
+    def record_ten_hours() -> None:
+        with record(tmp_path / "t.rrd", simulation.scenario, 1) as recorder:
+            for _ in range(10):
+                for step in islice(simulation, 36_000):
+                    watch.look(step)
+                    recorder(step, watch)
+                resident.append(status("VmRSS") / 1024)
+
+    benchmark.pedantic(record_ten_hours, rounds=1)
+    size_mb = (tmp_path / "t.rrd").stat().st_size / 1e6
+    print(f"\nten hours: {size_mb:.0f} MB; memory after each hour: {', '.join(f'{mb:.0f}' for mb in resident)} MB")
+    assert resident[-1] <= 1.1 * resident[0]
+
+
+def test_a_hundred_recordings_in_one_process(benchmark, tmp_path) -> None:
+    """Threads and memory before and after, and the time that a recording takes whatever is in it."""
+    scenario = load_scenario("thesis")
+
+    def record_nothing() -> None:
+        with record(tmp_path / "t.rrd", scenario, 1):
+            pass
+
+    record_nothing()
+    threads, kb = status("Threads"), status("VmRSS")
+    benchmark.pedantic(record_nothing, rounds=100)
+    print(
+        f"\n100 recordings: threads from {threads} to {status('Threads')}, memory from {kb / 1024:.0f} to "
+        f"{status('VmRSS') / 1024:.0f} MB; {benchmark.stats.stats.median * 1e3:.0f} ms each, of {os.cpu_count()} cores"
+    )
+    assert status("Threads") == threads

@@ -1,0 +1,291 @@
+"""A recording's file appears when it is whole, is written as the trial goes on, and leaves nothing else behind."""
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from rerun.chunk import LazyChunkStream, RrdReader
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.recording import recorder
+from epuck_sim.recording.layout import layout_file
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.recorder import record
+from epuck_sim.recording.rerun_program import run_rerun
+from epuck_sim.scenario_file import load_scenario
+from epuck_sim.simulation import Simulation
+from epuck_sim.step import Step
+from epuck_sim.synchrony import SynchronyWatch
+from epuck_sim.trial import Onlooker, run_trial
+
+SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])
+
+WAIT_S = 30
+"""So long a machine under load may take to do what takes milliseconds."""
+
+
+def recorded(path: Path, *others: Onlooker) -> None:
+    with record(path, SCENARIO, 1) as onlooker:
+        run_trial(Simulation(SCENARIO, 1), [onlooker, *others])
+
+
+def is_whole(path: Path) -> bool:
+    """Whether rerun reads all steps of it."""
+    chunks = RrdReader(path).store().stream().to_chunks()
+    return sum(chunk.num_rows for chunk in chunks if chunk.entity_path == "/order/steps" and not chunk.is_static) == 400
+
+
+@pytest.fixture
+def small_windows(monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "WINDOW_ROWS", 73)
+
+
+# --- where it cannot be written ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("gone/t.rrd", "cannot be written: there is no directory"),
+        ("folder.rrd", "cannot be written: is a directory"),
+        ("pipe.rrd", "cannot be written: is no regular file"),
+        ("file/t.rrd", "cannot be written: there is no directory"),
+        (f"{'long' * 64}.rrd", "cannot be written: File name too long"),
+        (f"{'long' * 62}.rrd", "cannot be written: File name too long"),  # with .part
+    ],
+)
+def test_a_path_that_cannot_be_written_is_refused_before_anything_runs(tmp_path, name: str, reason: str) -> None:
+    os.mkfifo(tmp_path / "pipe.rrd")
+    (tmp_path / "folder.rrd").mkdir()
+    (tmp_path / "file").touch()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(EpuckSimError) as caught, record(tmp_path / name, SCENARIO, 1):
+        pytest.fail("it ran")
+    assert str(caught.value).startswith(f"{tmp_path / name}: {reason}")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission_is_refused(tmp_path) -> None:
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(EpuckSimError, match="no permission to write in"), record(tmp_path / "t.rrd", SCENARIO, 1):
+            pytest.fail("it ran")
+    finally:
+        tmp_path.chmod(0o700)
+
+
+@pytest.mark.parametrize("name", ["t", "t.parquet", "t.rrd.gz"])
+def test_a_name_that_the_viewer_does_not_know_is_refused(tmp_path, name: str) -> None:
+    with pytest.raises(EpuckSimError, match=r"must end in \.rrd"), record(tmp_path / name, SCENARIO, 1):
+        pytest.fail("it ran")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_is_followed(tmp_path) -> None:
+    (tmp_path / "link.rrd").symlink_to(tmp_path / "real.rrd")
+    recorded(tmp_path / "link.rrd")
+    assert (tmp_path / "link.rrd").is_symlink()
+    assert is_whole(tmp_path / "real.rrd")
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+# --- where the trial fails --------------------------------------------------------------------------
+
+
+def fail_at(number: int, error: type[BaseException]) -> Onlooker:
+    def fail(step: Step, _: SynchronyWatch) -> None:
+        if step.number == number:
+            raise error
+
+    return fail
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, BrokenPipeError])
+@pytest.mark.parametrize("number", [0, 200])
+@pytest.mark.usefixtures("small_windows")
+def test_where_the_trial_fails_nothing_is_left(tmp_path, number: int, error: type[BaseException]) -> None:
+    with pytest.raises(error):
+        recorded(tmp_path / "t.rrd", fail_at(number, error))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
+def test_an_older_recording_stays_until_the_new_one_is_whole(tmp_path, error: type[BaseException]) -> None:
+    path = tmp_path / "t.rrd"
+    path.write_text("older")
+    with pytest.raises(error):
+        recorded(path, fail_at(200, error))
+    assert path.read_text() == "older"
+    assert list(tmp_path.iterdir()) == [path]
+    recorded(path, lambda *_: path.read_text() == "older" or pytest.fail("it is gone"))
+    assert is_whole(path)
+
+
+def test_what_a_killed_run_left_does_not_matter(tmp_path) -> None:
+    left = tmp_path / "t.rrd.part"
+    (left / "folder").mkdir(parents=True)
+    for name in ("layout.rbl", "data.rrd", "whole.rrd"):
+        (left / name).write_text("half")
+    recorded(tmp_path / "t.rrd")
+    assert is_whole(tmp_path / "t.rrd")
+    assert list(tmp_path.iterdir()) == [tmp_path / "t.rrd"]
+
+
+# --- a full disk ------------------------------------------------------------------------------------
+
+
+@contextmanager
+def room_for(largest: int) -> Iterator[None]:
+    """Have no file grow beyond so many bytes; rerun, too, is told so where it writes."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("part", ["layout", "data", "whole"])
+def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
+    path = tmp_path / "t.rrd"
+    recorded(path)
+    whole, layout = path.stat().st_size, len(layout_file(Level.FULL))
+    room = {"layout": layout // 2, "data": whole // 2, "whole": whole - layout // 2}
+    assert room["layout"] < layout < room["data"] < whole - layout < room["whole"] < whole
+    path.write_text("older")
+    with room_for(room[part]), pytest.raises(EpuckSimError) as caught:
+        recorded(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert path.read_text() == "older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.usefixtures("small_windows")
+def test_a_full_disk_ends_the_trial_soon(tmp_path, monkeypatch) -> None:
+    def write_some(stream: LazyChunkStream, *_, **__) -> None:
+        for taken, _ in enumerate(stream):
+            if taken == 100:
+                raise RuntimeError("No space left on device")
+
+    monkeypatch.setattr(LazyChunkStream, "write_rrd", write_some)
+    steps = []
+
+    def look(step: Step, _: SynchronyWatch) -> None:
+        steps.append(step.number)
+        if step.number >= 100:
+            time.sleep(0.01)  # the writer is another thread
+
+    with pytest.raises(EpuckSimError) as caught:
+        recorded(tmp_path / "t.rrd", look)
+    assert str(caught.value) == f"{tmp_path / 't.rrd'}: cannot be written: No space left on device"
+    assert 7 < len(steps) < 300
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_full_disk_is_noticed_at_the_end_of_a_trial_of_one_window(tmp_path, monkeypatch) -> None:
+    def write(stream: LazyChunkStream, *_, **__) -> None:
+        list(stream)
+        raise RuntimeError("No space left on device")
+
+    monkeypatch.setattr(LazyChunkStream, "write_rrd", write)
+    with pytest.raises(EpuckSimError, match=r"t\.rrd: cannot be written: No space left on device"):
+        recorded(tmp_path / "t.rrd")
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- as the trial goes on ---------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("small_windows")
+def test_chunks_are_written_as_they_come(tmp_path) -> None:
+    data, sizes = tmp_path / "t.rrd.part" / "data.rrd", [0]
+
+    def look(step: Step, _: SynchronyWatch) -> None:
+        if step.number % 100 == 99:
+            until = time.monotonic() + WAIT_S
+            while not data.exists() or data.stat().st_size < sizes[-1] + 20_000:
+                assert time.monotonic() < until, f"{sizes} bytes by step {step.number}"
+                time.sleep(0.001)
+            sizes.append(data.stat().st_size)
+
+    recorded(tmp_path / "t.rrd", look)
+    assert len(sizes) == 1 + 4
+
+
+LONG = """
+import sys
+from pathlib import Path
+from epuck_sim.recording import recorder
+from epuck_sim.scenario_file import load_scenario
+from epuck_sim.simulation import Simulation
+from epuck_sim.trial import run_trial
+recorder.WINDOW_ROWS = 730
+scenario = load_scenario("thesis", ["stop.order_parameter=1", "stop.max_cycles=1000000"])
+with recorder.record(Path(sys.argv[1]), scenario, 1) as onlooker:
+    run_trial(Simulation(scenario, 1), [onlooker])
+"""
+
+
+def test_a_run_that_is_killed_leaves_no_recording(tmp_path) -> None:
+    path = tmp_path / "t.rrd"
+    data = tmp_path / "t.rrd.part" / "data.rrd"
+    run = subprocess.Popen([sys.executable, "-c", LONG, str(path)])
+    try:
+        until = time.monotonic() + 2 * WAIT_S
+        while not data.exists() or data.stat().st_size < 1_000_000:
+            assert run.poll() is None
+            assert time.monotonic() < until
+            time.sleep(0.01)
+    finally:
+        run.kill()
+        run.wait()
+    assert data.exists()
+    assert not path.exists()
+    recorded(path)
+    assert is_whole(path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+MANY = """
+import json, os, sys
+from pathlib import Path
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.recorder import record
+from epuck_sim.scenario_file import load_scenario
+from epuck_sim.simulation import Simulation
+from epuck_sim.trial import run_trial
+
+def used():
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return len(os.listdir("/proc/self/task")), pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+def run(trial):
+    scenario = load_scenario("thesis", ["stop.max_time_s=5"])
+    with record(Path(sys.argv[1]) / f"{trial}.rrd", scenario, trial, list(Level)[trial % 3]) as onlooker:
+        run_trial(Simulation(scenario, trial), [onlooker])
+
+for trial in range(6):
+    run(trial)
+before = used()
+for trial in range(30):
+    run(trial)
+print(json.dumps([before, used()]))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="there is no /proc")
+def test_many_recordings_need_no_more_threads_nor_memory_than_a_few(tmp_path) -> None:
+    done = subprocess.run([sys.executable, "-c", MANY, str(tmp_path)], capture_output=True, text=True, check=True)
+    (threads, megabytes), (threads_after, megabytes_after) = json.loads(done.stdout)
+    assert threads_after == threads
+    assert megabytes_after - megabytes < 5
+    assert len(list(tmp_path.iterdir())) == 30
+    run_rerun("rrd", "verify", *map(str, tmp_path.iterdir()))
