@@ -27,7 +27,10 @@ slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow
 
 figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
-	$(BIN)/python docs/figures/thesis_run.py
+	mkdir -p runs
+	$(BIN)/epuck-sim run thesis --seed 13 --record runs/thesis_run.rrd
+	$(BIN)/epuck-sim plot runs/thesis_run.rrd --to docs/figures/thesis_run
+	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
 	$(BIN)/python docs/figures/base_curve.py
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \

@@ -8,9 +8,11 @@ from typing import Annotated
 import typer
 
 from epuck_sim import __version__
+from epuck_sim.cli_replay import WEB_PORT, replays
 from epuck_sim.cli_results import results
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.mistakes import naming, readable_errors
+from epuck_sim.mistakes import naming, readable_errors, refuse
+from epuck_sim.recording.level import Level
 
 app = typer.Typer(
     help="Simulate swarms of e-puck robots that synchronise like fireflies.",
@@ -19,6 +21,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+app.add_typer(replays)
 app.add_typer(results)
 
 ScenarioArgument = Annotated[
@@ -68,6 +71,19 @@ def run(
             metavar="FILE.parquet", help="Write every robot and step; of several trials to FILE-0, FILE-1, ..."
         ),
     ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.rrd", help="Record for rerun's viewer; of several trials to FILE-0, FILE-1, ..."),
+    ] = None,
+    level: Annotated[
+        Level | None, typer.Option("--record-level", help="How much is recorded, or shown live; full by default.")
+    ] = None,
+    live: Annotated[bool, typer.Option("--live", help="Show the trial in rerun's viewer while it runs.")] = False,
+    speed: Annotated[
+        float | None, typer.Option(min=0.01, max=1000, help="Of --live: times as fast as real robots; 1 by default.")
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Of --live: in a browser instead of a window.")] = False,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help=f"Of --web; {WEB_PORT} by default.")] = None,
     interpret: Annotated[bool, typer.Option("--interpret", help="Run controllers as plain Python.")] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Run all points and trials into this run folder.")
@@ -85,14 +101,24 @@ def run(
         single = point is not None or trial is not None
         found = find_scenario(scenario)
         folder = out or (found.parent if found.parent == Path(scenario) and not single else None)
-        if single and (point is None or trial is None or out is not None):
-            raise EpuckSimError("--point and --trial go together, and without --out")
-        if folder is None and (workers is not None or dask is not None or status):
-            raise EpuckSimError("--workers, --dask and --status need a run folder: --out FOLDER")
-        if folder is not None and trace is not None:
-            raise EpuckSimError("a sweep keeps no traces; run the trial again with --point, --trial and --trace")
-        if workers is not None and dask is not None:
-            raise EpuckSimError("--workers and --dask exclude each other")
+        refuse(
+            (
+                single and (point is None or trial is None or out is not None),
+                "--point and --trial go together, and without --out",
+            ),
+            (
+                folder is None and (workers is not None or dask is not None or status),
+                "--workers, --dask and --status need a run folder: --out FOLDER",
+            ),
+            (
+                folder is not None and (trace is not None or record is not None or live),
+                "a sweep keeps no traces and recordings; run one trial again with --point and --trial to get them",
+            ),
+            (workers is not None and dask is not None, "--workers and --dask exclude each other"),
+            (level is not None and record is None and not live, "--record-level is for --record and --live"),
+            ((speed is not None or web) and not live, "--speed and --web are for --live"),
+            (port is not None and not web, "--port is for --web"),
+        )
         if folder is not None and status:
             if any((seed is not None, trials, settings, axes, interpret, workers, dask)):
                 raise EpuckSimError("--status shows what is in the run folder; give no other option but --json")
@@ -101,12 +127,14 @@ def run(
 
             print_status(read_status(folder), as_json)
             return
-        from epuck_sim.cli_run import Output, run_into, run_one, run_some
+        from epuck_sim.cli_run import run_into, run_one, run_some
+        from epuck_sim.watching import Output, Showing
 
         loaded = load_scenario(scenario, settings or (), axes or ())
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
-        output = Output(as_json, trace, interpret)
+        showing = Showing(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
+        output = Output(as_json, trace, record, showing, level or Level.FULL, interpret)
         if point is not None and trial is not None:
             run_one(scenario, loaded, point, trial, output)
         elif folder is not None:
@@ -142,6 +170,8 @@ def list_shipped() -> None:
 
 
 def main() -> None:
-    """Run the command; a polite request to end is as good as Ctrl-C."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Run the command; a polite request to end, or a terminal that is closed, is as good as Ctrl-C."""
+    for request in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(request) is not signal.SIG_IGN:  # as under nohup
+            signal.signal(request, signal.default_int_handler)
     app()

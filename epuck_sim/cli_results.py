@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.mistakes import readable_errors
 
 results = typer.Typer()
@@ -40,28 +41,43 @@ def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
 
 @results.command()
 def plot(
-    folder: FolderArgument,
+    results: Annotated[
+        Path, typer.Argument(metavar="FOLDER|FILE.rrd", help="A run folder, or the recording of a trial.")
+    ],
     to: Annotated[
-        Path | None, typer.Option(metavar="STEM", help="Write STEM.png, .svg and .csv; FOLDER/T_sync by default.")
+        Path | None,
+        typer.Option(metavar="STEM", help="Write STEM.png, .svg and so on; by default FOLDER/T_sync, or FILE."),
     ] = None,
     x: Annotated[
-        str | None, typer.Option(metavar="KEY", help="The axis to draw against; the speed by default.")
+        str | None, typer.Option(metavar="KEY", help="The axis to draw a sweep against; the speed by default.")
     ] = None,
 ) -> None:
-    """Draw T_sync against speed, a line for each value of the other axes, and write its numbers."""
+    """Draw T_sync against speed, a line for each value of the other axes, and write its numbers; or draw a trial."""
     with readable_errors():
-        from epuck_sim.curves import choose_axis, read_curves
-        from epuck_sim.errors import StoreError
-        from epuck_sim.figures import save_figure
-        from epuck_sim.results import read_points, read_status
-
-        points = read_points(folder)
-        axis = choose_axis(points, x)
-        curves = read_curves(points, axis)
-        if not curves:
-            raise StoreError(f"{folder}: holds no results yet")
-        for file in save_figure(to or folder / "T_sync", read_status(folder).scenario, axis, curves):
+        for file in _plot_sweep(results, to, x) if results.is_dir() else _plot_trial(results, to, x):
             typer.echo(file)
+
+
+def _plot_trial(recording: Path, to: Path | None, x: str | None) -> list[Path]:
+    from epuck_sim.recording.page import save_page
+    from epuck_sim.recording.reader import read_recording
+
+    if x is not None:
+        raise EpuckSimError("--x is for run folders")
+    return save_page(read_recording(recording), str(recording), to or recording.with_suffix(""))
+
+
+def _plot_sweep(folder: Path, to: Path | None, x: str | None) -> list[Path]:
+    from epuck_sim.curves import choose_axis, read_curves
+    from epuck_sim.figures import save_figure
+    from epuck_sim.results import read_points, read_status
+
+    points = read_points(folder)
+    axis = choose_axis(points, x)
+    curves = read_curves(points, axis)
+    if not curves:
+        raise StoreError(f"{folder}: holds no results yet")
+    return save_figure(to or folder / "T_sync", read_status(folder).scenario, axis, curves)
 
 
 @results.command()

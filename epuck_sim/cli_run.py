@@ -1,11 +1,9 @@
 """What `epuck-sim run` does: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
 
-import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import typer
 
@@ -16,22 +14,15 @@ from epuck_sim.executors import dask_pool, local_pool
 from epuck_sim.mistakes import naming
 from epuck_sim.provenance import in_text, versions
 from epuck_sim.randomness import trial_seed
-from epuck_sim.report import Progress, print_json, print_table
-from epuck_sim.results import read_status
+from epuck_sim.report import Progress, print_json, print_table, tell
+from epuck_sim.results import read_outcome, read_status
 from epuck_sim.scenario import Scenario
+from epuck_sim.scenario_file import RUN_SCENARIO, load_scenario
 from epuck_sim.simulation import Simulation
 from epuck_sim.sweep import points
 from epuck_sim.sweep_report import SweepProgress, print_status
-from epuck_sim.trace import Trace, trace_paths
-from epuck_sim.trial import Onlooker, TrialResult, run_trial
-
-
-class Output(NamedTuple):
-    """What is shown and kept of a trial."""
-
-    as_json: bool
-    trace: Path | None
-    interpret: bool
+from epuck_sim.trial import TrialResult, run_trial
+from epuck_sim.watching import Output, watching
 
 
 def run_some(origin: str, scenario: Scenario, output: Output) -> None:
@@ -44,35 +35,47 @@ def run_some(origin: str, scenario: Scenario, output: Output) -> None:
     _run(origin, [(scenario, trial_seed(scenario.seed, trial)) for trial in range(scenario.trials)], output)
 
 
-def run_one(origin: str, scenario: Scenario, point: int, trial: int, output: Output) -> None:
-    """Run one trial of a sweep, with the outcome that it has there."""
+def run_one(origin: str, scenario: Scenario, point: int, trial: int, output: Output) -> TrialResult:
+    """Run one trial of a sweep, with the outcome that it has there, and return that."""
     places = points(scenario)
     if point >= len(places):
         raise ScenarioError(f"{origin}: --point is {point}; allowed: 0 to {len(places) - 1}")
     chosen = places[point]
     if trial >= chosen.scenario.trials:
         raise ScenarioError(f"{origin}: --trial is {trial}; allowed: 0 to {chosen.scenario.trials - 1}")
-    _run(origin, [(chosen.scenario, chosen.seed(trial))], output)
+    (result,) = _run(origin, [(chosen.scenario, chosen.seed(trial))], output)
+    return result
 
 
-def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: Output) -> None:
-    traces = None if output.trace is None else trace_paths(output.trace, len(trials))
+def record_again(folder: Path, point: int, trial: int, output: Output) -> None:
+    """Simulate a trial of a run folder again, and tell if it does not come out as it is stored."""
+    stored = read_outcome(folder, point, trial)
+    result = run_one(str(folder), load_scenario(folder / RUN_SCENARIO), point, trial, output)
+    if stored is not None and stored != (result.cycles, result.censored):
+        made = "; ".join(read_status(folder).versions)
+        tell(
+            f"note: this is not the trial that is stored, which lasted {stored[0]} cycles; its controller or the "
+            f"versions may have changed: the folder was made by {made}, this is {in_text(versions())}"
+        )
+
+
+def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: Output) -> list[TrialResult]:
     results: list[TrialResult] = []
-    try:
-        with Progress(len(trials)) as progress, naming(origin):
-            for trial, (scenario, seed) in enumerate(trials):
-                with ExitStack() as stack:
-                    onlookers: list[Onlooker] = [progress]
-                    if traces is not None:
-                        onlookers.append(stack.enter_context(Trace(traces[trial], scenario, seed)))
-                    simulation = Simulation(scenario, seed, interpret=output.interpret)
-                    progress.begin(trial)
-                    results.append(run_trial(simulation, onlookers))
-                if output.as_json:
-                    print_json(results[-1])
-    finally:
-        if not output.as_json:
-            print_table(results)
+    with watching(output, len(trials)) as watchers:
+        try:
+            with Progress(len(trials)) as progress, naming(origin):
+                for trial, (scenario, seed) in enumerate(trials):
+                    with ExitStack() as stack:
+                        onlookers = [stack.enter_context(watch(trial, scenario, seed)) for watch in watchers]
+                        simulation = Simulation(scenario, seed, interpret=output.interpret)
+                        progress.begin(trial)
+                        results.append(run_trial(simulation, [progress, *onlookers]))
+                        if output.as_json:
+                            print_json(results[-1])
+        finally:
+            if not output.as_json:
+                print_table(results)
+    return results
 
 
 def run_into(
@@ -90,12 +93,12 @@ def run_into(
         except KeyboardInterrupt:
             tally = progress.tally
             stored = f"{tally.stored} of {tally.trials} trials are stored" if tally else "nothing is lost"
-            print(f"stopped; {stored}; go on with: {again}", file=sys.stderr)
+            tell(f"stopped; {stored}; go on with: {again}")
             raise typer.Exit(130) from None
     status = read_status(folder)
     print_status(status, output.as_json)
     if status.failed:
-        print(f"{len(status.failed)} trials failed; run again to retry them: {again}", file=sys.stderr)
+        tell(f"{len(status.failed)} trials failed; run again to retry them: {again}")
         raise typer.Exit(1)
 
 
@@ -105,4 +108,4 @@ def _tell_of_other_versions(folder: Path) -> None:
     now = in_text(versions())
     for made, count in read_status(folder).versions.items():
         if not made.startswith(f"{now}, "):
-            print(f"note: {count} trials were made by {made}; this is {now}: last digits may differ", file=sys.stderr)
+            tell(f"note: {count} trials were made by {made}; this is {now}: last digits may differ")

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib import colormaps, rc_context
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from epuck_sim.curves import SPEED, Curve, told_apart
-from epuck_sim.errors import EpuckSimError
-from epuck_sim.files import check_target, written_whole
+from epuck_sim.drawing import check_stem, save_drawing
+from epuck_sim.files import written_whole
 from epuck_sim.regimes import Bump, find_bump
 from epuck_sim.symbols import key_name, unit_of, values_told
 
@@ -32,17 +32,8 @@ def save_figure(stem: Path, title: str, axis: str, curves: Sequence[Curve]) -> l
     axis: the dotted key of the curves' x. Returns the files; raises EpuckSimError where one cannot be written.
     """
     bumps = [find_bump(curve.x, curve.means, curve.resampled) if axis.endswith(SPEED) else None for curve in curves]
-    if stem.name in ("", ".."):
-        raise EpuckSimError(f"{stem}: is no file's name; give FOLDER/NAME, to which .png and so on are added")
-    files = [stem.with_name(f"{stem.name}{ending}") for ending in (".png", ".svg", ".csv", "-regimes.csv")]
-    for file in files:
-        check_target(file)
-    figure = draw(title, axis, curves, bumps)
-    # nothing in the files tells when they were made: the same results give the same files
-    with written_whole(files[0]) as part:
-        figure.savefig(part, format="png", dpi=120)
-    with written_whole(files[1]) as part, rc_context({"svg.hashsalt": "epuck-sim"}):
-        figure.savefig(part, format="svg", metadata={"Date": None})
+    files = check_stem(stem, ".png", ".svg", ".csv", "-regimes.csv")
+    save_drawing(draw(title, axis, curves, bumps), *files[:2])
     others = list(curves[0].axes)
     _save_table(files[2], (*others, axis, *POINT_COLUMNS), _point_rows(curves))
     _save_table(files[3], (*others, *BUMP_COLUMNS, "p_value"), _bump_rows(curves, bumps))

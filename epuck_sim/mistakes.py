@@ -28,6 +28,13 @@ def readable_errors() -> Iterator[None]:
         raise typer.Exit(130) from interrupt
 
 
+def refuse(*mistakes: tuple[bool, str]) -> None:
+    """Raise EpuckSimError for the first of these that was made: whether it was, and what to say of it."""
+    for made, message in mistakes:
+        if made:
+            raise EpuckSimError(message)
+
+
 @contextmanager
 def naming(scenario: str) -> Iterator[None]:
     """Have errors of a scenario that is loaded already name its file, too."""

@@ -71,6 +71,11 @@ class Progress:
             self._status.stop()
 
 
+def tell(line: str) -> None:
+    """Print a line on stderr, at once."""
+    print(line, file=sys.stderr, flush=True)
+
+
 def print_table(results: Sequence[TrialResult]) -> None:
     """Print a readable table of trials of one scenario on stdout."""
     if not results:

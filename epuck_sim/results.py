@@ -85,6 +85,17 @@ def read_points(folder: Path | str) -> list[PointTrials]:
     return results
 
 
+def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool] | None:
+    """Return the cycles of one trial and whether it is censored; None if it has no result."""
+    with reading(database_of(folder)) as connection:
+        row = connection.execute(
+            "SELECT cycles, censored FROM trials JOIN points ON point = key "
+            "WHERE number = ? AND trial = ? AND error IS NULL",
+            (point, trial),
+        ).fetchone()
+    return None if row is None else (row[0], bool(row[1]))
+
+
 def read_status(folder: Path) -> Status:
     """Return how far the sweep is; raises StoreError for what is no run folder."""
     columns = ", ".join(PROVENANCE)

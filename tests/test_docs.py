@@ -4,15 +4,19 @@ import doctest
 import pkgutil
 import re
 import shlex
+from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
 import epuck_sim
 from epuck_sim.cli import app
+from epuck_sim.recording import live, viewer
+from epuck_sim.recording.reader import read_recording
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation
 from epuck_sim.sweep import points
@@ -65,8 +69,31 @@ def commands(page: Path) -> list[list[str]]:
     return [[*words, *short] if words[:2] == ["run", "fig-4-2a"] else words for words in found]
 
 
+@pytest.fixture
+def shown(monkeypatch) -> list[str]:
+    """Have viewers only take note of what they are to show; they are looked at in tests/recording."""
+    noted: list[str] = []
+
+    def note(recording: Path, *_: object) -> None:
+        noted.append(read_recording(recording).scenario.name)
+
+    @contextmanager
+    def no_viewer(*_: object):
+        yield SimpleNamespace(wait=lambda: noted.append("live")), 0
+
+    @contextmanager
+    def nothing_live(*_: object):
+        yield lambda *_: None
+
+    for way in ("show", "serve", "draw_screenshot"):
+        monkeypatch.setattr(viewer, way, note)
+    monkeypatch.setattr(live, "live_viewer", no_viewer)
+    monkeypatch.setattr(live, "live", nothing_live)
+    return noted
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
-def test_the_commands_shown_run(page: Path, tmp_path, monkeypatch) -> None:
+def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
     Path("turner.py").write_text(controller)
@@ -74,7 +101,9 @@ def test_the_commands_shown_run(page: Path, tmp_path, monkeypatch) -> None:
     for words in commands(page):
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 0, (words, result.stderr)
-    assert Path("trace.parquet").exists()
+    assert Path("trace.parquet").exists() == any("--trace" in words for words in commands(page))
+    looked_at = [words for words in commands(page) if words[0] == "replay" or "--live" in words]
+    assert shown == ["live" if "--live" in words else "thesis" for words in looked_at]
 
 
 def test_the_sweep_shown_has_the_points_told() -> None:
@@ -107,7 +136,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def test_examples_in_docstrings_hold() -> None:
-    modules = [module.name for module in pkgutil.iter_modules(epuck_sim.__path__) if module.name != "__main__"]
-    results = [doctest.testmod(import_module(f"epuck_sim.{module}")) for module in modules]
+    modules = [module.name for module in pkgutil.walk_packages(epuck_sim.__path__, "epuck_sim.")]
+    results = [doctest.testmod(import_module(module)) for module in modules if not module.endswith("__main__")]
     assert sum(result.failed for result in results) == 0
     assert sum(result.attempted for result in results) >= 6

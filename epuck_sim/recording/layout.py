@@ -9,38 +9,41 @@ import rerun.blueprint as rrb
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.level import Level
 
+MARGIN_CM = 2.0
+"""Around the arena."""
 
-def make_layout(level: Level) -> rrb.Blueprint:
-    """Return the layout for recordings of a level."""
+
+def make_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
+    """Return the layout for recordings of a level, in an arena of this size."""
     whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
     hidden = rrb.PlotLegend(visible=False)
     flashes = rrb.TimeSeriesView(origin="/flashes", name="flashes [robot]", axis_x=whole, plot_legend=hidden)
     phases = rrb.TimeSeriesView(origin="/phases", name="phases [ms]", axis_x=whole, plot_legend=hidden)
     unit = rrb.ScalarAxis(range=(0, 1.02))
     order = rrb.TimeSeriesView(origin="/order", name="order parameter", axis_x=whole, axis_y=unit)
-    arena = rrb.Spatial2DView(origin="/", contents="/arena/**", name="arena [cm]")
+    bounds = rrb.VisualBounds2D(x_range=(-MARGIN_CM, width_cm + MARGIN_CM), y_range=(-MARGIN_CM, height_cm + MARGIN_CM))
+    arena = rrb.Spatial2DView(origin="/", contents="/arena/**", name="arena [cm]", visual_bounds=bounds)
     if level is Level.SUMMARY:
         body: rrb.Container = rrb.Vertical(flashes, order)
     elif level is Level.POSES:
         body = rrb.Horizontal(arena, rrb.Vertical(flashes, phases, order), column_shares=[3, 2])
     else:
         wheels = rrb.TimeSeriesView(origin="/wheels", name="wheels [cm/s]", axis_x=whole, plot_legend=hidden)
-        pictures = rrb.Horizontal(
-            rrb.Spatial2DView(origin="/camera/rows", name="camera rows"),
-            rrb.Spatial2DView(origin="/camera/space_time", name="camera rows over a minute"),
-            rrb.Spatial2DView(origin="/infrared", name="infrared distances [mm]"),
-        )
+        rows = rrb.Spatial2DView(origin="/camera/rows", name="camera rows")
+        space_time = rrb.Spatial2DView(origin="/camera/space_time", name="camera rows over a minute")
+        distances = rrb.Spatial2DView(origin="/infrared", name="infrared distances [mm]")
+        pictures = rrb.Horizontal(rows, distances, column_shares=[3, 2])
         plots = rrb.Vertical(flashes, rrb.Tabs(phases, wheels), order)
-        above = rrb.Horizontal(arena, plots, column_shares=[3, 2])
+        above = rrb.Horizontal(rrb.Tabs(arena, space_time), plots, column_shares=[3, 2])
         body = rrb.Vertical(above, pictures, row_shares=[3, 1])
     time = rrb.TimePanel(timeline=TIMELINE, state="collapsed")
     return rrb.Blueprint(body, time, collapse_panels=True)
 
 
 @lru_cache
-def layout_file(level: Level) -> bytes:
+def layout_file(level: Level, width_cm: float, height_cm: float) -> bytes:
     """Return a layout as a file for the viewer (.rbl); each that is made leaves two threads of rerun behind."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "layout.rbl"
-        make_layout(level).save(APPLICATION, file)
+        make_layout(level, width_cm, height_cm).save(APPLICATION, file)
         return file.read_bytes()

@@ -19,7 +19,7 @@ CAMERA = "/camera/rows"
 """A picture at each step: a row a robot, of class 1 where a lit ring is seen."""
 
 SPACE_TIME = "/camera/space_time"
-"""A picture for each minute: time runs down, a row a step; robot beside robot, with a column of class 2 between two.
+"""A picture for each minute: time runs down, a row a step; robot beside robot, with columns of class 2 between two.
 
 A minute at 10 Hz, that is: `PICTURE_STEPS` control steps.
 """
@@ -28,6 +28,8 @@ INFRARED = "/infrared"
 """A picture at each step: a row a robot, a column a sensor, in mm; 65535 where nothing is in range."""
 
 BETWEEN = 2
+GAP = 4
+"""The class and the number of the columns between two robots."""
 
 MAX_COLUMNS = 4096
 """Of the picture over time, which shows but the first of more robots."""
@@ -66,35 +68,40 @@ class SpaceTime:
     """The running minute of camera rows, robot beside robot."""
 
     def __init__(self, scenario: Scenario) -> None:
-        pixels = scenario.camera_pixels
-        robots = _side_by_side(scenario) // (pixels + 1)
-        self._blank = np.full((PICTURE_STEPS, robots, pixels + 1), BETWEEN, np.uint8)
+        self._pixels = pixels = scenario.camera_pixels
+        robots = _side_by_side(scenario) // (pixels + GAP)
+        self._blank = np.full((PICTURE_STEPS, robots, pixels + GAP), BETWEEN, np.uint8)
         self._blank[:, :, :pixels] = 0
         self._picture = self._blank.copy()
         self._filled = 0
         self._began_ns = 0
 
     def pictures(self, columns: Columns) -> Iterator[Chunk]:
-        """Yield pictures of the minutes in which these steps are, each as it is by now, at the time when it began."""
-        began, buffers = [], []
+        """Yield the pictures that these steps complete, each at the time when it began."""
         camera = columns.camera[:, : self._blank.shape[1]]
         step = 0
         while step < len(camera):
             if self._filled == 0:
-                self._picture[:] = self._blank
                 self._began_ns = columns.time_ns[step]
-            rows = camera[step : step + len(self._picture) - self._filled]
-            self._picture[self._filled : self._filled + len(rows), :, :-1] = rows
-            began.append(self._began_ns)
-            buffers.append(self._picture.ravel().copy())
-            self._filled = (self._filled + len(rows)) % len(self._picture)
+            rows = camera[step : step + PICTURE_STEPS - self._filled]
+            self._picture[self._filled : self._filled + len(rows), :, : self._pixels] = rows
+            self._filled += len(rows)
             step += len(rows)
-        yield moving(SPACE_TIME, np.array(began), *rr.SegmentationImage.columns(buffer=np.array(buffers)))
+            if self._filled == PICTURE_STEPS:
+                yield from self.rest()
+
+    def rest(self) -> Iterator[Chunk]:
+        """Yield the running picture, if there is anything in it, and begin the next."""
+        if self._filled:
+            buffer = self._picture.reshape(1, -1)
+            yield moving(SPACE_TIME, np.array([self._began_ns]), *rr.SegmentationImage.columns(buffer=buffer))
+            self._picture = self._blank.copy()
+            self._filled = 0
 
 
 def _side_by_side(scenario: Scenario) -> int:
-    """Return the columns that the rows of as many robots take as find room, with one more after each."""
-    columns = scenario.camera_pixels + 1
+    """Return the columns that the rows of as many robots take as find room, with a gap after each."""
+    columns = scenario.camera_pixels + GAP
     return columns * max(1, min(scenario.robot_count, MAX_COLUMNS // columns))
 
 

@@ -23,6 +23,8 @@ from epuck_sim.yaml_reader import parse_yaml
 
 Floats = npt.NDArray[np.float64]
 
+SERIES = (series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES)
+
 
 class Recorded(NamedTuple):
     """A trial as it was recorded; poses and phases have no steps where the level leaves them out."""
@@ -59,19 +61,21 @@ class Recorded(NamedTuple):
     """(steps, robots)"""
 
 
+def last_moment_s(path: Path) -> float:
+    """Return the time of a recording's last step, 0 if there is none; raises as `read_recording` does."""
+    entities = _Entities(path, series.ORDER_AT_STEPS)
+    _check_format(path, entities.properties(TRIAL))
+    return float(entities.times(series.ORDER_AT_STEPS).max(initial=0))
+
+
 def read_recording(path: Path) -> Recorded:
     """Return what a recording of any level holds.
 
     Raises RecordingError for a file that is no whole recording, or one of another program or version.
     """
-    entities = _Entities(path)
+    entities = _Entities(path, *SERIES, scene.ROBOTS, scene.HEADINGS)
     trial = entities.properties(TRIAL)
-    if trial.get("format") != FORMAT:
-        made_by = in_text(json.loads(trial.get("versions", "{}"))) or "an unknown version"
-        raise RecordingError(
-            f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version of "
-            f"epuck-sim reads format {FORMAT}"
-        )
+    _check_format(path, trial)
     try:
         recorded = _gather(entities, trial, entities.properties(OUTCOME))
     except ValidationError as error:
@@ -88,39 +92,48 @@ def read_recording(path: Path) -> Recorded:
     return recorded
 
 
+def _check_format(path: Path, trial: dict[str, Any]) -> None:
+    if trial.get("format") != FORMAT:
+        made_by = in_text(json.loads(trial.get("versions", "{}"))) or "an unknown version"
+        raise RecordingError(
+            f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version of "
+            f"epuck-sim reads format {FORMAT}"
+        )
+
+
 def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
     """Return a recording's arrays; raises KeyError or ValueError for what is missing."""
     scenario = Scenario.model_validate(parse_yaml(trial["scenario"], "its scenario"))
     robots = scenario.robot_count
     arrows = entities.values(scene.HEADINGS, "Arrows2D:vectors").reshape(-1, robots, 2)
     return Recorded(
-        scenario,
-        int(trial["seed"]),
-        Level(trial["level"]),
-        json.loads(trial["versions"]),
-        outcome["cycles"],
-        outcome["synchronised"],
-        entities.times(series.ORDER_AT_STEPS),
-        entities.values(series.ORDER_AT_STEPS, "Scalars:scalars"),
-        entities.times(series.FLASHES),
-        entities.values(series.FLASHES, "Scalars:scalars").astype(np.int64),
-        entities.values(series.FLASHES, "cycle").astype(np.int64),
-        entities.times(series.ORDER_AT_FIRINGS),
-        entities.values(series.ORDER_AT_FIRINGS, "Scalars:scalars"),
-        entities.values(series.PHASES, "Scalars:scalars").reshape(-1, robots),
-        entities.values(scene.ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, robots, 2),
-        np.arctan2(arrows[..., 1], arrows[..., 0]),
-        entities.values(scene.ROBOTS, "Points2D:class_ids").reshape(-1, robots) == 1,
+        scenario=scenario,
+        seed=int(trial["seed"]),
+        level=Level(trial["level"]),
+        versions=json.loads(trial["versions"]),
+        cycles=outcome["cycles"],
+        synchronised=outcome["synchronised"],
+        time_s=entities.times(series.ORDER_AT_STEPS),
+        order_parameter=entities.values(series.ORDER_AT_STEPS, "Scalars:scalars"),
+        flash_s=entities.times(series.FLASHES),
+        flash_robot=entities.values(series.FLASHES, "Scalars:scalars").astype(np.int64),
+        flash_cycle=entities.values(series.FLASHES, "cycle").astype(np.int64),
+        firing_s=entities.times(series.ORDER_AT_FIRINGS),
+        firing_order=entities.values(series.ORDER_AT_FIRINGS, "Scalars:scalars"),
+        phase_ms=entities.values(series.PHASES, "Scalars:scalars").reshape(-1, robots),
+        positions=entities.values(scene.ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, robots, 2),
+        headings=np.arctan2(arrows[..., 1], arrows[..., 0]),
+        ring_on=entities.values(scene.ROBOTS, "Points2D:class_ids").reshape(-1, robots) == 1,
     )
 
 
 class _Entities:
-    """The entities of a recording's file."""
+    """The properties in a recording's file, and those of its entities that are asked for."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *entities: str) -> None:
         self._properties: dict[str, dict[str, Any]] = defaultdict(dict)
         self._moving: dict[str, list[pa.RecordBatch]] = defaultdict(list)
-        for chunk in _read_chunks(path):
+        for chunk in _read_chunks(path, ["/__properties/**", *entities]):
             if chunk.is_static:
                 self._properties[chunk.entity_path] |= chunk.to_record_batch().to_pydict()
             else:
@@ -145,7 +158,7 @@ class _Entities:
         return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
 
 
-def _read_chunks(path: Path) -> list[Chunk]:
+def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
         raise RecordingError(f"{path}: {'is no file' if path.exists() else 'there is no such file'}")
     with warnings.catch_warnings():
@@ -154,7 +167,7 @@ def _read_chunks(path: Path) -> list[Chunk]:
             reader = RrdReader(path)
             found = reader.recordings()
             if len(found) == 1 and found[0].application_id == APPLICATION:
-                return reader.store().stream().to_chunks()
+                return reader.store().stream().filter(content=entities).to_chunks()
         except (RuntimeError, ValueError) as error:
             if "Not an RRD file" in str(error):
                 raise RecordingError(f"{path}: is no recording, which ends in .rrd") from error

@@ -17,7 +17,7 @@ from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.pictures import SpaceTime, pictures, set_pictures
 from epuck_sim.recording.rrd_file import rrd_file
-from epuck_sim.recording.scene import make_stage, scene, set_scene
+from epuck_sim.recording.scene import make_stage, scene, set_scene, warm_up
 from epuck_sim.recording.series import series, series_styles
 from epuck_sim.recording.window import Columns, Window
 from epuck_sim.scenario import Scenario
@@ -47,23 +47,28 @@ def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL)
     Raises EpuckSimError where the file cannot be written.
     """
     scenario = load_scenario(scenario)  # with every default written out
-    steps = max(1, min(WINDOW_S * scenario.timing.control_hz, WINDOW_ROWS // scenario.robot_count))
-    with rrd_file(path, recording_id(scenario, seed, level), layout_file(level)) as write:
-        recorder = Recorder(scenario, seed, level, steps, write)
+    layout = layout_file(level, scenario.arena.width_cm, scenario.arena.height_cm)
+    with rrd_file(path, recording_id(scenario, seed, level), layout) as write:
+        recorder = Recorder(scenario, seed, level, WINDOW_S, write)
         yield recorder
         recorder.finish()
 
 
 class Recorder:
-    """An onlooker that hands on chunks, whenever so many steps are full."""
+    """An onlooker that hands on chunks, window by window."""
 
     def __init__(
-        self, scenario: Scenario, seed: int, level: Level, steps: int, write: Callable[[Iterable[Chunk]], None]
+        self, scenario: Scenario, seed: int, level: Level, window_s: float, write: Callable[[Iterable[Chunk]], None]
     ) -> None:
-        """Write what does not move; nothing of a trial needs to exist yet."""
+        """Write what does not move; nothing of a trial needs to exist yet.
+
+        window_s: the most of simulated time that is held back.
+        """
+        steps = max(1, int(min(window_s * scenario.timing.control_hz, WINDOW_ROWS / scenario.robot_count)))
         self._send = write
         self._window = Window(scenario, level, steps)
         self._watch: SynchronyWatch | None = None
+        self._rest: Callable[[], Iterable[Chunk]] = tuple  # what views hold back until the end
         self._write(_description(scenario, seed, level))
         self._write(series_styles(scenario, level))
         self._views: list[Callable[[Columns], Iterable[Chunk]]] = [
@@ -74,8 +79,11 @@ class Recorder:
             self._write(set_scene(stage, scenario.robot_count, level))
             self._views.append(partial(scene, stage=stage, level=level))
         if level is Level.FULL:
+            warm_up(stage)
+            space_time = SpaceTime(scenario)
             self._write(set_pictures(scenario))
-            self._views += [pictures, SpaceTime(scenario).pictures]
+            self._views += [pictures, space_time.pictures]
+            self._rest = space_time.rest
 
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:
         """Take note of a step."""
@@ -100,6 +108,7 @@ class Recorder:
             cycles, synchronised = self._watch.cycles, self._watch.is_synchronised
             if self._window.taken:
                 self._empty_window(self._watch)
+        self._write(self._rest())
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 

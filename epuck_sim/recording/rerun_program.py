@@ -46,7 +46,7 @@ def run_rerun(*arguments: str) -> None:
 
 
 @contextmanager
-def viewer(*arguments: str) -> Iterator["Viewer"]:
+def in_background(*arguments: str) -> Iterator["Viewer"]:
     """Yield rerun's program in the background; it ends with the block."""
     with tempfile.TemporaryFile("w+") as log:
         started = Viewer(log, *arguments)
@@ -57,12 +57,16 @@ def viewer(*arguments: str) -> Iterator["Viewer"]:
 
 
 class Viewer:
-    """A viewer at work; Ctrl-C in the terminal, and its end, reach it as well as us."""
+    """A viewer at work, in a process group of its own: Ctrl-C in the terminal reaches us, and we end it."""
 
     def __init__(self, log: IO[str], *arguments: str) -> None:
         self._log = log
         self._process = subprocess.Popen(
-            [*PROGRAM, *arguments, "--bind", HERE], env={**QUIETLY, **os.environ}, stdout=log, stderr=log
+            [*PROGRAM, *arguments, "--bind", HERE],
+            env={**QUIETLY, **os.environ},
+            stdout=log,
+            stderr=log,
+            process_group=0,
         )
 
     def wait_for(self, port: int) -> None:

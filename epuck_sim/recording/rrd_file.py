@@ -1,11 +1,12 @@
 """A recording's file, which appears under its name only when it is whole."""
 
 import shutil
+import tempfile
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Full, Queue
 
 from rerun.chunk import Chunk, LazyChunkStream
 
@@ -15,6 +16,9 @@ from epuck_sim.recording.chunks import APPLICATION
 from epuck_sim.recording.rerun_program import run_rerun
 
 ENDING = ".rrd"
+
+WAITING = 64
+"""Chunks that may wait to be written; where a disk is slower than the simulation, that waits, too."""
 
 
 @contextmanager
@@ -26,12 +30,11 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
     """
     check_recording_target(path)
     path = path.resolve()
-    folder = path.with_name(f"{path.name}.part")
+    with _blaming(path):
+        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f"{path.name}.", suffix=".part"))
     layout_part, data_part, whole = (folder / name for name in ("layout.rbl", "data.rrd", "whole.rrd"))
     try:
         with _blaming(path):
-            shutil.rmtree(folder, ignore_errors=True)  # of a run that was killed
-            folder.mkdir()
             layout_part.write_bytes(layout)
         writer = ChunkWriter(data_part, recording_id, path)
         try:
@@ -74,7 +77,7 @@ class ChunkWriter:
         """Begin to write `part`; errors are told of `target`, the file that is to be."""
         self._part = part
         self._target = target
-        self._chunks: SimpleQueue[Chunk | None] = SimpleQueue()
+        self._chunks: Queue[Chunk | None] = Queue(WAITING)
         self._stream = LazyChunkStream.from_iter(iter(self._chunks.get, None))
         self._problem: Exception | None = None
         self._thread = threading.Thread(target=self._write, args=(recording_id,), daemon=True)
@@ -87,10 +90,17 @@ class ChunkWriter:
             self._problem = error
 
     def __call__(self, chunks: Iterable[Chunk]) -> None:
-        """Have chunks written, soon."""
-        self.check()
+        """Have chunks written, soon; raises as `check` does."""
         for chunk in chunks:
-            self._chunks.put(chunk)
+            self._put(chunk)
+        self.check()
+
+    def _put(self, chunk: Chunk | None) -> None:
+        """Wait until there is room, unless nothing is written any more."""
+        while self._thread.is_alive():
+            with suppress(Full):
+                self._chunks.put(chunk, timeout=0.1)
+                return
 
     def check(self) -> None:
         """Raise RecordingError if something could not be written."""
@@ -99,5 +109,5 @@ class ChunkWriter:
 
     def end(self) -> None:
         """Wait until everything is written."""
-        self._chunks.put(None)
+        self._put(None)
         self._thread.join()

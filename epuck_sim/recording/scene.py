@@ -85,6 +85,13 @@ def make_stage(scenario: Scenario) -> Stage:
     return Stage(arena, make_cells(arena.width_cm, arena.height_cm, scenario.robot_count), eyes)
 
 
+def warm_up(stage: Stage) -> None:
+    """Have compiled what `scene` calls, before any clock runs."""
+    alone = np.zeros((1, 1, 3))
+    find_sightings(alone, stage.arena, stage.cells, stage.eyes[0][2], 0, 1)
+    find_contacts(alone, stage.arena, stage.cells)
+
+
 def set_scene(stage: Stage, robots: int, level: Level) -> Iterator[Chunk]:
     """Yield what does not move, and how it looks."""
     width, height = stage.arena.width_cm, stage.arena.height_cm

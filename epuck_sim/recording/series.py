@@ -1,6 +1,7 @@
 """What a recording plots over time: flashes, order parameter, phases, wheel speeds."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,9 @@ PHASES = "/phases"
 WHEELS = "/wheels"
 """(2 robots,) cm/s at each step: left and right wheel of each robot, as commanded."""
 
+UNBLURRED: dict[str, Any] = {"aggregation_policy": "MinMax"}
+"""From afar a line is drawn by its extremes: the mean of many cycles would be flat."""
+
 RED = (225, 40, 40)
 GREY = (150, 150, 150)
 BLUE = (60, 130, 230)
@@ -41,13 +45,14 @@ def series_styles(scenario: Scenario, level: Level) -> Iterator[Chunk]:
     """Yield how the plots look."""
     robots = [f"robot {robot}" for robot in range(scenario.robot_count)]
     yield still(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))
-    yield still(ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names="at each step"))
+    yield still(ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names="at each step", **UNBLURRED))
     yield still(ORDER_AT_FIRINGS, rr.SeriesPoints(colors=BLUE, marker_sizes=4, names="at firings of the reference"))
     yield still(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
     if level is not Level.SUMMARY:
-        yield still(PHASES, rr.SeriesLines(names=robots))
+        yield still(PHASES, rr.SeriesLines(names=robots, **UNBLURRED))
     if level is Level.FULL:
-        yield still(WHEELS, rr.SeriesLines(names=[f"{robot} {side}" for robot in robots for side in ("left", "right")]))
+        sides = [f"{robot} {side}" for robot in robots for side in ("left", "right")]
+        yield still(WHEELS, rr.SeriesLines(names=sides, **UNBLURRED))
 
 
 def series(columns: Columns, threshold: float, level: Level) -> Iterator[Chunk]:
@@ -63,12 +68,12 @@ def series(columns: Columns, threshold: float, level: Level) -> Iterator[Chunk]:
     yield moving(ORDER_AT_STEPS, time_ns, *rr.Scalars.columns(scalars=columns.order_parameter))
     yield moving(THRESHOLD, time_ns[[0, -1]], *rr.Scalars.columns(scalars=[threshold, threshold]))
     if level is not Level.SUMMARY:
-        yield moving(PHASES, time_ns, *rows_of(columns.phase_ms))
+        yield moving(PHASES, time_ns, *_rows_of(columns.phase_ms))
     if level is Level.FULL:
-        yield moving(WHEELS, time_ns, *rows_of(columns.wheels_cm_s))
+        yield moving(WHEELS, time_ns, *_rows_of(columns.wheels_cm_s))
 
 
-def rows_of(values: Floats) -> rr.ComponentColumnList:
+def _rows_of(values: Floats) -> rr.ComponentColumnList:
     """Return (steps, ...) values as scalars, a row a step."""
     flat = values.reshape(len(values), -1)
     return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))

@@ -207,7 +207,7 @@ def test_a_recording_without_its_last_bytes_is_refused(tmp_path, capfd, whole: b
 
 
 def test_a_layout_is_no_recording(tmp_path, capfd) -> None:
-    (tmp_path / "t.rrd").write_bytes(layout_file(Level.FULL))
+    (tmp_path / "t.rrd").write_bytes(layout_file(Level.FULL, 60, 60))
     assert "holds 0 recordings" in refusal(tmp_path / "t.rrd", capfd)
 
 

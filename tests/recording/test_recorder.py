@@ -420,16 +420,16 @@ def pictures_of(found: Found) -> tuple[dict[int, Array], tuple[int, int]]:
 def test_time_runs_down_a_picture_and_robots_stand_side_by_side(space_time: tuple[Found, Watched]) -> None:
     found, watched = space_time
     shown, shape = pictures_of(found)
-    assert shape == (120, 3 * (12 + 1))
+    assert shape == (120, 3 * (12 + 4))
     assert list(shown) == [minute * 60_000_000_000 for minute in range(3)]
     camera = watched["camera"]
     assert [camera[minute * 120 : minute * 120 + 120].any() for minute in range(3)] == [True] * 3
     for minute, picture in enumerate(shown.values()):
         rows = camera[minute * 120 : minute * 120 + 120]
-        columns = picture.reshape(120, 3, 13)
+        columns = picture.reshape(120, 3, 16)
         np.testing.assert_array_equal(columns[: len(rows), :, :12], rows)
         assert not columns[len(rows) :, :, :12].any()
-        assert (columns[:, :, 12] == 2).all()
+        assert (columns[:, :, 12:] == 2).all()
 
 
 def test_robots_for_whom_there_is_no_room_are_left_out(tmp_path, monkeypatch) -> None:
@@ -439,9 +439,20 @@ def test_robots_for_whom_there_is_no_room_are_left_out(tmp_path, monkeypatch) ->
     recorded(tmp_path / "t.rrd", load(ROWS_OF, 60), 1, Level.FULL, watched)
     shown, shape = pictures_of(Found(tmp_path / "t.rrd"))
     (picture,) = shown.values()
-    assert shape == (120, 2 * (12 + 1))
+    assert shape == (120, 2 * (12 + 4))
     rows = watched["camera"][:, :2]
-    np.testing.assert_array_equal(picture.reshape(120, 2, 13)[: len(rows), :, :12], rows)
+    np.testing.assert_array_equal(picture.reshape(120, 2, 16)[: len(rows), :, :12], rows)
+
+
+# --- how much it is -----------------------------------------------------------------------------------
+
+
+def test_a_minute_of_ten_robots_takes_less_than_700_kb(tmp_path) -> None:
+    bytes_of = []
+    for seconds in (60, 120):
+        recorded(tmp_path / "t.rrd", load({}, seconds), 1, Level.FULL)
+        bytes_of.append((tmp_path / "t.rrd").stat().st_size)
+    assert 100_000 < bytes_of[1] - bytes_of[0] < 700_000
 
 
 # --- what does not move -----------------------------------------------------------------------------

@@ -129,14 +129,24 @@ def test_an_older_recording_stays_until_the_new_one_is_whole(tmp_path, error: ty
     assert is_whole(path)
 
 
-def test_what_a_killed_run_left_does_not_matter(tmp_path) -> None:
-    left = tmp_path / "t.rrd.part"
-    (left / "folder").mkdir(parents=True)
-    for name in ("layout.rbl", "data.rrd", "whole.rrd"):
-        (left / name).write_text("half")
+def test_runs_that_record_to_the_same_file_do_not_harm_each_other(tmp_path) -> None:
+    path = tmp_path / "t.rrd"
+    with record(path, SCENARIO, 2) as other:
+        recorded(path)
+        first = path.read_bytes()
+        run_trial(Simulation(SCENARIO, 2), [other])
+    assert is_whole(path)
+    assert path.read_bytes() != first
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_lies_beside_it_stays(tmp_path) -> None:
+    beside = tmp_path / "t.rrd.part"
+    beside.mkdir()
+    (beside / "data.rrd").write_text("mine")
     recorded(tmp_path / "t.rrd")
     assert is_whole(tmp_path / "t.rrd")
-    assert list(tmp_path.iterdir()) == [tmp_path / "t.rrd"]
+    assert (beside / "data.rrd").read_text() == "mine"
 
 
 # --- a full disk ------------------------------------------------------------------------------------
@@ -157,7 +167,7 @@ def room_for(largest: int) -> Iterator[None]:
 def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
     path = tmp_path / "t.rrd"
     recorded(path)
-    whole, layout = path.stat().st_size, len(layout_file(Level.FULL))
+    whole, layout = path.stat().st_size, len(layout_file(Level.FULL, 60, 60))
     room = {"layout": layout // 2, "data": whole // 2, "whole": whole - layout // 2}
     assert room["layout"] < layout < room["data"] < whole - layout < room["whole"] < whole
     path.write_text("older")
@@ -204,17 +214,22 @@ def test_a_full_disk_is_noticed_at_the_end_of_a_trial_of_one_window(tmp_path, mo
 # --- as the trial goes on ---------------------------------------------------------------------------
 
 
+def written(folder: Path) -> int:
+    """Return the bytes of the recording that is being written in a folder."""
+    return sum(data.stat().st_size for data in folder.glob("t.rrd.*.part/data.rrd"))
+
+
 @pytest.mark.usefixtures("small_windows")
 def test_chunks_are_written_as_they_come(tmp_path) -> None:
-    data, sizes = tmp_path / "t.rrd.part" / "data.rrd", [0]
+    sizes = [0]
 
     def look(step: Step, _: SynchronyWatch) -> None:
         if step.number % 100 == 99:
             until = time.monotonic() + WAIT_S
-            while not data.exists() or data.stat().st_size < sizes[-1] + 20_000:
+            while written(tmp_path) < sizes[-1] + 20_000:
                 assert time.monotonic() < until, f"{sizes} bytes by step {step.number}"
                 time.sleep(0.001)
-            sizes.append(data.stat().st_size)
+            sizes.append(written(tmp_path))
 
     recorded(tmp_path / "t.rrd", look)
     assert len(sizes) == 1 + 4
@@ -236,22 +251,20 @@ with recorder.record(Path(sys.argv[1]), scenario, 1) as onlooker:
 
 def test_a_run_that_is_killed_leaves_no_recording(tmp_path) -> None:
     path = tmp_path / "t.rrd"
-    data = tmp_path / "t.rrd.part" / "data.rrd"
     run = subprocess.Popen([sys.executable, "-c", LONG, str(path)])
     try:
         until = time.monotonic() + 2 * WAIT_S
-        while not data.exists() or data.stat().st_size < 1_000_000:
+        while written(tmp_path) < 1_000_000:
             assert run.poll() is None
             assert time.monotonic() < until
             time.sleep(0.01)
     finally:
         run.kill()
         run.wait()
-    assert data.exists()
     assert not path.exists()
+    assert len(list(tmp_path.iterdir())) == 1  # what was written so far
     recorded(path)
     assert is_whole(path)
-    assert list(tmp_path.iterdir()) == [path]
 
 
 MANY = """

@@ -1,0 +1,68 @@
+"""Who looks on while trials run for the command line: a trace, a recording, a viewer."""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from epuck_sim.files import trial_paths
+from epuck_sim.recording.level import Level
+from epuck_sim.report import tell
+from epuck_sim.scenario import Scenario
+from epuck_sim.trace import Trace
+from epuck_sim.trial import Onlooker
+
+Watcher = Callable[[int, Scenario, int], AbstractContextManager[Onlooker]]
+"""Gives an onlooker for a trial's number, scenario and seed."""
+
+
+class Showing(NamedTuple):
+    """How trials are shown while they run."""
+
+    speed: float
+    """Times as fast as real robots."""
+    port: int | None
+    """Of a viewer for browsers; a window is opened if it is None."""
+
+
+class Output(NamedTuple):
+    """What is shown and kept of trials."""
+
+    as_json: bool = False
+    trace: Path | None = None
+    record: Path | None = None
+    live: Showing | None = None
+    level: Level = Level.FULL
+    """Of what is recorded, or shown while it runs."""
+    interpret: bool = False
+
+
+@contextmanager
+def watching(output: Output, trials: int) -> Iterator[list[Watcher]]:
+    """Yield those who are to look on at each of so many trials; a viewer stays open until the user closes it.
+
+    Raises EpuckSimError where a file cannot be written, or a viewer not be opened.
+    """
+    watchers: list[Watcher] = []
+    if output.trace is not None:
+        traces = trial_paths(output.trace, trials)
+        watchers.append(lambda trial, scenario, seed: Trace(traces[trial], scenario, seed))
+    if output.record is not None:
+        from epuck_sim.recording.recorder import record  # noqa: PLC0415 rerun takes half a second
+        from epuck_sim.recording.rrd_file import check_recording_target  # noqa: PLC0415
+
+        recordings = trial_paths(output.record, trials)
+        check_recording_target(recordings[0])
+        watchers.append(lambda trial, scenario, seed: record(recordings[trial], scenario, seed, output.level))
+    if output.live is None:
+        yield watchers
+        return
+    from epuck_sim.recording.live import live, live_viewer  # noqa: PLC0415
+
+    speed = output.live.speed
+    with live_viewer(output.live.port, tell) as (viewer, intake):
+        watchers.append(lambda _, scenario, seed: live(viewer, intake, scenario, seed, output.level, speed))
+        yield watchers
+        tell("press Ctrl-C to end" if output.live.port else "close the viewer to end")
+        with suppress(KeyboardInterrupt):
+            viewer.wait()
