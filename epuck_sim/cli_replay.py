@@ -42,7 +42,10 @@ def replay(
             (at is not None and screenshot is None, "--at is for --screenshot"),
             (screenshot is not None and screenshot.suffix != ".png", "--screenshot: a picture's name must end in .png"),
             (not source.exists(), f"{source}: there is no such file or run folder"),
-            (source.is_dir() != again, "--point and --trial go together, and with a run folder"),
+            (
+                source.is_dir() != again or (point is None) != (trial is None),
+                "--point and --trial go together, and with a run folder",
+            ),
             ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
         )
         from epuck_sim.files import check_target
@@ -64,7 +67,7 @@ def replay(
             typer.echo(file)
         end_s = last_moment_s(file)
         if screenshot is not None:
-            refuse((at is not None and at > end_s, f"--at is {at}; allowed: 0 to {end_s:g}, where {file} ends"))
+            refuse((at is not None and at > end_s, f"--at is {at or 0:g}; allowed: 0 to {end_s:g}, where {file} ends"))
             draw_screenshot(file, end_s if at is None else at, screenshot)
         elif web:
             serve(file, port or WEB_PORT, typer.echo)

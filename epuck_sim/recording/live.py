@@ -26,6 +26,8 @@ FLUSH_S = 10.0
 
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
 
+CLOSED = "the viewer was closed before the trial ended"
+
 
 @contextmanager
 def live_viewer(port: int | None, tell: Callable[[str], None]) -> Iterator[tuple[Viewer, int]]:
@@ -63,9 +65,10 @@ def live(
     try:
         yield _Live(recorder, speed, shown_by)
         recorder.finish()
-        stream.flush(timeout_sec=FLUSH_S)
-    except RuntimeError as error:  # of a connection that is lost
-        raise RecordingError(f"the viewer was closed before the trial ended: {error}") from error
+        try:
+            stream.flush(timeout_sec=FLUSH_S)
+        except RuntimeError as error:
+            raise RecordingError(CLOSED) from error
     finally:
         stream.disconnect()
 
@@ -87,5 +90,5 @@ class _Live:
         if early > 0:
             time.sleep(early)
         if self._viewer.has_ended:
-            raise RecordingError("the viewer was closed before the trial ended")
+            raise RecordingError(CLOSED)
         self._recorder(step, watch)

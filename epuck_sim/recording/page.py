@@ -91,7 +91,7 @@ def _draw_flashes(axes: Axes, recorded: Recorded) -> None:
     many = len(recorded.flash_s) > MANY
     axes.vlines(recorded.flash_s, low, high, colors=RED, linewidth=0.5 if many else 1.5, rasterized=many)
     axes.set(ylabel="flashes\nof robot", ylim=(-0.7, recorded.scenario.robot_count - 0.3))
-    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
 def _draw_phases(axes: Axes, recorded: Recorded) -> None:

@@ -93,7 +93,7 @@ class Viewer:
         """Return the error to raise where it does not do what it should."""
         self._log.seek(0)
         said = self._log.read()
-        if "No graphics adapter" in said:
+        if "No graphics adapter" in said or "render context" in said:
             return RecordingError(NO_GRAPHICS)
         return RecordingError(f"the viewer does not work: {said.strip()[-1000:] or 'it does not answer'}")
 

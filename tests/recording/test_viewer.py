@@ -1,0 +1,571 @@
+"""What a viewer shows of a recording is what was recorded; viewers start, answer, fail and end as they should."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import parse_qs, urlsplit
+from urllib.request import ProxyHandler, build_opener
+
+import numpy as np
+import numpy.typing as npt
+import psutil
+import pytest
+from PIL import Image
+from scipy import ndimage
+from scipy.spatial import ConvexHull
+from sweeps_kit import processes_marked, wait_until
+
+from epuck_sim.epuck import RADIUS_CM
+from epuck_sim.errors import EpuckSimError, RecordingError
+from epuck_sim.recording import rerun_program
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.recorder import record
+from epuck_sim.recording.rerun_program import NO_GRAPHICS, free_port, in_background, run_rerun
+from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
+from epuck_sim.scenario_file import load_scenario
+from epuck_sim.simulation import Simulation
+from epuck_sim.step import Step
+from epuck_sim.synchrony import SynchronyWatch
+from epuck_sim.trial import run_trial
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+# as `scene.RINGS`, `series` and `pictures.COLOURS` have them
+LIT, DARK, WALL = (230, 40, 40), (120, 125, 135), (150, 150, 150)
+RED, BLUE = (225, 40, 40), (60, 130, 230)
+UNLIT_PIXEL = (30, 30, 34)
+
+# of a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1
+ARENA = np.s_[60:660, :955]
+FLASHES = np.s_[66:240, 970:]
+ORDER = np.s_[485:655, 970:]
+CAMERAS = np.s_[690:868, :955]
+
+NO_DRIVER = {"VK_DRIVER_FILES": "/nonexistent", "VK_ICD_FILENAMES": "/nonexistent"} | {
+    "__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"
+}
+
+NOTHING_STARTS = ("/nonexistent/rerun",)
+
+
+@contextmanager
+def nothing_left(mark: Path) -> Iterator[None]:
+    """Fail if a process that the block starts outlives it by seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("EPUCK_SIM_TEST", str(mark))
+        yield
+        wait_until(lambda: not processes_marked(str(mark)), limit_s=5)
+
+
+@pytest.fixture(autouse=True)
+def all_has_ended(tmp_path) -> Iterator[None]:
+    with nothing_left(tmp_path):
+        yield
+
+
+# --- pictures -----------------------------------------------------------------------------------------
+
+
+class Moment(NamedTuple):
+    """A step of the thesis arena, as it was and as it is drawn."""
+
+    recorded: Recorded
+    ring_on: Bools
+    positions: Floats
+    camera: npt.NDArray[np.int64]
+    picture: Floats
+    """(height, width, 3)"""
+
+
+def pixels(png: Path | BytesIO) -> Floats:
+    with Image.open(png) as picture:
+        assert picture.format == "PNG"
+        return np.asarray(picture.convert("RGB"), float)
+
+
+def drawn(path: Path, at_s: float, png: Path) -> Floats:
+    try:
+        draw_screenshot(path, at_s, png)
+    except RecordingError as error:
+        if str(error) == NO_GRAPHICS:
+            pytest.skip(NO_GRAPHICS)
+        raise
+    return pixels(png)
+
+
+def alike(picture: Floats, colour: Sequence[int]) -> Bools:
+    """Return where a picture has a colour, in the light or in the shade."""
+    pure = np.array(colour, float)
+    shade = picture @ pure / (pure @ pure)
+    return (abs(picture - shade[..., None] * pure).max(axis=-1) < 25) & (shade > 0.4) & (shade < 1.2)
+
+
+def discs(picture: Floats, colour: Sequence[int]) -> Floats:
+    """Return (discs, 3) x, y and radius from left to right, in pixels, of what is thick and round.
+
+    Arrows and labels lie on them: a circle is put around what is left.
+    """
+    found, count = ndimage.label(ndimage.binary_opening(alike(picture, colour), iterations=8))
+    circles = []
+    for disc in range(1, count + 1):
+        points = np.argwhere(found == disc)[:, ::-1]
+        rim = points[ConvexHull(points).vertices].astype(float)
+        equations = np.column_stack([2 * rim, np.ones(len(rim))])
+        (x, y, rest), *_ = np.linalg.lstsq(equations, (rim**2).sum(axis=1), rcond=None)
+        circles.append((x, y, np.sqrt(rest + x**2 + y**2)))
+    return np.array(sorted(circles)).reshape(-1, 3)
+
+
+def marks(picture: Floats, colour: Sequence[int]) -> Floats:
+    """Return (marks, 2) x and y, in pixels, of the spots of a colour."""
+    found, count = ndimage.label(alike(picture, colour))
+    sizes = ndimage.sum_labels(found > 0, found, range(1, count + 1))
+    spots = [1 + spot for spot in range(count) if 8 < sizes[spot] < 80]
+    return np.array(ndimage.center_of_mass(found, found, spots)).reshape(-1, 2)[:, ::-1]
+
+
+def rows_of(spots: Floats, rows: int) -> npt.NDArray[np.int64]:
+    """Return how many spots are in each of so many rows, from the lowest to the highest."""
+    y = spots[:, 1]
+    row = (rows - 1) * (y.max() - y) / np.ptp(y)
+    assert abs(row - row.round()).max() < 0.2
+    return np.bincount(row.round().astype(int), minlength=rows)
+
+
+def lit_and_dark(recorded: Recorded) -> tuple[int, int]:
+    """Return a step at which some rings have been lit for a while, and one at which none is; all robots stand free."""
+    positions, ring_on = recorded.positions.astype(float), recorded.ring_on
+    gaps = np.linalg.norm(positions[:, :, None] - positions[:, None], axis=-1) + 100 * np.eye(ring_on.shape[1])
+    beside = np.diff(np.sort(positions[..., 0], axis=1), axis=1).min(axis=1)
+    free = (gaps.min(axis=(1, 2)) > 8.5) & (beside > 0.2)
+    glowing = np.zeros_like(ring_on)
+    glowing[2:] = ring_on[2:] & ring_on[1:-1] & ring_on[:-2]
+    lit = free & (ring_on.sum(axis=1) > 2) & (glowing.sum(axis=1) > 1)
+    dark = free & ~ring_on.any(axis=1) & ~np.roll(ring_on, 1, axis=0).any(axis=1)
+    return int(np.flatnonzero(lit)[0]), int(np.flatnonzero(dark)[-1])
+
+
+@pytest.fixture(scope="module")
+def thesis(tmp_path_factory) -> tuple[Path, list[Any]]:
+    """Return a recording, and what rings, positions and cameras were at each step."""
+    path, steps = tmp_path_factory.mktemp("thesis") / "t.rrd", []
+    scenario = load_scenario("thesis")
+
+    def copy(step: Step, _: SynchronyWatch) -> None:
+        steps.append((step.ring_on.copy(), step.poses[:, :2].copy(), step.camera.copy()))
+
+    with record(path, scenario, 3, Level.FULL) as recorder:
+        run_trial(Simulation(scenario, 3), [recorder, copy])
+    return path, steps
+
+
+@pytest.fixture(scope="module", params=["lit", "dark"])
+def moment(request, thesis: tuple[Path, list[Any]], tmp_path_factory) -> Moment:
+    path, steps = thesis
+    recorded = read_recording(path)
+    step = lit_and_dark(recorded)[request.param == "dark"]
+    folder = tmp_path_factory.mktemp("picture")
+    with nothing_left(folder):
+        picture = drawn(path, recorded.time_s[step], folder / "p.png")
+    assert [file.name for file in folder.iterdir()] == ["p.png"]
+    return Moment(recorded, *steps[step], picture)
+
+
+def test_a_picture_is_as_large_as_it_should_be(moment: Moment) -> None:
+    assert moment.picture.shape == (900, 1600, 3)
+
+
+def test_as_many_discs_are_red_as_rings_are_lit_and_all_others_are_grey(moment: Moment) -> None:
+    arena, lit = moment.picture[ARENA], int(moment.ring_on.sum())
+    assert (len(discs(arena, LIT)), len(discs(arena, DARK))) == (lit, len(moment.ring_on) - lit)
+
+
+def test_robots_are_where_they_were_with_y_up(moment: Moment) -> None:
+    arena = moment.picture[ARENA]
+    groups = [sorted(map(tuple, moment.positions[moment.ring_on == lit])) for lit in (True, False)]
+    robots = np.array([robot for group in groups for robot in group])
+    shown = np.concatenate([discs(arena, LIT), discs(arena, DARK)])
+    (right, left), (up, bottom) = (np.polyfit(robots[:, axis], shown[:, axis], 1) for axis in (0, 1))
+    np.testing.assert_allclose(shown[:, 0], left + right * robots[:, 0], rtol=0, atol=1)
+    np.testing.assert_allclose(shown[:, 1], bottom + up * robots[:, 1], rtol=0, atol=1)
+    assert right > 5
+    assert up == pytest.approx(-right, rel=0.01)
+    np.testing.assert_allclose(shown[:, 2], RADIUS_CM * right, rtol=0, atol=1.5)
+
+
+def test_all_four_walls_are_shown_around_the_robots(moment: Moment) -> None:
+    arena = moment.picture[ARENA]
+    wall = alike(arena, WALL)
+    columns, rows = (np.flatnonzero(wall.mean(axis=axis) > 0.5 * wall.mean(axis=axis).max()) for axis in (0, 1))
+    left, right, top, bottom = columns[0], columns[-1], rows[0], rows[-1]
+    assert right - left == pytest.approx(bottom - top, abs=3)
+    for side in (wall[top : top + 2], wall[bottom - 1 : bottom + 1]):
+        assert side.any(axis=0)[left:right].mean() > 0.8
+    for side in (wall[:, left : left + 2], wall[:, right - 1 : right + 1]):
+        assert side.any(axis=1)[top:bottom].mean() > 0.8
+    robots = np.concatenate([discs(arena, LIT), discs(arena, DARK)])
+    assert ((left < robots[:, 0] - robots[:, 2] + 3) & (robots[:, 0] + robots[:, 2] - 3 < right)).all()
+    assert ((top < robots[:, 1] - robots[:, 2] + 3) & (robots[:, 1] + robots[:, 2] - 3 < bottom)).all()
+
+
+def test_flashes_are_red_marks_in_a_row_for_each_robot(moment: Moment) -> None:
+    flashes = np.bincount(moment.recorded.flash_robot)
+    np.testing.assert_allclose(rows_of(marks(moment.picture[FLASHES], RED), len(flashes)), flashes, rtol=0, atol=1)
+
+
+def test_the_order_parameter_at_firings_is_in_blue_marks(moment: Moment) -> None:
+    shown = len(marks(moment.picture[ORDER], BLUE)) - 1  # in the legend
+    assert moment.recorded.cycles > 9
+    assert abs(shown - moment.recorded.cycles) < 3  # some are behind the legend, or cut by the line at the moment
+
+
+def test_camera_rows_are_red_where_a_lit_ring_is_seen(moment: Moment) -> None:
+    pane = moment.picture[CAMERAS]
+    red, black = alike(pane, RED), abs(pane - UNLIT_PIXEL).max(axis=-1) < 4
+    rows, columns = np.nonzero(ndimage.binary_opening(red | black, iterations=2))
+    height, width = moment.camera.shape
+    y = rows.min() + (np.arange(height) + 0.5) * (np.ptp(rows) + 1) / height
+    x = columns.min() + (np.arange(width) + 0.5) * (np.ptp(columns) + 1) / width
+    np.testing.assert_array_equal(red[np.ix_(y.astype(int), x.astype(int))], moment.camera > 0)
+    assert moment.camera.any() == moment.ring_on.any()
+
+
+def test_a_summary_is_drawn_without_an_arena(tmp_path) -> None:
+    scenario, path = load_scenario("thesis"), tmp_path / "t.rrd"
+    with record(path, scenario, 3, Level.SUMMARY) as recorder:
+        run_trial(Simulation(scenario, 3), [recorder])
+    recorded = read_recording(path)
+    picture = drawn(path, recorded.time_s[-1], tmp_path / "p.png")
+    flashes = np.bincount(recorded.flash_robot)
+    shown = marks(picture[60:450], RED)
+    np.testing.assert_allclose(rows_of(shown, len(flashes)), flashes, rtol=0, atol=1)
+    assert np.ptp(shown[:, 0]) > 1400
+    assert abs(len(marks(picture[480:860], BLUE)) - 1 - recorded.cycles) < 3
+    assert len(discs(picture, LIT)) == len(discs(picture, DARK)) == 0
+
+
+def test_without_a_graphics_driver_an_error_tells_what_to_install(thesis, tmp_path, monkeypatch) -> None:
+    for name, value in NO_DRIVER.items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "p.png").write_text("older")
+    with pytest.raises(RecordingError) as caught:
+        draw_screenshot(thesis[0], 1.0, tmp_path / "p.png")
+    assert str(caught.value) == NO_GRAPHICS
+    assert {file.name: file.read_text() for file in tmp_path.iterdir()} == {"p.png": "older"}
+
+
+def test_a_picture_that_cannot_be_written_is_refused_before_anything_starts(thesis, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(rerun_program, "PROGRAM", NOTHING_STARTS)
+    with pytest.raises(EpuckSimError, match="cannot be written: there is no directory"):
+        draw_screenshot(thesis[0], 1.0, tmp_path / "gone" / "p.png")
+
+
+# --- a program that stands for rerun's ------------------------------------------------------------------
+
+TELL = """
+import json, os, pathlib, socket, sys, time
+told = {"arguments": sys.argv[1:], "analytics": os.environ.get("RERUN_ANALYTICS")}
+pathlib.Path(__file__).with_suffix(".json").write_text(json.dumps(told))
+"""
+
+SLEEP = "time.sleep(600)"
+
+ANSWER_AND_BREAK_DOWN = """
+ports = [int(sys.argv[sys.argv.index(name) + 1]) for name in ("--port", "--web-viewer-port") if name in sys.argv]
+servers = [socket.create_server(("127.0.0.1", port)) for port in ports]
+callers = [server.accept() for server in servers]
+print(SAID, file=sys.stderr, flush=True)
+sys.exit(1)
+"""
+
+# what rerun says where Mesa's OpenGL is there, but no Vulkan driver
+NO_RENDERER = """
+thread 'main' panicked at 'Failed to get render context'
+re_viewer/src/app/mod.rs:1425
+stack backtrace:
+   6: core::panicking::panic_fmt
+"""
+
+
+def fails(said: str) -> str:
+    return f"sys.exit({said!r})"
+
+
+class Stand(NamedTuple):
+    """Stands for rerun's program."""
+
+    script: Path
+
+    def acts(self, *lines: str) -> None:
+        self.script.write_text("\n".join([TELL, *lines]))
+
+    def answers_and_says(self, said: str) -> None:
+        """Have it answer at its ports, and fail then."""
+        self.acts(f"SAID = {said!r}", ANSWER_AND_BREAK_DOWN)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        return json.loads(self.script.with_suffix(".json").read_text())
+
+
+def replace_rerun(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
+    """Return a program that stands for rerun's, and ends at once if it is not told otherwise."""
+    folder.mkdir()
+    monkeypatch.setattr(rerun_program, "PROGRAM", (sys.executable, str(folder / "rerun.py")))
+    stand = Stand(folder / "rerun.py")
+    stand.acts()
+    return stand
+
+
+@pytest.fixture
+def stand(tmp_path, monkeypatch) -> Stand:
+    return replace_rerun(tmp_path / "stand", monkeypatch)
+
+
+@pytest.fixture
+def display(monkeypatch) -> Callable[[dict[str, str]], None]:
+    """Return how to tell of displays; at first there is none."""
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+    def tell(names: dict[str, str]) -> None:
+        for name, value in names.items():
+            monkeypatch.setenv(name, value)
+
+    return tell
+
+
+def test_a_viewer_that_never_answers_is_ended_and_told_of(stand: Stand, monkeypatch) -> None:
+    monkeypatch.setattr(rerun_program, "START_S", 0.5)
+    stand.acts(SLEEP)
+    with pytest.raises(RecordingError, match="the viewer does not work: it does not answer"), web_viewer(free_port()):
+        pytest.fail("it answered")
+
+
+def test_a_viewer_that_ends_at_once_is_not_waited_for(stand: Stand) -> None:
+    stand.acts(fails("no room for a window"))
+    began = time.monotonic()
+    with (
+        pytest.raises(RecordingError, match=r"the viewer does not work: no room for a window$"),
+        web_viewer(free_port()),
+    ):
+        pytest.fail("it answered")
+    assert time.monotonic() - began < rerun_program.START_S / 2
+
+
+def test_a_viewer_that_is_deaf_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(rerun_program, "END_S", 0.2)
+    deaf = tmp_path / "deaf"
+    stand.acts(
+        "import signal", "signal.signal(signal.SIGTERM, signal.SIG_IGN)", f"open({str(deaf)!r}, 'w').close()", SLEEP
+    )
+    with in_background() as window:
+        wait_until(deaf.exists)
+        assert not window.has_ended
+    assert window.has_ended
+
+
+def test_of_what_a_viewer_says_at_length_the_end_is_told(stand: Stand) -> None:
+    stand.acts(fails("".join(f"line {line}\n" for line in range(5000)) + "and here it broke"))
+    with pytest.raises(RecordingError, match=r"and here it broke$") as caught, web_viewer(free_port()):
+        pytest.fail("it answered")
+    assert len(str(caught.value)) < 1100
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [("something broke", "^the viewer does not work: something broke$"), (NO_RENDERER, "apt install mesa-vulkan")],
+)
+def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(
+    stand: Stand, tmp_path, said: str, message: str
+) -> None:
+    stand.answers_and_says(said)
+    with pytest.raises(RecordingError, match=message):
+        draw_screenshot(tmp_path / "t.rrd", 1.0, tmp_path / "p.png")
+    assert [file.name for file in tmp_path.iterdir()] == ["stand"]
+
+
+@pytest.mark.parametrize(("wish", "analytics"), [(None, "0"), ("1", "1")])
+@pytest.mark.parametrize("command", ["viewer", "program"])
+def test_nobody_is_told_of_its_use_unless_the_user_wants_so(
+    stand: Stand, display, monkeypatch, command: str, wish: str | None, analytics: str
+) -> None:
+    display({"DISPLAY": ":0"})
+    monkeypatch.delenv("RERUN_ANALYTICS", raising=False)
+    if wish is not None:
+        monkeypatch.setenv("RERUN_ANALYTICS", wish)
+    if command == "viewer":
+        show(Path("t.rrd"))
+    else:
+        run_rerun("rrd", "verify", "t.rrd")
+    assert stand.told["analytics"] == analytics
+
+
+def test_a_command_that_fails_is_told_of(stand: Stand) -> None:
+    run_rerun("rrd", "verify", "t.rrd")
+    stand.acts(fails("is no recording"))
+    with pytest.raises(RecordingError, match=r"^rerun rrd verify failed: is no recording$"):
+        run_rerun("rrd", "verify", "t.rrd")
+
+
+def test_the_real_program_tells_when_it_fails(tmp_path) -> None:
+    with pytest.raises(RecordingError, match=r"rerun rrd verify failed: .*gone\.rrd"):
+        run_rerun("rrd", "verify", str(tmp_path / "gone.rrd"))
+
+
+# --- in a window ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("names", "platform", "is_there"),
+    [
+        ({}, "linux", False),
+        ({"DISPLAY": ""}, "linux", False),
+        ({"DISPLAY": ":0"}, "linux", True),
+        ({"WAYLAND_DISPLAY": "wayland-0"}, "linux", True),
+        ({}, "darwin", True),
+    ],
+)
+def test_a_display_is_known_by_its_name(
+    display, monkeypatch, names: dict[str, str], platform: str, is_there: bool
+) -> None:
+    monkeypatch.setattr(sys, "platform", platform)
+    display(names)
+    assert has_display() is is_there
+
+
+@pytest.mark.usefixtures("display")
+def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatch) -> None:
+    monkeypatch.setattr(rerun_program, "PROGRAM", NOTHING_STARTS)
+    with pytest.raises(RecordingError, match=r"^t\.rrd: there is no display here; give --web .* --screenshot"):
+        show(Path("t.rrd"))
+
+
+@pytest.mark.parametrize("name", ["DISPLAY", "WAYLAND_DISPLAY"])
+def test_a_window_shows_the_recording_until_it_is_closed(
+    stand: Stand, display, tmp_path, monkeypatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    display({name: "0"})
+    show(Path("--t.rrd"))
+    file, *options = stand.told["arguments"]
+    assert file == str(tmp_path / "--t.rrd")
+    assert options[options.index("--bind") + 1] == "127.0.0.1"
+    assert options[options.index("--port") + 1] == "auto"
+
+
+def test_a_window_that_fails_is_told_of(stand: Stand, display) -> None:
+    display({"DISPLAY": ":0"})
+    stand.acts("print('no window for you', file=sys.stderr)", "sys.exit(3)")
+    with pytest.raises(RecordingError, match=r"^the viewer does not work: no window for you$"):
+        show(Path("t.rrd"))
+
+
+def test_a_display_that_is_not_there_is_told_of(thesis, display) -> None:
+    display({"DISPLAY": ":9876"})
+    with pytest.raises(RecordingError, match="the viewer does not work: "):
+        show(thesis[0])
+
+
+# --- in a browser ---------------------------------------------------------------------------------------
+
+SERVE = """
+import sys
+from pathlib import Path
+from epuck_sim.recording.viewer import serve
+serve(Path(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]).write_text)
+print("ended")
+"""
+
+
+def answer(address: str) -> str:
+    with build_opener(ProxyHandler({})).open(address, timeout=30) as page:
+        assert page.status == 200
+        return page.read().decode()
+
+
+def listening(processes: list[int]) -> set[tuple[str, int]]:
+    found = [each for process in processes for each in psutil.Process(process).net_connections("tcp")]
+    return {tuple(each.laddr) for each in found if each.status == psutil.CONN_LISTEN}
+
+
+def test_a_browser_finds_the_viewer_on_this_machine_only(thesis, tmp_path) -> None:
+    port = free_port()
+    with web_viewer(port, str(thesis[0])) as (server, address, intake):
+        page = urlsplit(address)
+        assert (page.scheme, page.netloc) == ("http", f"127.0.0.1:{port}")
+        assert parse_qs(page.query) == {"url": [f"rerun+http://127.0.0.1:{intake}/proxy"]}
+        assert "<title>Rerun Viewer" in answer(address)
+        assert not server.has_ended
+        assert listening(processes_marked(str(tmp_path))) == {("127.0.0.1", port), ("127.0.0.1", intake)}
+        assert os.getpgrp() not in map(os.getpgid, processes_marked(str(tmp_path)))  # Ctrl-C in a terminal reaches us
+
+
+def test_a_port_is_free_again_when_the_block_ends(thesis) -> None:
+    port = free_port()
+    for _ in range(3):
+        with web_viewer(port, str(thesis[0])) as (_, address, _):
+            assert answer(address)
+
+
+def test_the_viewer_ends_also_where_the_block_fails(thesis, tmp_path) -> None:
+    def fail_beside(_: object) -> None:
+        assert processes_marked(str(tmp_path))
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), web_viewer(free_port(), str(thesis[0])) as served:
+        fail_beside(served)
+    wait_until(lambda: not processes_marked(str(tmp_path)), limit_s=5)
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
+def test_a_port_in_use_is_told_before_anything_starts(monkeypatch, address: str) -> None:
+    monkeypatch.setattr(rerun_program, "PROGRAM", NOTHING_STARTS)
+    with socket.socket() as taken:
+        taken.bind((address, 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(RecordingError, match=f"^port {port} cannot be used: .*; give another with --port$"):
+            serve(Path("t.rrd"), port, pytest.fail)
+
+
+@pytest.mark.parametrize("send", [os.kill, os.killpg])
+def test_serving_ends_well_on_ctrl_c(thesis, tmp_path, send: Callable[[int, int], None]) -> None:
+    port, told = free_port(), tmp_path / "told"
+    process = subprocess.Popen(
+        [sys.executable, "-c", SERVE, str(thesis[0]), str(port), str(told)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        wait_until(lambda: told.exists() and told.read_text())
+        assert told.read_text().startswith(f"http://127.0.0.1:{port}?url=")
+        assert answer(told.read_text())
+        send(process.pid, signal.SIGINT)
+        assert process.communicate(timeout=30) == ("ended\n", "")
+    finally:
+        process.kill()
+        process.communicate()
+    assert process.returncode == 0
+
+
+def test_serving_tells_when_the_viewer_breaks_down(stand: Stand) -> None:
+    stand.answers_and_says("no more of this")
+    told: list[str] = []
+    with pytest.raises(RecordingError, match=r"^the viewer does not work: no more of this$"):
+        serve(Path("t.rrd"), free_port(), told.append)
+    assert len(told) == 1
