@@ -114,6 +114,7 @@ def run(
                 folder is not None and (trace is not None or record is not None or live),
                 "a sweep keeps no traces and recordings; run one trial again with --point and --trial to get them",
             ),
+            (trace is not None and trace == record, "--trace and --record name the same file"),
             (workers is not None and dask is not None, "--workers and --dask exclude each other"),
             (level is not None and record is None and not live, "--record-level is for --record and --live"),
             ((speed is not None or web) and not live, "--speed and --web are for --live"),

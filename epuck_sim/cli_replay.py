@@ -67,7 +67,9 @@ def replay(
             typer.echo(file)
         end_s = last_moment_s(file)
         if screenshot is not None:
-            refuse((at is not None and at > end_s, f"--at is {at or 0:g}; allowed: 0 to {end_s:g}, where {file} ends"))
+            refuse(
+                (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends")
+            )
             draw_screenshot(file, end_s if at is None else at, screenshot)
         elif web:
             serve(file, port or WEB_PORT, typer.echo)

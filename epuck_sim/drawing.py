@@ -1,5 +1,6 @@
 """Figures on paper and on the screen: every figure is written twice, as PNG and as SVG."""
 
+import warnings
 from pathlib import Path
 
 from matplotlib import rc_context
@@ -21,7 +22,9 @@ def check_stem(stem: Path, *endings: str) -> list[Path]:
 
 def save_drawing(figure: Figure, png: Path, svg: Path) -> None:
     """Write a figure into two files; nothing in them tells when: the same results give the same files."""
-    with written_whole(png) as part:
-        figure.savefig(part, format="png", dpi=120)
-    with written_whole(svg) as part, rc_context({"svg.hashsalt": "epuck-sim"}):
-        figure.savefig(part, format="svg", metadata={"Date": None})
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
+        with written_whole(png) as part:
+            figure.savefig(part, format="png", dpi=120)
+        with written_whole(svg) as part, rc_context({"svg.hashsalt": "epuck-sim"}):
+            figure.savefig(part, format="svg", metadata={"Date": None})

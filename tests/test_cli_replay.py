@@ -481,6 +481,7 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         ("run pair --trials 2 --record several.rrd", "several-1.rrd: cannot be written: is a directory"),
         ("run pair --trace t.parquet --record t.txt", "must end in .rrd"),
         ("run pair --trace gone/t.parquet --record t.rrd", "there is no directory gone"),
+        ("run pair --trace same.rrd --record same.rrd", "--trace and --record name the same file"),
         ("run pair --record-level poses", "--record-level is for --record and --live"),
         ("run pair --speed 2", "--speed and --web are for --live"),
         ("run pair --record t.rrd --web", "--speed and --web are for --live"),
@@ -546,9 +547,13 @@ def test_a_mistake_is_one_line_and_exit_code_2_before_anything_runs(
 
 
 @pytest.mark.usefixtures("nothing_runs")
-@pytest.mark.parametrize("arguments", ["run pair --live", "run pair --record t.rrd --live", "replay PAIR"])
-def test_a_port_in_use_is_refused(pair, here, busy_port, arguments: str) -> None:
-    given = [str(pair) if word == "PAIR" else word for word in arguments.split()]
+@pytest.mark.parametrize(
+    "arguments",
+    ["run pair --live", "run pair --record t.rrd --live", "replay PAIR", "replay RUN --point 0 --trial 0"],
+)
+def test_a_port_in_use_is_refused(pair, swept, here, busy_port, arguments: str) -> None:
+    files = {"PAIR": str(pair), "RUN": str(swept)}
+    given = [files.get(word, word) for word in arguments.split()]
     message = refused(*given, "--web", "--port", str(busy_port))
     assert f"port {busy_port} cannot be used" in message
     assert list(here.iterdir()) == []

@@ -85,6 +85,7 @@ def shown(monkeypatch) -> list[str]:
     def nothing_live(*_: object):
         yield lambda *_: None
 
+    monkeypatch.setenv("DISPLAY", ":0")
     for way in ("show", "serve", "draw_screenshot"):
         monkeypatch.setattr(viewer, way, note)
     monkeypatch.setattr(live, "live_viewer", no_viewer)

@@ -90,5 +90,6 @@ class _Live:
         if early > 0:
             time.sleep(early)
         if self._viewer.has_ended:
+            self._viewer.wait()  # which raises if it broke down
             raise RecordingError(CLOSED)
         self._recorder(step, watch)

@@ -18,6 +18,7 @@ from epuck_sim.recording import scene, series
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
+from epuck_sim.recording.rrd_file import ENDING
 from epuck_sim.scenario import Scenario
 from epuck_sim.yaml_reader import parse_yaml
 
@@ -161,6 +162,8 @@ class _Entities:
 def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
         raise RecordingError(f"{path}: {'is no file' if path.exists() else 'there is no such file'}")
+    if path.suffix != ENDING:  # which the viewer asks for, too
+        raise RecordingError(f"{path}: is no recording, which ends in {ENDING}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about a file without its end, which is refused below
         try:
@@ -170,7 +173,7 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
                 return reader.store().stream().filter(content=entities).to_chunks()
         except (RuntimeError, ValueError) as error:
             if "Not an RRD file" in str(error):
-                raise RecordingError(f"{path}: is no recording, which ends in .rrd") from error
+                raise RecordingError(f"{path}: is no recording, though its name ends in {ENDING}") from error
             reason = "its end is missing" if "footer" in str(error) else error
             raise RecordingError(f"{path}: is no whole recording: {reason}; record the trial again") from error
     programs = ", ".join(sorted({entry.application_id for entry in found})) or "nobody"

@@ -16,6 +16,9 @@ from epuck_sim.recording.rerun_program import HERE, Viewer, check_port, free_por
 PAINT_S = 60
 """So long a viewer may take to paint a recording: without a graphics card, that takes seconds."""
 
+MESSAGES_S = 6
+"""So long a viewer shows the messages of its start."""
+
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --screenshot FILE.png to have it drawn"
 
 
@@ -77,10 +80,10 @@ def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x90
 
 
 def _settled(take: Callable[[], bytes]) -> bytes:
-    """Return a picture that comes out the same twice: by then data are loaded, and messages have gone."""
-    until = time.monotonic() + PAINT_S
+    """Return a picture that comes out the same twice, when the viewer's first messages have gone."""
+    began = time.monotonic()
     before, now = b"", take()
-    while now != before and time.monotonic() < until:
+    while time.monotonic() < began + MESSAGES_S or (now != before and time.monotonic() < began + PAINT_S):
         time.sleep(0.5)
         before, now = now, take()
     return now

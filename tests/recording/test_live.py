@@ -256,7 +256,7 @@ def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatc
 def test_a_display_that_is_not_there_is_told_of(monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":9876")
     with (
-        pytest.raises(RecordingError, match="^the viewer (does not work|was closed)"),
+        pytest.raises(RecordingError, match=r"^the viewer (does not work|was closed)"),
         live_viewer(None, ignore) as (window, intake),
         live(window, intake, SCENARIO, 3, Level.FULL, 10) as look,
     ):
@@ -271,8 +271,7 @@ def test_a_window_that_breaks_down_soon_is_told_of_with_what_it_said(tmp_path, m
         live_viewer(None, ignore) as (window, intake),
         live(window, intake, SCENARIO, 3, Level.FULL, FAST) as look,
     ):
-        wait_until(lambda: window.has_ended)
-        ran(look)
+        ran(lambda *_: wait_until(lambda: window.has_ended), look)
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, RecursionError, KeyboardInterrupt])

@@ -349,7 +349,7 @@ def test_any_trial_can_be_drawn(tmp_path, scenario: str | Mapping[str, Any]) -> 
         assert path.stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$", "x_1^2 \\alpha & <b> {0} 50 %", "[/red]"])
+@pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$", "x_1^2 \\alpha & <b> {0} 50 %", "[/red]", "群れ"])
 def test_a_name_is_no_formula(tmp_path, name: str) -> None:
     trial = recorded(tmp_path / "t.rrd", {"name": name, "stop": {"max_time_s": 1}})
     figure = draw_page(trial)
