@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
 from sweeps_kit import processes_marked, wait_until
-from test_viewer import ARENA, DARK, LIT, NOTHING_STARTS, answer, discs, listening, nothing_left, pixels, replace_rerun
+from viewer_kit import ARENA, DARK, LIT, NOTHING_STARTS, answer, discs, listening, nothing_left, pixels, replace_rerun
 
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import live as live_module

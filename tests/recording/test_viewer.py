@@ -1,6 +1,5 @@
 """What a viewer shows of a recording is what was recorded; viewers start, answer, fail and end as they should."""
 
-import json
 import os
 import signal
 import socket
@@ -8,21 +7,29 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs, urlsplit
-from urllib.request import ProxyHandler, build_opener
 
 import numpy as np
 import numpy.typing as npt
-import psutil
 import pytest
-from PIL import Image
 from scipy import ndimage
-from scipy.spatial import ConvexHull
 from sweeps_kit import processes_marked, wait_until
+from viewer_kit import (
+    ARENA,
+    DARK,
+    LIT,
+    NOTHING_STARTS,
+    Stand,
+    alike,
+    answer,
+    discs,
+    listening,
+    nothing_left,
+    pixels,
+    replace_rerun,
+)
 
 from epuck_sim.epuck import RADIUS_CM
 from epuck_sim.errors import EpuckSimError, RecordingError
@@ -41,29 +48,17 @@ from epuck_sim.trial import run_trial
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
 
-# as `scene.RINGS`, `series` and `pictures.COLOURS` have them
-LIT, DARK, WALL = (230, 40, 40), (120, 125, 135), (150, 150, 150)
+# as `scene`, `series` and `pictures.COLOURS` have them
+WALL = (150, 150, 150)
 RED, BLUE = (225, 40, 40), (60, 130, 230)
 UNLIT_PIXEL = (30, 30, 34)
 
 # of a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1
-ARENA = np.s_[60:660, :955]
 FLASHES = np.s_[66:240, 970:]
 ORDER = np.s_[485:655, 970:]
 CAMERAS = np.s_[690:868, :955]
 
 NO_DRIVER = ("VK_DRIVER_FILES", "VK_ICD_FILENAMES", "__EGL_VENDOR_LIBRARY_FILENAMES")
-
-NOTHING_STARTS = ("/nonexistent/rerun",)
-
-
-@contextmanager
-def nothing_left(mark: Path) -> Iterator[None]:
-    """Fail if a process that the block starts outlives it by seconds."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("EPUCK_SIM_TEST", str(mark))
-        yield
-        wait_until(lambda: not processes_marked(str(mark)), limit_s=5)
 
 
 @pytest.fixture(autouse=True)
@@ -86,12 +81,6 @@ class Moment(NamedTuple):
     """(height, width, 3)"""
 
 
-def pixels(png: Path | BytesIO) -> Floats:
-    with Image.open(png) as picture:
-        assert picture.format == "PNG"
-        return np.asarray(picture.convert("RGB"), float)
-
-
 def drawn(path: Path, at_s: float, png: Path) -> Floats:
     try:
         draw_screenshot(path, at_s, png)
@@ -100,29 +89,6 @@ def drawn(path: Path, at_s: float, png: Path) -> Floats:
             pytest.skip(NO_GRAPHICS)
         raise
     return pixels(png)
-
-
-def alike(picture: Floats, colour: Sequence[int]) -> Bools:
-    """Return where a picture has a colour, in the light or in the shade."""
-    pure = np.array(colour, float)
-    shade = picture @ pure / (pure @ pure)
-    return (abs(picture - shade[..., None] * pure).max(axis=-1) < 25) & (shade > 0.4) & (shade < 1.2)
-
-
-def discs(picture: Floats, colour: Sequence[int]) -> Floats:
-    """Return (discs, 3) x, y and radius from left to right, in pixels, of what is thick and round.
-
-    Arrows and labels lie on them: a circle is put around what is left.
-    """
-    found, count = ndimage.label(ndimage.binary_opening(alike(picture, colour), iterations=8))
-    circles = []
-    for disc in range(1, count + 1):
-        points = np.argwhere(found == disc)[:, ::-1]
-        rim = points[ConvexHull(points).vertices].astype(float)
-        equations = np.column_stack([2 * rim, np.ones(len(rim))])
-        (x, y, rest), *_ = np.linalg.lstsq(equations, (rim**2).sum(axis=1), rcond=None)
-        circles.append((x, y, np.sqrt(rest + x**2 + y**2)))
-    return np.array(sorted(circles)).reshape(-1, 3)
 
 
 def marks(picture: Floats, colour: Sequence[int]) -> Floats:
@@ -271,21 +237,9 @@ def test_a_picture_that_cannot_be_written_is_refused_before_anything_starts(thes
 
 # --- a program that stands for rerun's ------------------------------------------------------------------
 
-TELL = """
-import json, os, pathlib, socket, sys, time
-told = {"arguments": sys.argv[1:], "analytics": os.environ.get("RERUN_ANALYTICS")}
-pathlib.Path(__file__).with_suffix(".json").write_text(json.dumps(told))
-"""
 
 SLEEP = "time.sleep(600)"
 
-ANSWER_AND_BREAK_DOWN = """
-ports = [int(sys.argv[sys.argv.index(name) + 1]) for name in ("--port", "--web-viewer-port") if name in sys.argv]
-servers = [socket.create_server(("127.0.0.1", port)) for port in ports]
-callers = [server.accept() for server in servers]
-print(SAID, file=sys.stderr, flush=True)
-sys.exit(1)
-"""
 
 # what rerun says where Mesa's OpenGL is there, but no Vulkan driver
 NO_RENDERER = """
@@ -298,32 +252,6 @@ stack backtrace:
 
 def fails(said: str) -> str:
     return f"sys.exit({said!r})"
-
-
-class Stand(NamedTuple):
-    """Stands for rerun's program."""
-
-    script: Path
-
-    def acts(self, *lines: str) -> None:
-        self.script.write_text("\n".join([TELL, *lines]))
-
-    def answers_and_says(self, said: str) -> None:
-        """Have it answer at its ports, and fail then."""
-        self.acts(f"SAID = {said!r}", ANSWER_AND_BREAK_DOWN)
-
-    @property
-    def told(self) -> dict[str, Any]:
-        return json.loads(self.script.with_suffix(".json").read_text())
-
-
-def replace_rerun(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
-    """Return a program that stands for rerun's, and ends at once if it is not told otherwise."""
-    folder.mkdir()
-    monkeypatch.setattr(rerun_program, "PROGRAM", (sys.executable, str(folder / "rerun.py")))
-    stand = Stand(folder / "rerun.py")
-    stand.acts()
-    return stand
 
 
 @pytest.fixture
@@ -486,17 +414,6 @@ from epuck_sim.recording.viewer import serve
 serve(Path(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]).write_text)
 print("ended")
 """
-
-
-def answer(address: str) -> str:
-    with build_opener(ProxyHandler({})).open(address, timeout=30) as page:
-        assert page.status == 200
-        return page.read().decode()
-
-
-def listening(processes: list[int]) -> set[tuple[str, int]]:
-    found = [each for process in processes for each in psutil.Process(process).net_connections("tcp")]
-    return {tuple(each.laddr) for each in found if each.status == psutil.CONN_LISTEN}
 
 
 def test_a_browser_finds_the_viewer_on_this_machine_only(thesis, tmp_path) -> None:
