@@ -8,8 +8,11 @@ if TYPE_CHECKING:
     from epuck_sim.errors import ClusterError as ClusterError
     from epuck_sim.errors import ControllerError as ControllerError
     from epuck_sim.errors import EpuckSimError as EpuckSimError
+    from epuck_sim.errors import RecordingError as RecordingError
     from epuck_sim.errors import ScenarioError as ScenarioError
     from epuck_sim.errors import StoreError as StoreError
+    from epuck_sim.recording.reader import read_recording as read_recording
+    from epuck_sim.recording.recorder import record as record
     from epuck_sim.results import read_points as read_points
     from epuck_sim.scenario import Scenario as Scenario
     from epuck_sim.scenario_file import load_scenario as load_scenario
@@ -26,6 +29,7 @@ _HOMES = {
     "ClusterError": "errors",
     "ControllerError": "errors",
     "EpuckSimError": "errors",
+    "RecordingError": "errors",
     "Scenario": "scenario",
     "ScenarioError": "errors",
     "Simulation": "simulation",
@@ -35,6 +39,8 @@ _HOMES = {
     "load_scenario": "scenario_file",
     "points": "sweep",
     "read_points": "results",
+    "read_recording": "recording.reader",
+    "record": "recording.recorder",
     "run_sweep": "batch",
     "run_trial": "trial",
     "summarize": "summary",
