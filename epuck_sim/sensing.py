@@ -4,18 +4,30 @@ The sensors themselves are in `infrared` and `camera`. Arguments come flat, beca
 named tuple as for all sensors of a robot: a group's are gathered once.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import Arena
-from epuck_sim.camera import Camera, see
+from epuck_sim.camera import Camera, make_camera, see
 from epuck_sim.cells import Cells, sort_into_cells
 from epuck_sim.compiled import kernel
 from epuck_sim.infrared import sense_infrared, to_distances
+from epuck_sim.scenario import CameraSection
 
 Floats = npt.NDArray[np.float64]
+
+
+def build_camera(section: CameraSection) -> Camera:
+    """Return the camera that a group's section of a scenario describes."""
+    return make_camera(
+        section.pixels,
+        math.radians(section.field_of_view_deg),
+        section.central_pixels or section.pixels,
+        section.range_cm or math.inf,
+    )
 
 
 def gather(

@@ -4,7 +4,6 @@ Within a step everybody senses the same instant, then every controller runs, the
 bodies move. What a controller commands in one step is seen by the others in the next.
 """
 
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.camera import make_camera
 from epuck_sim.cells import make_cells
 from epuck_sim.control import Control, RobotError, Senses
 from epuck_sim.controller import ACTUATORS
@@ -24,7 +22,7 @@ from epuck_sim.placement import place_robots
 from epuck_sim.randomness import robot_streams
 from epuck_sim.scenario import RobotGroup, Scenario
 from epuck_sim.scenario_file import load_scenario
-from epuck_sim.sensing import gather, sense
+from epuck_sim.sensing import build_camera, gather, sense
 from epuck_sim.step import Step
 from epuck_sim.world import World
 
@@ -143,12 +141,7 @@ class Simulation:
             control = Control(controller, parameters, streams, senses, self._actuators[rows], interpret)
         except RobotError as error:
             raise self._blame(error, rows.start) from error
-        view = make_camera(
-            group.camera.pixels,
-            math.radians(group.camera.field_of_view_deg),
-            group.camera.central_pixels or group.camera.pixels,
-            group.camera.range_cm or math.inf,
-        )
+        view = build_camera(group.camera)
         sensing = [
             (
                 *gather(self._world.poses, self._ring_on, self._arena, self._cells, view),

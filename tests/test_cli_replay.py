@@ -17,12 +17,11 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import rerun as rr
+from cli_kit import call, refused
 from rerun.chunk import RrdReader
 from sweeps_kit import COMMAND, wait_until
-from typer.testing import CliRunner
 
 from epuck_sim import cli_run
-from epuck_sim.cli import app
 from epuck_sim.database import DATABASE
 from epuck_sim.recording import live, recorder, rerun_program, viewer
 from epuck_sim.recording.level import Level
@@ -57,25 +56,11 @@ ADDRESS = "http://127.0.0.1"
 UNSEEN = "give --web to look in a browser"
 
 
-def call(*arguments: str | Path):
-    return CliRunner().invoke(app, [*map(str, arguments)])
-
-
 def called(*arguments: str | Path) -> str:
     """Return what a command prints that ends well and has nothing to complain of."""
     result = call(*arguments)
     assert (result.exit_code, result.stderr) == (0, ""), result.exception
     return result.stdout
-
-
-def refused(*arguments: str | Path) -> str:
-    """Return the line that a command ends with which prints nothing else."""
-    result = call(*arguments)
-    assert result.exit_code == 2, result.exception or result.stderr
-    assert result.stdout == ""
-    assert result.stderr.startswith("error: ")
-    assert result.stderr.count("\n") == 1
-    return result.stderr
 
 
 def contents(folder: Path) -> dict[str, bytes | None]:

@@ -16,7 +16,7 @@ from rerun.chunk import Chunk
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
-from epuck_sim.camera import Camera, make_camera
+from epuck_sim.camera import Camera
 from epuck_sim.cells import Cells, make_cells
 from epuck_sim.recording.chunks import moving, still
 from epuck_sim.recording.contacts import find_contacts
@@ -24,6 +24,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.sight import find_sightings
 from epuck_sim.recording.window import Columns
 from epuck_sim.scenario import Scenario
+from epuck_sim.sensing import build_camera
 
 Floats = npt.NDArray[np.float64]
 
@@ -77,10 +78,7 @@ def make_stage(scenario: Scenario) -> Stage:
     arena = scenario.arena.build()
     eyes, first = [], 0
     for group in scenario.robots:
-        view = group.camera
-        central = view.central_pixels or view.pixels
-        camera = make_camera(view.pixels, math.radians(view.field_of_view_deg), central, view.range_cm or math.inf)
-        eyes.append((first, group.count, camera))
+        eyes.append((first, group.count, build_camera(group.camera)))
         first += group.count
     return Stage(arena, make_cells(arena.width_cm, arena.height_cm, scenario.robot_count), eyes)
 
@@ -166,8 +164,9 @@ def _strips(points: Floats) -> pa.ListArray:
 def _sightings(columns: Columns, stage: Stage) -> Chunk:
     """Return the arrows to the robots in view; a ring is seen as it was commanded a step before."""
     poses = columns.poses
-    found = [find_sightings(poses, stage.arena, stage.cells, camera, first, n) for first, n, camera in stage.eyes]
-    steps, observers, seen = np.concatenate(found)[np.argsort(np.concatenate(found)[:, 0], kind="stable")].T
+    groups = [find_sightings(poses, stage.arena, stage.cells, camera, first, n) for first, n, camera in stage.eyes]
+    found = np.concatenate(groups)
+    steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
     origins = poses[steps, observers, :2] + epuck.CAMERA_FORWARD_CM * _towards(poses[steps, observers, 2])
     lit = columns.ring_before[steps, seen].astype(np.uint16)
     arrows = rr.Arrows2D.columns(origins=origins, vectors=poses[steps, seen, :2] - origins, class_ids=lit)

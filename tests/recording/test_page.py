@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 import pytest
+from cli_kit import call, refused
 from matplotlib import image
 from matplotlib.axes import Axes
 from matplotlib.cbook import is_math_text
@@ -17,10 +18,8 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon, Rectangle
-from typer.testing import CliRunner
 
 from epuck_sim import epuck
-from epuck_sim.cli import app
 from epuck_sim.errors import EpuckSimError, RecordingError
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.page import MANY, PATH_S, RED, draw_page, save_page
@@ -56,20 +55,6 @@ def recorded(path: Path, scenario: Any, seed: int = 0, level: Level = Level.POSE
     with record(path, loaded, seed, level) as recorder:
         run_trial(Simulation(loaded, seed), [recorder])
     return read_recording(path)
-
-
-def call(*arguments: str | Path):
-    return CliRunner().invoke(app, [*map(str, arguments)])
-
-
-def refused(*arguments: str | Path) -> str:
-    """Return the line that a command ends with which prints nothing else."""
-    result = call(*arguments)
-    assert result.exit_code == 2, result.exception or result.stderr
-    assert result.stdout == ""
-    assert result.stderr.startswith("error: ")
-    assert result.stderr.count("\n") == 1
-    return result.stderr
 
 
 def panels(trial: Recorded) -> list[Axes]:
