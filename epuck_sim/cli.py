@@ -35,6 +35,7 @@ AxesOption = Annotated[
     list[str] | None,
     typer.Option("--sweep", metavar="KEY=V1,V2,...", help="Add an axis to the sweep: robots.0.count=5,10,20"),
 ]
+QuickOption = Annotated[bool, typer.Option("--quick", help="Take the scenario's quick version, if it has one.")]
 
 
 def _print_version(wanted: bool) -> None:
@@ -62,6 +63,7 @@ def run(
     ] = None,
     settings: SetOption = None,
     axes: AxesOption = None,
+    quick: QuickOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON: an object a trial, or of a whole sweep.")
     ] = False,
@@ -121,7 +123,7 @@ def run(
             (port is not None and not web, "--port is for --web"),
         )
         if folder is not None and status:
-            if any((seed is not None, trials, settings, axes, interpret, workers, dask)):
+            if any((seed is not None, trials, settings, axes, quick, interpret, workers, dask)):
                 raise EpuckSimError("--status shows what is in the run folder; give no other option but --json")
             from epuck_sim.results import read_status
             from epuck_sim.sweep_report import print_status
@@ -131,7 +133,7 @@ def run(
         from epuck_sim.cli_run import run_into, run_one, run_some
         from epuck_sim.watching import Output, Showing
 
-        loaded = load_scenario(scenario, settings or (), axes or ())
+        loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         showing = Showing(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
@@ -145,13 +147,15 @@ def run(
 
 
 @app.command()
-def check(scenario: ScenarioArgument, settings: SetOption = None, axes: AxesOption = None) -> None:
+def check(
+    scenario: ScenarioArgument, settings: SetOption = None, axes: AxesOption = None, quick: QuickOption = False
+) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out."""
     with readable_errors():
         from epuck_sim.scenario_file import load_scenario, write_scenario
         from epuck_sim.sweep import check_room, points
 
-        loaded = load_scenario(scenario, settings or (), axes or ())
+        loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
         with naming(scenario):
             check_room(points(loaded))
         sys.stdout.write(write_scenario(loaded))

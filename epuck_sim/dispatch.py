@@ -95,7 +95,7 @@ def _together(
 
 def _prepare(pool: Pool, waiting: Iterable[Task]) -> None:
     """Have one worker compile what all need; if it dies over that, trials will show which of them it was."""
-    kinds = {tuple(group.controller for group in task.scenario.robots): task for task in waiting}
+    kinds = {task.scenario.compiled: task for task in waiting}
     with suppress(*pool.deaths):
         _result(pool.executor.submit(prepare, list(kinds.values())), pool)
 

@@ -11,11 +11,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.curves import SPEED, choose_axis, read_curves
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.particles.scenario import ParticleScenario
 from epuck_sim.regimes import Bump, find_bump
 from epuck_sim.results import read_points
 from epuck_sim.scaling import Comparison, OffsetLaw, Parameters, compare_laws, fit_offset_law
-from epuck_sim.scenario import Scenario
+from epuck_sim.scenario import WITHOUT_EFFECT, Scenario
+
+SCALES = (
+    ("agents", "speed_cm_s"),
+    ("response", "coupling"),
+    ("space", "side_cm"),
+    ("agents", "count"),
+    ("clocks", "period_s"),
+)
+"""Of a particle scenario: V, epsilon, L, N and tau."""
 
 
 class FittedCurve(NamedTuple):
@@ -75,6 +86,14 @@ def fit_curves(folder: Path) -> list[FittedCurve]:
 
 
 def _parameters(scenario: Scenario) -> dict[str, float]:
+    if isinstance(scenario, ParticleScenario):
+        return {
+            "epsilon": scenario.response.coupling,
+            "L": scenario.space.side_cm,
+            "N": float(scenario.agents.count),
+            "tau": scenario.clocks.period_s,
+        }
+    assert isinstance(scenario, EmbodiedScenario)
     values = scenario.robots[0].parameters
     return {
         "epsilon": float(values.get("coupling", math.nan)),
@@ -86,7 +105,11 @@ def _parameters(scenario: Scenario) -> dict[str, float]:
 
 def _others(scenario: Scenario) -> str:
     """Return all that a law does not account for, as text."""
-    rest = scenario.model_dump(mode="json", exclude={"name", "description", "trials", "seed"})
+    rest = scenario.model_dump(mode="json", exclude=WITHOUT_EFFECT | {"seed"})
+    if isinstance(scenario, ParticleScenario):
+        for section, key in SCALES:
+            del rest[section][key]
+        return json.dumps(rest)
     for name in ("width_cm", "height_cm"):
         del rest["arena"][name]
     for number, group in enumerate(rest["robots"]):

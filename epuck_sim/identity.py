@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.controller_file import find_controller
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import StoreError
 from epuck_sim.scenario import WITHOUT_EFFECT
 from epuck_sim.sweep import Point
@@ -34,13 +35,14 @@ class StoredPoint(NamedTuple):
 def describe(point: Point) -> StoredPoint:
     """Return a point as it is stored."""
     scenario = point.scenario
+    groups = scenario.robots if isinstance(scenario, EmbodiedScenario) else ()
     return StoredPoint(
         point.key,
         point.number,
         scenario.trials,
         json.dumps(point.axes),
         scenario.model_dump_json(),
-        json.dumps([_controller(group.controller) for group in scenario.robots]),
+        json.dumps([_controller(group.controller) for group in groups]),
     )
 
 
@@ -86,7 +88,7 @@ def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
     scenario = json.loads(point.scenario)
-    for group, controller in zip(scenario["robots"], json.loads(point.controllers), strict=True):
+    for group, controller in zip(scenario.get("robots", ()), json.loads(point.controllers), strict=True):
         group["controller"] = controller
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
 

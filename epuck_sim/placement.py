@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm
+from epuck_sim.embodied import EmbodiedScenario, RobotGroup
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario import RobotGroup, Scenario
 
 Floats = npt.NDArray[np.float64]
 
@@ -25,7 +25,7 @@ _TOUCH_CM = 2 * epuck.RADIUS_CM
 _TOLERANCE_CM = 1e-6
 
 
-def place_robots(scenario: Scenario, sequence: np.random.SeedSequence) -> Floats:
+def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> Floats:
     """Return (robots, 3) cm, cm, rad: the poses at the start of a trial.
 
     Groups with poses come first, then those on the grid, then those at random, so that nobody is in another's way.

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from pydantic import ValidationError
 
 from epuck_sim.database import DATABASE, reading
-from epuck_sim.errors import StoreError
+from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.lock import holder
+from epuck_sim.models import validate
 from epuck_sim.provenance import PROVENANCE, in_text
 from epuck_sim.scenario import WITHOUT_EFFECT, Scenario
 
@@ -78,9 +78,9 @@ def read_points(folder: Path | str) -> list[PointTrials]:
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
         try:
-            read = Scenario.model_validate_json(scenario)
-        except ValidationError as error:
-            raise StoreError(f"{folder}: the scenario of point {number} is of another version: {error}") from error
+            read = validate(json.loads(scenario), f"point {number}")
+        except ScenarioError as error:
+            raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
         results.append(PointTrials(number, key, json.loads(axes), read, cycles.astype(np.float64), censored == 0))
     return results
 

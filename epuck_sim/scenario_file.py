@@ -5,15 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
-
 from epuck_sim.axes import Axes
 from epuck_sim.controller import Controller
 from epuck_sim.controller_file import find_controller
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario import Box, Circle, Polygon, Scenario
-from epuck_sim.settings import apply_axis, apply_setting, refuse_hidden
+from epuck_sim.models import validate
+from epuck_sim.scenario import Scenario
+from epuck_sim.settings import apply_axis, apply_setting, choose_version, refuse_hidden
 from epuck_sim.shipped import ARENAS, CONTROLLERS, SWEEPS, shipped_files, shipped_folder
 from epuck_sim.wording import listed, shown, unknown
 from epuck_sim.yaml_reader import read_yaml, write_yaml
@@ -23,13 +22,18 @@ RUN_SCENARIO = "scenario.yaml"
 
 
 def load_scenario(
-    source: Scenario | str | Path | Mapping[str, Any], settings: Sequence[str] = (), axes: Sequence[str] = ()
+    source: Scenario | str | Path | Mapping[str, Any],
+    settings: Sequence[str] = (),
+    axes: Sequence[str] = (),
+    *,
+    quick: bool = False,
 ) -> Scenario:
     """Return a validated scenario with every default written out.
 
     source: a shipped arena's name, a YAML file, a mapping with a scenario's keys, or a Scenario.
     settings: changes as `key=value`, such as `robots.0.parameters.speed_cm_s=1.0`; later ones win.
     axes: axes for the grid of the scenario's sweep as `key=value,value,...`.
+    quick: whether to take the quick version that the file has under `quick`.
     Raises ScenarioError, which names the file, the key, the value and what is allowed.
 
     >>> load_scenario("thesis", ["arena.width_cm=100"]).arena.width_cm
@@ -37,7 +41,7 @@ def load_scenario(
     """
     folder = None
     if isinstance(source, Scenario):
-        if not settings and not axes:
+        if not settings and not axes and not quick:
             return _resolve(source, source.name, folder)
         given: Any = source.model_dump(mode="json")
         origin = source.name
@@ -52,16 +56,14 @@ def load_scenario(
             given = {"name": path.stem, **given}
     if not isinstance(given, dict):
         raise ScenarioError(f"{origin}: is {shown(given)}; a scenario is a mapping of keys to values")
+    given = choose_version(given, quick, origin)
     for setting in settings:
         given = apply_setting(given, setting)
     for axis in axes:
         given = apply_axis(given, axis)
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
     origin = " ".join([origin, *options])
-    try:
-        scenario = Scenario.model_validate(given)
-    except ValidationError as error:
-        raise ScenarioError("\n".join(_readable(origin, detail) for detail in error.errors())) from error
+    scenario = validate(given, origin)
     refuse_hidden(settings, scenario.sweep)
     return _resolve(scenario, origin, folder)
 
@@ -92,6 +94,8 @@ def find_scenario(name: str) -> Path:
 
 def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
     """Return the scenario with controllers found and their parameters complete; raises ScenarioError."""
+    if not isinstance(scenario, EmbodiedScenario):
+        return scenario
     groups = []
     for place, group in enumerate(scenario.robots):
         key = f"{origin}: robots.{place}"
@@ -153,38 +157,3 @@ def map_controllers(key: str, value: Any, change: Callable[[Any], str]) -> Any:
 def write_scenario(scenario: Scenario) -> str:
     """Return a scenario as YAML with every key; read again, it is the same scenario."""
     return write_yaml(scenario.model_dump(mode="json"))
-
-
-def _readable(origin: str, detail: ErrorDetails) -> str:
-    """Return one of pydantic's errors as file: key: what was given; what is allowed."""
-    path = [str(part) for part in detail["loc"] if part not in ("circle", "box", "polygon")]
-    where = f"{origin}: {'.'.join(path)}" if path else origin
-    if detail["type"] == "extra_forbidden":
-        return f"{where}: {unknown(path[-1], _known_keys(path[:-1]))}; allowed: {listed(_known_keys(path[:-1]))}"
-    if detail["type"] == "missing":
-        return f"{where}: is missing"
-    message = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    if detail["type"] == "value_error" and isinstance(detail["input"], dict):
-        return f"{where}: {message}"
-    return f"{where}: is {shown(detail['input'])}; allowed: {message}"
-
-
-WORDS = {
-    "tuple_type": "a list",
-    "dict_type": "a mapping of keys to values",
-    "model_type": "a mapping of keys to values",
-    "too_short": "at least one value",
-    "union_tag_invalid": "shape: circle, box or polygon",
-    "union_tag_not_found": "shape: circle, box or polygon",
-}
-"""What is allowed, in words of the file rather than of Python."""
-
-
-def _known_keys(path: list[str]) -> list[str]:
-    """Return the keys of the section at `path`."""
-    section: Any = Scenario.model_validate({"sweep": {"grid": {"model": [0]}}})
-    for part in path:
-        if part == "obstacles":
-            return list(dict.fromkeys(key for shape in (Circle, Box, Polygon) for key in shape.model_fields))
-        section = section[0] if isinstance(section, tuple) else getattr(section, part)
-    return list(type(section).model_fields) if isinstance(section, BaseModel) else []

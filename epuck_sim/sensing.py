@@ -14,8 +14,8 @@ from epuck_sim.arena import Arena
 from epuck_sim.camera import Camera, make_camera, see
 from epuck_sim.cells import Cells, sort_into_cells
 from epuck_sim.compiled import kernel
+from epuck_sim.embodied import CameraSection
 from epuck_sim.infrared import sense_infrared, to_distances
-from epuck_sim.scenario import CameraSection
 
 Floats = npt.NDArray[np.float64]
 

@@ -20,7 +20,9 @@ def apply_setting(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
 
 def with_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
     """Return the mapping `given` with `value` at a dotted key; raises ScenarioError, which begins with `origin`."""
-    result = _with({"robots": [{}], **given}, key.split("."), value, origin)
+    # of robots, one group is there by default
+    default: dict[str, Any] = {} if given.get("model") == "particles" else {"robots": [{}]}
+    result = _with({**default, **given}, key.split("."), value, origin)
     assert isinstance(result, dict)  # a mapping changed is a mapping
     return result
 
@@ -40,6 +42,33 @@ def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
     here = dict(container or {})
     here[first] = _with(here.get(first), rest, value, origin)
     return here
+
+
+QUICK = "quick"
+"""In a scenario's file: the keys that its quick version has otherwise."""
+
+
+def choose_version(given: Mapping[str, Any], quick: bool, origin: str) -> dict[str, Any]:
+    """Return a file's scenario in its full or quick version; raises ScenarioError where there is no quick one."""
+    full = {key: value for key, value in given.items() if key != QUICK}
+    if not quick:
+        return full
+    changes = given.get(QUICK)
+    if changes is None:
+        raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
+    if not isinstance(changes, Mapping):
+        raise ScenarioError(f"{origin}: {QUICK}: is {shown(changes)}; allowed: a mapping of keys to values")
+    return _merged(full, changes)
+
+
+def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `given` with `changes`, section by section; anything else is replaced."""
+    merged = dict(given)
+    for key, value in changes.items():
+        old = given.get(key)
+        both = isinstance(value, Mapping) and isinstance(old, Mapping)
+        merged[key] = _merged(old, value) if both else value
+    return merged
 
 
 def apply_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:

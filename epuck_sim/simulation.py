@@ -16,11 +16,12 @@ from epuck_sim.control import Control, RobotError, Senses
 from epuck_sim.controller import ACTUATORS
 from epuck_sim.controller_file import find_controller
 from epuck_sim.drive import act
+from epuck_sim.embodied import EmbodiedScenario, RobotGroup
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.infrared import SENSORS
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import robot_streams
-from epuck_sim.scenario import RobotGroup, Scenario
+from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.sensing import build_camera, gather, sense
 from epuck_sim.step import Step
@@ -51,7 +52,7 @@ class Simulation:
     ((10, 3), (10, 60))
     """
 
-    scenario: Scenario
+    scenario: EmbodiedScenario
     seed: int
     step_s: float
     """Seconds from one control step to the next."""
@@ -71,7 +72,10 @@ class Simulation:
         controllers as plain Python, with the same outcome.
         Raises ScenarioError where robots do not fit, ControllerError where a controller cannot start.
         """
-        self.scenario = scenario = load_scenario(scenario)
+        scenario = load_scenario(scenario)
+        if not isinstance(scenario, EmbodiedScenario):
+            raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}, which has no bodies; use Particles")
+        self.scenario = scenario
         if scenario.sweep is not None:
             raise ScenarioError(
                 f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`"

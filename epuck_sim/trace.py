@@ -14,10 +14,10 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.files import check_target, unwritable
 from epuck_sim.infrared import SENSORS
 from epuck_sim.provenance import versions
-from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import write_scenario
 from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
@@ -33,7 +33,7 @@ class Trace:
     Raises EpuckSimError where the file cannot be written.
     """
 
-    def __init__(self, path: Path, scenario: Scenario, seed: int) -> None:
+    def __init__(self, path: Path, scenario: EmbodiedScenario, seed: int) -> None:
         """Open the file; nothing of a trial needs to exist yet."""
         check_target(path)
         self._path = path = path.resolve()

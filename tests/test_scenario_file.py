@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import ScenarioError
+from epuck_sim.particles.scenario import ParticleScenario
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario, write_scenario
 from epuck_sim.settings import apply_setting
@@ -114,7 +116,7 @@ REFUSED = [
     ({"noise": "loud"}, "noise: is 'loud'; allowed:"),
     ({"robots": [{"poses": 3}]}, "robots.0.poses: is 3; allowed: a list"),
     ({"arena": None}, "arena: is None; allowed: a mapping of keys to values"),
-    ({"model": "quantum"}, "model: is 'quantum'; allowed: 'embodied'"),
+    ({"model": "quantum"}, "model: is 'quantum'; allowed: 'embodied' or 'particles'"),
     ({"arena": {"obstacles": [{"shape": "star"}]}}, "arena.obstacles.0: is {'shape': 'star'}; allowed:"),
     ({"arena": {"obstacles": [{"shape": "circle", "x_cm": 1, "y_cm": 1}]}}, "arena.obstacles.0.radius_cm: "),
     (
@@ -200,7 +202,11 @@ JUNK = st.recursive(
 )
 
 
-@given(st.dictionaries(st.sampled_from([*Scenario.model_fields, "other"]), JUNK, max_size=4))
+@given(
+    st.dictionaries(
+        st.sampled_from([*EmbodiedScenario.model_fields, *ParticleScenario.model_fields, "other"]), JUNK, max_size=4
+    )
+)
 def test_junk_is_refused_or_read_but_never_ends_in_a_traceback(given: dict) -> None:
     with suppress(ScenarioError):
         assert isinstance(load_scenario(given), Scenario)

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import rerun as rr
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import APPLICATION
 from epuck_sim.recording.layout import make_layout
@@ -14,7 +15,6 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import Recorder
 from epuck_sim.recording.rerun_program import Viewer, free_port, in_background, proxy
 from epuck_sim.recording.viewer import has_display, web_viewer
-from epuck_sim.scenario import Scenario
 from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
 
@@ -51,7 +51,7 @@ def live_viewer(port: int | None, tell: Callable[[str], None]) -> Iterator[tuple
 
 @contextmanager
 def live(
-    shown_by: Viewer, intake: int, scenario: Scenario, seed: int, level: Level, speed: float
+    shown_by: Viewer, intake: int, scenario: EmbodiedScenario, seed: int, level: Level, speed: float
 ) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
     """Yield an onlooker that shows a trial in a viewer, and makes it last as long as it would, divided by `speed`.
 

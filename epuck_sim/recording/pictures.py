@@ -8,10 +8,10 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim import epuck
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.infrared import SENSORS
 from epuck_sim.recording.chunks import moving, still
 from epuck_sim.recording.window import Columns
-from epuck_sim.scenario import Scenario
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -39,7 +39,7 @@ PICTURE_STEPS = 600
 COLOURS = rr.AnnotationContext([(0, "dark", (30, 30, 34)), (1, "red", (225, 40, 40)), (BETWEEN, "", (90, 90, 96))])
 
 
-def set_pictures(scenario: Scenario) -> Iterator[Chunk]:
+def set_pictures(scenario: EmbodiedScenario) -> Iterator[Chunk]:
     """Yield the formats of the pictures, and how they look."""
     robots, pixels = scenario.robot_count, scenario.camera_pixels
     for camera in (CAMERA, SPACE_TIME):
@@ -67,7 +67,7 @@ def pictures(columns: Columns) -> Iterator[Chunk]:
 class SpaceTime:
     """The running minute of camera rows, robot beside robot."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: EmbodiedScenario) -> None:
         self._pixels = pixels = scenario.camera_pixels
         robots = _side_by_side(scenario) // (pixels + GAP)
         self._blank = np.full((PICTURE_STEPS, robots, pixels + GAP), BETWEEN, np.uint8)
@@ -99,7 +99,7 @@ class SpaceTime:
             self._filled = 0
 
 
-def _side_by_side(scenario: Scenario) -> int:
+def _side_by_side(scenario: EmbodiedScenario) -> int:
     """Return the columns that the rows of as many robots take as find room, with a gap after each."""
     columns = scenario.camera_pixels + GAP
     return columns * max(1, min(scenario.robot_count, MAX_COLUMNS // columns))

@@ -12,6 +12,7 @@ import pyarrow as pa
 from pydantic import ValidationError
 from rerun.chunk import Chunk, RrdReader
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.provenance import in_text
 from epuck_sim.recording import scene, series
@@ -19,7 +20,6 @@ from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.recording.rrd_file import ENDING
-from epuck_sim.scenario import Scenario
 from epuck_sim.yaml_reader import parse_yaml
 
 Floats = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ SERIES = (series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series
 class Recorded(NamedTuple):
     """A trial as it was recorded; poses and phases have no steps where the level leaves them out."""
 
-    scenario: Scenario
+    scenario: EmbodiedScenario
     seed: int
     level: Level
     versions: dict[str, str]
@@ -104,7 +104,7 @@ def _check_format(path: Path, trial: dict[str, Any]) -> None:
 
 def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
     """Return a recording's arrays; raises KeyError or ValueError for what is missing."""
-    scenario = Scenario.model_validate(parse_yaml(trial["scenario"], "its scenario"))
+    scenario = EmbodiedScenario.model_validate(parse_yaml(trial["scenario"], "its scenario"))
     robots = scenario.robot_count
     arrows = entities.values(scene.HEADINGS, "Arrows2D:vectors").reshape(-1, robots, 2)
     return Recorded(

@@ -11,6 +11,7 @@ from pathlib import Path
 import rerun as rr
 from rerun.chunk import Chunk
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.provenance import versions
 from epuck_sim.recording.chunks import still, strictly
 from epuck_sim.recording.layout import layout_file
@@ -20,7 +21,6 @@ from epuck_sim.recording.rrd_file import rrd_file
 from epuck_sim.recording.scene import make_stage, scene, set_scene, warm_up
 from epuck_sim.recording.series import series, series_styles
 from epuck_sim.recording.window import Columns, Window
-from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario, write_scenario
 from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
@@ -40,13 +40,15 @@ OUTCOME = "outcome"
 
 
 @contextmanager
-def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
+def record(path: Path, scenario: EmbodiedScenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
     """Yield an onlooker of a trial (see `trial.run_trial`) that records it into a file for the rerun viewer.
 
     The file gets its name when the block ends; where it ends with an error, nothing is left behind.
     Raises EpuckSimError where the file cannot be written.
     """
-    scenario = load_scenario(scenario)  # with every default written out
+    loaded = load_scenario(scenario)  # with every default written out
+    assert isinstance(loaded, EmbodiedScenario)
+    scenario = loaded
     layout = layout_file(level, scenario.arena.width_cm, scenario.arena.height_cm)
     with rrd_file(path, recording_id(scenario, seed, level), layout) as write:
         recorder = Recorder(scenario, seed, level, WINDOW_S, write)
@@ -58,7 +60,12 @@ class Recorder:
     """An onlooker that hands on chunks, window by window."""
 
     def __init__(
-        self, scenario: Scenario, seed: int, level: Level, window_s: float, write: Callable[[Iterable[Chunk]], None]
+        self,
+        scenario: EmbodiedScenario,
+        seed: int,
+        level: Level,
+        window_s: float,
+        write: Callable[[Iterable[Chunk]], None],
     ) -> None:
         """Write what does not move; nothing of a trial needs to exist yet.
 
@@ -112,13 +119,13 @@ class Recorder:
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 
-def recording_id(scenario: Scenario, seed: int, level: Level) -> str:
+def recording_id(scenario: EmbodiedScenario, seed: int, level: Level) -> str:
     """Return a name that is the same whenever the same trial is recorded at the same level."""
     described = f"{write_scenario(scenario)}\n{seed}\n{level}\n{json.dumps(versions())}"
     return hashlib.sha256(described.encode()).hexdigest()[:32]
 
 
-def _description(scenario: Scenario, seed: int, level: Level) -> Iterator[Chunk]:
+def _description(scenario: EmbodiedScenario, seed: int, level: Level) -> Iterator[Chunk]:
     made_by = {**versions(), "rerun": version("rerun-sdk")}
     trial = rr.AnyValues(
         format=FORMAT,

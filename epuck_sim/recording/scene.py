@@ -18,12 +18,12 @@ from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.camera import Camera
 from epuck_sim.cells import Cells, make_cells
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.recording.chunks import moving, still
 from epuck_sim.recording.contacts import find_contacts
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.sight import find_sightings
 from epuck_sim.recording.window import Columns
-from epuck_sim.scenario import Scenario
 from epuck_sim.sensing import build_camera
 
 Floats = npt.NDArray[np.float64]
@@ -73,7 +73,7 @@ class Stage(NamedTuple):
     """Of each group: the number of its first robot, its robots, and their camera."""
 
 
-def make_stage(scenario: Scenario) -> Stage:
+def make_stage(scenario: EmbodiedScenario) -> Stage:
     """Return a scenario's stage."""
     arena = scenario.arena.build()
     eyes, first = [], 0

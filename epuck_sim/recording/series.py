@@ -8,10 +8,10 @@ import numpy.typing as npt
 import rerun as rr
 from rerun.chunk import Chunk
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.recording.chunks import moving, still
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.window import Columns
-from epuck_sim.scenario import Scenario
 
 Floats = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ GREY = (150, 150, 150)
 BLUE = (60, 130, 230)
 
 
-def series_styles(scenario: Scenario, level: Level) -> Iterator[Chunk]:
+def series_styles(scenario: EmbodiedScenario, level: Level) -> Iterator[Chunk]:
     """Yield how the plots look."""
     robots = [f"robot {robot}" for robot in range(scenario.robot_count)]
     yield still(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.infrared import SENSORS
 from epuck_sim.recording.level import Level
-from epuck_sim.scenario import Scenario
 from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
 
@@ -49,7 +49,7 @@ class Window:
     taken: int
     """Steps in the window."""
 
-    def __init__(self, scenario: Scenario, level: Level, steps: int) -> None:
+    def __init__(self, scenario: EmbodiedScenario, level: Level, steps: int) -> None:
         """Make room for so many steps."""
         robots, pixels = scenario.robot_count, scenario.camera_pixels
         seen = steps if level is not Level.SUMMARY else 0

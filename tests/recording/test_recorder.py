@@ -16,6 +16,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from epuck_sim.cells import make_cells
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import RecordingError
 from epuck_sim.provenance import versions
 from epuck_sim.recording import pictures, recorder
@@ -24,7 +25,6 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.rerun_program import PROGRAM, run_rerun
 from epuck_sim.recording.scene import VIEW_CM
-from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation
 from epuck_sim.step import Step
@@ -132,7 +132,7 @@ class Found:
 class Trial(NamedTuple):
     """A trial that was recorded, and the same one as it was watched without a recorder."""
 
-    scenario: Scenario
+    scenario: EmbodiedScenario
     window: int
     found: Found
     watched: Watched
@@ -157,12 +157,14 @@ def towards(angles: Array) -> Array:
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
-def recorded(path: Path, scenario: Scenario, seed: int = 1, level: Level = Level.FULL, *others: Watched) -> TrialResult:
+def recorded(
+    path: Path, scenario: EmbodiedScenario, seed: int = 1, level: Level = Level.FULL, *others: Watched
+) -> TrialResult:
     with record(path, scenario, seed, level) as onlooker:
         return run_trial(Simulation(scenario, seed), [onlooker, *others])
 
 
-def load(source: str | Mapping[str, Any], seconds: float = 30) -> Scenario:
+def load(source: str | Mapping[str, Any], seconds: float = 30) -> EmbodiedScenario:
     return load_scenario(source, [f"stop.max_time_s={seconds}"])
 
 
@@ -592,9 +594,11 @@ def test_a_seed_may_be_of_any_size(tmp_path, seed: int) -> None:
 
 
 def test_what_the_scenario_leaves_out_is_written_out(tmp_path) -> None:
-    with record(tmp_path / "t.rrd", Scenario(), 0, Level.SUMMARY):
+    with record(tmp_path / "t.rrd", EmbodiedScenario(), 0, Level.SUMMARY):
         pass
     found = Found(tmp_path / "t.rrd")
-    assert Scenario.model_validate(parse_yaml(found.property("trial")["scenario"], "x")) == load_scenario(Scenario())
+    assert EmbodiedScenario.model_validate(parse_yaml(found.property("trial")["scenario"], "x")) == load_scenario(
+        EmbodiedScenario()
+    )
     assert found.property("outcome") == {"cycles": 0, "synchronised": False}
     assert not found.moving

@@ -1,0 +1,107 @@
+"""The models that a scenario can be of, and what is said of a mapping that makes none."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from epuck_sim.embodied import Box, Circle, EmbodiedScenario, Polygon
+from epuck_sim.errors import ScenarioError
+from epuck_sim.particles.scenario import Cone, Everybody, Nearest, ParticleScenario, Range
+from epuck_sim.scenario import Scenario
+from epuck_sim.wording import listed, shown, unknown
+
+MODELS: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
+
+VARIANTS = {"obstacles": (Circle, Box, Polygon), "neighbourhood": (Nearest, Range, Cone, Everybody)}
+"""Sections that are one of several, by their key."""
+
+TAGS = {"circle", "box", "polygon", "nearest", "range", "cone_of_vision", "cone_of_emission", "all"}
+"""What tells these apart, which pydantic counts as part of a key."""
+
+IN_PARTICLES = {
+    "arena": "space",
+    "arena.width_cm": "space.side_cm",
+    "arena.height_cm": "space.side_cm",
+    "robots": "agents, clocks, response and neighbourhood",
+    "noise": "clocks.jitter for clocks; agents neither sense nor drive",
+    "contact": "nothing, for agents are points",
+    "timing": "nothing, for time has no steps",
+    "stop.reference_robot": "stop.reference",
+    "stop.max_time_s": "stop.max_cycles",
+}
+"""Keys of embodied scenarios, and where in a particle scenario the same thing is said."""
+
+WORDS = {
+    "tuple_type": "a list",
+    "dict_type": "a mapping of keys to values",
+    "model_type": "a mapping of keys to values",
+    "model_attributes_type": "a mapping of keys to values",
+    "too_short": "at least one value",
+}
+"""What is allowed, in words of the file rather than of Python."""
+
+
+def validate(given: Mapping[str, Any], origin: str) -> Scenario:
+    """Return the scenario, of the model that it names; raises ScenarioError, each of whose lines begins with origin."""
+    model = given.get("model", "embodied")
+    if not isinstance(model, str) or model not in MODELS:
+        raise ScenarioError(f"{origin}: model: is {shown(model)}; allowed: {' or '.join(map(repr, MODELS))}")
+    kind = MODELS[model]
+    try:
+        return kind.model_validate(given)
+    except ValidationError as error:
+        raise ScenarioError("\n".join(_readable(kind, origin, detail) for detail in error.errors())) from error
+
+
+def _readable(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
+    """Return one of pydantic's errors as file: key: what was given; what is allowed."""
+    path = [str(part) for part in detail["loc"] if part not in TAGS]
+    key = ".".join(path)
+    where = f"{origin}: {key}" if path else origin
+    if detail["type"] == "extra_forbidden":
+        return f"{where}: {_misplaced(kind, path) or _unknown(kind, path)}"
+    if detail["type"] == "missing":
+        return f"{where}: is missing"
+    if detail["type"].startswith("union_tag"):
+        by, kinds = detail["ctx"]["discriminator"].strip("'"), detail["ctx"].get("expected_tags")
+        known = kinds or "'circle', 'box', 'polygon'" if by == "shape" else kinds or ", ".join(map(repr, KINDS))
+        return f"{where}: is {shown(detail['input'])}; allowed: a mapping with {by}: {known}"
+    message = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if detail["type"] == "value_error" and isinstance(detail["input"], dict):
+        return f"{where}: {message}"
+    return f"{where}: is {shown(detail['input'])}; allowed: {message}"
+
+
+KINDS = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
+
+
+def _unknown(kind: type[Scenario], path: list[str]) -> str:
+    known = _known_keys(kind, path[:-1])
+    return f"{unknown(path[-1], known)}; allowed: {listed(known)}"
+
+
+def _misplaced(kind: type[Scenario], path: list[str]) -> str | None:
+    """Return where a key of the other model belongs; None for one that no model has."""
+    if kind is ParticleScenario:
+        place = IN_PARTICLES.get(".".join(path))
+        return place and f"belongs to model: embodied; model: particles has {place}"
+    if len(path) == 1 and path[0] in ParticleScenario.model_fields:
+        return "belongs to model: particles; give that model, or leave it out"
+    return None
+
+
+def _known_keys(kind: type[Scenario], path: list[str]) -> list[str]:
+    """Return the keys of the section at `path`."""
+    section: Any = kind.model_validate({"model": kind_name(kind), "sweep": {"grid": {"model": [0]}}})
+    for part in path:
+        if part in VARIANTS:
+            return list(dict.fromkeys(key for variant in VARIANTS[part] for key in variant.model_fields))
+        section = section[0] if isinstance(section, tuple) else getattr(section, part)
+    return list(type(section).model_fields) if isinstance(section, BaseModel) else []
+
+
+def kind_name(kind: type[Scenario]) -> str:
+    """Return the name of a model."""
+    return next(name for name, each in MODELS.items() if each is kind)

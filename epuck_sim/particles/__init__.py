@@ -1,0 +1,1 @@
+"""Oscillators without bodies: the event-driven model of thesis chapters 3 and 5."""
