@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from epuck_sim.errors import RecordingError as RecordingError
     from epuck_sim.errors import ScenarioError as ScenarioError
     from epuck_sim.errors import StoreError as StoreError
+    from epuck_sim.particles.swarm import Swarm as Swarm
+    from epuck_sim.particles.trial import run_swarm as run_swarm
     from epuck_sim.recording.reader import read_recording as read_recording
     from epuck_sim.recording.recorder import record as record
     from epuck_sim.results import read_points as read_points
@@ -35,12 +37,14 @@ _HOMES = {
     "Simulation": "simulation",
     "Step": "step",
     "StoreError": "errors",
+    "Swarm": "particles.swarm",
     "TrialResult": "trial",
     "load_scenario": "scenario_file",
     "points": "sweep",
     "read_points": "results",
     "read_recording": "recording.reader",
     "record": "recording.recorder",
+    "run_swarm": "particles.trial",
     "run_sweep": "batch",
     "run_trial": "trial",
     "summarize": "summary",

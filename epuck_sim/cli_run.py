@@ -18,10 +18,10 @@ from epuck_sim.report import Progress, print_json, print_table, tell
 from epuck_sim.results import read_outcome, read_status
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import RUN_SCENARIO, load_scenario
-from epuck_sim.simulation import Simulation
 from epuck_sim.sweep import points
 from epuck_sim.sweep_report import SweepProgress, print_status
-from epuck_sim.trial import TrialResult, run_trial
+from epuck_sim.trial import TrialResult
+from epuck_sim.trials import make_model, run_model
 from epuck_sim.watching import Output, watching
 
 
@@ -61,15 +61,15 @@ def record_again(folder: Path, point: int, trial: int, output: Output) -> None:
 
 def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: Output) -> list[TrialResult]:
     results: list[TrialResult] = []
-    with watching(output, len(trials)) as watchers:
+    with watching(output, [scenario for scenario, _ in trials]) as watchers:
         try:
             with Progress(len(trials)) as progress, naming(origin):
                 for trial, (scenario, seed) in enumerate(trials):
                     with ExitStack() as stack:
                         onlookers = [stack.enter_context(watch(trial, scenario, seed)) for watch in watchers]
-                        simulation = Simulation(scenario, seed, interpret=output.interpret)
+                        model = make_model(scenario, seed, interpret=output.interpret)
                         progress.begin(trial)
-                        results.append(run_trial(simulation, [progress, *onlookers]))
+                        results.append(run_model(model, onlookers, progress))
                         if output.as_json:
                             print_json(results[-1])
         finally:

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import platformdirs
 from numba import __version__ as numba_version
@@ -51,10 +51,12 @@ def cache_root() -> Path:
         return Path(tempfile.gettempdir()) / f"epuck-sim-{user}"
 
 
-def compile_cached(function: Function, contents_digest: str, *, careful: bool) -> Function:
+def compile_cached(function: Function, contents_digest: str, *, careful: bool, allocates: bool = True) -> Function:
     """Return `function` compiled by numba, cached under `contents_digest`.
 
     careful: a divisor of 0 and an index out of bounds raise, as in Python; else they are the function's own business.
+    allocates: whether it may make arrays. If not, nobody counts who uses them, and helpers are written in place instead
+    of called: either would take longer than what small helpers do.
     Neither fast-math nor parallel loops: both would break equality bit for bit.
     """
     with _redirecting:  # numba reads the folder once, when a function is decorated
@@ -63,7 +65,9 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool) -
         settings["CACHE_DIR"] = str(cache_root() / contents_digest)
         try:
             division: Literal["python", "numpy"] = "python" if careful else "numpy"
-            return cast(Function, njit(cache=True, error_model=division, boundscheck=careful)(function))
+            leaner: dict[str, Any] = {} if allocates else {"_nrt": False, "forceinline": True}
+            compiled = njit(cache=True, error_model=division, boundscheck=careful, **leaner)(function)
+            return cast(Function, compiled)
         finally:
             settings["CACHE_DIR"] = before
 
@@ -71,3 +75,8 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool) -
 def kernel(function: Function) -> Function:
     """Compile a function of this package; helpers that it calls must be kernels too."""
     return compile_cached(function, package_digest(), careful=False)
+
+
+def lean_kernel(function: Function) -> Function:
+    """Compile a function that makes no arrays, nor do its helpers: lean kernels, or kernels of numbers."""
+    return compile_cached(function, package_digest(), careful=False, allocates=False)

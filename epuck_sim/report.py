@@ -12,6 +12,7 @@ from rich.status import Status
 from rich.table import Table
 from rich.text import Text
 
+from epuck_sim.particles.swarm import Swarm
 from epuck_sim.provenance import versions
 from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
@@ -45,14 +46,21 @@ class Progress:
 
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:
         """Show a step, if it is time to."""
+        if time.perf_counter() >= self._next:
+            self._show(step.time_s, watch.cycles, watch.order_parameter)
+
+    def of_swarm(self, swarm: Swarm) -> None:
+        """Show a swarm of point-like agents, if it is time to."""
+        if time.perf_counter() >= self._next:
+            self._show(swarm.time_s, swarm.cycles, swarm.order_parameter)
+
+    def _show(self, time_s: float, cycles: int, order_parameter: float | None) -> None:
         now = time.perf_counter()
-        if now < self._next:
-            return
         self._next = now + self._pause_s
-        r = "" if watch.order_parameter is None else f", order parameter {watch.order_parameter:.3f}"
+        r = "" if order_parameter is None else f", order parameter {order_parameter:.3f}"
         text = (
-            f"trial {self._trial + 1} of {self._trials}: {step.time_s:.1f} s simulated, {watch.cycles} cycles{r}, "
-            f"{step.time_s / (now - self._began):.0f} x real time"
+            f"trial {self._trial + 1} of {self._trials}: {time_s:.1f} s simulated, {cycles} cycles{r}, "
+            f"{time_s / (now - self._began):.0f} x real time"
         )
         if self._status:
             self._status.update(text)

@@ -27,7 +27,7 @@ class TrialResult(NamedTuple):
     order_parameter: float | None
     """At the last of them; None if there was none."""
     steps: int
-    """Control steps."""
+    """Control steps; of point-like agents, instants at which some fired."""
     simulated_s: float
     wall_s: float
 

@@ -1,19 +1,20 @@
 """Who looks on while trials run for the command line: a trace, a recording, a viewer."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from epuck_sim.embodied import EmbodiedScenario
+from epuck_sim.errors import ScenarioError
 from epuck_sim.files import trial_paths
 from epuck_sim.recording.level import Level
 from epuck_sim.report import tell
 from epuck_sim.scenario import Scenario
 from epuck_sim.trace import Trace
-from epuck_sim.trial import Onlooker
 
-Watcher = Callable[[int, Scenario, int], AbstractContextManager[Onlooker]]
-"""Gives an onlooker for a trial's number, scenario and seed."""
+Watcher = Callable[[int, Scenario, int], AbstractContextManager[Callable[[Any, Any], None]]]
+"""Gives an onlooker for a trial's number, scenario and seed, of the kind that the scenario's model has."""
 
 
 class Showing(NamedTuple):
@@ -38,15 +39,19 @@ class Output(NamedTuple):
 
 
 @contextmanager
-def watching(output: Output, trials: int) -> Iterator[list[Watcher]]:
-    """Yield those who are to look on at each of so many trials; a viewer stays open until the user closes it.
+def watching(output: Output, scenarios: Sequence[Scenario]) -> Iterator[list[Watcher]]:
+    """Yield those who are to look on at trials of these scenarios; a viewer stays open until the user closes it.
 
-    Raises EpuckSimError where a file cannot be written, or a viewer not be opened.
+    Raises EpuckSimError where a file cannot be written, a viewer not be opened, or there is nothing to look at.
     """
     watchers: list[Watcher] = []
+    trials = len(scenarios)
+    if output.trace is not None or output.live is not None:
+        for scenario in scenarios:
+            _bodies(scenario)
     if output.trace is not None:
         traces = trial_paths(output.trace, trials)
-        watchers.append(lambda trial, scenario, seed: Trace(traces[trial], scenario, seed))
+        watchers.append(lambda trial, scenario, seed: Trace(traces[trial], _bodies(scenario), seed))
     if output.record is not None:
         from epuck_sim.recording.recorder import record  # noqa: PLC0415 rerun takes half a second
         from epuck_sim.recording.rrd_file import check_recording_target  # noqa: PLC0415
@@ -61,8 +66,18 @@ def watching(output: Output, trials: int) -> Iterator[list[Watcher]]:
 
     speed = output.live.speed
     with live_viewer(output.live.port, tell) as (viewer, intake):
-        watchers.append(lambda _, scenario, seed: live(viewer, intake, scenario, seed, output.level, speed))
+        watchers.append(lambda _, scenario, seed: live(viewer, intake, _bodies(scenario), seed, output.level, speed))
         yield watchers
         tell("press Ctrl-C to end" if output.live.port else "close the viewer to end")
         with suppress(KeyboardInterrupt):
             viewer.wait()
+
+
+def _bodies(scenario: Scenario) -> EmbodiedScenario:
+    """Return a scenario that is of robots with bodies; raises ScenarioError for another."""
+    if not isinstance(scenario, EmbodiedScenario):
+        raise ScenarioError(
+            f"{scenario.name}: --trace and --live are for model: embodied; give --record FILE.rrd for model: "
+            f"{scenario.model}"
+        )
+    return scenario

@@ -10,8 +10,8 @@ from typing import NamedTuple
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.provenance import host, versions
 from epuck_sim.scenario import Scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.trial import TrialResult, run_trial
+from epuck_sim.trial import TrialResult
+from epuck_sim.trials import make_model, run_model
 
 
 class Task(NamedTuple):
@@ -44,7 +44,7 @@ def prepare(tasks: Sequence[Task]) -> None:
     """Set up the trials and take no step, so that other workers find compiled code in the cache."""
     for task in tasks:
         with suppress(Exception):  # the trial itself will tell
-            Simulation(task.scenario, task.seed, interpret=task.interpret)
+            make_model(task.scenario, task.seed, interpret=task.interpret)
 
 
 def carry_out(tasks: Sequence[Task]) -> list[Outcome]:
@@ -54,7 +54,7 @@ def carry_out(tasks: Sequence[Task]) -> list[Outcome]:
 
 def _carry_out(task: Task) -> Outcome:
     try:
-        result, error = run_trial(Simulation(task.scenario, task.seed, interpret=task.interpret)), None
+        result, error = run_model(make_model(task.scenario, task.seed, interpret=task.interpret)), None
     except EpuckSimError as problem:
         result, error = None, str(problem)
     except BaseException as problem:  # one trial's failure, whatever it is, must not end the others

@@ -11,6 +11,9 @@ from pydantic import Field, model_validator
 from epuck_sim.scenario import Scenario, StopSection
 from epuck_sim.section import Number, Positive, Section, Whole
 
+MOST_SIDES = 1000
+"""So many walls are reached in a cycle at most; a hundred times the fastest in the thesis."""
+
 
 class SpaceSection(Section):
     """Where agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
@@ -140,6 +143,11 @@ class ParticleScenario(Scenario):
     @model_validator(mode="after")
     def _fits(self) -> "ParticleScenario":
         others = self.agents.count - 1
+        if self.agents.speed_cm_s * self.clocks.period_s > MOST_SIDES * self.space.side_cm:
+            raise ValueError(
+                f"agents.speed_cm_s is {self.agents.speed_cm_s:g}; allowed: up to {MOST_SIDES} times space.side_cm "
+                "in a clocks.period_s"
+            )
         if isinstance(self.neighbourhood, Nearest) and self.neighbourhood.k > max(others, 1):
             raise ValueError(
                 f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {others}, for agents.count is {others + 1}"

@@ -12,6 +12,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.embodied import EmbodiedScenario
+from epuck_sim.errors import ScenarioError
 from epuck_sim.provenance import versions
 from epuck_sim.recording.chunks import still, strictly
 from epuck_sim.recording.layout import layout_file
@@ -21,6 +22,7 @@ from epuck_sim.recording.rrd_file import rrd_file
 from epuck_sim.recording.scene import make_stage, scene, set_scene, warm_up
 from epuck_sim.recording.series import series, series_styles
 from epuck_sim.recording.window import Columns, Window
+from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario, write_scenario
 from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
@@ -40,15 +42,15 @@ OUTCOME = "outcome"
 
 
 @contextmanager
-def record(path: Path, scenario: EmbodiedScenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
+def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
     """Yield an onlooker of a trial (see `trial.run_trial`) that records it into a file for the rerun viewer.
 
     The file gets its name when the block ends; where it ends with an error, nothing is left behind.
     Raises EpuckSimError where the file cannot be written.
     """
-    loaded = load_scenario(scenario)  # with every default written out
-    assert isinstance(loaded, EmbodiedScenario)
-    scenario = loaded
+    scenario = load_scenario(scenario)  # with every default written out
+    if not isinstance(scenario, EmbodiedScenario):
+        raise ScenarioError(f"{scenario.name}: model: {scenario.model} cannot be recorded yet")
     layout = layout_file(level, scenario.arena.width_cm, scenario.arena.height_cm)
     with rrd_file(path, recording_id(scenario, seed, level), layout) as write:
         recorder = Recorder(scenario, seed, level, WINDOW_S, write)

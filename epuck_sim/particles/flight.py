@@ -1,0 +1,195 @@
+"""Agents on their way: straight flights from wall to wall, and where everybody is at any time (thesis 3.1, 5.1.2).
+
+Nobody is moved while time passes. A flight knows where and when it began and when it ends; who asks where an agent is
+has its flights carried on first. Each agent draws directions from a stream of its own, so that it makes no difference
+when that happens, and so that two swarms of one seed move alike whatever their oscillators do.
+
+Times are in cycles since the present cycle began (see `clocks`), lengths in cm.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.compiled import lean_kernel
+from epuck_sim.particles.least import place_of_least
+from epuck_sim.randomness import uniform
+
+Floats = npt.NDArray[np.float64]
+Streams = npt.NDArray[np.uint64]
+
+
+class Flights(NamedTuple):
+    """The present flight of each agent, in a segment, square or cube from 0 to `side_cm`."""
+
+    side_cm: float
+    is_cyclic: bool
+    origin: Floats
+    """(dimensions, agents) cm: where the flight began."""
+    heading: Floats
+    """(dimensions, agents) unit vectors."""
+    speed: Floats
+    """(agents,) cm in a cycle."""
+    began: Floats
+    """(agents,)"""
+    ends: Floats
+    """(agents,) when a wall is reached; inf for who stands still."""
+    wall: npt.NDArray[np.int64]
+    """(agents,) which wall: twice the axis, and 1 more for the one at `side_cm`."""
+    soonest: Floats
+    """(1,) the earliest end."""
+    streams: Streams
+    """(agents, 4) random numbers."""
+
+
+def take_off(
+    side_cm: float, is_cyclic: bool, origin: Floats, heading: Floats, speed: Floats, streams: Streams
+) -> Flights:
+    """Return the flights of agents that set out at time 0."""
+    agents = len(speed)
+    began, ends, wall = np.zeros(agents), np.empty(agents), np.zeros(agents, np.int64)
+    flights = Flights(side_cm, is_cyclic, origin, heading, speed, began, ends, wall, np.empty(1), streams)
+    plan_all(flights)
+    return flights
+
+
+@lean_kernel
+def plan_all(flights: Flights) -> None:
+    """Find when all flights end."""
+    for agent in range(len(flights.speed)):
+        plan(flights, agent)
+    flights.soonest[0] = flights.ends[first_to_end(flights)]
+
+
+@lean_kernel
+def plan(flights: Flights, agent: int) -> None:
+    """Find when an agent's flight ends, and where."""
+    lasts = math.inf
+    for axis in range(len(flights.origin)):
+        velocity = flights.heading[axis, agent] * flights.speed[agent]
+        if velocity > 0:
+            until = (flights.side_cm - flights.origin[axis, agent]) / velocity
+        elif velocity < 0:
+            until = -flights.origin[axis, agent] / velocity
+        else:
+            continue
+        if until < lasts:
+            lasts = until
+            flights.wall[agent] = 2 * axis + (velocity > 0)
+    flights.ends[agent] = flights.began[agent] + lasts
+
+
+@lean_kernel
+def move(flights: Flights, agent: int, time: float) -> None:
+    """Have an agent's flight begin where it is at `time`, no later than its end."""
+    flown = flights.speed[agent] * (time - flights.began[agent])
+    for axis in range(len(flights.origin)):
+        reached = flights.origin[axis, agent] + flights.heading[axis, agent] * flown
+        flights.origin[axis, agent] = min(max(reached, 0.0), flights.side_cm)
+    flights.began[agent] = time
+
+
+@lean_kernel
+def turn(flights: Flights, agent: int) -> None:
+    """End an agent's flight at its wall: it comes in at the opposite one, or sets out in a new direction."""
+    axis, is_far = flights.wall[agent] // 2, flights.wall[agent] % 2 == 1
+    move(flights, agent, flights.ends[agent])
+    flights.origin[axis, agent] = flights.side_cm if is_far != flights.is_cyclic else 0.0
+    if not flights.is_cyclic:
+        set_out(flights.heading[:, agent], axis, -1.0 if is_far else 1.0, flights.streams[agent])
+    plan(flights, agent)
+
+
+@lean_kernel
+def set_out(heading: Floats, axis: int, inward: float, stream: npt.NDArray[np.uint64]) -> None:
+    """Point a heading, (dimensions,), away from a wall: anywhere within 90 degrees of its normal.
+
+    axis, inward: the normal's axis, and 1 or -1, its sign. In a square the angle to it is uniform (thesis 3.1), in a
+    cube the direction, over the hemisphere; in a segment there is but one.
+    """
+    if len(heading) == 1:
+        heading[0] = inward
+    elif len(heading) == 2:
+        angle = math.pi * (uniform(stream) - 0.5)
+        heading[axis] = inward * math.cos(angle)
+        heading[1 - axis] = math.sin(angle)
+    else:
+        point(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
+
+
+@lean_kernel
+def set_out_anywhere(heading: Floats, stream: npt.NDArray[np.uint64]) -> None:
+    """Point a heading, (dimensions,), in a direction that is uniform over all of them."""
+    if len(heading) == 1:
+        heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
+    elif len(heading) == 2:
+        angle = 2 * math.pi * uniform(stream)
+        heading[0] = math.cos(angle)
+        heading[1] = math.sin(angle)
+    else:
+        point(heading, 2, 2 * uniform(stream) - 1, uniform(stream))
+
+
+@lean_kernel
+def point(heading: Floats, axis: int, height: float, turned: float) -> None:
+    """Point a heading, (3,), to this height, -1 to 1, along an axis, turned by a share of a circle around it."""
+    rim = math.sqrt(1 - height * height)
+    heading[axis] = height
+    heading[(axis + 1) % 3] = rim * math.cos(2 * math.pi * turned)
+    heading[(axis + 2) % 3] = rim * math.sin(2 * math.pi * turned)
+
+
+@lean_kernel
+def carry_on(flights: Flights, time: float) -> None:
+    """Have everybody whose flight ends before `time` set out again, as often as that takes."""
+    if time < flights.soonest[0]:
+        return
+    for agent in range(len(flights.speed)):
+        while flights.ends[agent] <= time:
+            turn(flights, agent)
+    flights.soonest[0] = flights.ends[first_to_end(flights)]
+
+
+@lean_kernel
+def first_to_end(flights: Flights) -> int:
+    """Return who reaches a wall first."""
+    return place_of_least(flights.ends)
+
+
+@lean_kernel
+def turn_next(flights: Flights) -> int:
+    """Have the one set out again whose flight ends first; return who it is."""
+    agent = first_to_end(flights)
+    turn(flights, agent)
+    flights.soonest[0] = flights.ends[first_to_end(flights)]
+    return agent
+
+
+@lean_kernel
+def reorient(flights: Flights, agent: int, time: float) -> None:
+    """Have an agent set out anywhere at `time`, no later than its flight's end (D.1)."""
+    move(flights, agent, time)
+    set_out_anywhere(flights.heading[:, agent], flights.streams[agent])
+    plan(flights, agent)
+    flights.soonest[0] = min(flights.soonest[0], flights.ends[agent])
+
+
+@lean_kernel
+def begin_cycle(flights: Flights) -> None:
+    """Count times from a cycle later."""
+    for agent in range(len(flights.began)):
+        flights.began[agent] -= 1.0
+        flights.ends[agent] -= 1.0
+    flights.soonest[0] -= 1.0
+
+
+@lean_kernel
+def locate(flights: Flights, time: float, places: Floats) -> None:
+    """Write (dimensions, agents) cm where everybody is at `time` to `places`; flights go on."""
+    carry_on(flights, time)
+    for axis in range(len(places)):
+        for agent in range(len(flights.speed)):
+            flown = flights.speed[agent] * (time - flights.began[agent])
+            places[axis, agent] = flights.origin[axis, agent] + flights.heading[axis, agent] * flown

@@ -1,0 +1,38 @@
+"""The least of some numbers, and where it stands; without branches, for which number is less cannot be foretold."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.compiled import lean_kernel
+
+Floats = npt.NDArray[np.float64]
+
+
+@lean_kernel
+def least(values: Floats, first: int, last: int) -> float:
+    """Return the least of `values[first:last]`, inf if there are none.
+
+    Four are compared at a time, because each comparison has to wait for the one before.
+    """
+    a = b = c = d = math.inf
+    whole = last - (last - first) % 4
+    for place in range(first, whole, 4):
+        a = min(a, values[place])
+        b = min(b, values[place + 1])
+        c = min(c, values[place + 2])
+        d = min(d, values[place + 3])
+    for place in range(whole, last):
+        a = min(a, values[place])
+    return min(a, b, c, d)
+
+
+@lean_kernel
+def place_of_least(values: Floats) -> int:
+    """Return where the least of `values`, of which there is one, stands first."""
+    lowest = least(values, 0, len(values))
+    found = 0
+    for place in range(len(values) - 1, -1, -1):
+        found = place if values[place] == lowest else found
+    return found

@@ -1,0 +1,45 @@
+"""Trials of any model: what is simulated, and how it is run."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Protocol
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.particles.scenario import ParticleScenario
+from epuck_sim.particles.swarm import Swarm
+from epuck_sim.particles.trial import run_swarm
+from epuck_sim.scenario import Scenario
+from epuck_sim.simulation import Simulation
+from epuck_sim.step import Step
+from epuck_sim.synchrony import SynchronyWatch
+from epuck_sim.trial import TrialResult, run_trial
+
+
+class Progress(Protocol):
+    """Is shown now and then how far a trial is."""
+
+    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
+        """Look at robots."""
+
+    def of_swarm(self, swarm: Swarm) -> None:
+        """Look at point-like agents."""
+
+
+def make_model(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulation | Swarm:
+    """Return what a scenario's trial simulates; what it needs is compiled then.
+
+    Raises ScenarioError where controllers are to be interpreted and there are none, and what its model raises.
+    """
+    if not isinstance(scenario, ParticleScenario):
+        return Simulation(scenario, seed, interpret=interpret)
+    if interpret:
+        raise ScenarioError(f"{scenario.name}: model: particles has no controllers to interpret; leave --interpret out")
+    return Swarm(scenario, seed)
+
+
+def run_model(
+    model: Simulation | Swarm, onlookers: Iterable[Callable[[Any, Any], None]] = (), progress: Progress | None = None
+) -> TrialResult:
+    """Run a trial to its end; onlookers: of the model's own kind, see `run_trial` and `run_swarm`."""
+    if isinstance(model, Swarm):
+        return run_swarm(model, onlookers, progress.of_swarm) if progress else run_swarm(model, onlookers)
+    return run_trial(model, [progress, *onlookers] if progress else onlookers)
