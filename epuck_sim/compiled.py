@@ -51,12 +51,11 @@ def cache_root() -> Path:
         return Path(tempfile.gettempdir()) / f"epuck-sim-{user}"
 
 
-def compile_cached(function: Function, contents_digest: str, *, careful: bool, allocates: bool = True) -> Function:
+def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
     """Return `function` compiled by numba, cached under `contents_digest`.
 
     careful: a divisor of 0 and an index out of bounds raise, as in Python; else they are the function's own business.
-    allocates: whether it may make arrays. If not, nobody counts who uses them, and helpers are written in place instead
-    of called: either would take longer than what small helpers do.
+    options: further ones of numba's.
     Neither fast-math nor parallel loops: both would break equality bit for bit.
     """
     with _redirecting:  # numba reads the folder once, when a function is decorated
@@ -65,8 +64,8 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, a
         settings["CACHE_DIR"] = str(cache_root() / contents_digest)
         try:
             division: Literal["python", "numpy"] = "python" if careful else "numpy"
-            leaner: dict[str, Any] = {} if allocates else {"_nrt": False, "forceinline": True}
-            compiled = njit(cache=True, error_model=division, boundscheck=careful, **leaner)(function)
+            compiler: Any = njit  # whose types do not know all of its options
+            compiled = compiler(cache=True, error_model=division, boundscheck=careful, **options)(function)
             return cast(Function, compiled)
         finally:
             settings["CACHE_DIR"] = before
@@ -78,5 +77,14 @@ def kernel(function: Function) -> Function:
 
 
 def lean_kernel(function: Function) -> Function:
-    """Compile a function that makes no arrays, nor do its helpers: lean kernels, or kernels of numbers."""
-    return compile_cached(function, package_digest(), careful=False, allocates=False)
+    """Compile a function that makes no arrays, nor do its helpers, which are lean kernels, too.
+
+    Then nobody needs to count who uses an array, which takes longer than what small functions do; and it is an error
+    to make one.
+    """
+    return compile_cached(function, package_digest(), careful=False, _nrt=False)
+
+
+def inlined_kernel(function: Function) -> Function:
+    """Compile a lean kernel that is written in place wherever it is called: to hand over many arrays takes time."""
+    return compile_cached(function, package_digest(), careful=False, _nrt=False, forceinline=True)

@@ -9,7 +9,7 @@ import hashlib
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import lean_kernel
+from epuck_sim.compiled import inlined_kernel
 
 SEED_BITS = 53
 """Derived seeds have this many bits: every JSON reader and spreadsheet gives them back unchanged."""
@@ -46,7 +46,7 @@ def robot_streams(sequence: np.random.SeedSequence, robots: int) -> npt.NDArray[
     return words.reshape(robots, 4)
 
 
-@lean_kernel
+@inlined_kernel
 def next_word(random: npt.NDArray[np.uint64]) -> np.uint64:
     """Return 64 random bits and advance the stream `random`, (4,) (xoshiro256++, Blackman and Vigna 2019)."""
     total = random[0] + random[3]
@@ -61,13 +61,13 @@ def next_word(random: npt.NDArray[np.uint64]) -> np.uint64:
     return word
 
 
-@lean_kernel
+@inlined_kernel
 def uniform(random: npt.NDArray[np.uint64]) -> float:
     """Return a random number from [0, 1) from a robot's stream."""
     return (next_word(random) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@lean_kernel
+@inlined_kernel
 def below(random: npt.NDArray[np.uint64], limit: int) -> int:
     """Return a random whole number from 0 to `limit` - 1 from a robot's stream; `limit` up to 2**31."""
     return int(uniform(random) * limit)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import lean_kernel
+from epuck_sim.compiled import inlined_kernel
 from epuck_sim.particles.least import least
 
 Floats = npt.NDArray[np.float64]
@@ -47,7 +47,7 @@ def start_clocks(phases: Floats, period: Floats) -> Clocks:
     return Clocks(due, period, np.empty(blocks), np.ones(blocks, np.bool_), np.zeros(1), np.zeros(1, np.int64))
 
 
-@lean_kernel
+@inlined_kernel
 def set_due(clocks: Clocks, agent: int, time: float) -> None:
     """Have an oscillator fire at `time`."""
     block = agent // BLOCK
@@ -57,7 +57,7 @@ def set_due(clocks: Clocks, agent: int, time: float) -> None:
     clocks.earliest[block] = min(clocks.earliest[block], time)
 
 
-@lean_kernel
+@inlined_kernel
 def next_due(clocks: Clocks) -> float:
     """Return when the next oscillator fires."""
     soonest = math.inf
@@ -70,7 +70,7 @@ def next_due(clocks: Clocks) -> float:
     return soonest
 
 
-@lean_kernel
+@inlined_kernel
 def find_due(clocks: Clocks, time: float, found: npt.NDArray[np.int64]) -> int:
     """Write the numbers of all who fire at the instant `time` to `found`, (agents + 1,); return how many they are."""
     count = 0
@@ -82,14 +82,14 @@ def find_due(clocks: Clocks, time: float, found: npt.NDArray[np.int64]) -> int:
     return count
 
 
-@lean_kernel
+@inlined_kernel
 def phase_at(clocks: Clocks, agent: int, time: float) -> float:
     """Return an oscillator's phase at `time`, no later than it fires."""
     phase: float = 1 - (clocks.due[agent] - time) / clocks.period[agent]
     return phase
 
 
-@lean_kernel
+@inlined_kernel
 def begin_next_cycle(clocks: Clocks) -> None:
     """Count times from a cycle later."""
     for agent in range(len(clocks.due)):

@@ -19,10 +19,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import lean_kernel
+from epuck_sim.compiled import inlined_kernel
 from epuck_sim.particles.clocks import Clocks, begin_next_cycle, find_due, next_due, phase_at, set_due
-from epuck_sim.particles.flight import Flights, begin_cycle, carry_on, reorient, turn_next
-from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours, find_neighbours
+from epuck_sim.particles.flight import Flights, begin_cycle, carry_on, first_to_end, reorient, turn_next
+from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours
+from epuck_sim.particles.neighbours import find_neighbours
 from epuck_sim.particles.response import CURVES, Response, shifted
 from epuck_sim.particles.scenario import ParticleScenario
 
@@ -92,20 +93,22 @@ def make_instant(agents: int) -> Instant:
     return Instant(fired, heard, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), tally)
 
 
-@lean_kernel
+@inlined_kernel
 def next_event(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, instant: Instant) -> int:
     """Go to the next event; return who reaches a wall, or -1 if it is an instant at which some fire."""
-    while min(next_due(clocks), flights.soonest[0]) >= 1.0:
+    turning = flights.ends[first_to_end(flights)]
+    while min(next_due(clocks), turning) >= 1.0:
         begin_next(flights, hood, clocks)
-    if flights.soonest[0] <= next_due(clocks):
-        clocks.now[0] = flights.soonest[0]
+        turning -= 1.0
+    if turning <= next_due(clocks):
+        clocks.now[0] = turning
         instant.tally[SYNCHRONISED] = 0
         return turn_next(flights)
     advance(flights, hood, clocks, rules, instant, instant.tally[INSTANTS] + 1, ENDLESS, ENDLESS, 0.0)
     return -1
 
 
-@lean_kernel
+@inlined_kernel
 def begin_next(flights: Flights, hood: Neighbourhood, clocks: Clocks) -> None:
     """Count all times from a cycle later."""
     begin_next_cycle(clocks)
@@ -113,7 +116,7 @@ def begin_next(flights: Flights, hood: Neighbourhood, clocks: Clocks) -> None:
     begin_cycle_of_neighbours(hood)
 
 
-@lean_kernel
+@inlined_kernel
 def advance(
     flights: Flights,
     hood: Neighbourhood,
@@ -160,7 +163,7 @@ def advance(
         instant.order[0] = measure_order(clocks, rules.metric, clocks.now[0])
 
 
-@lean_kernel
+@inlined_kernel
 def fire(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, instant: Instant, time: float) -> None:
     """Let all fire that are due at `time`, and all that they make fire."""
     agents = len(clocks.due)
@@ -199,7 +202,7 @@ def fire(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, in
     instant.counts[1] = hearing
 
 
-@lean_kernel
+@inlined_kernel
 def reorient_all(flights: Flights, rules: Rules, instant: Instant, time: float) -> None:
     """Have those set out anywhere who emitted, or received, a pulse; nobody twice."""
     carry_on(flights, time)
@@ -216,7 +219,7 @@ def reorient_all(flights: Flights, rules: Rules, instant: Instant, time: float) 
         instant.is_done[agent] = False
 
 
-@lean_kernel
+@inlined_kernel
 def are_near(clocks: Clocks, rules: Rules, time: float) -> bool:
     """Whether all phases are near enough to that of the reference, 0, for the threshold to be reached at all."""
     for agent in range(len(clocks.due)):
@@ -226,7 +229,7 @@ def are_near(clocks: Clocks, rules: Rules, time: float) -> bool:
     return True
 
 
-@lean_kernel
+@inlined_kernel
 def measure_order(clocks: Clocks, metric: int, time: float) -> float:
     """Return the order parameter at `time`, at which the reference is at phase 0."""
     cosines, sines = 0.0, 0.0

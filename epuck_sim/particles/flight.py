@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import lean_kernel
+from epuck_sim.compiled import inlined_kernel
 from epuck_sim.particles.least import place_of_least
 from epuck_sim.randomness import uniform
 
@@ -55,7 +55,7 @@ def take_off(
     return flights
 
 
-@lean_kernel
+@inlined_kernel
 def plan_all(flights: Flights) -> None:
     """Find when all flights end."""
     for agent in range(len(flights.speed)):
@@ -63,7 +63,7 @@ def plan_all(flights: Flights) -> None:
     flights.soonest[0] = flights.ends[first_to_end(flights)]
 
 
-@lean_kernel
+@inlined_kernel
 def plan(flights: Flights, agent: int) -> None:
     """Find when an agent's flight ends, and where."""
     lasts = math.inf
@@ -81,7 +81,7 @@ def plan(flights: Flights, agent: int) -> None:
     flights.ends[agent] = flights.began[agent] + lasts
 
 
-@lean_kernel
+@inlined_kernel
 def move(flights: Flights, agent: int, time: float) -> None:
     """Have an agent's flight begin where it is at `time`, no later than its end."""
     flown = flights.speed[agent] * (time - flights.began[agent])
@@ -91,7 +91,7 @@ def move(flights: Flights, agent: int, time: float) -> None:
     flights.began[agent] = time
 
 
-@lean_kernel
+@inlined_kernel
 def turn(flights: Flights, agent: int) -> None:
     """End an agent's flight at its wall: it comes in at the opposite one, or sets out in a new direction."""
     axis, is_far = flights.wall[agent] // 2, flights.wall[agent] % 2 == 1
@@ -102,7 +102,7 @@ def turn(flights: Flights, agent: int) -> None:
     plan(flights, agent)
 
 
-@lean_kernel
+@inlined_kernel
 def set_out(heading: Floats, axis: int, inward: float, stream: npt.NDArray[np.uint64]) -> None:
     """Point a heading, (dimensions,), away from a wall: anywhere within 90 degrees of its normal.
 
@@ -119,7 +119,7 @@ def set_out(heading: Floats, axis: int, inward: float, stream: npt.NDArray[np.ui
         point(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
 
 
-@lean_kernel
+@inlined_kernel
 def set_out_anywhere(heading: Floats, stream: npt.NDArray[np.uint64]) -> None:
     """Point a heading, (dimensions,), in a direction that is uniform over all of them."""
     if len(heading) == 1:
@@ -132,7 +132,7 @@ def set_out_anywhere(heading: Floats, stream: npt.NDArray[np.uint64]) -> None:
         point(heading, 2, 2 * uniform(stream) - 1, uniform(stream))
 
 
-@lean_kernel
+@inlined_kernel
 def point(heading: Floats, axis: int, height: float, turned: float) -> None:
     """Point a heading, (3,), to this height, -1 to 1, along an axis, turned by a share of a circle around it."""
     rim = math.sqrt(1 - height * height)
@@ -141,7 +141,7 @@ def point(heading: Floats, axis: int, height: float, turned: float) -> None:
     heading[(axis + 2) % 3] = rim * math.sin(2 * math.pi * turned)
 
 
-@lean_kernel
+@inlined_kernel
 def carry_on(flights: Flights, time: float) -> None:
     """Have everybody whose flight ends before `time` set out again, as often as that takes."""
     if time < flights.soonest[0]:
@@ -152,13 +152,13 @@ def carry_on(flights: Flights, time: float) -> None:
     flights.soonest[0] = flights.ends[first_to_end(flights)]
 
 
-@lean_kernel
+@inlined_kernel
 def first_to_end(flights: Flights) -> int:
     """Return who reaches a wall first."""
-    return place_of_least(flights.ends)
+    return place_of_least(flights.ends, len(flights.ends))
 
 
-@lean_kernel
+@inlined_kernel
 def turn_next(flights: Flights) -> int:
     """Have the one set out again whose flight ends first; return who it is."""
     agent = first_to_end(flights)
@@ -167,7 +167,7 @@ def turn_next(flights: Flights) -> int:
     return agent
 
 
-@lean_kernel
+@inlined_kernel
 def reorient(flights: Flights, agent: int, time: float) -> None:
     """Have an agent set out anywhere at `time`, no later than its flight's end (D.1)."""
     move(flights, agent, time)
@@ -176,7 +176,7 @@ def reorient(flights: Flights, agent: int, time: float) -> None:
     flights.soonest[0] = min(flights.soonest[0], flights.ends[agent])
 
 
-@lean_kernel
+@inlined_kernel
 def begin_cycle(flights: Flights) -> None:
     """Count times from a cycle later."""
     for agent in range(len(flights.began)):
@@ -185,7 +185,7 @@ def begin_cycle(flights: Flights) -> None:
     flights.soonest[0] -= 1.0
 
 
-@lean_kernel
+@inlined_kernel
 def locate(flights: Flights, time: float, places: Floats) -> None:
     """Write (dimensions, agents) cm where everybody is at `time` to `places`; flights go on."""
     carry_on(flights, time)

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import lean_kernel
+from epuck_sim.compiled import inlined_kernel
 
 Floats = npt.NDArray[np.float64]
 
 
-@lean_kernel
+@inlined_kernel
 def least(values: Floats, first: int, last: int) -> float:
     """Return the least of `values[first:last]`, inf if there are none.
 
@@ -28,11 +28,11 @@ def least(values: Floats, first: int, last: int) -> float:
     return min(a, b, c, d)
 
 
-@lean_kernel
-def place_of_least(values: Floats) -> int:
-    """Return where the least of `values`, of which there is one, stands first."""
-    lowest = least(values, 0, len(values))
+@inlined_kernel
+def place_of_least(values: Floats, last: int) -> int:
+    """Return where the least of `values[:last]`, of which there is one, stands first."""
+    lowest = least(values, 0, last)
     found = 0
-    for place in range(len(values) - 1, -1, -1):
+    for place in range(last - 1, -1, -1):
         found = place if values[place] == lowest else found
     return found

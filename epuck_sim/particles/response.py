@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import lean_kernel
+from epuck_sim.compiled import inlined_kernel
 
 Floats = npt.NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class Response(NamedTuple):
     """D: up to this phase nothing is heard."""
 
 
-@lean_kernel
+@inlined_kernel
 def shifted(response: Response, phase: float) -> float:
     """Return the phase, 0 to 1, after a pulse; one of 1 fires.
 
@@ -45,7 +45,7 @@ def shifted(response: Response, phase: float) -> float:
     return min(max(phase + shift, 0.0), 1.0)
 
 
-@lean_kernel
+@inlined_kernel
 def _shift_all(response: Response, phases: Floats, shifts: Floats) -> None:
     for place in range(len(phases)):
         shifts[place] = shifted(response, phases[place]) - phases[place]

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import lean_kernel
+from epuck_sim.compiled import inlined_kernel
 from epuck_sim.particles.clocks import Clocks, start_clocks
 from epuck_sim.particles.flight import Flights, set_out_anywhere, take_off
 from epuck_sim.particles.scenario import AgentsSection, ParticleScenario
@@ -29,7 +29,7 @@ def place_agents(
     return take_off(space.side_cm, space.boundary == "cyclic", origin, heading, speed, streams)
 
 
-@lean_kernel
+@inlined_kernel
 def _point_anywhere(heading: Floats, streams: npt.NDArray[np.uint64]) -> None:
     for agent in range(len(streams)):
         set_out_anywhere(heading[:, agent], streams[agent])
