@@ -40,18 +40,53 @@ class Curve(NamedTuple):
     """(B, S) bootstrap means; inf or NaN where undetermined."""
 
 
-def choose_axis(points: Sequence[PointTrials], wanted: str | None = None) -> str:
+def choose_axis(points: Sequence[PointTrials], wanted: str | None = None, origin: str = "--x") -> str:
     """Return the axis to draw against: the one wanted, or that of the speed, or the one with the most numbers.
 
-    Raises EpuckSimError where there is none.
+    origin: who wants it, for messages. Raises EpuckSimError where there is none.
     """
-    columns = {key: [point.axes[key] for point in points] for key in points[0].axes}
-    numbers = {key: set(values) for key, values in columns.items() if _are_numbers(values)}
-    if wanted is not None and wanted not in numbers:
-        raise EpuckSimError(f"--x: {unknown(wanted, numbers)}; axes with numbers: {listed(numbers)}")
+    numbers = _with_numbers(points)
+    if wanted is not None:
+        return _known(wanted, numbers, origin)
     if not numbers:
         raise EpuckSimError("there is no axis with numbers to draw T_sync against")
-    return wanted or max(numbers, key=lambda key: (key.endswith(SPEED), len(numbers[key])))
+    return max(numbers, key=lambda key: (key.endswith(SPEED), len(numbers[key])))
+
+
+def choose_second_axis(points: Sequence[PointTrials], x: str, wanted: str | None = None, origin: str = "--y") -> str:
+    """Return the axis of a map that goes up: the one wanted, or else the only other one whose numbers differ.
+
+    x: the axis to the right; origin: who wants the other, for messages. Raises EpuckSimError where there is none, where
+    there are several to choose from, and where the values of both go along with each other.
+    """
+    numbers = _with_numbers(points)
+    others: list[str] = []
+    for key, values in numbers.items():
+        if len(values) > 1 and not any(_goes_along(key, axis, points) for axis in (x, *others)):
+            others.append(key)
+    if wanted is not None:
+        if _known(wanted, numbers, origin) == x or _goes_along(wanted, x, points):
+            raise EpuckSimError(f"{origin}: {wanted} goes along with {x}, which goes to the right; {_choice(others)}")
+        return wanted
+    if len(others) != 1:
+        raise EpuckSimError(f"a map needs a second axis, beside {x}: {_choice(others)}")
+    return others[0]
+
+
+def _choice(others: list[str]) -> str:
+    return f"give --y one of {listed(others)}" if others else "there is no other axis whose numbers differ"
+
+
+def _known(wanted: str, numbers: Mapping[str, object], origin: str) -> str:
+    if wanted not in numbers:
+        raise EpuckSimError(f"{origin}: {unknown(wanted, numbers)}; axes with numbers: {listed(numbers)}")
+    return wanted
+
+
+def _with_numbers(points: Sequence[PointTrials]) -> dict[str, set[float]]:
+    """Return the values of each axis that holds numbers alone."""
+    columns = {key: [point.axes[key] for point in points] for key in points[0].axes}
+    return {key: set(values) for key, values in columns.items() if _are_numbers(values)}
 
 
 def _are_numbers(values: Sequence[Any]) -> bool:
@@ -60,12 +95,25 @@ def _are_numbers(values: Sequence[Any]) -> bool:
 
 def read_curves(points: Sequence[PointTrials], axis: str) -> list[Curve]:
     """Return a curve for each combination of the values of the other axes, in the order of the sweep."""
-    others = [key for key in points[0].axes if key != axis and not _goes_along(key, axis, points)]
+    return [estimate_curve(group, axis, others) for others, group in grouped(points, axis)]
+
+
+def grouped(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
+    """Return the values of all other axes and the points that share them, sorted by `axes`.
+
+    An axis that goes along with one of `axes` is none of the others. Groups are in the order of the sweep; points
+    without trials are left out.
+    """
+    others = [key for key in points[0].axes if not any(key == x or _goes_along(key, x, points) for x in axes)]
     groups: dict[str, list[PointTrials]] = {}
     for point in points:
         groups.setdefault(as_text({key: point.axes[key] for key in others}), []).append(point)
     filled = ([point for point in group if len(point.times)] for group in groups.values())
-    return [_curve(sorted(group, key=lambda point: point.axes[axis]), axis, others) for group in filled if group]
+    return [
+        ({key: group[0].axes[key] for key in others}, sorted(group, key=lambda point: [point.axes[x] for x in axes]))
+        for group in filled
+        if group
+    ]
 
 
 def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
@@ -74,10 +122,11 @@ def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
     return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
 
 
-def _curve(points: Sequence[PointTrials], axis: str, others: Sequence[str]) -> Curve:
+def estimate_curve(points: Sequence[PointTrials], axis: str, others: dict[str, Any]) -> Curve:
+    """Return the curve through points that have trials, sorted by `axis`; others: the values that they share."""
     estimates = [estimate_mean(point.times, point.observed, point.seed) for point in points]
     return Curve(
-        axes={key: points[0].axes[key] for key in others},
+        axes=others,
         scenario=points[0].scenario,
         x=np.array([point.axes[axis] for point in points], np.float64),
         trials=np.array([len(point.times) for point in points]),

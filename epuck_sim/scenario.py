@@ -19,6 +19,8 @@ class FigureSection(Section):
     """Dotted key of the axis to draw against; the speed by default."""
     y: str | None = None
     """Of a map, the axis that goes up."""
+    panels: str | None = None
+    """Of curves, the axis that has a panel for each of its values; one panel by default."""
     censored_at_cycles: Annotated[Whole, Field(ge=1)] | None = None
     """Of violins: the estimate is made as if trials had been censored there."""
 

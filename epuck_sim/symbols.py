@@ -6,9 +6,16 @@ from typing import Any
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
     "width_cm": ("L", "cm"),
+    "side_cm": ("L", "cm"),
+    "dimensions": ("dimensions", ""),
     "count": ("N", ""),
     "period_s": ("τ", "s"),
+    "jitter": ("\N{GREEK SMALL LETTER SIGMA}", ""),
     "coupling": ("ε", ""),
+    "refractory": ("D", ""),
+    "radius_cm": ("R", "cm"),
+    "angle_deg": ("θ", "°"),
+    "k": ("K", ""),
     "central_pixels": ("pixels", ""),
 }
 """The thesis's symbols, and units, by the last part of a key."""
@@ -26,10 +33,22 @@ def key_name(key: str) -> str:
 def values_told(values: Mapping[str, Any]) -> str:
     """Return axis values in words.
 
-    >>> values_told({"arena.width_cm": 60, "robots.0.count": 10})
-    'L = 60 cm, N = 10'
+    >>> values_told({"arena.width_cm": 60, "robots.0.count": 10, "neighbourhood.angle_deg": 90})
+    'L = 60 cm, N = 10, θ = 90°'
     """
-    return ", ".join(f"{key_name(key)} = {value} {unit_of(key)}".rstrip() for key, value in values.items())
+    units = {key: unit_of(key) for key in values}
+    spaced = {key: unit if unit == "°" else f" {unit}" for key, unit in units.items()}
+    return ", ".join(f"{key_name(key)} = {value}{spaced[key]}".rstrip() for key, value in values.items())
+
+
+def axis_label(key: str) -> str:
+    """Return what stands beside an axis of a figure.
+
+    >>> axis_label("arena.width_cm"), axis_label("robots.0.count")
+    ('L [cm]', 'N')
+    """
+    unit = unit_of(key)
+    return f"{key_name(key)} [{unit}]" if unit else key_name(key)
 
 
 def unit_of(key: str) -> str:

@@ -18,6 +18,7 @@ from results_kit import (
     MANY_SPEEDS,
     SPEED,
     SPEEDS,
+    WIDTH,
     bumpy,
     bumpy_mean,
     ended,
@@ -30,11 +31,13 @@ from results_kit import (
 from typer.testing import CliRunner
 
 from epuck_sim.cli import app
+from epuck_sim.contours import read_maps, save_maps
 from epuck_sim.curves import read_curves
 from epuck_sim.database import DATABASE
 from epuck_sim.results import read_points
 from epuck_sim.store import Store
 from epuck_sim.sweep import points
+from epuck_sim.violins import read_violins, save_violins
 
 FIGURE = ["T_sync-regimes.csv", "T_sync.csv", "T_sync.png", "T_sync.svg"]
 SCENARIO = sweep({COUPLING: [0.1, 0.2], SPEED: MANY_SPEEDS}, trials=100, name="fig-x")
@@ -47,6 +50,7 @@ COMMANDS = (
     "summarize FOLDER --json",
     "plot FOLDER",
     "plot FOLDER --to OUT",
+    "plot FOLDER --form violins --censored-at 40",
     "fit FOLDER",
     "fit FOLDER --json",
     "fit FOLDER GOOD",
@@ -213,6 +217,145 @@ def test_a_folder_with_a_figure_can_be_run_on(small) -> None:
     called("plot", small)
     with Store(small, SMALL, points(SMALL)) as opened:
         assert len(opened.finished()) == 5 * 5
+
+
+# The forms
+
+
+def many(folder: Path, **figure) -> Path:
+    """Make a run folder of three axes; `figure` is its scenario's."""
+    scenario = sweep({COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}, trials=4, name="forms", figure=figure)
+    return store(folder, scenario, lambda point: weibull(point, 30))
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def plotted_as(folder: Path, tmp_path: Path, *options: str | int) -> dict[str, bytes]:
+    """Return the files that `plot` writes."""
+    target = tmp_path / "plotted"
+    target.mkdir()
+    printed = called("plot", folder, *options, "--to", target / "fig").split()
+    assert sorted(printed) == sorted(map(str, target.iterdir()))
+    return files_of(target)
+
+
+def expected_map(folder: Path, tmp_path: Path, x: str, y: str) -> dict[str, bytes]:
+    (tmp_path / "map").mkdir()
+    save_maps(tmp_path / "map" / "fig", "forms", x, y, read_maps(read_points(folder), x, y))
+    return files_of(tmp_path / "map")
+
+
+def expected_violins(folder: Path, tmp_path: Path, x: str, censored_at: int | None) -> dict[str, bytes]:
+    (tmp_path / "violins").mkdir()
+    read = read_violins(read_points(folder), x, censored_at)
+    save_violins(tmp_path / "violins" / "fig", "forms", x, read, censored_at)
+    return files_of(tmp_path / "violins")
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "expected"),
+    [
+        ({}, ("--form", "map", "--y", WIDTH), (SPEED, WIDTH)),
+        ({}, ("--form", "map", "--x", COUNT, "--y", SPEED), (COUNT, SPEED)),
+        ({"form": "map", "y": COUNT}, (), (SPEED, COUNT)),
+        ({"form": "map", "x": WIDTH, "y": COUNT}, (), (WIDTH, COUNT)),
+        ({"form": "map", "x": WIDTH, "y": COUNT}, ("--y", SPEED), (WIDTH, SPEED)),
+        ({"form": "violins", "x": WIDTH, "y": COUNT}, ("--form", "map"), (WIDTH, COUNT)),
+    ],
+)
+def test_a_map_is_drawn_over_the_axes_wanted_or_else_the_scenario_s(tmp_path, figure, options, expected) -> None:
+    folder = many(tmp_path / "run", **figure)
+    assert plotted_as(folder, tmp_path, *options) == expected_map(folder, tmp_path, *expected)
+
+
+def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it(tmp_path) -> None:
+    folder = store(
+        tmp_path / "run",
+        sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=4, name="forms", figure={"form": "map", "y": WIDTH}),
+        lambda point: weibull(point, 30),
+    )
+    assert plotted_as(folder, tmp_path, "--x", WIDTH) == expected_map(folder, tmp_path, WIDTH, SPEED)
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "expected"),
+    [
+        ({}, ("--form", "violins"), (SPEED, None)),
+        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, (), (COUNT, 30)),
+        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, ("--x", WIDTH, "--censored-at", 20), (WIDTH, 20)),
+    ],
+)
+def test_violins_are_drawn_as_wanted_or_else_as_the_scenario_says(tmp_path, figure, options, expected) -> None:
+    folder = many(tmp_path / "run", **figure)
+    assert plotted_as(folder, tmp_path, *options) == expected_violins(folder, tmp_path, *expected)
+
+
+def test_curves_are_drawn_against_the_axis_of_the_scenario(tmp_path) -> None:
+    folder = many(tmp_path / "run", form="map", x=COUNT, y=SPEED)
+    plotted_as(folder, tmp_path, "--form", "curves")
+    assert [*rows(tmp_path / "plotted" / "fig.csv")[0]][:3] == [WIDTH, SPEED, COUNT]
+
+
+@pytest.mark.parametrize("form", ["map", "violins"])
+def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
+    folder = many(tmp_path / "run", y=WIDTH)
+    before = set(contents(folder))
+    printed = called("plot", folder, "--form", form)
+    assert printed.split() == [str(folder / f"T_sync{ending}") for ending in (".png", ".svg", ".csv")]
+    assert set(contents(folder)) == before | {"T_sync.png", "T_sync.svg", "T_sync.csv"}
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "message"),
+    [
+        ({}, ("--y", WIDTH), "--y is for --form map, but this is curves"),
+        ({"form": "violins"}, ("--y", WIDTH), "--y is for --form map, but this is violins"),
+        ({"form": "map"}, ("--censored-at", 5), "--censored-at is for --form violins, but this is map"),
+        ({"form": "violins"}, ("--form", "curves", "--censored-at", 5), "but this is curves"),
+        ({}, ("--form", "map"), f"beside {SPEED}: give --y one of {COUNT}, {WIDTH}"),
+        ({}, ("--form", "map", "--y", "arena.widht_cm"), f"--y: unknown 'arena.widht_cm', did you mean '{WIDTH}'?"),
+        ({}, ("--form", "map", "--y", SPEED), f"--y: {SPEED} goes along with {SPEED}"),
+        ({"form": "map", "y": "arena.width"}, (), f"run: figure.y: unknown 'arena.width', did you mean '{WIDTH}'?"),
+        ({"x": "speed"}, (), f"run: figure.x: unknown 'speed'; axes with numbers: {COUNT}, {WIDTH}, {SPEED}"),
+        (
+            {"form": "course"},
+            (),
+            "figure.form is 'course', which is not drawn yet; give --form curves or map or violins",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_form_is_refused_and_nothing_written(tmp_path, figure, options, message) -> None:
+    folder = many(tmp_path / "run", **figure)
+    before = contents(tmp_path)
+    assert message in refused("plot", folder, *options)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("options", [("--form", "pie"), ("--censored-at", "0"), ("--censored-at", "many")])
+def test_values_that_an_option_does_not_take_are_refused(small, options) -> None:
+    result = call("plot", small, *options)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert options[0] in result.stderr
+
+
+@pytest.mark.parametrize(
+    "options", [("--form", "map"), ("--x", SPEED), ("--y", SPEED), ("--censored-at", 5)], ids=lambda given: given[0]
+)
+def test_options_for_run_folders_are_refused_for_a_recording(tmp_path, options) -> None:
+    (tmp_path / "trial.rrd").write_bytes(b"")
+    assert refused("plot", tmp_path / "trial.rrd", *options) == (
+        f"error: {options[0]} is for run folders; {tmp_path}/trial.rrd is none\n"
+    )
+
+
+def test_too_many_panels_are_refused(tmp_path) -> None:
+    scenario = sweep({WIDTH: range(60, 160), SPEED: [1, 2]}, trials=1)
+    folder = store(tmp_path / "run", scenario, lambda _: ended([5]))
+    before = contents(tmp_path)
+    assert "there would be 100 panels" in refused("plot", folder, "--form", "violins")
+    assert contents(tmp_path) == before
 
 
 # fit

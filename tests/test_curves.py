@@ -24,7 +24,7 @@ from results_kit import (
     weibull,
 )
 
-from epuck_sim.curves import choose_axis, read_curves, told_apart
+from epuck_sim.curves import choose_axis, choose_second_axis, read_curves, told_apart
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.results import PointTrials
 from epuck_sim.scenario import Scenario
@@ -235,6 +235,71 @@ def test_where_no_axis_has_numbers_that_is_said(scenario_sweep: dict | None) -> 
         choose_axis(made)
     with pytest.raises(EpuckSimError, match="axes with numbers: none"):
         choose_axis(made, SPEED)
+
+
+def test_messages_name_who_wants_the_axis() -> None:
+    made = with_axes({"grid": {SPEED: [1, 2]}})
+    with pytest.raises(EpuckSimError, match=r"^run: figure\.x: unknown 'speed'"):
+        choose_axis(made, "speed", "run: figure.x")
+
+
+# The second axis
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        {SPEED: [1, 2], COUPLING: [0.1, 0.2]},
+        {SPEED: [1, 2], COUPLING: [0.1, 0.2], COUNT: [5]},
+        {SPEED: [1, 2], METRIC: ["complex", "reference"], COUPLING: [0.1, 0.2]},
+    ],
+)
+def test_the_second_axis_is_the_only_other_one_whose_numbers_differ(grid: dict) -> None:
+    assert choose_second_axis(with_axes({"grid": grid}), SPEED) == COUPLING
+
+
+def test_axes_that_go_along_count_as_one_and_those_with_x_as_none() -> None:
+    both = [{"count": 2}, {"count": 2}]
+    scenario_sweep = {
+        "points": [{SPEED: 1, OTHER_SPEED: 2}, {SPEED: 2, OTHER_SPEED: 4}],
+        "zip": {WIDTH: [40, 60], HEIGHT: [40, 60]},
+    }
+    made = with_axes(scenario_sweep, robots=both)
+    assert choose_second_axis(made, SPEED) == WIDTH
+    assert choose_second_axis(made, HEIGHT) == SPEED
+
+
+@pytest.mark.parametrize("wanted", [COUPLING, COUNT])
+def test_the_second_axis_wanted_is_taken_even_if_it_has_one_value(wanted: str) -> None:
+    made = with_axes({"grid": {COUNT: [2], COUPLING: [0.1, 0.2], WIDTH: [40, 60], SPEED: [1, 2]}})
+    assert choose_second_axis(made, SPEED, wanted) == wanted
+
+
+def test_where_there_are_several_to_choose_from_or_none_that_is_said() -> None:
+    made = with_axes({"grid": {COUNT: [2, 3], COUPLING: [0.1, 0.2], SPEED: [1, 2]}})
+    with pytest.raises(
+        EpuckSimError, match=f"a map needs a second axis, beside {SPEED}: give --y one of {COUNT}, {COUPLING}$"
+    ):
+        choose_second_axis(made, SPEED)
+    with pytest.raises(EpuckSimError, match="there is no other axis whose numbers differ"):
+        choose_second_axis(with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2]}}), SPEED)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        (SPEED, f"--y: {SPEED} goes along with {SPEED}"),
+        (PIXELS, f"--y: {PIXELS} goes along with {SPEED}, which goes to the right; give --y one of {COUNT}"),
+        (METRIC, f"--y: unknown '{METRIC}'"),
+        ("robots.0.cuont", f"did you mean '{COUNT}'?"),
+    ],
+)
+def test_a_second_axis_that_is_none_is_refused(wanted: str, message: str) -> None:
+    grid = {COUNT: [2, 3], METRIC: ["complex", "reference"]}
+    made = with_axes({"zip": {SPEED: [1, 2], PIXELS: [4, 8]}, "grid": grid})
+    with pytest.raises(EpuckSimError) as caught:
+        choose_second_axis(made, SPEED, wanted)
+    assert message in str(caught.value)
 
 
 # What tells curves apart

@@ -3,6 +3,7 @@
 import errno
 import math
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -33,8 +34,9 @@ from results_kit import (
 
 from epuck_sim.curves import Curve
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures import BUMP_COLUMNS, draw, key_name, save_figure, values_told
+from epuck_sim.figures import BUMP_COLUMNS, draw, save_figure
 from epuck_sim.regimes import Bump, find_bump
+from epuck_sim.symbols import axis_label, key_name, values_told
 
 ENDINGS = (".png", ".svg", ".csv", "-regimes.csv")
 POINT_COLUMNS = ["trials", "censored", "mean", "mean_low", "mean_high"]
@@ -213,6 +215,39 @@ def test_x_is_linear_where_a_value_is_0() -> None:
     assert drawn(lines_of(axes)) == [(0, 30), (1, 20), (2, 10)]
 
 
+@pytest.mark.parametrize(
+    ("axis", "x", "scale"),
+    [
+        (SPEED, [1, 2, 3], "log"),
+        (SPEED, [0, 1, 20], "linear"),
+        (COUNT, [5, 20, 40], "linear"),
+        (COUNT, [5, 20, 50], "log"),
+        (COUNT, [5, 5, 5], "linear"),
+    ],
+)
+def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade(axis: str, x: list, scale: str) -> None:
+    axes = axes_of([curve_of([30, 20, 10], x=x)], axis=axis)
+    axes.figure.savefig(BytesIO())
+    assert axes.get_xscale() == scale
+
+
+def test_exponential_growth_with_the_number_of_robots_is_a_straight_line() -> None:
+    (line,) = lines_of(axes_of([curve_of([10, 100, 1000], x=[10, 20, 30])], axis=COUNT))
+    steps = np.diff(line.get_transform().transform(np.column_stack(line.get_data())), axis=0)
+    assert steps[0] == pytest.approx(steps[1])
+
+
+def test_many_decades_are_labelled_by_powers_of_ten_alone_and_do_not_overlap() -> None:
+    axes = axes_of([curve_of([10.0**n for n in range(1, 8)], x=[10.0**n for n in range(-4, 3)])])
+    axes.figure.savefig(BytesIO())
+    assert {"10", "1000", "$10^{6}$"} <= set(seen(axes.get_yticklabels()))
+    assert {"0.001", "1", "100"} <= set(seen(axes.get_xticklabels()))
+    for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):
+        boxes = [label.get_window_extent() for label in ticks if label.get_text()]
+        assert len(boxes) > 3
+        assert not any(one.overlaps(other) for one, other in pairwise(boxes))
+
+
 def test_a_narrow_range_has_labels_too() -> None:
     axes = axes_of([curve_of([31, 30, 29], x=[60, 61, 62])], axis=WIDTH)
     axes.figure.savefig(BytesIO())
@@ -241,6 +276,25 @@ def test_title_and_axes_are_told_in_the_thesis_s_symbols() -> None:
     assert axes_of([curve_of([3, 2])], axis="stop.order_parameter").get_xlabel() == "stop.order_parameter"
     assert [key_name(key) for key in (WIDTH, COUNT, PERIOD, PIXELS)] == ["L", "N", "τ", "pixels"]
     assert values_told({PERIOD: 5, COUPLING: 0.1, "noise": "off"}) == "τ = 5 s, ε = 0.1, noise = off"
+
+
+def test_the_keys_of_particles_have_the_thesis_s_symbols() -> None:
+    values = {
+        "space.side_cm": 100,
+        "space.dimensions": 2,
+        "agents.count": 20,
+        "neighbourhood.radius_cm": 25,
+        "neighbourhood.angle_deg": 60,
+        "neighbourhood.k": 1,
+        "response.refractory": 0.1,
+        "clocks.jitter": 0.01,
+    }
+    told = "L = 100 cm, dimensions = 2, N = 20, R = 25 cm, θ = 60°, K = 1, D = 0.1, \N{GREEK SMALL LETTER SIGMA} = 0.01"
+    assert values_told(values) == told
+    assert axis_label("neighbourhood.angle_deg") == "θ [°]"
+    draw(
+        "all", PERIOD, [curve_of([3, 2], axes=values), curve_of([3, 2], axes=dict.fromkeys(values, 7))], [None] * 2
+    ).savefig(BytesIO())
 
 
 def test_every_symbol_can_be_drawn() -> None:

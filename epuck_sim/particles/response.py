@@ -65,7 +65,7 @@ def order_change(response: Response, phases: npt.ArrayLike) -> Floats:
     phases: of the other one, 0 to 1, of any shape.
 
     >>> order_change(Response(0, 0.1, 0.0), [0.25, 0.75]).round(4)
-    array([-0.0569,  0.1448])
+    array([-0.0577,  0.1455])
     """
     before = np.asarray(phases, np.float64)
     after = before + phase_shift(response, before)

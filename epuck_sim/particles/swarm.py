@@ -147,6 +147,18 @@ class Swarm:
         phases: Floats = 1 - (self._clocks.due - self._clocks.now[0]) / self._clocks.period
         return phases
 
+    @property
+    def periods_s(self) -> Floats:
+        """(agents,) how long each oscillator takes from phase 0 to 1 if it hears nothing; the same for ever."""
+        periods: Floats = self._clocks.period * self.scenario.clocks.period_s
+        return periods
+
+    @property
+    def speeds_cm_s(self) -> Floats:
+        """(agents,) how fast each agent is; the same for ever."""
+        speeds: Floats = self._flights.speed / self.scenario.clocks.period_s
+        return speeds
+
     def positions(self) -> Floats:
         """Return (agents, dimensions) cm where everybody is."""
         places = np.empty_like(self._flights.origin)
