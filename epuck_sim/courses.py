@@ -29,6 +29,8 @@ class Courses(NamedTuple):
     """What happened at one point of a sweep."""
 
     axes: dict[str, Any]
+    is_displaced: bool
+    """Whether an agent was displaced at the beginning; else deviations tell no more than that clocks differ."""
     cycle: Floats
     """(moments,) periods since the beginning."""
     order_parameter: Floats
@@ -48,6 +50,7 @@ def _courses(point: PointTrials, scenario: ParticleScenario) -> Courses:
     found = [follow(scenario, point_seed(scenario.seed, point.key, trial), times) for trial in range(len(point.times))]
     return Courses(
         point.axes,
+        scenario.start.displacement > 0,
         cycle,
         np.mean([course.order_parameter for course in found], axis=0),
         np.mean([course.deviation.mean(axis=1) for course in found], axis=0),
@@ -67,9 +70,12 @@ def choose_moments(cycles: int) -> Floats:
 
 def particles_of(point: PointTrials) -> ParticleScenario:
     """Return the scenario of a point; raises EpuckSimError for another model than particles."""
-    if not isinstance(point.scenario, ParticleScenario):
-        raise EpuckSimError(f"model is {point.scenario.model!r}; the forms perturbation and course are for 'particles'")
-    return point.scenario
+    scenario = point.scenario
+    if not isinstance(scenario, ParticleScenario):
+        raise EpuckSimError(
+            f"{scenario.name}: the forms perturbation and course are for model: particles; this is {scenario.model}"
+        )
+    return scenario
 
 
 def save_courses(stem: Path, title: str, courses: Sequence[Courses]) -> list[Path]:
@@ -88,17 +94,24 @@ def _course_rows(courses: Sequence[Courses]) -> Iterator[list[Any]]:
 
 
 def draw_courses(title: str, courses: Sequence[Courses]) -> Figure:
-    """Return the figure: above, the order parameter; below, the mean deviation from the undisturbed twin."""
-    figure = Figure(figsize=(7, 6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
+    """Return the figure: the order parameter and, below, if agents were displaced, the deviation from the twin."""
+    has_two = any(each.is_displaced for each in courses)
+    figure = Figure(figsize=(7, 6 if has_two else 4), layout="constrained")
+    panels = figure.subplots(1 + has_two, 1, sharex=True, squeeze=False)[:, 0]
+    above, below = panels[0], panels[-1]
     labels = [values_told(each) for each in told_apart([each.axes for each in courses])]
     colours = colormaps["viridis"](np.linspace(0, 0.9, len(courses)))
     for each, label, colour in zip(courses, labels, colours, strict=True):
         above.plot(each.cycle, each.order_parameter, color=colour, label=label)
-        below.plot(each.cycle, np.where(each.deviation > 0, each.deviation, np.nan), color=colour)
-    make_logarithmic(below, "y", *["x"] * (max(each.cycle[-1] for each in courses) > MOST_MOMENTS))
+        if has_two:
+            below.plot(each.cycle, np.where(each.deviation > 0, each.deviation, np.nan), color=colour)
+    if any(each.cycle[-1] > MOST_MOMENTS for each in courses):
+        make_logarithmic(below, "x")
+    if has_two:
+        make_logarithmic(below, "y")
+        below.set_ylabel("mean |Δϕ| [cycles]")
     above.set(ylabel="order parameter r", ylim=(-0.03, 1.03))
-    below.set(ylabel="mean |Δϕ| [cycles]", xlabel="time [cycles]")
+    below.set_xlabel("time [cycles]")
     figure.suptitle(title, parse_math=False)
     if any(labels):
         for text in above.legend(fontsize="small").get_texts():

@@ -77,9 +77,9 @@ def _draw_curve(
     axes: Axes, curve: Curve, bump: Bump | None, colour: npt.NDArray[np.float64], label: str, unknown_at: float
 ) -> None:
     known = ~np.isnan(curve.means)
-    x, low, high = curve.x[known], *np.nan_to_num(curve.intervals[known], posinf=1e12).T
-    axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
-    axes.plot(x, curve.means[known], color=colour, linewidth=1.2, label=label)
+    low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, posinf=1e12), np.nan).T
+    axes.fill_between(curve.x, low, high, color=colour, alpha=0.2, linewidth=0)
+    axes.plot(curve.x, curve.means, color=colour, linewidth=1.2, label=label)  # with a gap where it is undetermined
     for censored, face in ((False, colour), (True, "white")):
         chosen = known & ((curve.censored > 0) == censored)
         axes.plot(curve.x[chosen], curve.means[chosen], "o", color=colour, markersize=4, markerfacecolor=face)

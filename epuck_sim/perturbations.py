@@ -9,6 +9,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.courses import particles_of
 from epuck_sim.curves import told_apart
@@ -24,7 +25,7 @@ Floats = npt.NDArray[np.float64]
 MOST_CYCLES = 20_000
 """That are shown."""
 
-LEAST = 1e-6
+LEAST = 1e-4
 """Smaller deviations, in cycles, have the colour of this one."""
 
 
@@ -78,5 +79,6 @@ def draw_perturbations(title: str, perturbations: Sequence[Perturbation]) -> Fig
 
 def _draw_perturbation(panel: Axes, each: Perturbation, norm: LogNorm) -> None:
     agents = np.arange(each.deviation.shape[1])
+    panel.yaxis.set_major_locator(MaxNLocator(integer=True))
     shown = np.ma.masked_equal(each.deviation.T, 0)
     panel.pcolormesh(each.cycle, agents, shown, norm=norm, cmap="viridis", shading="nearest", rasterized=True)

@@ -322,7 +322,7 @@ def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
         (
             {"form": "course"},
             (),
-            "figure.form is 'course', which is not drawn yet; give --form curves or map or violins",
+            "forms: the forms perturbation and course are for model: particles; this is embodied",
         ),
     ],
 )

@@ -89,8 +89,9 @@ def lines_of(axes: Axes) -> list[Line2D]:
 
 
 def drawn(lines: list[Line2D]) -> list[tuple[float, float]]:
-    """Return all points of some lines."""
-    return [(float(x), float(y)) for line in lines for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)]
+    """Return all points of some lines, without the gaps."""
+    points = [(float(x), float(y)) for line in lines for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)]
+    return [(x, y) for x, y in points if not math.isnan(y)]
 
 
 def seen(ticks) -> list[str]:
@@ -113,11 +114,30 @@ def test_each_curve_is_one_line_of_its_own_colour_labelled_with_the_second_axis(
     assert len({to_hex(line.get_color()) for line in lines}) == 3
 
 
-def test_the_lines_hold_the_means_and_leave_out_what_is_undetermined() -> None:
+def test_the_lines_hold_the_means_with_gaps_where_they_are_undetermined() -> None:
     for line, curve in zip(lines_of(axes_of(CURVES)), CURVES, strict=True):
-        known = np.isfinite(curve.means)
-        np.testing.assert_array_equal(line.get_xdata(), curve.x[known])
-        np.testing.assert_array_equal(line.get_ydata(), curve.means[known])
+        np.testing.assert_array_equal(line.get_xdata(), curve.x)
+        np.testing.assert_array_equal(line.get_ydata(), curve.means)
+
+
+def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> None:
+    curves = [curve_of([100 * n + 10 * eps, 50], axes={COUNT: n, COUPLING: eps}) for n in (5, 10) for eps in (0.1, 0.2)]
+    figure = draw("title", SPEED, curves, [None] * 4, COUNT)
+    assert [axes.get_title() for axes in figure.axes] == ["N = 5", "N = 10"]
+    for axes, n in zip(figure.axes, (5, 10), strict=True):
+        assert [(line.get_label(), line.get_ydata()[0]) for line in lines_of(axes)] == [
+            ("ε = 0.1", 100 * n + 1),
+            ("ε = 0.2", 100 * n + 2),
+        ]
+    first, second = (lines_of(axes) for axes in figure.axes)
+    assert [line.get_color().tolist() for line in first] == [line.get_color().tolist() for line in second]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ε = 0.1", "ε = 0.2"]
+
+
+def test_an_axis_to_split_by_that_is_not_there_is_refused(tmp_path) -> None:
+    with pytest.raises(EpuckSimError, match=r"figure\.panels: unknown 'robots\.0\.cuont', did you mean"):
+        save_figure(tmp_path / "f", "t", SPEED, [curve_of([3, 2], axes={COUNT: 5})], "robots.0.cuont")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_bands_span_the_intervals_in_the_colour_of_their_lines() -> None:
@@ -125,7 +145,7 @@ def test_the_bands_span_the_intervals_in_the_colour_of_their_lines() -> None:
     for band, line, curve in zip(axes.collections, lines_of(axes), CURVES, strict=True):
         known = np.isfinite(curve.means)
         x, (low, high) = curve.x[known], curve.intervals[known].T
-        corners = {(float(x), float(y)) for x, y in band.get_paths()[0].vertices}
+        corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
         assert corners == {*zip(x, low, strict=True), *zip(x, high, strict=True)}
         assert to_hex(band.get_facecolor()[0]) == to_hex(line.get_color())
         assert 0 < band.get_alpha() < 1
@@ -270,8 +290,9 @@ def test_labels_leave_out_what_is_the_same_or_goes_along() -> None:
 
 
 def test_title_and_axes_are_told_in_the_thesis_s_symbols() -> None:
-    axes = draw("fig-4-2a", SPEED, CURVES, BUMPS).axes[0]
-    assert (axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) == ("fig-4-2a", "V [cm/s]", "T_sync [cycles]")
+    figure = draw("fig-4-2a", SPEED, CURVES, BUMPS)
+    axes = figure.axes[0]
+    assert (figure.get_suptitle(), axes.get_xlabel(), axes.get_ylabel()) == ("fig-4-2a", "V [cm/s]", "T_sync [cycles]")
     assert axes_of([curve_of([3, 2])], axis=COUPLING).get_xlabel() == "ε"
     assert axes_of([curve_of([3, 2])], axis="stop.order_parameter").get_xlabel() == "stop.order_parameter"
     assert [key_name(key) for key in (WIDTH, COUNT, PERIOD, PIXELS)] == ["L", "N", "τ", "pixels"]
