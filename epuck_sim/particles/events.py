@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel
 from epuck_sim.particles.clocks import Clocks, begin_next_cycle, find_due, next_due, phase_at, set_due
-from epuck_sim.particles.flight import Flights, begin_cycle, carry_on, first_to_end, reorient, turn_next
+from epuck_sim.particles.flight import Flights, begin_cycle, carry_on, ends_at, first_to_end, reorient, turn_next
 from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours
 from epuck_sim.particles.neighbours import find_neighbours
 from epuck_sim.particles.response import CURVES, Response, shifted
@@ -96,10 +96,10 @@ def make_instant(agents: int) -> Instant:
 @inlined_kernel
 def next_event(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, instant: Instant) -> int:
     """Go to the next event; return who reaches a wall, or -1 if it is an instant at which some fire."""
-    turning = flights.ends[first_to_end(flights)]
+    turning = ends_at(flights, first_to_end(flights))
     while min(next_due(clocks), turning) >= 1.0:
         begin_next(flights, hood, clocks)
-        turning -= 1.0
+        turning = ends_at(flights, first_to_end(flights))
     if turning <= next_due(clocks):
         clocks.now[0] = turning
         instant.tally[SYNCHRONISED] = 0

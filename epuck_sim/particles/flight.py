@@ -1,10 +1,9 @@
 """Agents on their way: straight flights from wall to wall, and where everybody is at any time (thesis 3.1, 5.1.2).
 
 Nobody is moved while time passes. A flight knows where and when it began and when it ends; who asks where an agent is
-has its flights carried on first. Each agent draws directions from a stream of its own, so that it makes no difference
-when that happens, and so that two swarms of one seed move alike whatever their oscillators do.
-
-Times are in cycles since the present cycle began (see `clocks`), lengths in cm.
+has its flights carried on first. When that happens makes no difference, to the bit: each agent draws directions from a
+stream of its own, and a flight's times are kept as a cycle and the time in it. So two swarms of one seed move alike
+whatever their oscillators do. Times as arguments are in cycles since the present cycle began (see `clocks`).
 """
 
 import math
@@ -32,14 +31,22 @@ class Flights(NamedTuple):
     """(dimensions, agents) unit vectors."""
     speed: Floats
     """(agents,) cm in a cycle."""
+    began_cycle: Floats
+    """(agents,) the cycle in which the flight began."""
     began: Floats
-    """(agents,)"""
+    """(agents,) and when in that cycle, 0 to 1."""
+    end_cycle: Floats
+    """(agents,) the cycle in which a wall is reached; inf for who stands still."""
     ends: Floats
-    """(agents,) when a wall is reached; inf for who stands still."""
+    """(agents,) and when in that cycle."""
     wall: npt.NDArray[np.int64]
     """(agents,) which wall: twice the axis, and 1 more for the one at `side_cm`."""
+    cycle: Floats
+    """(1,) the present one."""
     soonest: Floats
-    """(1,) the earliest end."""
+    """(1,) when the first of all flights ends, counted from the present cycle; it may be too early."""
+    left: Floats
+    """(agents,) scratch: when each ends, counted likewise."""
     streams: Streams
     """(agents, 4) random numbers."""
 
@@ -48,9 +55,10 @@ def take_off(
     side_cm: float, is_cyclic: bool, origin: Floats, heading: Floats, speed: Floats, streams: Streams
 ) -> Flights:
     """Return the flights of agents that set out at time 0."""
-    agents = len(speed)
-    began, ends, wall = np.zeros(agents), np.empty(agents), np.zeros(agents, np.int64)
-    flights = Flights(side_cm, is_cyclic, origin, heading, speed, began, ends, wall, np.empty(1), streams)
+    began_cycle, began, end_cycle, ends, left = np.zeros((5, len(speed)))
+    wall = np.zeros(len(speed), np.int64)
+    times = began_cycle, began, end_cycle, ends
+    flights = Flights(side_cm, is_cyclic, origin, heading, speed, *times, wall, np.zeros(1), np.zeros(1), left, streams)
     plan_all(flights)
     return flights
 
@@ -60,7 +68,22 @@ def plan_all(flights: Flights) -> None:
     """Find when all flights end."""
     for agent in range(len(flights.speed)):
         plan(flights, agent)
-    flights.soonest[0] = flights.ends[first_to_end(flights)]
+    flights.soonest[0] = ends_at(flights, first_to_end(flights))
+
+
+@inlined_kernel
+def ends_at(flights: Flights, agent: int) -> float:
+    """Return when an agent's flight ends, in cycles since the present cycle began."""
+    ends: float = (flights.end_cycle[agent] - flights.cycle[0]) + flights.ends[agent]
+    return ends
+
+
+@inlined_kernel
+def flown_by(flights: Flights, agent: int, time: float) -> float:
+    """Return how many cm of its flight an agent has behind it at `time`."""
+    lasts = (flights.cycle[0] - flights.began_cycle[agent]) + (time - flights.began[agent])
+    flown: float = flights.speed[agent] * lasts
+    return flown
 
 
 @inlined_kernel
@@ -78,16 +101,18 @@ def plan(flights: Flights, agent: int) -> None:
         if until < lasts:
             lasts = until
             flights.wall[agent] = 2 * axis + (velocity > 0)
-    flights.ends[agent] = flights.began[agent] + lasts
+    whole = math.floor(flights.began[agent] + lasts) if lasts < math.inf else math.inf
+    flights.end_cycle[agent] = flights.began_cycle[agent] + whole
+    flights.ends[agent] = flights.began[agent] + lasts - whole if lasts < math.inf else 0.0
 
 
 @inlined_kernel
-def move(flights: Flights, agent: int, time: float) -> None:
-    """Have an agent's flight begin where it is at `time`, no later than its end."""
-    flown = flights.speed[agent] * (time - flights.began[agent])
+def land(flights: Flights, agent: int, flown: float, cycle: float, time: float) -> None:
+    """Have an agent's flight begin at this time of this cycle, where it is after so many cm."""
     for axis in range(len(flights.origin)):
         reached = flights.origin[axis, agent] + flights.heading[axis, agent] * flown
         flights.origin[axis, agent] = min(max(reached, 0.0), flights.side_cm)
+    flights.began_cycle[agent] = cycle
     flights.began[agent] = time
 
 
@@ -95,7 +120,8 @@ def move(flights: Flights, agent: int, time: float) -> None:
 def turn(flights: Flights, agent: int) -> None:
     """End an agent's flight at its wall: it comes in at the opposite one, or sets out in a new direction."""
     axis, is_far = flights.wall[agent] // 2, flights.wall[agent] % 2 == 1
-    move(flights, agent, flights.ends[agent])
+    lasted = (flights.end_cycle[agent] - flights.began_cycle[agent]) + (flights.ends[agent] - flights.began[agent])
+    land(flights, agent, flights.speed[agent] * lasted, flights.end_cycle[agent], flights.ends[agent])
     flights.origin[axis, agent] = flights.side_cm if is_far != flights.is_cyclic else 0.0
     if not flights.is_cyclic:
         set_out(flights.heading[:, agent], axis, -1.0 if is_far else 1.0, flights.streams[agent])
@@ -147,15 +173,23 @@ def carry_on(flights: Flights, time: float) -> None:
     if time < flights.soonest[0]:
         return
     for agent in range(len(flights.speed)):
-        while flights.ends[agent] <= time:
-            turn(flights, agent)
-    flights.soonest[0] = flights.ends[first_to_end(flights)]
+        carry_one_on(flights, agent, time)
+    flights.soonest[0] = ends_at(flights, first_to_end(flights))
+
+
+@inlined_kernel
+def carry_one_on(flights: Flights, agent: int, time: float) -> None:
+    """Have an agent set out again as often as its flight has ended by `time`."""
+    while ends_at(flights, agent) <= time:
+        turn(flights, agent)
 
 
 @inlined_kernel
 def first_to_end(flights: Flights) -> int:
     """Return who reaches a wall first."""
-    return place_of_least(flights.ends, len(flights.ends))
+    for agent in range(len(flights.left)):
+        flights.left[agent] = ends_at(flights, agent)
+    return place_of_least(flights.left, len(flights.left))
 
 
 @inlined_kernel
@@ -163,25 +197,23 @@ def turn_next(flights: Flights) -> int:
     """Have the one set out again whose flight ends first; return who it is."""
     agent = first_to_end(flights)
     turn(flights, agent)
-    flights.soonest[0] = flights.ends[first_to_end(flights)]
+    flights.soonest[0] = ends_at(flights, first_to_end(flights))
     return agent
 
 
 @inlined_kernel
 def reorient(flights: Flights, agent: int, time: float) -> None:
     """Have an agent set out anywhere at `time`, no later than its flight's end (D.1)."""
-    move(flights, agent, time)
+    land(flights, agent, flown_by(flights, agent, time), flights.cycle[0], time)
     set_out_anywhere(flights.heading[:, agent], flights.streams[agent])
     plan(flights, agent)
-    flights.soonest[0] = min(flights.soonest[0], flights.ends[agent])
+    flights.soonest[0] = min(flights.soonest[0], ends_at(flights, agent))
 
 
 @inlined_kernel
 def begin_cycle(flights: Flights) -> None:
     """Count times from a cycle later."""
-    for agent in range(len(flights.began)):
-        flights.began[agent] -= 1.0
-        flights.ends[agent] -= 1.0
+    flights.cycle[0] += 1.0
     flights.soonest[0] -= 1.0
 
 
@@ -191,5 +223,5 @@ def locate(flights: Flights, time: float, places: Floats) -> None:
     carry_on(flights, time)
     for axis in range(len(places)):
         for agent in range(len(flights.speed)):
-            flown = flights.speed[agent] * (time - flights.began[agent])
+            flown = flown_by(flights, agent, time)
             places[axis, agent] = flights.origin[axis, agent] + flights.heading[axis, agent] * flown

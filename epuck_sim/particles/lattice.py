@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel
-from epuck_sim.particles.flight import Flights, locate, turn
+from epuck_sim.particles.flight import Flights, carry_one_on, flown_by, locate
 
 Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -126,7 +126,7 @@ def cells_within(
     across = lattice.across[axis]
     if axis >= len(flights.origin):
         return 0, 1
-    flown = flights.speed[agent] * (time - flights.began[agent])
+    flown = flown_by(flights, agent, time)
     here = flights.origin[axis, agent] + flights.heading[axis, agent] * flown
     if flights.is_cyclic:
         low = math.floor((here - reach_cm) / lattice.cell_cm)
@@ -134,13 +134,6 @@ def cells_within(
         return (low, count) if count < across else (0, across)
     low = along_axis(lattice, here - reach_cm, axis)
     return low, along_axis(lattice, here + reach_cm, axis) - low + 1
-
-
-@inlined_kernel
-def carry_one_on(flights: Flights, agent: int, time: float) -> None:
-    """Have an agent set out again as often as its flight has ended by `time`."""
-    while flights.ends[agent] <= time:
-        turn(flights, agent)
 
 
 @inlined_kernel

@@ -29,7 +29,7 @@ PAUSE = 8
 MOST_KEPT = 2000
 """Of more agents neighbours are not kept: it would take more than 16 MB."""
 
-FEWEST_IN_CELLS = 100
+FEWEST_IN_CELLS = 400
 """Fewer agents are not looked up in cells: all pairs are quicker."""
 
 
@@ -62,21 +62,21 @@ class Neighbourhood(NamedTuple):
     reach_cm: float
     """So far the lattice is searched."""
     who: Whole
-    """(agents,) the candidates that it finds."""
+    """(agents,) the candidates."""
     places: Floats
     """(dimensions, agents) cm: where they are at this instant."""
     facing: Floats
     """(dimensions, agents) unit vectors: where they go; of candidates that the lattice found."""
     ends: Floats
-    """(agents,) when their flights end; the same holds."""
+    """(agents,) when their flights end."""
     placed: Floats
     """(1,) the instant at which all agents are in `places`; NaN where it is past."""
     square: Floats
     """(agents,) cm^2: of their distances to the agent in question, whose own is inf."""
     along: Floats
     """(agents,) cm: how far they, or it, are ahead of the one whose cone counts."""
-    apart: Floats
-    """(agents,) cm: how far they are from it along one axis."""
+    inside: Floats
+    """(agents,) cm^2: not below 0 for who is within the cone's angle; then, till when each stays in or out of it."""
 
 
 def make_neighbourhood(scenario: ParticleScenario, fastest: float) -> Neighbourhood:

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel, lean_kernel
-from epuck_sim.particles.flight import Flights, locate
+from epuck_sim.particles.flight import Flights, ends_at, flown_by, locate
 from epuck_sim.particles.lattice import look_around
 from epuck_sim.particles.least import least, place_of_least
 from epuck_sim.particles.neighbourhood import (
@@ -43,7 +43,7 @@ def find_neighbours(hood: Neighbourhood, flights: Flights, agent: int, time: flo
     if hood.kind == NEAREST:
         take_nearest(hood, agent, time, agents, math.inf, hood.members[row])
     else:
-        take_cone(hood, flights, agent, time, agents, math.inf, flights.ends, hood.members[row])
+        take_cone(hood, flights, agent, time, agents, math.inf, hood.members[row])
     return row
 
 
@@ -58,8 +58,7 @@ def find_in_lattice(hood: Neighbourhood, flights: Flights, agent: int, time: flo
         for place in range(candidates):
             other = hood.who[place]
             own = place if other == agent else own
-            hood.ends[place] = flights.ends[other]
-            flown = flights.speed[other] * (time - flights.began[other])
+            flown = flown_by(flights, other, time)
             for axis in range(len(hood.places)):
                 hood.facing[axis, place] = flights.heading[axis, other]
                 hood.places[axis, place] = flights.origin[axis, other] + flights.heading[axis, other] * flown
@@ -70,7 +69,7 @@ def find_in_lattice(hood: Neighbourhood, flights: Flights, agent: int, time: flo
             is_found = candidates > hood.k and take_nearest(hood, agent, time, candidates, reach_cm, members)
             reach_cm *= FARTHER
         else:
-            take_cone(hood, flights, agent, time, candidates, reach_cm, hood.ends, members)
+            take_cone(hood, flights, agent, time, candidates, reach_cm, members)
             is_found = True
     for rank in range(hood.counts[agent]):
         members[rank] = hood.who[members[rank]]
@@ -83,41 +82,34 @@ def measure(hood: Neighbourhood, flights: Flights, facing: Floats, own: int, can
     facing: (dimensions, candidates) where they go. Loops without branches over arrays in a row are what a processor is
     quickest at.
     """
-    side_cm, square, apart = flights.side_cm, hood.square, hood.apart
+    square, along = hood.square, hood.along
     is_round = hood.kind == NEAREST or hood.cos == FULL_CIRCLE
+    # in a cyclic space the nearest image counts; in another one nothing is taken off
+    cycle_cm, a_cycle = (flights.side_cm, 1 / flights.side_cm) if flights.is_cyclic else (0.0, 0.0)
+    for place in range(candidates):
+        square[place] = 0.0
+        along[place] = 0.0
     for axis in range(len(hood.places)):
-        places = hood.places[axis]
-        here = places[own]
-        for place in range(candidates):
-            apart[place] = places[place] - here
-        if flights.is_cyclic:
+        places, towards = hood.places[axis], facing[axis]
+        here, ahead = places[own], towards[own]
+        if is_round:
             for place in range(candidates):
-                apart[place] -= side_cm * np.rint(apart[place] / side_cm)
-        if axis == 0:
+                apart = places[place] - here
+                apart -= cycle_cm * np.rint(apart * a_cycle)
+                square[place] += apart * apart
+        elif hood.kind == SEEN:
             for place in range(candidates):
-                square[place] = apart[place] * apart[place]
+                apart = places[place] - here
+                apart -= cycle_cm * np.rint(apart * a_cycle)
+                square[place] += apart * apart
+                along[place] -= apart * towards[place]
         else:
             for place in range(candidates):
-                square[place] += apart[place] * apart[place]
-        if not is_round:
-            add_ahead(hood, facing[axis], own, candidates, axis == 0)
+                apart = places[place] - here
+                apart -= cycle_cm * np.rint(apart * a_cycle)
+                square[place] += apart * apart
+                along[place] += apart * ahead
     square[own] = math.inf
-
-
-@inlined_kernel
-def add_ahead(hood: Neighbourhood, facing: Floats, own: int, candidates: int, is_first: bool) -> None:
-    """Add along an axis how far the agent is ahead in others' cones of vision, or they in its cone of emission."""
-    along, apart = hood.along, hood.apart
-    if is_first:
-        for place in range(candidates):
-            along[place] = 0.0
-    if hood.kind == SEEN:
-        for place in range(candidates):
-            along[place] -= apart[place] * facing[place]
-    else:
-        ahead = facing[own]
-        for place in range(candidates):
-            along[place] += apart[place] * ahead
 
 
 @inlined_kernel
@@ -150,14 +142,13 @@ def take_cone(
     time: float,
     candidates: int,
     reach_cm: float,
-    ends: Floats,
     members: Whole,
 ) -> None:
     """Write the places of those to `members` to, or from, whom the cone reaches; who is where the agent is, is inside.
 
-    reach_cm: whoever is no candidate is farther away. ends: (candidates,) when their flights end.
+    reach_cm: whoever is no candidate is farther away.
     """
-    square, along, inside = hood.square, hood.along, hood.apart
+    square, along, inside = hood.square, hood.along, hood.inside
     is_round, limit = hood.cos == FULL_CIRCLE, hood.radius_cm * hood.radius_cm
     found = 0
     if is_round:
@@ -173,23 +164,26 @@ def take_cone(
     hood.counts[agent] = found
     if is_worth_keeping(hood, agent):
         until = time + hood.patience * (reach_cm - hood.radius_cm) if reach_cm < math.inf else math.inf
-        stays = hood.apart
+        stays = hood.inside
         if is_round:
             for place in range(candidates):
                 stays[place] = time + hood.patience * abs(math.sqrt(square[place]) - hood.radius_cm)
         else:
-            find_stays(hood, ends, time, candidates)
-            until = min(until, flights.ends[agent]) if hood.kind == REACHED else until
+            if hood.kind == REACHED:
+                until = min(until, ends_at(flights, agent))
+            for place in range(candidates):
+                hood.ends[place] = ends_at(flights, hood.who[place])
+            find_stays(hood, time, candidates)
         keep(hood, agent, time, min(until, least(stays, 0, candidates)))
 
 
 @inlined_kernel
-def find_stays(hood: Neighbourhood, ends: Floats, time: float, candidates: int) -> None:
-    """Replace what is known of cones in `apart` by a time until which each is, or is not, in the cone for sure.
+def find_stays(hood: Neighbourhood, time: float, candidates: int) -> None:
+    """Replace what is known of cones in `inside` by a time until which each is, or is not, in the cone for sure.
 
     Agents can enter or leave it over its arc, or over an edge, and a cone of vision turns when its agent does.
     """
-    square, along, inside = hood.square, hood.along, hood.apart
+    square, along, inside, ends = hood.square, hood.along, hood.inside, hood.ends
     is_of_one = hood.kind == REACHED  # the cone is the firing agent's, and not another for each
     for place in range(candidates):
         beyond = math.sqrt(square[place]) - hood.radius_cm
