@@ -164,7 +164,7 @@ def nothing_runs(monkeypatch) -> None:
     def forbidden(*_: Any, **__: Any) -> None:
         pytest.fail("a trial was simulated")
 
-    monkeypatch.setattr(cli_run, "Simulation", forbidden)
+    monkeypatch.setattr(cli_run, "make_model", forbidden)
 
 
 @pytest.fixture
@@ -310,7 +310,7 @@ def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, v
         asked.append(interpret)
         return Simulation(*given, interpret=interpret)
 
-    monkeypatch.setattr(cli_run, "Simulation", simulate)
+    monkeypatch.setattr(cli_run, "make_model", simulate)
     words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
     called(*words, "--interpret")
     chosen = points(load_scenario(swept))[1]

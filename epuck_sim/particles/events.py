@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import inlined_kernel
+from epuck_sim.compiled import inlined_kernel, lean_kernel
 from epuck_sim.particles.clocks import Clocks, begin_next_cycle, find_due, next_due, phase_at, set_due
 from epuck_sim.particles.flight import Flights, begin_cycle, carry_on, ends_at, first_to_end, reorient, turn_next
 from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours
@@ -93,19 +93,17 @@ def make_instant(agents: int) -> Instant:
     return Instant(fired, heard, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), tally)
 
 
-@inlined_kernel
-def next_event(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, instant: Instant) -> int:
-    """Go to the next event; return who reaches a wall, or -1 if it is an instant at which some fire."""
-    turning = ends_at(flights, first_to_end(flights))
-    while min(next_due(clocks), turning) >= 1.0:
+@lean_kernel
+def turn_if_next(flights: Flights, hood: Neighbourhood, clocks: Clocks, instant: Instant) -> int:
+    """Return who reaches a wall before anybody fires, and have it set out again; -1 if somebody fires before."""
+    while min(next_due(clocks), ends_at(flights, first_to_end(flights))) >= 1.0:
         begin_next(flights, hood, clocks)
-        turning = ends_at(flights, first_to_end(flights))
-    if turning <= next_due(clocks):
-        clocks.now[0] = turning
-        instant.tally[SYNCHRONISED] = 0
-        return turn_next(flights)
-    advance(flights, hood, clocks, rules, instant, instant.tally[INSTANTS] + 1, ENDLESS, ENDLESS, 0.0)
-    return -1
+    turning = ends_at(flights, first_to_end(flights))
+    if turning > next_due(clocks):
+        return -1
+    clocks.now[0] = turning
+    instant.tally[SYNCHRONISED] = 0
+    return turn_next(flights)
 
 
 @inlined_kernel
@@ -116,7 +114,7 @@ def begin_next(flights: Flights, hood: Neighbourhood, clocks: Clocks) -> None:
     begin_cycle_of_neighbours(hood)
 
 
-@inlined_kernel
+@lean_kernel
 def advance(
     flights: Flights,
     hood: Neighbourhood,

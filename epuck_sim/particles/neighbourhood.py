@@ -12,13 +12,16 @@ import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel
 from epuck_sim.particles.lattice import Lattice, begin_cycle_of_lattice, make_lattice
-from epuck_sim.particles.scenario import Cone, Everybody, Nearest, ParticleScenario
+from epuck_sim.particles.scenario import Cone, Nearest, ParticleScenario, Range
 
 Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
 NEAREST, SEEN, REACHED = range(3)
 """The k nearest; those in whose cone of vision the one that fires is; those in its cone of emission."""
+
+UNLIMITED_CM = 1e30
+"""Farther than anybody can be, but not inf, which is how far an agent is from itself."""
 
 FULL_CIRCLE = -2.0
 """Less than any cosine."""
@@ -82,13 +85,15 @@ class Neighbourhood(NamedTuple):
 def make_neighbourhood(scenario: ParticleScenario, fastest: float) -> Neighbourhood:
     """Return a scenario's neighbourhoods, none of which is known yet; fastest: of the agents, cm in a cycle."""
     rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
-    kind, k, radius_cm, angle_deg = NEAREST, agents - 1, math.inf, 360.0
+    kind, k, radius_cm, angle_deg = NEAREST, agents - 1, UNLIMITED_CM, 360.0
     if isinstance(rule, Nearest):
         k = min(rule.k, agents - 1)
-    elif not isinstance(rule, Everybody):
+    else:
         kind = SEEN if rule.kind == "cone_of_vision" else REACHED
-        radius_cm = math.inf if rule.radius_cm is None else rule.radius_cm
-        angle_deg = rule.angle_deg if isinstance(rule, Cone) else 360.0
+    if isinstance(rule, Range | Cone):
+        radius_cm = UNLIMITED_CM if rule.radius_cm is None else rule.radius_cm
+    if isinstance(rule, Cone):
+        angle_deg = rule.angle_deg
     # a cone turns when its agent does, and in a cyclic space when another one comes round the other way
     turns = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
     keeps = agents <= MOST_KEPT and not turns

@@ -18,7 +18,7 @@ from epuck_sim.particles.events import (
     advance,
     make_instant,
     make_rules,
-    next_event,
+    turn_if_next,
 )
 from epuck_sim.particles.flight import locate
 from epuck_sim.particles.neighbourhood import make_neighbourhood
@@ -86,10 +86,12 @@ class Swarm:
 
     def __next__(self) -> Event:
         """Go to the next event."""
-        turned = next_event(*self._state)
+        flights, hood, clocks, _, instant = self._state
+        turned = turn_if_next(flights, hood, clocks, instant)
         if turned >= 0:
             nobody = np.empty(0, np.int64)
             return Event(self.time_s, turned, nobody, nobody)
+        advance(*self._state, self.instants + 1, ENDLESS, ENDLESS, 0.0)
         fired, heard = self._instant.counts
         return Event(self.time_s, None, self._instant.fired[:fired].copy(), self._instant.heard[:heard].copy())
 

@@ -1,6 +1,7 @@
 """How the viewer lays a recording out: the arena on the left, plots on the right, pictures below, time in seconds."""
 
 import tempfile
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -12,25 +13,22 @@ from epuck_sim.recording.pictures import CAMERA, INFRARED, SPACE_TIME
 from epuck_sim.recording.series import FLASHES, PHASES, WHEELS
 
 MARGIN_CM = 2.0
-"""Around the arena."""
+"""Around the arena of robots."""
+
+MARGIN_SHARE = 1 / 30
+"""Around that of point-like agents, of its width."""
 
 
 def make_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
-    """Return the layout for recordings of a level, in an arena of this size."""
-    whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
-    hidden = rrb.PlotLegend(visible=False)
-    flashes = rrb.TimeSeriesView(origin=FLASHES, name="flashes [robot]", axis_x=whole, plot_legend=hidden)
-    phases = rrb.TimeSeriesView(origin=PHASES, name="phases [ms]", axis_x=whole, plot_legend=hidden)
-    unit = rrb.ScalarAxis(range=(0, 1.02))
-    order = rrb.TimeSeriesView(origin="/order", name="order parameter", axis_x=whole, axis_y=unit)
-    bounds = rrb.VisualBounds2D(x_range=(-MARGIN_CM, width_cm + MARGIN_CM), y_range=(-MARGIN_CM, height_cm + MARGIN_CM))
-    arena = rrb.Spatial2DView(origin="/", contents="/arena/**", name="arena [cm]", visual_bounds=bounds)
+    """Return the layout for recordings of robots, of a level, in an arena of this size."""
+    flashes, phases, order = _plots("robot")
+    arena = _arena(width_cm, height_cm, MARGIN_CM)
     if level is Level.SUMMARY:
         body: rrb.Container = rrb.Vertical(flashes, order)
     elif level is Level.POSES:
         body = rrb.Horizontal(arena, rrb.Vertical(flashes, phases, order), column_shares=[3, 2])
     else:
-        wheels = rrb.TimeSeriesView(origin=WHEELS, name="wheels [cm/s]", axis_x=whole, plot_legend=hidden)
+        wheels = _plot(WHEELS, "wheels [cm/s]")
         rows = rrb.Spatial2DView(origin=CAMERA, name="camera rows")
         space_time = rrb.Spatial2DView(origin=SPACE_TIME, name="camera rows over a minute")
         distances = rrb.Spatial2DView(origin=INFRARED, name="infrared distances [mm]")
@@ -38,14 +36,53 @@ def make_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprin
         plots = rrb.Vertical(flashes, rrb.Tabs(phases, wheels), order)
         above = rrb.Horizontal(rrb.Tabs(arena, space_time), plots, column_shares=[3, 2])
         body = rrb.Vertical(above, pictures, row_shares=[3, 1])
-    time = rrb.TimePanel(timeline=TIMELINE, state="collapsed")
-    return rrb.Blueprint(body, time, collapse_panels=True)
+    return _blueprint(body)
+
+
+def make_swarm_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
+    """Return the layout for recordings of point-like agents; a segment, of no height, lies above the plots."""
+    flashes, phases, order = _plots("agent")
+    arena = _arena(width_cm, height_cm, MARGIN_SHARE * width_cm)
+    if level is Level.SUMMARY:
+        body: rrb.Container = rrb.Vertical(flashes, order)
+    elif height_cm > 0:
+        body = rrb.Horizontal(arena, rrb.Vertical(flashes, phases, order), column_shares=[1, 1])
+    else:
+        body = rrb.Vertical(arena, flashes, phases, order, row_shares=[1, 2, 2, 2])
+    return _blueprint(body)
+
+
+def _plots(noun: str) -> tuple[rrb.TimeSeriesView, rrb.TimeSeriesView, rrb.TimeSeriesView]:
+    """Return the plots of flashes, phases and the order parameter; noun: of whom."""
+    whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
+    unit = rrb.ScalarAxis(range=(0, 1.02))
+    order = rrb.TimeSeriesView(origin="/order", name="order parameter", axis_x=whole, axis_y=unit)
+    return _plot(FLASHES, f"flashes [{noun}]"), _plot(PHASES, "phases [ms]"), order
+
+
+def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
+    whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
+    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=whole, plot_legend=rrb.PlotLegend(visible=False))
+
+
+def _arena(width_cm: float, height_cm: float, margin_cm: float) -> rrb.Spatial2DView:
+    bounds = rrb.VisualBounds2D(x_range=(-margin_cm, width_cm + margin_cm), y_range=(-margin_cm, height_cm + margin_cm))
+    return rrb.Spatial2DView(origin="/", contents="/arena/**", name="arena [cm]", visual_bounds=bounds)
+
+
+def _blueprint(body: rrb.Container) -> rrb.Blueprint:
+    return rrb.Blueprint(body, rrb.TimePanel(timeline=TIMELINE, state="collapsed"), collapse_panels=True)
 
 
 @lru_cache
-def layout_file(level: Level, width_cm: float, height_cm: float) -> bytes:
+def layout_file(
+    level: Level,
+    width_cm: float,
+    height_cm: float,
+    make: Callable[[Level, float, float], rrb.Blueprint] = make_layout,
+) -> bytes:
     """Return a layout as a file for the viewer (.rbl); each that is made leaves two threads of rerun behind."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "layout.rbl"
-        make_layout(level, width_cm, height_cm).save(APPLICATION, file)
+        make(level, width_cm, height_cm).save(APPLICATION, file)
         return file.read_bytes()

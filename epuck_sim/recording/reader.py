@@ -9,17 +9,19 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
-from pydantic import ValidationError
 from rerun.chunk import Chunk, RrdReader
 
-from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import RecordingError, ScenarioError
+from epuck_sim.models import validate
 from epuck_sim.provenance import in_text
-from epuck_sim.recording import scene, series
+from epuck_sim.recording import series
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
+from epuck_sim.recording.ground import HEADINGS, ROBOTS
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.recording.rrd_file import ENDING
+from epuck_sim.recording.subject import describe
+from epuck_sim.scenario import Scenario
 from epuck_sim.yaml_reader import parse_yaml
 
 Floats = npt.NDArray[np.float64]
@@ -28,42 +30,46 @@ SERIES = (series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series
 
 
 class Recorded(NamedTuple):
-    """A trial as it was recorded; poses and phases have no steps where the level leaves them out."""
+    """A trial as it was recorded; poses and phases have no rows where the level leaves them out.
 
-    scenario: EmbodiedScenario
+    Of robots, there is a row for each control step; of point-like agents, one for each instant at which some fire, and
+    20 in a nominal period beside them.
+    """
+
+    scenario: Scenario
     seed: int
     level: Level
     versions: dict[str, str]
     cycles: int
-    """Firings of the reference robot."""
+    """Firings of the reference."""
     synchronised: bool
     """Whether the trial ended with the swarm synchronised."""
     time_s: Floats
-    """(steps,)"""
+    """(rows,)"""
     order_parameter: Floats
-    """(steps,) of all oscillators."""
+    """(rows,) of all oscillators."""
     flash_s: Floats
-    """(flashes,) when a robot fired."""
+    """(flashes,) when somebody fired."""
     flash_robot: npt.NDArray[np.int64]
-    """(flashes,) which one."""
+    """(flashes,) who it was, by number."""
     flash_cycle: npt.NDArray[np.int64]
     """(flashes,) which of its own flashes it was, from 1."""
     firing_s: Floats
-    """(firings,) when the reference robot fired."""
+    """(firings,) when the reference fired."""
     firing_order: Floats
     """(firings,) the order parameter as the trial measured it then."""
     phase_ms: Floats
-    """(steps, robots)"""
+    """(rows, count)"""
     positions: npt.NDArray[np.float32]
-    """(steps, robots, 2) cm, in single precision, which is what a recording holds."""
+    """(rows, count, 2) cm, in single precision, which is what a recording holds; of a cube, seen from above."""
     headings: Floats
-    """(steps, robots) rad in -pi to pi, of arrows in single precision."""
+    """(rows, count) rad in -pi to pi, of arrows in single precision."""
     ring_on: npt.NDArray[np.bool_]
-    """(steps, robots)"""
+    """(rows, count) whose ring is lit; of agents, who fired within the last 0.075 of a period."""
 
 
 def last_moment_s(path: Path) -> float:
-    """Return the time of a recording's last step, 0 if there is none; raises as `read_recording` does."""
+    """Return the time of a recording's last row, 0 if there is none; raises as `read_recording` does."""
     entities = _Entities(path, series.ORDER_AT_STEPS)
     _check_format(path, entities.properties(TRIAL))
     return float(entities.times(series.ORDER_AT_STEPS).max(initial=0))
@@ -74,22 +80,19 @@ def read_recording(path: Path) -> Recorded:
 
     Raises RecordingError for a file that is no whole recording, or one of another program or version.
     """
-    entities = _Entities(path, *SERIES, scene.ROBOTS, scene.HEADINGS)
+    entities = _Entities(path, *SERIES, ROBOTS, HEADINGS)
     trial = entities.properties(TRIAL)
     _check_format(path, trial)
     try:
         recorded = _gather(entities, trial, entities.properties(OUTCOME))
-    except ValidationError as error:
-        key, reason = ".".join(map(str, error.errors()[0]["loc"])), error.errors()[0]["msg"]
-        raise RecordingError(f"{path}: holds a scenario that this version cannot read: {key}: {reason}") from error
     except ScenarioError as error:
         raise RecordingError(f"{path}: holds a scenario that this version cannot read: {error}") from error
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path}: is no whole recording: {error}") from error
-    steps = len(recorded.time_s)
+    rows = len(recorded.time_s)
     for name in ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ():
-        if len(getattr(recorded, name)) != steps:
-            raise RecordingError(f"{path}: is no whole recording: {name} of {steps} steps are not there")
+        if len(getattr(recorded, name)) != rows:
+            raise RecordingError(f"{path}: is no whole recording: {name} of {rows} rows are not there")
     return recorded
 
 
@@ -104,9 +107,12 @@ def _check_format(path: Path, trial: dict[str, Any]) -> None:
 
 def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
     """Return a recording's arrays; raises KeyError or ValueError for what is missing."""
-    scenario = EmbodiedScenario.model_validate(parse_yaml(trial["scenario"], "its scenario"))
-    robots = scenario.robot_count
-    arrows = entities.values(scene.HEADINGS, "Arrows2D:vectors").reshape(-1, robots, 2)
+    given = parse_yaml(trial["scenario"], "its scenario")
+    if not isinstance(given, dict):
+        raise ScenarioError("its scenario is no mapping of keys to values")
+    scenario = validate(given, "its scenario")
+    count = describe(scenario).size
+    arrows = entities.values(HEADINGS, "Arrows2D:vectors").reshape(-1, count, 2)
     return Recorded(
         scenario=scenario,
         seed=int(trial["seed"]),
@@ -121,10 +127,10 @@ def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any
         flash_cycle=entities.values(series.FLASHES, "cycle").astype(np.int64),
         firing_s=entities.times(series.ORDER_AT_FIRINGS),
         firing_order=entities.values(series.ORDER_AT_FIRINGS, "Scalars:scalars"),
-        phase_ms=entities.values(series.PHASES, "Scalars:scalars").reshape(-1, robots),
-        positions=entities.values(scene.ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, robots, 2),
+        phase_ms=entities.values(series.PHASES, "Scalars:scalars").reshape(-1, count),
+        positions=entities.values(ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, count, 2),
         headings=np.arctan2(arrows[..., 1], arrows[..., 0]),
-        ring_on=entities.values(scene.ROBOTS, "Points2D:class_ids").reshape(-1, robots) == 1,
+        ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,
     )
 
 

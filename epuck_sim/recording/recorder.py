@@ -1,30 +1,33 @@
-"""Records a trial: an onlooker that gathers steps in a window and turns full windows into chunks of a recording."""
+"""Records a trial: an onlooker that gathers rows in a window and turns full windows into chunks of a recording."""
 
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.embodied import EmbodiedScenario
-from epuck_sim.errors import ScenarioError
+from epuck_sim.particles.scenario import ParticleScenario
+from epuck_sim.particles.swarm import Swarm
 from epuck_sim.provenance import versions
 from epuck_sim.recording.chunks import still, strictly
-from epuck_sim.recording.layout import layout_file
+from epuck_sim.recording.details import Details, RobotDetails
+from epuck_sim.recording.ground import ground, set_ground
+from epuck_sim.recording.layout import layout_file, make_layout, make_swarm_layout
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.pictures import SpaceTime, pictures, set_pictures
 from epuck_sim.recording.rrd_file import rrd_file
-from epuck_sim.recording.scene import make_stage, scene, set_scene, warm_up
 from epuck_sim.recording.series import series, series_styles
-from epuck_sim.recording.window import Columns, Window
+from epuck_sim.recording.subject import Subject, describe
+from epuck_sim.recording.swarm_details import SwarmDetails
+from epuck_sim.recording.swarm_window import SwarmWindow
+from epuck_sim.recording.window import Window
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario, write_scenario
-from epuck_sim.step import Step
 from epuck_sim.synchrony import SynchronyWatch
 
 FORMAT = 1
@@ -34,7 +37,7 @@ WINDOW_S = 600
 """Simulated time in memory before it is written."""
 
 WINDOW_ROWS = 60_000
-"""But no more rows, one a robot and step, than these: about 8 MB."""
+"""But no more rows times robots, or agents, than these: about 8 MB."""
 
 TRIAL = "trial"
 OUTCOME = "outcome"
@@ -43,15 +46,15 @@ OUTCOME = "outcome"
 
 @contextmanager
 def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
-    """Yield an onlooker of a trial (see `trial.run_trial`) that records it into a file for the rerun viewer.
+    """Yield an onlooker of a trial (see `run_trial`, `run_swarm`) that records it into a file for the rerun viewer.
 
     The file gets its name when the block ends; where it ends with an error, nothing is left behind.
-    Raises EpuckSimError where the file cannot be written.
+    Raises EpuckSimError where the file cannot be written, or the scenario cannot be recorded.
     """
     scenario = load_scenario(scenario)  # with every default written out
-    if not isinstance(scenario, EmbodiedScenario):
-        raise ScenarioError(f"{scenario.name}: model: {scenario.model} cannot be recorded yet")
-    layout = layout_file(level, scenario.arena.width_cm, scenario.arena.height_cm)
+    arena = describe(scenario).arena
+    make = make_swarm_layout if isinstance(scenario, ParticleScenario) else make_layout
+    layout = layout_file(level, arena.width_cm, arena.height_cm, make)
     with rrd_file(path, recording_id(scenario, seed, level), layout) as write:
         recorder = Recorder(scenario, seed, level, WINDOW_S, write)
         yield recorder
@@ -59,11 +62,11 @@ def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL)
 
 
 class Recorder:
-    """An onlooker that hands on chunks, window by window."""
+    """An onlooker of a trial of any model that hands on chunks, window by window."""
 
     def __init__(
         self,
-        scenario: EmbodiedScenario,
+        scenario: Scenario,
         seed: int,
         level: Level,
         window_s: float,
@@ -73,38 +76,34 @@ class Recorder:
 
         window_s: the most of simulated time that is held back.
         """
-        steps = max(1, int(min(window_s * scenario.timing.control_hz, WINDOW_ROWS / scenario.robot_count)))
+        self._level = level
         self._send = write
-        self._window = Window(scenario, level, steps)
-        self._watch: SynchronyWatch | None = None
-        self._rest: Callable[[], Iterable[Chunk]] = tuple  # what views hold back until the end
+        self._subject = subject = describe(scenario)
+        self._threshold = scenario.stop.order_parameter
+        self._watch: SynchronyWatch | Swarm | None = None
+        rows = max(1, int(min(window_s * subject.rows_per_s, WINDOW_ROWS / subject.size)))
+        self._window, self._details = _parts(scenario, subject, seed, level, rows)
         self._write(_description(scenario, seed, level))
-        self._write(series_styles(scenario, level))
-        self._views: list[Callable[[Columns], Iterable[Chunk]]] = [
-            partial(series, threshold=scenario.stop.order_parameter, level=level)
-        ]
+        self._write(series_styles(subject, level))
         if level is not Level.SUMMARY:
-            stage = make_stage(scenario)
-            self._write(set_scene(stage, scenario.robot_count, level))
-            self._views.append(partial(scene, stage=stage, level=level))
-        if level is Level.FULL:
-            warm_up(stage)
-            space_time = SpaceTime(scenario)
-            self._write(set_pictures(scenario))
-            self._views += [pictures, space_time.pictures]
-            self._rest = space_time.rest
+            self._write(set_ground(subject))
+        if self._details is not None:
+            self._write(self._details.still())
 
-    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        """Take note of a step."""
-        self._watch = watch
-        self._window.take(step, watch)
+    def __call__(self, shown: Any, more: Any) -> None:
+        """Take note of what is shown: a step of robots and the watch, or a swarm of agents and an event."""
+        self._watch = shown if isinstance(shown, Swarm) else more
+        self._window.take(shown, more)
         if self._window.is_full:
-            self._empty_window(watch)
+            self._empty_window()
 
-    def _empty_window(self, watch: SynchronyWatch) -> None:
-        columns = self._window.empty(watch)
-        for view in self._views:
-            self._write(view(columns))
+    def _empty_window(self) -> None:
+        columns = self._window.empty()
+        self._write(series(columns, self._threshold, self._level))
+        if self._level is not Level.SUMMARY:
+            self._write(ground(columns, self._subject.radius_cm))
+        if self._details is not None:
+            self._write(self._details.moving(columns))
 
     def _write(self, chunks: Iterable[Chunk]) -> None:
         with strictly():
@@ -115,19 +114,31 @@ class Recorder:
         cycles, synchronised = 0, False
         if self._watch is not None:
             cycles, synchronised = self._watch.cycles, self._watch.is_synchronised
-            if self._window.taken:
-                self._empty_window(self._watch)
-        self._write(self._rest())
+        if self._window.taken:
+            self._empty_window()
+        if self._details is not None:
+            self._write(self._details.rest())
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 
-def recording_id(scenario: EmbodiedScenario, seed: int, level: Level) -> str:
+def _parts(
+    scenario: Scenario, subject: Subject, seed: int, level: Level, rows: int
+) -> tuple[Window | SwarmWindow, Details | None]:
+    """Return a window for so many rows, and the details that a full recording has."""
+    is_full = level is Level.FULL
+    if isinstance(scenario, ParticleScenario):
+        return SwarmWindow(scenario, seed, level, rows), SwarmDetails(scenario, subject) if is_full else None
+    assert isinstance(scenario, EmbodiedScenario)  # `describe` has refused all others
+    return Window(scenario, level, rows), RobotDetails(scenario, subject) if is_full else None
+
+
+def recording_id(scenario: Scenario, seed: int, level: Level) -> str:
     """Return a name that is the same whenever the same trial is recorded at the same level."""
     described = f"{write_scenario(scenario)}\n{seed}\n{level}\n{json.dumps(versions())}"
     return hashlib.sha256(described.encode()).hexdigest()[:32]
 
 
-def _description(scenario: EmbodiedScenario, seed: int, level: Level) -> Iterator[Chunk]:
+def _description(scenario: Scenario, seed: int, level: Level) -> Iterator[Chunk]:
     made_by = {**versions(), "rerun": version("rerun-sdk")}
     trial = rr.AnyValues(
         format=FORMAT,

@@ -17,37 +17,44 @@ Whole = npt.NDArray[np.int64]
 
 
 class Columns(NamedTuple):
-    """Steps in a row. Arrays begin with (steps, robots), unless told; those that the level leaves out have no steps."""
+    """Rows, one after the other: control steps of robots, or moments of point-like agents.
+
+    Arrays begin with (rows, count), unless told; those that the level or the model leaves out have no rows.
+    """
 
     time_ns: Whole
-    """(steps,) simulated time."""
+    """(rows,) simulated time."""
     ring_on: Bools
-    ring_before: Bools
-    """The rings of the step before, which are the ones that others see."""
+    """Of agents: who fired just before."""
     phase_ms: Floats
     poses: Floats
-    """(steps, robots, 3) cm, cm, rad."""
-    camera: npt.NDArray[np.uint8]
-    """(steps, robots, pixels)"""
-    distance_mm: npt.NDArray[np.uint16]
-    """(steps, robots, 8)"""
-    wheels_cm_s: Floats
-    """(steps, robots, 2)"""
+    """(rows, count, 3) cm, cm, rad."""
     order_parameter: Floats
-    """(steps,) of all oscillators."""
+    """(rows,) of all oscillators."""
     flashes: Whole
-    """(flashes, 3) place among the steps, robot, and which of the robot's flashes it is, from 1."""
+    """(flashes, 3) place among the rows, who flashes, and which of its own flashes it is, from 1."""
     firings: Whole
-    """(firings,) places of the steps in which the reference robot fires."""
+    """(firings,) places of the rows in which the reference fires."""
     firing_order: Floats
     """(firings,) the order parameter that was measured then."""
+    ring_before: Bools = np.empty((0, 0), np.bool_)
+    """The rings of the step before, which are the ones that other robots see."""
+    camera: npt.NDArray[np.uint8] = np.empty((0, 0, 0), np.uint8)
+    """(rows, robots, pixels)"""
+    distance_mm: npt.NDArray[np.uint16] = np.empty((0, 0, SENSORS), np.uint16)
+    """(rows, robots, 8)"""
+    wheels_cm_s: Floats = np.empty((0, 0, 2))
+    """(rows, robots, 2)"""
+    links: Whole = np.empty((0, 4), np.int64)
+    """(links, 4) place among the rows, who fires, who hears it, and 1 where that shifted a phase; of agents."""
 
 
 class Window:
-    """Gathers steps; to be emptied when it is full."""
+    """Gathers steps of robots; to be emptied when it is full."""
 
     taken: int
     """Steps in the window."""
+    _watch: SynchronyWatch
 
     def __init__(self, scenario: EmbodiedScenario, level: Level, steps: int) -> None:
         """Make room for so many steps."""
@@ -87,6 +94,7 @@ class Window:
 
     def take(self, step: Step, watch: SynchronyWatch) -> None:
         """Take note of a step."""
+        self._watch = watch
         row = self.taken
         for name, array in self._filled:
             array[row] = getattr(step, name)
@@ -96,7 +104,7 @@ class Window:
                 self._firings.append((row, watch.order_parameter))
         self.taken += 1
 
-    def empty(self, watch: SynchronyWatch) -> Columns:
+    def empty(self) -> Columns:
         """Return what is in the window, at least one step; it is empty then."""
         arrays = {name: array[: self.taken] for name, array in self._arrays.items()}
         ring_on, phase_ms = arrays["ring_on"], arrays["phase_ms"]
@@ -109,7 +117,7 @@ class Window:
         columns = Columns(
             time_ns=(self._next + np.arange(self.taken)) * self._step_ns,
             ring_before=ring_before,
-            order_parameter=watch.measure(phase_ms),
+            order_parameter=self._watch.measure(phase_ms),
             flashes=np.column_stack([rows, robots, counts[rows, robots]]),
             firings=firings[:, 0].astype(np.int64),
             firing_order=firings[:, 1],

@@ -22,9 +22,10 @@ from matplotlib.patches import Circle, Polygon, Rectangle
 from epuck_sim import epuck
 from epuck_sim.errors import EpuckSimError, RecordingError
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.page import MANY, PATH_S, RED, draw_page, save_page
+from epuck_sim.recording.page import MANY, RED, draw_page, save_page
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
+from epuck_sim.recording.subject import PATH_S
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation
 from epuck_sim.trial import run_trial

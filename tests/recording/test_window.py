@@ -76,9 +76,9 @@ def recorded(name: str, size: int, level: Level = Level.FULL) -> tuple[list[Colu
         if watch.cycles > cycles and watch.order_parameter is not None:
             firings.append((step.number, watch.cycles, watch.order_parameter))
         if window.is_full:
-            parts.append(window.empty(watch))
+            parts.append(window.empty())
     if window.taken:
-        parts.append(window.empty(watch))
+        parts.append(window.empty())
     return parts, Taken({key: np.array(values) for key, values in copies.items()}, times, measured, firings)
 
 
@@ -162,7 +162,7 @@ def test_what_was_returned_is_not_written_to_again() -> None:
         watch.look(step)
         window.take(step, watch)
         if window.is_full:
-            columns = window.empty(watch)
+            columns = window.empty()
             returned.append((columns, [column.copy() for column in columns]))
     assert len(returned) == 4
     for columns, copies in returned:
@@ -178,7 +178,7 @@ def test_a_window_is_full_when_it_has_its_steps_and_empty_when_it_was_emptied() 
             assert (window.taken, window.is_full) == (taken, False)
             window.take(next(simulation), watch)
         assert (window.taken, window.is_full) == (3, True)
-        window.empty(watch)
+        window.empty()
 
 
 # --- flashes ----------------------------------------------------------------------------------------
@@ -263,7 +263,7 @@ def test_flashes_and_firings_of_made_up_steps(
         if watch.cycles > cycles and watch.order_parameter is not None:
             firings.append((number, watch.order_parameter))
         if window.is_full or number == len(rings) - 1:
-            parts.append(window.empty(watch))
+            parts.append(window.empty())
     columns = joined(parts)
     expected = slow_flashes(rings, phases)
     assert columns.flashes.tolist() == expected

@@ -1,0 +1,522 @@
+"""A recording of point-like agents holds what a twin does whom nobody records; it is read, drawn and shown so."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from cli_kit import call, refused
+from matplotlib.colors import to_hex
+from matplotlib.patches import Circle
+from test_recorder import Found
+from viewer_kit import LIT, alike, pixels
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.particles.scenario import ParticleScenario
+from epuck_sim.particles.swarm import Event, Swarm
+from epuck_sim.particles.trial import run_swarm
+from epuck_sim.recording import hearing, recorder
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.page import RED, draw_page, save_page
+from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.recorder import record
+from epuck_sim.recording.rerun_program import NO_GRAPHICS, run_rerun
+from epuck_sim.scenario_file import load_scenario
+from epuck_sim.synchrony import METRICS
+from epuck_sim.trial import TrialResult
+
+Floats = npt.NDArray[np.float64]
+
+GLOW, FRAMES = 0.075, 20
+
+CENSORED = {"order_parameter": None, "max_cycles": 6}
+
+SCENARIOS: dict[str, dict[str, Any]] = {
+    "thesis": {"agents": {"speed_cm_s": 30}, "stop": {"max_cycles": 30}},
+    "synchronises": {"agents": {"count": 5, "speed_cm_s": 30}, "neighbourhood": {"kind": "all"}},
+    "segment": {
+        "space": {"dimensions": 1, "side_cm": 40},
+        "agents": {"count": 9, "speed_cm_s": 13},
+        "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 90, "radius_cm": 15},
+        "stop": CENSORED,
+    },
+    "cyclic segment": {
+        "space": {"dimensions": 1, "boundary": "cyclic"},
+        "agents": {"count": 6, "speed_cm_s": 80},
+        "neighbourhood": {"kind": "range", "radius_cm": 20},
+        "stop": CENSORED,
+    },
+    "cyclic": {
+        "space": {"boundary": "cyclic", "side_cm": 50},
+        "agents": {"count": 12, "speed_cm_s": 40},
+        "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 100, "radius_cm": 20},
+        "clocks": {"jitter": 0.1},
+        "stop": {**CENSORED, "metric": "reference", "reference": 3},
+    },
+    "emitting": {
+        "agents": {"count": 15, "speed_cm_s": 20, "reorient_on": ["emitting", "receiving"]},
+        "neighbourhood": {"kind": "cone_of_emission", "angle_deg": 150},
+        "clocks": {"period_s": 3.7},
+        "response": {"refractory": 0.2},
+        "stop": CENSORED,
+    },
+    "cube": {
+        "space": {"dimensions": 3},
+        "agents": {"count": 10, "speed_cm_s": 30, "speed_distribution": "exponential"},
+        "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 120},
+        "stop": CENSORED,
+    },
+    "cyclic cube": {
+        "space": {"dimensions": 3, "boundary": "cyclic"},
+        "agents": {"count": 10, "speed_cm_s": 55},
+        "neighbourhood": {"kind": "nearest", "k": 3},
+        "stop": CENSORED,
+    },
+    "in step": {
+        "agents": {"count": 4, "speed_cm_s": 5},
+        "start": {"phases": "synchronised", "displacement": 0.3},
+        "response": {"curve": "sine", "coupling": 0.1},
+        "stop": CENSORED,
+    },
+    "alone": {"agents": {"count": 1, "speed_cm_s": 0}, "stop": CENSORED},
+    "many": {
+        "agents": {"count": 420, "speed_cm_s": 3},
+        "neighbourhood": {"kind": "range", "radius_cm": 5},
+        "stop": {**CENSORED, "max_cycles": 2},
+    },
+}
+
+
+def load(name: str, **more: Any) -> ParticleScenario:
+    scenario = load_scenario({"model": "particles", "name": name, **SCENARIOS[name], **more})
+    assert isinstance(scenario, ParticleScenario)
+    return scenario
+
+
+def recorded(path: Path, scenario: ParticleScenario, seed: int = 4, level: Level = Level.FULL) -> TrialResult:
+    with record(path, scenario, seed, level) as onlooker:
+        return run_swarm(Swarm(scenario, seed), [onlooker])
+
+
+class Seen(NamedTuple):
+    """A swarm at an event."""
+
+    event: Event
+    time_ns: int
+    phases: Floats
+    positions: Floats
+    headings: Floats
+    cycles: int
+    order_parameter: float | None
+
+
+class Trial(NamedTuple):
+    """A trial that was recorded, and the same one as it was watched without a recorder."""
+
+    scenario: ParticleScenario
+    path: Path
+    recorded: Recorded
+    seen: list[Seen]
+    result: TrialResult
+    result_recorded: TrialResult
+
+    @property
+    def instants(self) -> list[Seen]:
+        return [each for each in self.seen if len(each.event.fired)]
+
+    @property
+    def places(self) -> list[int]:
+        """Rows of the instants."""
+        return np.searchsorted(self.time_ns, [each.time_ns for each in self.instants]).tolist()
+
+    @property
+    def time_ns(self) -> npt.NDArray[np.int64]:
+        return np.round(self.recorded.time_s * 1e9).astype(np.int64)
+
+    @property
+    def between(self) -> dict[int, tuple[Floats, Floats, Floats]]:
+        """Phases, positions and headings at the rows between instants, of a twin that goes from one to the next."""
+        twin, rows = Swarm(self.scenario, 4), {}
+        for row in sorted({*range(len(self.time_ns))} - {*self.places}):
+            twin.run_to(self.time_ns[row] / 1e9)
+            rows[row] = twin.phases(), twin.positions(), twin.headings()
+        return rows
+
+
+def watched(scenario: ParticleScenario) -> tuple[list[Seen], TrialResult]:
+    seen: list[Seen] = []
+
+    def look(swarm: Swarm, event: Event) -> None:
+        state = swarm.phases(), swarm.positions(), swarm.headings(), swarm.cycles, swarm.order_parameter
+        seen.append(Seen(event, round(event.time_s * 1e9), *state))
+
+    return seen, run_swarm(Swarm(scenario, 4), [look])
+
+
+@pytest.fixture(scope="module", params=SCENARIOS)
+def trial(request, tmp_path_factory) -> Trial:
+    scenario = load(request.param)
+    path = tmp_path_factory.mktemp("recording") / "t.rrd"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "WINDOW_ROWS", 173)
+        result = recorded(path, scenario)
+    return Trial(scenario, path, read_recording(path), *watched(scenario), result)
+
+
+def flat(vectors: Floats) -> Floats:
+    """Return (..., 2) what of (..., dimensions) is seen from above."""
+    return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 2))], axis=-1)[..., :2] * (
+        [1, 0] if vectors.shape[-1] == 1 else [1, 1]
+    )
+
+
+# --- what every agent did ---------------------------------------------------------------------------
+
+
+def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
+    assert trial.result_recorded._replace(wall_s=0) == trial.result._replace(wall_s=0)
+    read = trial.recorded
+    assert (read.scenario, read.seed, read.level) == (trial.scenario, 4, Level.FULL)
+    assert (read.cycles, read.synchronised) == (trial.result.cycles, not trial.result.censored)
+
+
+def test_there_is_a_row_at_each_instant_and_20_in_each_period(trial: Trial) -> None:
+    last = trial.seen[-1]
+    frame_ns = trial.scenario.clocks.period_s * 1e9 / FRAMES
+    frames = {round(number * frame_ns) for number in range(int(last.time_ns / frame_ns) + 2)}
+    expected = {time for time in frames if time < last.time_ns} | {each.time_ns for each in trial.instants}
+    assert trial.time_ns.tolist() == sorted(expected)
+
+
+def test_flashes_are_at_the_instants_to_the_nanosecond(trial: Trial) -> None:
+    counts = np.zeros(trial.scenario.agents.count, int)
+    expected = []
+    for each in trial.instants:
+        for agent in sorted(each.event.fired.tolist()):
+            counts[agent] += 1
+            expected.append((each.time_ns / 1e9, agent, counts[agent]))
+    read = trial.recorded
+    assert list(zip(read.flash_s, read.flash_robot, read.flash_cycle, strict=True)) == expected
+
+
+def test_the_order_parameter_at_firings_is_the_one_that_decides(trial: Trial) -> None:
+    reference = trial.scenario.stop.reference
+    firings = [each for each in trial.instants if reference in each.event.fired]
+    assert trial.recorded.firing_s.tolist() == [each.time_ns / 1e9 for each in firings]
+    assert trial.recorded.firing_order.tolist() == [each.order_parameter for each in firings]
+    assert len(firings) == trial.result.cycles
+    rows = np.searchsorted(trial.recorded.time_s, trial.recorded.firing_s)
+    np.testing.assert_allclose(trial.recorded.order_parameter[rows], trial.recorded.firing_order, rtol=0, atol=1e-12)
+
+
+def test_at_instants_all_is_as_the_swarm_had_it(trial: Trial) -> None:
+    read, period_ms = trial.recorded, 1000 * trial.scenario.clocks.period_s
+    metric = METRICS[trial.scenario.stop.metric]
+    assert len(trial.instants) == trial.result.steps > 2
+    for row, each in zip(trial.places, trial.instants, strict=True):
+        np.testing.assert_array_equal(read.positions[row], flat(each.positions).astype(np.float32))
+        np.testing.assert_array_equal(read.phase_ms[row], period_ms * each.phases)
+        assert read.order_parameter[row] == pytest.approx(metric(each.phases, 1.0), abs=1e-12)
+        ahead = flat(each.headings)
+        turned = read.headings[row] - np.arctan2(ahead[:, 1], ahead[:, 0])
+        np.testing.assert_allclose(np.angle(np.exp(1j * turned)), 0, atol=1e-5)
+
+
+def test_between_instants_agents_fly_straight_and_phases_rise(trial: Trial) -> None:
+    read, side_cm, between = trial.recorded, trial.scenario.space.side_cm, trial.between
+    metric = METRICS[trial.scenario.stop.metric]
+    assert len(between) > 15
+    for row, (phases, positions, headings) in between.items():
+        np.testing.assert_allclose(read.positions[row], flat(positions), rtol=0, atol=1e-6 * side_cm)
+        np.testing.assert_allclose(read.phase_ms[row], 1000 * trial.scenario.clocks.period_s * phases, atol=1e-5)
+        assert read.order_parameter[row] == pytest.approx(metric(phases, 1.0), abs=1e-7)
+        ahead = flat(headings)
+        turned = read.headings[row] - np.arctan2(ahead[:, 1], ahead[:, 0])
+        np.testing.assert_allclose(np.angle(np.exp(1j * turned)), 0, atol=1e-5)
+
+
+def test_who_has_fired_just_before_is_lit(trial: Trial) -> None:
+    expected = np.zeros_like(trial.recorded.ring_on)
+    glow_ns = 1e9 * GLOW * trial.scenario.clocks.period_s
+    for each in trial.instants:
+        glows = (trial.time_ns >= each.time_ns) & (trial.time_ns < each.time_ns + glow_ns)
+        for agent in each.event.fired:
+            expected[glows, agent] = True
+    np.testing.assert_array_equal(trial.recorded.ring_on, expected)
+    assert expected.any()
+    assert not expected.all()
+
+
+def test_rerun_finds_no_fault(trial: Trial) -> None:
+    run_rerun("rrd", "verify", str(trial.path))
+
+
+# --- who hears whom ---------------------------------------------------------------------------------
+
+
+def hearers(scenario: ParticleScenario, positions: Floats, headings: Floats, agent: int) -> set[int]:
+    """Return who hears an agent, found slowly."""
+    rule, away = scenario.neighbourhood, positions - positions[agent]
+    if scenario.space.boundary == "cyclic":
+        away -= scenario.space.side_cm * np.round(away / scenario.space.side_cm)
+    distances = np.linalg.norm(away, axis=1)
+    others = [other for other in range(len(positions)) if other != agent]
+    if rule.kind == "all":
+        return set(others)
+    if rule.kind == "nearest":
+        return set(sorted(others, key=lambda other: distances[other])[: rule.k])
+    near = [other for other in others if rule.radius_cm is None or distances[other] <= rule.radius_cm]
+    if rule.kind == "range":
+        return set(near)
+    sign = -1 if rule.kind == "cone_of_vision" else 1
+    ahead = headings if rule.kind == "cone_of_vision" else np.broadcast_to(headings[agent], headings.shape)
+    cosines = np.einsum("ij,ij->i", sign * away, ahead) / np.where(distances > 0, distances, 1)
+    return {other for other in near if cosines[other] >= math.cos(math.radians(rule.angle_deg / 2))}
+
+
+def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
+    found, side_cm = Found(trial.path), trial.scenario.space.side_cm
+    parts = [found.lists("/arena/links", f"Arrows2D:{part}") for part in ("origins", "vectors", "class_ids")]
+    assert np.round(np.array(found.times("/arena/links"))).tolist() == trial.time_ns.tolist()
+    assert not any(parts[0][row] for row in set(range(len(trial.time_ns))) - {*trial.places})
+    headings = {each.time_ns: before.headings for before, each in zip(trial.seen, trial.seen[1:], strict=False)}
+    headings[trial.seen[0].time_ns] = Swarm(trial.scenario, 4).headings()
+    shifts = 0
+    for row, each in zip(trial.places, trial.instants, strict=True):
+        waits, expected = {*each.event.heard.tolist()}, []
+        for agent in each.event.fired.tolist():
+            heard = hearers(trial.scenario, each.positions, headings[each.time_ns], agent)
+            for other in heard if trial.scenario.agents.count < hearing.MANY else heard & waits:
+                way = each.positions[other] - each.positions[agent]
+                if trial.scenario.space.boundary == "cyclic":
+                    way -= side_cm * np.round(way / side_cm)
+                expected.append((*flat(each.positions[agent]), *flat(way), other in waits))
+            waits -= heard
+        assert not waits
+        shifts += len(each.event.heard)
+        drawn = [(*origin, *way, kind) for origin, way, kind in zip(*(part[row] for part in parts), strict=True)]
+        np.testing.assert_allclose(
+            np.array(sorted(drawn)).reshape(-1, 5), np.array(sorted(expected)).reshape(-1, 5), atol=1e-4 * side_cm
+        )
+    assert shifts or trial.scenario.name == "alone"
+
+
+@pytest.mark.parametrize(("name", "half", "longest"), [("cyclic", 50, 20), ("emitting", 75, 12.5)])
+def test_a_cone_is_drawn_from_its_agent_up_to_its_reach_or_the_walls(tmp_path, name, half, longest) -> None:
+    scenario = load(name)
+    recorded(tmp_path / "t.rrd", scenario)
+    read, side_cm = read_recording(tmp_path / "t.rrd"), scenario.space.side_cm
+    strips = Found(tmp_path / "t.rrd").array("/arena/cones", "LineStrips2D:strips").astype(float)
+    np.testing.assert_array_equal(strips[:, :, 0], read.positions)
+    np.testing.assert_array_equal(strips[:, :, -1], read.positions)
+    arc = strips[:, :, 1:-1] - read.positions[:, :, None]
+    lengths = np.linalg.norm(arc, axis=-1)
+    beyond = np.maximum(-strips[:, :, 1:-1], strips[:, :, 1:-1] - side_cm).max(axis=-1)  # the nearest wall
+    np.testing.assert_allclose(np.maximum(lengths - longest, beyond)[lengths > 1e-3], 0, atol=1e-3)
+    turned = np.angle(np.exp(1j * (np.arctan2(arc[..., 1], arc[..., 0]) - read.headings[..., None])))
+    corners = np.linspace(-half, half, arc.shape[2])
+    far = lengths > 0.1
+    assert far.mean() > 0.9
+    np.testing.assert_allclose(np.degrees(turned)[far], np.broadcast_to(corners, far.shape)[far], atol=0.1)
+
+
+def test_a_range_is_drawn_as_circles_around_the_agents(tmp_path) -> None:
+    recorded(tmp_path / "t.rrd", load("cyclic segment"))
+    found = Found(tmp_path / "t.rrd")
+    centers = found.array("/arena/ranges", "Ellipses2D:centers")
+    np.testing.assert_array_equal(centers, read_recording(tmp_path / "t.rrd").positions)
+    assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[20, 20]] * 6
+
+
+# --- levels and windows -----------------------------------------------------------------------------
+
+SUMMARY = {"/flashes", "/order/steps", "/order/firings"}
+POSES = SUMMARY | {"/phases", "/arena/robots", "/arena/headings"}
+MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES, Level.FULL: POSES | {"/arena/links"}}
+
+
+@pytest.mark.parametrize("level", Level)
+@pytest.mark.parametrize("name", ["cyclic", "cyclic segment", "cyclic cube", "thesis"])
+def test_each_level_holds_what_it_should_and_no_more(tmp_path, name: str, level: Level) -> None:
+    recorded(tmp_path / "t.rrd", load(name), level=level)
+    outlines = {"cyclic": {"/arena/cones"}, "cyclic segment": {"/arena/ranges"}}.get(name, set())
+    threshold = {"/order/threshold"} if name == "thesis" else set()
+    expected = MOVING[level] | threshold | (outlines if level is Level.FULL else set())
+    assert set(Found(tmp_path / "t.rrd").moving) == expected
+    read = read_recording(tmp_path / "t.rrd")
+    assert read.level is level
+    rows = len(read.time_s) if level is not Level.SUMMARY else 0
+    assert rows != 0 or level is Level.SUMMARY
+    for array in (read.phase_ms, read.positions, read.headings, read.ring_on):
+        assert array.shape[:2] == (rows, read.scenario.agents.count)
+
+
+@pytest.mark.parametrize("level", Level)
+@pytest.mark.parametrize("bound", [{"WINDOW_ROWS": 1}, {"WINDOW_ROWS": 1000}, {"WINDOW_S": 0.7}])
+def test_windows_make_no_difference(tmp_path, monkeypatch, level: Level, bound: Mapping[str, float]) -> None:
+    scenario = load("cyclic")
+    recorded(tmp_path / "whole.rrd", scenario, level=level)
+    for name, value in bound.items():
+        monkeypatch.setattr(recorder, name, value)
+    recorded(tmp_path / "parts.rrd", scenario, level=level)
+    whole, parts = (Found(tmp_path / f"{name}.rrd") for name in ("whole", "parts"))
+    assert len(whole.moving["/order/steps"]) < len(parts.moving["/order/steps"])
+    for entity in set(whole.moving) - {"/order/threshold"}:
+        assert whole.times(entity) == parts.times(entity)
+        component = next(name for name in whole.moving[entity][0].schema.names if ":" in name)
+        assert whole.lists(entity, component) == parts.lists(entity, component)
+
+
+def test_a_trial_of_no_events_has_no_rows(tmp_path) -> None:
+    with record(tmp_path / "t.rrd", load("thesis"), 1):
+        pass
+    read = read_recording(tmp_path / "t.rrd")
+    assert (read.cycles, read.synchronised) == (0, False)
+    assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
+
+
+def test_recorded_again_it_is_the_same(tmp_path) -> None:
+    for name in ("1.rrd", "2.rrd"):
+        recorded(tmp_path / name, load("emitting"))
+    run_rerun("rrd", "compare", str(tmp_path / "1.rrd"), str(tmp_path / "2.rrd"))
+
+
+# --- what cannot be recorded ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"sweep": {"grid": {"agents.count": [2, 3]}}}, "thesis: is a sweep; "),
+        ({"clocks": {"period_s": 1e-7}, "agents": {}}, "thesis: clocks.period_s is 1e-07; recordings"),
+    ],
+)
+def test_what_cannot_be_recorded_is_refused_in_words(tmp_path, more: Mapping[str, Any], said: str) -> None:
+    with pytest.raises(EpuckSimError) as caught, record(tmp_path / "t.rrd", load("thesis", **more), 1):
+        pass
+    assert str(caught.value).startswith(said)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_trial_that_outlasts_the_clock_is_refused_in_words(tmp_path) -> None:
+    scenario = load("alone", clocks={"period_s": 1e6}, stop={"order_parameter": None, "max_cycles": 9100})
+    with pytest.raises(EpuckSimError, match="alone: lasts more than 9e\\+09 s"):
+        recorded(tmp_path / "t.rrd", scenario, level=Level.SUMMARY)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_page_needs_poses(tmp_path) -> None:
+    recorded(tmp_path / "t.rrd", load("thesis"), level=Level.SUMMARY)
+    with pytest.raises(EpuckSimError, match="holds no poses"):
+        save_page(read_recording(tmp_path / "t.rrd"), "t.rrd", tmp_path / "page")
+
+
+# --- the page ---------------------------------------------------------------------------------------
+
+
+def test_any_trial_can_be_drawn(trial: Trial, tmp_path) -> None:
+    for path in save_page(trial.recorded, "t.rrd", tmp_path / "page"):
+        assert path.stat().st_size > 10_000
+
+
+def test_the_page_shows_flashes_phases_and_the_order_parameter(trial: Trial) -> None:
+    read = trial.recorded
+    _, flashes, phases, order = draw_page(read).axes
+    marks = np.array(flashes.collections[0].get_segments())
+    np.testing.assert_array_equal(marks[:, 0, 0], read.flash_s)
+    np.testing.assert_allclose(marks[:, :, 1].mean(axis=1), read.flash_robot)
+    at = {each.time_ns / 1e9: each.phases for each in trial.instants}
+    ahead = np.array([at[time] - at[time][trial.scenario.stop.reference] for time in read.firing_s])
+    for agent, line in enumerate(phases.get_lines()):
+        np.testing.assert_allclose(np.exp(2j * math.pi * line.get_ydata()), np.exp(2j * math.pi * ahead[:, agent]))
+    assert len(phases.get_lines()) == trial.scenario.agents.count
+    drawn = order.get_lines()
+    np.testing.assert_array_equal(drawn[0].get_ydata(), read.order_parameter)
+    np.testing.assert_array_equal(drawn[1].get_ydata(), read.firing_order)
+    assert len(drawn) == 2 + (trial.scenario.stop.order_parameter is not None)
+
+
+@pytest.mark.parametrize("name", ["cyclic", "cyclic cube"])
+def test_paths_have_gaps_where_a_cyclic_space_is_left(tmp_path, name: str) -> None:
+    scenario = load(name)
+    recorded(tmp_path / "t.rrd", scenario)
+    arena, *_ = draw_page(read_recording(tmp_path / "t.rrd")).axes
+    paths = [line for line in arena.get_lines() if to_hex(line.get_color()) != "#ffffff"]
+    assert len(paths) == scenario.agents.count
+    steps = np.concatenate([np.diff(np.column_stack(line.get_data()), axis=0) for line in paths])
+    assert np.isnan(steps).any()
+    assert np.nanmax(np.abs(steps)) < scenario.space.side_cm / 4
+
+
+def test_agents_are_discs_where_most_were_lit_for_the_last_time(tmp_path) -> None:
+    recorded(tmp_path / "t.rrd", load("cyclic"))
+    read = read_recording(tmp_path / "t.rrd")
+    arena, *_ = draw_page(read).axes
+    lit = read.ring_on.sum(axis=1).tolist()
+    moment = max(range(len(lit)), key=lambda row: (lit[row], row))
+    discs = [patch for patch in arena.patches if isinstance(patch, Circle)]
+    np.testing.assert_array_equal([disc.center for disc in discs], read.positions[moment])
+    assert [to_hex(disc.get_facecolor()) == RED for disc in discs] == read.ring_on[moment].tolist()
+    assert {disc.radius for disc in discs} == {50 / 60}
+
+
+def test_in_a_segment_paths_go_up_in_time(tmp_path) -> None:
+    recorded(tmp_path / "t.rrd", load("segment"))
+    read = read_recording(tmp_path / "t.rrd")
+    arena, *_ = draw_page(read).axes
+    assert (arena.get_xlabel(), arena.get_ylabel()) == ("x [cm]", "simulated time [s]")
+    paths = [line for line in arena.get_lines() if len(line.get_xdata()) > 2]
+    assert len(paths) == 9
+    for agent, line in enumerate(paths):
+        rows = np.searchsorted(read.time_s, line.get_ydata())
+        np.testing.assert_array_equal(line.get_xdata(), read.positions[rows, agent, 0])
+
+
+# --- the command ------------------------------------------------------------------------------------
+
+SWEEP = """
+name: few
+model: particles
+agents: {count: 6, speed_cm_s: 20}
+neighbourhood: {kind: all}
+trials: 2
+sweep: {grid: {agents.speed_cm_s: [5, 20]}}
+"""
+
+
+def test_a_trial_is_recorded_and_drawn_by_the_command(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = call("run", "particles", "--seed", 3, "--set", "stop.max_cycles=5", "--record", "t.rrd")
+    assert done.exit_code == 0, done.stderr
+    assert read_recording(Path("t.rrd")).cycles == 5
+    done = call("plot", "t.rrd")
+    assert done.exit_code == 0, done.stderr
+    assert Path("t.png").stat().st_size > 10_000
+    assert "allowed: 0 to" in refused("replay", "t.rrd", "--screenshot", "s.png", "--at", 1000)
+
+
+def test_a_trial_of_a_sweep_is_recorded_again(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("few.yaml").write_text(SWEEP)
+    assert call("run", "few.yaml", "--out", "runs", "--workers", 1).exit_code == 0
+    monkeypatch.setattr("epuck_sim.recording.viewer.has_display", lambda: False)
+    done = call("replay", "runs", "--point", 1, "--trial", 1, "--record", "again.rrd")
+    assert done.exit_code == 0, done.stderr
+    assert "not the trial that is stored" not in done.stderr
+    read = read_recording(Path("again.rrd"))
+    assert read.scenario.agents.speed_cm_s == 20
+    assert read.synchronised
+
+
+def test_a_screenshot_shows_who_is_lit(tmp_path) -> None:
+    recorded(tmp_path / "t.rrd", load("synchronises"))
+    done = call("replay", tmp_path / "t.rrd", "--screenshot", tmp_path / "s.png")
+    if NO_GRAPHICS in done.stderr:
+        pytest.skip(NO_GRAPHICS)
+    assert done.exit_code == 0, done.stderr
+    arena = alike(pixels(tmp_path / "s.png")[60:860, :790], LIT)
+    assert read_recording(tmp_path / "t.rrd").ring_on[-1].all()
+    assert arena.sum() > 5 * 200
