@@ -6,6 +6,8 @@ BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
 SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
 TRIALS ?= 200
+QUICK_SWEEPS := fig-3-4 fig-3-5 fig-3-6 fig-5-3 fig-5-4 fig-5-5 fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 \
+    fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 speed-distributions
 
 .PHONY: run test lint bench slow figures clean
 
@@ -37,6 +39,12 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \
 	done
 	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
+	$(BIN)/python docs/figures/response_curves.py
+	set -e; for sweep in $(QUICK_SWEEPS); do \
+	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
+	    $(BIN)/epuck-sim plot runs/$$sweep-quick --to runs/$$sweep; \
+	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
+	done
 
 $(VENV)/created:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "epuck-sim needs Python 3.11 or newer")'

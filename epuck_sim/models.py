@@ -14,11 +14,17 @@ from epuck_sim.wording import listed, shown, unknown
 
 MODELS: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
 
-VARIANTS = {"obstacles": (Circle, Box, Polygon), "neighbourhood": (Nearest, Range, Cone, Everybody)}
-"""Sections that are one of several, by their key."""
-
-TAGS = {"circle", "box", "polygon", "nearest", "range", "cone_of_vision", "cone_of_emission", "all"}
-"""What tells these apart, which pydantic counts as part of a key."""
+VARIANTS: dict[str, dict[str, type[BaseModel]]] = {
+    "obstacles": {"circle": Circle, "box": Box, "polygon": Polygon},
+    "neighbourhood": {
+        "nearest": Nearest,
+        "range": Range,
+        "cone_of_vision": Cone,
+        "cone_of_emission": Cone,
+        "all": Everybody,
+    },
+}
+"""Sections that are one of several, by their key and by the word that tells which."""
 
 IN_PARTICLES = {
     "arena": "space",
@@ -57,29 +63,30 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
 
 def _readable(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
     """Return one of pydantic's errors as file: key: what was given; what is allowed."""
-    path = [str(part) for part in detail["loc"] if part not in TAGS]
-    key = ".".join(path)
-    where = f"{origin}: {key}" if path else origin
+    place = [str(part) for part in detail["loc"]]
+    path, variant = _without_variant(place)
+    where = f"{origin}: {'.'.join(path)}" if path else origin
     if detail["type"] == "extra_forbidden":
-        return f"{where}: {_misplaced(kind, path) or _unknown(kind, path)}"
+        known = list(variant.model_fields) if variant else _known_keys(kind, path[:-1])
+        return f"{where}: {_misplaced(kind, path) or f'{unknown(path[-1], known)}; allowed: {listed(known)}'}"
     if detail["type"] == "missing":
         return f"{where}: is missing"
-    if detail["type"].startswith("union_tag"):
-        by, kinds = detail["ctx"]["discriminator"].strip("'"), detail["ctx"].get("expected_tags")
-        known = kinds or "'circle', 'box', 'polygon'" if by == "shape" else kinds or ", ".join(map(repr, KINDS))
-        return f"{where}: is {shown(detail['input'])}; allowed: a mapping with {by}: {known}"
     message = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if detail["type"].startswith("union_tag"):
+        section = next(part for part in place if part in VARIANTS)
+        message = f"a mapping with {detail['ctx']['discriminator']}: {' or '.join(VARIANTS[section])}".replace("'", "")
     if detail["type"] == "value_error" and isinstance(detail["input"], dict):
         return f"{where}: {message}"
     return f"{where}: is {shown(detail['input'])}; allowed: {message}"
 
 
-KINDS = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
-
-
-def _unknown(kind: type[Scenario], path: list[str]) -> str:
-    known = _known_keys(kind, path[:-1])
-    return f"{unknown(path[-1], known)}; allowed: {listed(known)}"
+def _without_variant(place: list[str]) -> tuple[list[str], type[BaseModel] | None]:
+    """Return a key without the word that pydantic adds to tell which variant of a section it is in, and the variant."""
+    for section, variants in VARIANTS.items():
+        for part, word in enumerate(place):
+            if section in place[:part] and word in variants:
+                return [*place[:part], *place[part + 1 :]], variants[word]
+    return place, None
 
 
 def _misplaced(kind: type[Scenario], path: list[str]) -> str | None:
@@ -94,14 +101,8 @@ def _misplaced(kind: type[Scenario], path: list[str]) -> str | None:
 
 def _known_keys(kind: type[Scenario], path: list[str]) -> list[str]:
     """Return the keys of the section at `path`."""
-    section: Any = kind.model_validate({"model": kind_name(kind), "sweep": {"grid": {"model": [0]}}})
+    model = next(name for name, each in MODELS.items() if each is kind)
+    section: Any = kind.model_validate({"model": model, "sweep": {"grid": {"model": [0]}}})
     for part in path:
-        if part in VARIANTS:
-            return list(dict.fromkeys(key for variant in VARIANTS[part] for key in variant.model_fields))
         section = section[0] if isinstance(section, tuple) else getattr(section, part)
     return list(type(section).model_fields) if isinstance(section, BaseModel) else []
-
-
-def kind_name(kind: type[Scenario]) -> str:
-    """Return the name of a model."""
-    return next(name for name, each in MODELS.items() if each is kind)

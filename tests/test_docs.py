@@ -66,7 +66,7 @@ def commands(page: Path) -> list[list[str]]:
     shown = "".join(blocks(page, "console"))
     found = [shlex.split(line) for line in re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)]
     short = ["--trials", "1", "--set", "stop.max_cycles=2"]
-    return [[*words, *short] if words[:2] == ["run", "fig-4-2a"] else words for words in found]
+    return [[*words, *short] if words[0] == "run" and words[1].startswith("fig-") else words for words in found]
 
 
 @pytest.fixture
@@ -128,6 +128,16 @@ def test_the_scenario_reference_shows_all_keys_with_their_defaults() -> None:
     group = defaults["robots"][0]
     assert shown["robots"][0].keys() | {"poses"} == group.keys()
     assert shown["robots"][0]["camera"].keys() == group["camera"].keys()
+
+
+def test_so_does_the_reference_of_particle_scenarios() -> None:
+    (shown,) = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/particles.md", "yaml"))
+    scenario = load_scenario({"model": "particles", "name": "particles"})
+    assert load_scenario(shown) == scenario
+    for section, keys in scenario.model_dump().items():
+        assert section in shown
+        if isinstance(keys, dict):
+            assert shown[section].keys() == keys.keys()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
