@@ -26,6 +26,9 @@ VARIANTS: dict[str, dict[str, type[BaseModel]]] = {
 }
 """Sections that are one of several, by their key and by the word that tells which."""
 
+SAID_BY = {"obstacles": "shape", "neighbourhood": "kind"}
+"""The key that has this word."""
+
 IN_PARTICLES = {
     "arena": "space",
     "arena.width_cm": "space.side_cm",
@@ -68,13 +71,14 @@ def _readable(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
     where = f"{origin}: {'.'.join(path)}" if path else origin
     if detail["type"] == "extra_forbidden":
         known = list(variant.model_fields) if variant else _known_keys(kind, path[:-1])
-        return f"{where}: {_misplaced(kind, path) or f'{unknown(path[-1], known)}; allowed: {listed(known)}'}"
+        of_kind = f" of {place[len(path) - 1]}" if variant else ""
+        return f"{where}: {_misplaced(kind, path) or f'{unknown(path[-1], known)}; allowed{of_kind}: {listed(known)}'}"
     if detail["type"] == "missing":
         return f"{where}: is missing"
     message = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    if detail["type"].startswith("union_tag"):
-        section = next(part for part in place if part in VARIANTS)
-        message = f"a mapping with {detail['ctx']['discriminator']}: {' or '.join(VARIANTS[section])}".replace("'", "")
+    section = next((part for part in place if part in VARIANTS), "")
+    if section and detail["type"] in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
+        message = f"a mapping with {SAID_BY[section]}: {' or '.join(VARIANTS[section])}"
     if detail["type"] == "value_error" and isinstance(detail["input"], dict):
         return f"{where}: {message}"
     return f"{where}: is {shown(detail['input'])}; allowed: {message}"
@@ -94,7 +98,7 @@ def _misplaced(kind: type[Scenario], path: list[str]) -> str | None:
     if kind is ParticleScenario:
         place = IN_PARTICLES.get(".".join(path))
         return place and f"belongs to model: embodied; model: particles has {place}"
-    if len(path) == 1 and path[0] in ParticleScenario.model_fields:
+    if path == ["stop", "reference"] or (len(path) == 1 and path[0] in ParticleScenario.model_fields):
         return "belongs to model: particles; give that model, or leave it out"
     return None
 

@@ -11,6 +11,7 @@ SYMBOLS = {
     "count": ("N", ""),
     "period_s": ("τ", "s"),
     "jitter": ("\N{GREEK SMALL LETTER SIGMA}", ""),
+    "curve": ("Ψ", ""),
     "coupling": ("ε", ""),
     "refractory": ("D", ""),
     "radius_cm": ("R", "cm"),

@@ -32,6 +32,9 @@ Whole = npt.NDArray[np.int64]
 ENDLESS = 2**62
 """More than is ever counted."""
 
+ROUNDING = 1e-12
+"""Far more than the order parameter is off by."""
+
 COMPLEX, REFERENCE = range(2)
 """Metrics: eqs. 5.7 and 3.4."""
 
@@ -135,7 +138,7 @@ def advance(
     is_measured = True
     while tally[INSTANTS] < instants and tally[CYCLES] < cycles and not tally[SYNCHRONISED]:
         time = next_due(clocks)
-        while time >= 1.0 and clocks.cycle[0] <= last_cycle:
+        while time >= 1.0 and clocks.cycle[0] < last_cycle:
             begin_next(flights, hood, clocks)
             time = next_due(clocks)
         if clocks.cycle[0] > last_cycle or (clocks.cycle[0] == last_cycle and time > last_time):
@@ -245,7 +248,5 @@ def near_enough(agents: int, threshold: float) -> float:
 
     With two of n oscillators an angle d apart, n r <= n - 2 + 2 cos(d / 2); eta is never larger than r.
     """
-    cosine = 1 - agents * (1 - threshold) / 2
-    if cosine <= -1:
-        return 1.0
-    return min(1.0, math.acos(min(cosine, 1.0)) / math.pi + 1e-7)
+    cosine = 1 - agents * (1 - threshold + ROUNDING) / 2
+    return math.acos(cosine) / math.pi if -1 < cosine < 1 else 1.0

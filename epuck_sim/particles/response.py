@@ -53,10 +53,10 @@ def _shift_all(response: Response, phases: Floats, shifts: Floats) -> None:
 
 def phase_shift(response: Response, phases: npt.ArrayLike) -> Floats:
     """Return Psi (eqs. 5.3 to 5.5, capped) at phases of any shape, 0 to 1."""
-    given = np.ascontiguousarray(phases, np.float64)
-    shifts = np.empty_like(given)
-    _shift_all(response, given.reshape(-1), shifts.reshape(-1))
-    return shifts
+    given = np.asarray(phases, np.float64)
+    shifts = np.empty(given.size)
+    _shift_all(response, np.ascontiguousarray(given.ravel()), shifts)
+    return shifts.reshape(given.shape)
 
 
 def order_change(response: Response, phases: npt.ArrayLike) -> Floats:

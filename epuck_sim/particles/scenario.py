@@ -41,7 +41,7 @@ class AgentsSection(Section):
     def _spread_fits(self) -> "AgentsSection":
         needs = self.speed_distribution in ("uniform", "normal")
         if needs != (self.speed_spread is not None):
-            what = "needs a speed_spread, from 0 to 1" if needs else "takes no speed_spread; leave it out"
+            what = "needs a speed_spread, above 0 and up to 1" if needs else "takes no speed_spread; leave it out"
             raise ValueError(f"speed_distribution {self.speed_distribution!r} {what}")
         return self
 
@@ -114,7 +114,10 @@ class StartSection(Section):
     @model_validator(mode="after")
     def _displaces_synchrony(self) -> "StartSection":
         if self.displacement and self.phases != "synchronised":
-            raise ValueError("displacement is for phases: synchronised")
+            raise ValueError(
+                f"displacement is {self.displacement:g} and phases is {self.phases!r}; allowed: 0, or phases: "
+                "synchronised"
+            )
         return self
 
 
@@ -145,12 +148,13 @@ class ParticleScenario(Scenario):
         others = self.agents.count - 1
         if self.agents.speed_cm_s * self.clocks.period_s > MOST_SIDES * self.space.side_cm:
             raise ValueError(
-                f"agents.speed_cm_s is {self.agents.speed_cm_s:g}; allowed: up to {MOST_SIDES} times space.side_cm "
-                "in a clocks.period_s"
+                f"agents.speed_cm_s is {self.agents.speed_cm_s:g}; allowed: up to "
+                f"{MOST_SIDES * self.space.side_cm / self.clocks.period_s:g}, {MOST_SIDES} sides a period"
             )
         if isinstance(self.neighbourhood, Nearest) and self.neighbourhood.k > max(others, 1):
             raise ValueError(
-                f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {others}, for agents.count is {others + 1}"
+                f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {max(others, 1)}, for agents.count is "
+                f"{others + 1}"
             )
         if self.stop.reference > others:
             raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")

@@ -98,26 +98,39 @@ class Swarm:
     def run(self, cycles: int, periods: int | None = None) -> None:
         """Go on until the reference has fired so many times in all, or until synchrony.
 
-        periods: but for no longer than about so many nominal periods from now.
+        periods: but for no longer than so many nominal periods, 1 or more, from the beginning of this one. Without,
+        it takes for ever if others hold the reference back for ever.
         """
         last = ENDLESS if periods is None else int(self._clocks.cycle[0]) + periods
         advance(*self._state, ENDLESS, cycles, last, 0.0)
 
     def run_to(self, time_s: float) -> None:
-        """Go on to a time, which is not before the last event; or to synchrony, if that is earlier."""
-        cycle, time = divmod(time_s / self.scenario.clocks.period_s, 1.0)
-        advance(*self._state, ENDLESS, ENDLESS, int(cycle), time)
+        """Go on to a time; or to synchrony, if that is earlier. Raises ValueError for a time that is over."""
+        period_s = self.scenario.clocks.period_s
+        if not self.time_s - 1e-9 * period_s <= time_s < math.inf:
+            raise ValueError(f"time_s is {time_s}; the swarm is at {self.time_s} s and cannot go back")
+        cycle, time = divmod(time_s / period_s, 1.0)
+        flights, hood, clocks, rules, instant = self._state
+        # whoever stops at any time wants to know the order parameter at the reference's last firing before
+        measuring = rules._replace(near=1.0)
+        advance(flights, hood, clocks, measuring, instant, ENDLESS, ENDLESS, int(cycle), time)
         if not self.is_synchronised:
-            self._clocks.now[0] = int(cycle) - self._clocks.cycle[0] + time
+            clocks.now[0] = int(cycle) - clocks.cycle[0] + time
 
     @property
     def time_s(self) -> float:
         """Simulated time."""
         return float(self._clocks.cycle[0] + self._clocks.now[0]) * self.scenario.clocks.period_s
 
-    def has_lasted(self, periods: int) -> bool:
-        """Whether so many nominal periods are over; a reference that others hold back may not have fired in each."""
-        return bool(self._clocks.cycle[0] >= periods)
+    @property
+    def period(self) -> int:
+        """The number of the present nominal period, from 0."""
+        return int(self._clocks.cycle[0])
+
+    @property
+    def next_period(self) -> int:
+        """The number of the nominal period, from 0, in which the next agent fires."""
+        return int(self._clocks.cycle[0] + np.floor(self._clocks.due.min()))
 
     @property
     def cycles(self) -> int:
@@ -136,7 +149,7 @@ class Swarm:
 
     @property
     def order_parameter(self) -> float | None:
-        """As it was at the last firing of the reference; None before the first."""
+        """As it was at the last firing of the reference; None before the first, and where `run` ended by periods."""
         return None if math.isnan(self._instant.order[0]) else float(self._instant.order[0])
 
     @property
@@ -147,7 +160,7 @@ class Swarm:
     def phases(self) -> Floats:
         """Return (agents,) the phases at this time; who fires at this instant has phase 0."""
         phases: Floats = 1 - (self._clocks.due - self._clocks.now[0]) / self._clocks.period
-        return phases
+        return np.maximum(phases, 0.0)  # of one who fires it may be 1e-16 less
 
     @property
     def periods_s(self) -> Floats:

@@ -24,16 +24,17 @@ def run_swarm(
         raise ValueError(f"a trial needs a fresh swarm; of this one some have fired at {swarm.instants} instants")
     onlookers = tuple(onlookers)
     limit = swarm.scenario.stop.max_cycles
+    longest = 2 * limit  # periods: a reference that others hold back for ever must not keep a trial for ever
     began = time.perf_counter()
     periods = 10
-    while not (swarm.is_synchronised or swarm.cycles >= limit or swarm.has_lasted(2 * limit)):
+    while not swarm.is_synchronised and swarm.cycles < limit and swarm.next_period < longest:
         if onlookers:
             event = next(swarm)
             for onlooker in onlookers:
                 onlooker(swarm, event)
         else:
             asked = time.perf_counter()
-            swarm.run(limit, periods)
+            swarm.run(limit, min(periods, longest - swarm.period))
             periods *= 2 if time.perf_counter() - asked < SLICE_S / 2 else 1
         progress(swarm)
     return TrialResult(
@@ -44,6 +45,6 @@ def run_swarm(
         cycles=swarm.cycles,
         order_parameter=swarm.order_parameter,
         steps=swarm.instants,
-        simulated_s=swarm.time_s,
+        simulated_s=swarm.time_s if swarm.next_period < longest else longest * swarm.scenario.clocks.period_s,
         wall_s=time.perf_counter() - began,
     )

@@ -1,0 +1,233 @@
+"""The model of thesis chapters 3 and 5 again, in plain Python: slow, without a trick, for comparison with the kernel.
+
+Written from the thesis (3.1, 5.1, Appendix D) and the project's facts. Phases and positions are moved forward at every
+event; neighbours are found among all from where everybody is; the cascade is one of sets. Only two things are taken
+from the swarm that it is compared with: the state at the beginning, and each agent's own stream of random numbers.
+"""
+
+import math
+from typing import NamedTuple
+
+from epuck_sim.particles.swarm import Swarm
+from epuck_sim.randomness import uniform
+
+ONE_INSTANT = 1e-12
+"""Cycles: firings that are no farther apart happen at once."""
+
+
+class Occasion(NamedTuple):
+    """What happens at one time."""
+
+    time: float
+    """In cycles."""
+    turned: int | None
+    fired: frozenset[int]
+    heard: frozenset[int]
+    margin: float
+    """By how much, relative to what was compared, the closest decision was made; of rounding's size: anything goes."""
+
+
+class Oracle:
+    """A twin of a swarm that has not begun yet."""
+
+    def __init__(self, swarm: Swarm) -> None:
+        self.scenario = swarm.scenario
+        flights, clocks = swarm._flights, swarm._clocks
+        agents = range(self.scenario.agents.count)
+        self.positions = [[float(x) for x in flights.origin[:, agent]] for agent in agents]
+        self.headings = [[float(x) for x in flights.heading[:, agent]] for agent in agents]
+        self.speeds = [float(speed) for speed in flights.speed]
+        self.periods = [float(period) for period in clocks.period]
+        self.phases = [1 - float(clocks.due[agent]) / self.periods[agent] for agent in agents]
+        self.streams = flights.streams.copy()
+        self.time = 0.0
+        self.cycles = 0
+        self.order: float | None = None
+        self.is_synchronised = False
+
+    # --- from one event to the next ------------------------------------------------------------------
+
+    def step(self) -> Occasion:
+        """Go on to the next event."""
+        agents = range(len(self.phases))
+        left = [(1 - self.phases[agent]) * self.periods[agent] for agent in agents]
+        walls = [self.to_wall(agent) for agent in agents]
+        firing, wall = min(left), min(walls)
+        others = sorted([*left, *(until for until, _, _ in walls)])
+        self.is_synchronised = False
+        if wall[0] <= firing:
+            self.forward(wall[0])
+            turned = walls.index(wall)
+            self.reach(turned, wall[1], wall[2])
+            return Occasion(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
+        self.forward(firing)
+        at_once = {agent for agent in agents if left[agent] <= firing + ONE_INSTANT}
+        # those merged are apart by rounding; who is apart by about the limit may or may not fire with them
+        margins = [abs(gap - firing - ONE_INSTANT) if gap - firing > ONE_INSTANT / 10 else 1.0 for gap in left]
+        margins += [abs(until - firing) for until, _, _ in walls]
+        fired, heard = self.cascade(at_once, margins)
+        return Occasion(self.time, None, frozenset(fired), frozenset(heard), min(margins))
+
+    def forward(self, cycles: float) -> None:
+        """Let time pass (eqs. 3.1 and 5.9)."""
+        for agent, position in enumerate(self.positions):
+            self.phases[agent] += cycles / self.periods[agent]
+            for axis, ahead in enumerate(self.headings[agent]):
+                position[axis] += ahead * self.speeds[agent] * cycles
+        self.time += cycles
+
+    def run_to(self, time: float) -> None:
+        """Let time pass until then, at which nothing happens."""
+        self.forward(time - self.time)
+
+    # --- motion (3.1, 5.1.2, D) ----------------------------------------------------------------------
+
+    def to_wall(self, agent: int) -> tuple[float, int, bool]:
+        """Return when, from now, an agent reaches a wall, along which axis, and whether it is the far one."""
+        found = (math.inf, 0, False)
+        for axis, (place, ahead) in enumerate(zip(self.positions[agent], self.headings[agent], strict=True)):
+            pace = ahead * self.speeds[agent]
+            if pace:
+                way = self.scenario.space.side_cm - place if pace > 0 else place
+                found = min(found, (max(way, 0.0) / abs(pace), axis, pace > 0))
+        return found
+
+    def reach(self, agent: int, axis: int, is_far: bool) -> None:
+        """Have an agent reach a wall: in a cyclic space it comes in opposite, else it sets out anew."""
+        side = self.scenario.space.side_cm
+        self.positions[agent][axis] = side if is_far else 0.0
+        if self.scenario.space.boundary == "cyclic":
+            self.positions[agent][axis] = 0.0 if is_far else side
+            return
+        normal = -1.0 if is_far else 1.0
+        heading, stream = self.headings[agent], self.streams[agent]
+        if len(heading) == 1:
+            heading[0] = normal
+        elif len(heading) == 2:
+            angle = -math.pi / 2 + math.pi * uniform(stream)
+            heading[axis], heading[1 - axis] = normal * math.cos(angle), math.sin(angle)
+        else:  # uniform over a hemisphere: so is the height above its rim (Archimedes)
+            height, azimuth = 1 - uniform(stream), 2 * math.pi * uniform(stream)
+            self.head(heading, axis, normal * height, azimuth)
+
+    def set_out_anywhere(self, agent: int) -> None:
+        """Reorient an agent (D.1)."""
+        heading, stream = self.headings[agent], self.streams[agent]
+        if len(heading) == 1:
+            heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
+        elif len(heading) == 2:
+            angle = 2 * math.pi * uniform(stream)
+            heading[:] = math.cos(angle), math.sin(angle)
+        else:
+            height, azimuth = 2 * uniform(stream) - 1, 2 * math.pi * uniform(stream)
+            self.head(heading, 2, height, azimuth)
+
+    @staticmethod
+    def head(heading: list[float], axis: int, height: float, azimuth: float) -> None:
+        rim = math.sqrt(1 - height**2)
+        heading[axis] = height
+        heading[(axis + 1) % 3] = rim * math.cos(azimuth)
+        heading[(axis + 2) % 3] = rim * math.sin(azimuth)
+
+    # --- who hears whom (3.1.2, 5.1.3) ---------------------------------------------------------------
+
+    def apart(self, of: int, seen_from: int) -> list[float]:
+        """Return the way from one agent to another; in a cyclic space the shorter one along each axis."""
+        side = self.scenario.space.side_cm
+        ways = []
+        for there, here in zip(self.positions[of], self.positions[seen_from], strict=True):
+            choices = [there - here]
+            if self.scenario.space.boundary == "cyclic":
+                choices += [there - here - side, there - here + side]
+            ways.append(min(choices, key=abs))
+        return ways
+
+    def neighbours(self, firing: int, margins: list[float]) -> set[int]:
+        """Return who hears an agent that fires."""
+        rule = self.scenario.neighbourhood
+        others = [agent for agent in range(len(self.phases)) if agent != firing]
+        side = self.scenario.space.side_cm
+        if rule.kind == "all":
+            return set(others)
+        if rule.kind == "nearest":
+            by_distance = sorted((math.hypot(*self.apart(other, firing)), other) for other in others)
+            if 0 < rule.k < len(others):
+                margins.append((by_distance[rule.k][0] - by_distance[rule.k - 1][0]) / side)
+            return {other for _, other in by_distance[: rule.k]}
+        found = set()
+        for other in others:
+            way = self.apart(other, firing)
+            distance = math.hypot(*way)
+            is_near, is_ahead = True, True
+            if rule.radius_cm is not None:
+                is_near = distance <= rule.radius_cm
+                margins.append(abs(distance - rule.radius_cm) / side)
+            if rule.kind != "range" and rule.angle_deg < 360:
+                if rule.kind == "cone_of_vision":  # that of the one who hears
+                    eye, way = other, [-along for along in way]
+                else:
+                    eye = firing
+                cosine = sum(along * ahead for along, ahead in zip(way, self.headings[eye], strict=True)) / distance
+                edge = math.cos(math.radians(rule.angle_deg) / 2)
+                is_ahead = cosine >= edge
+                if len(way) > 1 and is_near:
+                    margins.append(abs(cosine - edge))
+            if is_near and is_ahead:
+                found.add(other)
+        return found
+
+    # --- pulses (3.1.1, 3.1.3, 5.1.1) ----------------------------------------------------------------
+
+    def shift(self, phase: float) -> float:
+        """Return the response to a pulse at a phase beyond the refractory period (eqs. 5.3 to 5.5)."""
+        response = self.scenario.response
+        if response.curve == "multiplicative":
+            return response.coupling * phase
+        if response.curve == "sine":
+            return -response.coupling * math.sin(2 * math.pi * phase)
+        return -response.coupling * phase if phase <= 0.5 else response.coupling * (1 - phase)
+
+    def cascade(self, at_once: set[int], margins: list[float]) -> tuple[set[int], set[int]]:
+        """Let these fire, and all whom that makes fire; return who has fired and who has had its phase shifted."""
+        fired, heard, waiting = set(at_once), set(), set(at_once)
+        while waiting:
+            for hearer in self.neighbours(waiting.pop(), margins):
+                phase, refractory = self.phases[hearer], self.scenario.response.refractory
+                if hearer in fired or hearer in heard:
+                    continue
+                margins.append(abs(phase - refractory))
+                if phase <= refractory:
+                    continue
+                heard.add(hearer)
+                after = phase + self.shift(phase)
+                if self.scenario.response.curve == "sawtooth":
+                    margins.append(abs(phase - 0.5))
+                if self.scenario.response.coupling:
+                    margins.append(abs(after - 1) or 1.0)  # sawtooth and kappa = 1: exactly 1
+                self.phases[hearer] = min(max(after, 0.0), 1.0)
+                if after >= 1:
+                    fired.add(hearer)
+                    waiting.add(hearer)
+        for agent in fired:
+            self.phases[agent] = 0.0
+        motion = self.scenario.agents.reorient_on
+        for agent in sorted(fired | heard):
+            if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in heard):
+                self.set_out_anywhere(agent)
+        if self.scenario.stop.reference in fired:
+            self.cycles += 1
+            self.order = self.measure()
+            threshold = self.scenario.stop.order_parameter
+            if threshold is not None and len(self.phases) > 1:
+                self.is_synchronised = self.order >= threshold
+        return fired, heard
+
+    # --- the metric (3.1.5, 5.1.4) -------------------------------------------------------------------
+
+    def measure(self) -> float:
+        """Return the order parameter: eq. 5.7 or 3.4."""
+        angles = [2 * math.pi * phase for phase in self.phases]
+        eta = sum(map(math.cos, angles)) / len(angles)
+        if self.scenario.stop.metric == "reference":
+            return eta
+        return math.hypot(eta, sum(map(math.sin, angles)) / len(angles))
