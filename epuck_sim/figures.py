@@ -28,6 +28,10 @@ from epuck_sim.wording import listed, unknown
 BUMP_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
 
 
+FARTHEST = 100
+"""So many times the limit of cycles a figure shows: means beyond are extrapolated too far to mean much."""
+
+
 def save_figure(stem: Path, title: str, axis: str, curves: Sequence[Curve], panels: str | None = None) -> list[Path]:
     """Write the figure as STEM.png and STEM.svg, its points as STEM.csv and V_m and V_p as STEM-regimes.csv.
 
@@ -58,6 +62,7 @@ def draw(
     heading, size = list(dict.fromkeys(heads)), (6.0, 3.8) if len(set(heads)) == 1 else (3.8, 3.4)
     figure, panels = make_panels(title, heading, (axis_label(axis), "T_sync [cycles]"), size)
     highest = max((np.nanmax(each, initial=1.0) for each in (curve.means for curve in curves)), default=1.0)
+    highest = min(highest, FARTHEST * max(curve.scenario.stop.max_cycles for curve in curves))
     x = np.concatenate([curve.x for curve in curves])
     make_logarithmic(panels[0], "y", *["x"] * is_logarithmic(axis, x))
     names = list(dict.fromkeys(labels))

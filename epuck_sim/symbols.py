@@ -12,6 +12,9 @@ SYMBOLS = {
     "period_s": ("τ", "s"),
     "jitter": ("\N{GREEK SMALL LETTER SIGMA}", ""),
     "curve": ("Ψ", ""),
+    "reorient_on": ("reorienting on", ""),
+    "speed_distribution": ("speeds", ""),
+    "speed_spread": ("spread", ""),
     "coupling": ("ε", ""),
     "refractory": ("D", ""),
     "radius_cm": ("R", "cm"),
@@ -36,10 +39,18 @@ def values_told(values: Mapping[str, Any]) -> str:
 
     >>> values_told({"arena.width_cm": 60, "robots.0.count": 10, "neighbourhood.angle_deg": 90})
     'L = 60 cm, N = 10, θ = 90°'
+    >>> values_told({"agents.reorient_on": ["emitting", "receiving"], "neighbourhood.radius_cm": None})
+    'reorienting on = emitting and receiving, R = none'
     """
     units = {key: unit_of(key) for key in values}
     spaced = {key: unit if unit == "°" else f" {unit}" for key, unit in units.items()}
-    return ", ".join(f"{key_name(key)} = {value}{spaced[key]}".rstrip() for key, value in values.items())
+    return ", ".join(f"{key_name(key)} = {_value_told(value, spaced[key])}" for key, value in values.items())
+
+
+def _value_told(value: Any, unit: str) -> str:
+    if isinstance(value, list | tuple):
+        return " and ".join(map(str, value)) or "nothing"
+    return "none" if value is None else f"{value}{unit}".rstrip()
 
 
 def axis_label(key: str) -> str:
