@@ -60,6 +60,7 @@ class Wanted(NamedTuple):
     form: Form | None
     x: str | None
     y: str | None
+    panels: str | None
     censored_at: int | None
 
 
@@ -77,6 +78,9 @@ def plot(
         str | None, typer.Option(metavar="KEY", help="The axis to draw a sweep against; the speed by default.")
     ] = None,
     y: Annotated[str | None, typer.Option(metavar="KEY", help="Of a map, the axis that goes up.")] = None,
+    panels: Annotated[
+        str | None, typer.Option(metavar="KEY", help="Of curves, the axis with a panel for each of its values.")
+    ] = None,
     censored_at: Annotated[
         int | None,
         typer.Option(metavar="CYCLES", min=1, help="Of violins: estimate the mean as if trials were censored there."),
@@ -84,7 +88,7 @@ def plot(
 ) -> None:
     """Draw a sweep's T_sync as curves, a map or violins, or what its trials do over time; or a recorded trial."""
     with readable_errors():
-        wanted = Wanted(form, x, y, censored_at)
+        wanted = Wanted(form, x, y, panels, censored_at)
         for file in _plot_sweep(results, to, wanted) if results.is_dir() else _plot_trial(results, to, wanted):
             typer.echo(file)
 
@@ -93,7 +97,7 @@ def _plot_trial(recording: Path, to: Path | None, wanted: Wanted) -> list[Path]:
     from epuck_sim.recording.page import save_page
     from epuck_sim.recording.reader import read_recording
 
-    options = zip(("--form", "--x", "--y", "--censored-at"), wanted, strict=True)
+    options = zip(("--form", "--x", "--y", "--panels", "--censored-at"), wanted, strict=True)
     refuse(*((value is not None, f"{name} is for run folders; {recording} is none") for name, value in options))
     return save_page(read_recording(recording), str(recording), to or recording.with_suffix(""))
 
@@ -112,6 +116,7 @@ def _plot_sweep(folder: Path, to: Path | None, wanted: Wanted) -> list[Path]:
     refuse(
         (wanted.x is not None and over_time, f"--x is for figures of T_sync, but this is {form}, over time"),
         (wanted.y is not None and form != Form.MAP, f"--y is for --form map, but this is {form}"),
+        (wanted.panels is not None and form != Form.CURVES, f"--panels is for --form curves, but this is {form}"),
         (
             wanted.censored_at is not None and form != Form.VIOLINS,
             f"--censored-at is for --form violins, but this is {form}",
@@ -130,7 +135,8 @@ def _plot_sweep(folder: Path, to: Path | None, wanted: Wanted) -> list[Path]:
     if form == Form.VIOLINS:
         limit = wanted.censored_at or figure.censored_at_cycles
         return save_violins(stem, title, x, read_violins(points, x, limit), limit)
-    return save_figure(stem, title, x, read_curves(points, x), figure.panels)
+    panels, origin = _said(wanted.panels, "--panels", figure.panels, f"{folder}: figure.panels")
+    return save_figure(stem, title, x, read_curves(points, x), panels, origin)
 
 
 def _plot_over_time(stem: Path, title: str, form: Form, points: "Sequence[PointTrials]") -> list[Path]:

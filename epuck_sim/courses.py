@@ -10,11 +10,10 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from epuck_sim.curves import told_apart
-from epuck_sim.drawing import check_stem, make_logarithmic, save_drawing
+from epuck_sim.drawing import check_stem, make_logarithmic, save_drawing, write_plainly
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.particles.course import follow
 from epuck_sim.particles.scenario import ParticleScenario
-from epuck_sim.randomness import point_seed
 from epuck_sim.results import PointTrials
 from epuck_sim.symbols import values_told
 from epuck_sim.tables import rounded, save_table
@@ -47,7 +46,7 @@ def read_courses(points: Sequence[PointTrials]) -> list[Courses]:
 def _courses(point: PointTrials, scenario: ParticleScenario) -> Courses:
     cycle = choose_moments(scenario.stop.max_cycles)
     times = cycle * scenario.clocks.period_s
-    found = [follow(scenario, point_seed(scenario.seed, point.key, trial), times) for trial in range(len(point.times))]
+    found = [follow(scenario, seed, times) for seed in point.seeds]
     return Courses(
         point.axes,
         scenario.start.displacement > 0,
@@ -114,6 +113,5 @@ def draw_courses(title: str, courses: Sequence[Courses]) -> Figure:
     below.set_xlabel("time [cycles]")
     figure.suptitle(title, parse_math=False)
     if any(labels):
-        for text in above.legend(fontsize="small").get_texts():
-            text.set_parse_math(False)
+        write_plainly(above.legend(fontsize="small"))
     return figure

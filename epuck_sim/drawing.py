@@ -12,6 +12,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from epuck_sim.curves import SPEED
@@ -65,7 +66,14 @@ def explain(figure: Figure, panels: Sequence[Axes]) -> None:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     if handles:
-        figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, fontsize="small")
+        legend = figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, fontsize="small")
+        write_plainly(legend)
+
+
+def write_plainly(legend: Legend) -> None:
+    """Have a dollar sign in a legend be one, and not begin a formula."""
+    for text in legend.get_texts():
+        text.set_parse_math(False)
 
 
 def is_logarithmic(key: str, values: npt.NDArray[np.float64]) -> bool:

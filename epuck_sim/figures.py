@@ -18,6 +18,7 @@ from epuck_sim.drawing import (
     make_logarithmic,
     make_panels,
     save_drawing,
+    write_plainly,
 )
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.regimes import Bump, find_bump
@@ -32,14 +33,16 @@ FARTHEST = 100
 """So many times the limit of cycles a figure shows: means beyond are extrapolated too far to mean much."""
 
 
-def save_figure(stem: Path, title: str, axis: str, curves: Sequence[Curve], panels: str | None = None) -> list[Path]:
+def save_figure(
+    stem: Path, title: str, axis: str, curves: Sequence[Curve], panels: str | None = None, origin: str = "--panels"
+) -> list[Path]:
     """Write the figure as STEM.png and STEM.svg, its points as STEM.csv and V_m and V_p as STEM-regimes.csv.
 
-    axis: the dotted key of the curves' x; panels: of the axis with a panel for each value, if any. Returns the files;
-    raises EpuckSimError where one cannot be written, and where there is no such axis.
+    axis: the dotted key of the curves' x; panels: of the axis with a panel for each value, if any; origin: who wants
+    that, for messages. Returns the files; raises EpuckSimError where one cannot be written, or there is no such axis.
     """
     if panels is not None and panels not in curves[0].axes:
-        raise EpuckSimError(f"figure.panels: {unknown(panels, curves[0].axes)}; other axes: {listed(curves[0].axes)}")
+        raise EpuckSimError(f"{origin}: {unknown(panels, curves[0].axes)}; other axes: {listed(curves[0].axes)}")
     bumps = [find_bump(curve.x, curve.means, curve.resampled) if axis.endswith(SPEED) else None for curve in curves]
     files = check_stem(stem, ".png", ".svg", ".csv", "-regimes.csv")
     save_drawing(draw(title, axis, curves, bumps, panels), *files[:2])
@@ -71,8 +74,7 @@ def draw(
         _draw_curve(panels[heading.index(head)], curve, bump, colours[label], label, 2 * highest)
     panels[0].set_ylim(top=min(panels[0].get_ylim()[1], 3 * highest))
     if any(labels) and len(panels) == 1:
-        for text in panels[0].legend(fontsize="small").get_texts():
-            text.set_parse_math(False)
+        write_plainly(panels[0].legend(fontsize="small"))
     elif any(labels):
         explain(figure, panels)
     return figure

@@ -71,8 +71,10 @@ def _readable(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
     where = f"{origin}: {'.'.join(path)}" if path else origin
     if detail["type"] == "extra_forbidden":
         known = list(variant.model_fields) if variant else _known_keys(kind, path[:-1])
-        of_kind = f" of {place[len(path) - 1]}" if variant else ""
-        return f"{where}: {_misplaced(kind, path) or f'{unknown(path[-1], known)}; allowed{of_kind}: {listed(known)}'}"
+        allowed = f"{unknown(path[-1], known)}; allowed: {listed(known)}"
+        if variant:
+            allowed += f"; of another {SAID_BY.get(path[0], 'shape')}, give the whole section"
+        return f"{where}: {_misplaced(kind, path) or allowed}"
     if detail["type"] == "missing":
         return f"{where}: is missing"
     message = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")

@@ -15,7 +15,6 @@ from epuck_sim.courses import particles_of
 from epuck_sim.curves import told_apart
 from epuck_sim.drawing import check_stem, make_panels, save_drawing
 from epuck_sim.particles.course import follow
-from epuck_sim.randomness import point_seed
 from epuck_sim.results import PointTrials
 from epuck_sim.symbols import values_told
 from epuck_sim.tables import rounded, save_table
@@ -40,12 +39,14 @@ class Perturbation(NamedTuple):
 
 
 def read_perturbations(points: Sequence[PointTrials]) -> list[Perturbation]:
-    """Return trial 0 of each point; raises EpuckSimError for another model than particles."""
+    """Return the first trial of each point that has any; raises EpuckSimError for another model than particles."""
     found = []
     for point in points:
         scenario = particles_of(point)
+        if not point.seeds:
+            continue
         cycle = np.arange(0.5, min(scenario.stop.max_cycles, MOST_CYCLES))
-        course = follow(scenario, point_seed(scenario.seed, point.key, 0), cycle * scenario.clocks.period_s)
+        course = follow(scenario, point.seeds[0], cycle * scenario.clocks.period_s)
         found.append(Perturbation(point.axes, cycle, course.deviation))
     return found
 

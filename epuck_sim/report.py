@@ -32,7 +32,7 @@ class Progress:
         self._trials = trials
         self._trial = 0
         console = Console(stderr=True)
-        text = "preparing; the first run of a controller compiles it, which takes some seconds"
+        text = "preparing; a first run compiles what it needs, which takes some seconds"
         self._status = Status(text, console=console) if console.is_terminal else None
         self._pause_s = REFRESH_S if self._status else LINE_S
         self._next = 0.0

@@ -29,6 +29,8 @@ class PointTrials(NamedTuple):
     """(trials,) cycles at which each trial ended."""
     observed: npt.NDArray[np.bool_]
     """(trials,) whether it was synchronised then; else it is censored."""
+    seeds: tuple[int, ...]
+    """(trials,)"""
 
     @property
     def seed(self) -> int:
@@ -70,10 +72,12 @@ def read_points(folder: Path | str) -> list[PointTrials]:
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
         ends: dict[str, list[tuple[int, int]]] = {key: [] for key, *_ in found}
-        for key, cycles, censored in connection.execute(
-            "SELECT point, cycles, censored FROM trials WHERE error IS NULL ORDER BY point, trial"
+        seeds: dict[str, list[int]] = {key: [] for key, *_ in found}
+        for key, cycles, censored, seed in connection.execute(
+            "SELECT point, cycles, censored, seed FROM trials WHERE error IS NULL ORDER BY point, trial"
         ):
             ends[key].append((cycles, censored))
+            seeds[key].append(seed)
     results = []
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
@@ -81,7 +85,8 @@ def read_points(folder: Path | str) -> list[PointTrials]:
             read = validate(json.loads(scenario), f"point {number}")
         except ScenarioError as error:
             raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
-        results.append(PointTrials(number, key, json.loads(axes), read, cycles.astype(np.float64), censored == 0))
+        times = cycles.astype(np.float64)
+        results.append(PointTrials(number, key, json.loads(axes), read, times, censored == 0, tuple(seeds[key])))
     return results
 
 

@@ -21,7 +21,7 @@ def apply_setting(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
 def with_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
     """Return the mapping `given` with `value` at a dotted key; raises ScenarioError, which begins with `origin`."""
     # of robots, one group is there by default
-    default: dict[str, Any] = {} if given.get("model") == "particles" else {"robots": [{}]}
+    default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
     result = _with({**default, **given}, key.split("."), value, origin)
     assert isinstance(result, dict)  # a mapping changed is a mapping
     return result

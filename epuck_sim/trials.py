@@ -15,13 +15,13 @@ from epuck_sim.trial import TrialResult, run_trial
 
 
 class Progress(Protocol):
-    """Is shown now and then how far a trial is."""
+    """Shows how far a trial is."""
 
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        """Look at robots."""
+        """Look at robots, at every step."""
 
     def of_swarm(self, swarm: Swarm) -> None:
-        """Look at point-like agents."""
+        """Look at point-like agents, now and then."""
 
 
 def make_model(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulation | Swarm:

@@ -104,6 +104,7 @@ def of_point(point: Point, trials: Trials) -> PointTrials:
         scenario=point.scenario,
         times=trials.times,
         observed=trials.observed,
+        seeds=tuple(point.seed(trial) for trial in range(len(trials.times))),
     )
 
 

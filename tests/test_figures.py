@@ -135,7 +135,7 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> No
 
 
 def test_an_axis_to_split_by_that_is_not_there_is_refused(tmp_path) -> None:
-    with pytest.raises(EpuckSimError, match=r"figure\.panels: unknown 'robots\.0\.cuont', did you mean"):
+    with pytest.raises(EpuckSimError, match=r"--panels: unknown 'robots\.0\.cuont', did you mean"):
         save_figure(tmp_path / "f", "t", SPEED, [curve_of([3, 2], axes={COUNT: 5})], "robots.0.cuont")
     assert not list(tmp_path.iterdir())
 

@@ -38,8 +38,8 @@ ROUNDING = 1e-12
 COMPLEX, REFERENCE = range(2)
 """Metrics: eqs. 5.7 and 3.4."""
 
-INSTANTS, CYCLES, FIRINGS, PULSES, SYNCHRONISED = range(5)
-"""What is counted: instants; firings of the reference, and of all; pulses that shifted a phase; 1 at the end."""
+INSTANTS, CYCLES, FIRINGS, SYNCHRONISED = range(4)
+"""What is counted: instants; firings of the reference, and of all; 1 if the last instant brought synchrony."""
 
 
 class Rules(NamedTuple):
@@ -53,7 +53,7 @@ class Rules(NamedTuple):
     threshold: float
     """Of the order parameter; inf where there is none."""
     near: float
-    """If any phase is farther than this from the reference's, the threshold is not reached."""
+    """If any phase is farther than this, in cycles, from the reference's, the threshold is not reached."""
 
 
 class Instant(NamedTuple):
@@ -70,7 +70,7 @@ class Instant(NamedTuple):
     order: npt.NDArray[np.float64]
     """(1,) the order parameter at the last firing of the reference; NaN before it is measured."""
     tally: Whole
-    """(5,) see `INSTANTS` and so on."""
+    """(4,) see `INSTANTS` and so on."""
 
 
 def make_rules(scenario: ParticleScenario) -> Rules:
@@ -85,20 +85,21 @@ def make_rules(scenario: ParticleScenario) -> Rules:
         stop.reference,
         COMPLEX if stop.metric == "complex" else REFERENCE,
         threshold,
-        near_enough(scenario.agents.count, threshold),
+        near_enough(scenario.agents.count, threshold) if threshold < math.inf else -1.0,
     )
 
 
 def make_instant(agents: int) -> Instant:
     """Return an instant at which nothing has happened."""
     fired, heard = np.zeros((2, agents + 1), np.int64)
-    counts, tally = np.zeros(2, np.int64), np.zeros(5, np.int64)
+    counts, tally = np.zeros(2, np.int64), np.zeros(4, np.int64)
     return Instant(fired, heard, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), tally)
 
 
 @lean_kernel
 def turn_if_next(flights: Flights, hood: Neighbourhood, clocks: Clocks, instant: Instant) -> int:
     """Return who reaches a wall before anybody fires, and have it set out again; -1 if somebody fires before."""
+    carry_on(flights, clocks.now[0])  # past what was not asked for until now
     while min(next_due(clocks), ends_at(flights, first_to_end(flights))) >= 1.0:
         begin_next(flights, hood, clocks)
     turning = ends_at(flights, first_to_end(flights))
@@ -149,7 +150,6 @@ def advance(
         fired = instant.fired[: instant.counts[0]]
         tally[INSTANTS] += 1
         tally[FIRINGS] += instant.counts[0]
-        tally[PULSES] += instant.counts[1]
         is_measured = True
         for agent in fired:
             if agent == rules.reference:
@@ -169,7 +169,7 @@ def fire(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, in
     """Let all fire that are due at `time`, and all that they make fire."""
     agents = len(clocks.due)
     fired, heard, is_done = instant.fired, instant.heard, instant.is_done
-    firing, hearing, done = find_due(clocks, time, fired), 0, 0
+    firing, hearing = find_due(clocks, time, fired), 0
     for agent in fired[:firing]:
         is_done[agent] = True
     done = firing

@@ -30,7 +30,7 @@ PAUSE = 8
 """For so many pulses nobody asks how long neighbours stay, after they did not stay for a cycle."""
 
 MOST_KEPT = 2000
-"""Of more agents neighbours are not kept: it would take more than 16 MB."""
+"""Of more agents neighbours are not kept: it would take more than 32 MB."""
 
 FEWEST_IN_CELLS = 400
 """Fewer agents are not looked up in cells: all pairs are quicker."""

@@ -13,6 +13,8 @@ Floats = npt.NDArray[np.float64]
 CURVES = ("multiplicative", "sawtooth", "sine")
 """In the order of their numbers."""
 
+MULTIPLICATIVE, SAWTOOTH, SINE = range(len(CURVES))
+
 
 class Response(NamedTuple):
     """A response curve."""
@@ -29,14 +31,14 @@ class Response(NamedTuple):
 def shifted(response: Response, phase: float) -> float:
     """Return the phase, 0 to 1, after a pulse; one of 1 fires.
 
-    The shift is held between 0 and 1: at 1 by thesis 5.1.1, at 0 because no phase is below, where the sine curve with
-    kappa > 1 / (2 pi) would lead.
+    It is held at 1, by thesis 5.1.1, and at 0, because no phase is below, where the sine curve with kappa > 1 / (2 pi)
+    would lead.
     """
     if phase <= response.refractory:
         return phase
-    if response.curve == 0:
+    if response.curve == MULTIPLICATIVE:
         shift = response.coupling * phase
-    elif response.curve == 2:
+    elif response.curve == SINE:
         shift = -response.coupling * math.sin(2 * math.pi * phase)
     elif phase <= 0.5:
         shift = -response.coupling * phase

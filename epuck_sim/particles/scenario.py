@@ -12,7 +12,7 @@ from epuck_sim.scenario import Scenario, StopSection
 from epuck_sim.section import Number, Positive, Section, Whole
 
 MOST_SIDES = 1000
-"""So many walls are reached in a cycle at most; a hundred times the fastest in the thesis."""
+"""So many sides are flown in a cycle at most, on the mean; the fastest in the thesis fly one."""
 
 
 class SpaceSection(Section):
@@ -134,6 +134,7 @@ class ParticleStop(StopSection):
 class ParticleScenario(Scenario):
     """A swarm of point-like agents (chapters 3 and 5)."""
 
+    name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
     model: Literal["particles"]
     space: SpaceSection = SpaceSection()
     agents: AgentsSection = AgentsSection()

@@ -41,7 +41,7 @@ def _draw_speeds(agents: AgentsSection, random: np.random.Generator) -> Floats:
     if agents.speed_distribution == "uniform":
         shares = random.uniform(1 - spread, 1 + spread, agents.count)
     elif agents.speed_distribution == "normal":
-        shares = _redrawn(random, agents.count, 1, spread, 0, 2)
+        shares = _redrawn(random, agents.count, spread, 0, 2)
     elif agents.speed_distribution == "exponential":
         shares = random.exponential(1, agents.count)
     else:
@@ -49,11 +49,11 @@ def _draw_speeds(agents: AgentsSection, random: np.random.Generator) -> Floats:
     return agents.speed_cm_s * shares
 
 
-def _redrawn(random: np.random.Generator, count: int, mean: float, sigma: float, low: float, high: float) -> Floats:
-    """Return normal numbers, (count,), drawn again where they are not between `low` and `high`."""
-    drawn = random.normal(mean, sigma, count)
+def _redrawn(random: np.random.Generator, count: int, sigma: float, low: float, high: float) -> Floats:
+    """Return normal numbers around 1, (count,), drawn again where they are not between `low` and `high`."""
+    drawn = random.normal(1, sigma, count)
     while (outside := (drawn < low) | (drawn > high)).any():
-        drawn[outside] = random.normal(mean, sigma, np.count_nonzero(outside))
+        drawn[outside] = random.normal(1, sigma, np.count_nonzero(outside))
     return drawn
 
 
@@ -67,5 +67,5 @@ def set_clocks(scenario: ParticleScenario, starting: np.random.SeedSequence) -> 
         phases[0] = scenario.start.displacement
     period = np.ones(agents)
     if scenario.clocks.jitter:
-        period = _redrawn(random, agents, 1, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
+        period = _redrawn(random, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
     return start_clocks(phases, period)

@@ -78,7 +78,7 @@ class Swarm:
         self._instant = make_instant(loaded.agents.count)
         hood = make_neighbourhood(loaded, float(self._flights.speed.max()))
         self._state = self._flights, hood, self._clocks, make_rules(loaded), self._instant
-        self.run(0)  # which has everything compiled before any clock runs
+        self.run(0)  # which has compiled, before any clock runs, what a trial takes that nobody watches
 
     def __iter__(self) -> Iterator[Event]:
         """Go on from where the swarm stands."""

@@ -37,14 +37,16 @@ def run_swarm(
             swarm.run(limit, min(periods, longest - swarm.period))
             periods *= 2 if time.perf_counter() - asked < SLICE_S / 2 else 1
         progress(swarm)
+    # where the reference was held back for so long, no firing ended the trial
+    has_fired = swarm.is_synchronised or swarm.cycles >= limit
     return TrialResult(
         scenario=swarm.scenario.name,
         seed=swarm.seed,
         t_sync_cycles=swarm.cycles if swarm.is_synchronised else None,
         censored=not swarm.is_synchronised,
         cycles=swarm.cycles,
-        order_parameter=swarm.order_parameter,
+        order_parameter=swarm.order_parameter if has_fired else None,
         steps=swarm.instants,
-        simulated_s=swarm.time_s if swarm.next_period < longest else longest * swarm.scenario.clocks.period_s,
+        simulated_s=swarm.time_s if has_fired else longest * swarm.scenario.clocks.period_s,
         wall_s=time.perf_counter() - began,
     )

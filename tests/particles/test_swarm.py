@@ -1,5 +1,6 @@
 """Swarms are what their seed makes them, in any process, and move alike whatever their oscillators do."""
 
+import itertools
 import math
 import subprocess
 import sys
@@ -187,3 +188,15 @@ def test_a_swarm_cannot_go_back_nor_to_a_time_that_is_none(time_s):
         swarm.run_to(time_s)
     swarm.run_to(4.0)
     assert swarm.time_s == 4.0
+
+
+@pytest.mark.parametrize("rule", [{"kind": "all"}, {"kind": "nearest", "k": 2}])
+def test_events_after_a_run_are_those_that_were_not_passed_yet(rule):
+    sections = {"agents": {"count": 5, "speed_cm_s": 60}, "neighbourhood": rule, "stop": {"order_parameter": None}}
+    ahead, watched = (swarm_of(3, **sections) for _ in range(2))
+    ahead.run_to(20.3)
+    later = [event for event in itertools.islice(watched, 400) if event.time_s > 20.3]
+    for event in later[:50]:
+        again = next(ahead)
+        assert (again.time_s, again.turned) == (event.time_s, event.turned)
+        assert again.fired.tolist() == event.fired.tolist()
