@@ -11,6 +11,7 @@ from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.store import Store
 from epuck_sim.sweep import Point, check_room, points
+from epuck_sim.trials import check_interpretable
 from epuck_sim.worker import Task
 
 
@@ -45,6 +46,8 @@ def run_sweep(
     where there are no workers; the trials stored so far stay.
     """
     loaded = load_scenario(scenario)
+    if interpret:
+        check_interpretable(loaded)
     places = points(loaded)
     check_room(places)
     with Store(Path(folder), loaded, places) as store:

@@ -135,7 +135,8 @@ def _plot_sweep(folder: Path, to: Path | None, wanted: Wanted) -> list[Path]:
     if form == Form.VIOLINS:
         limit = wanted.censored_at or figure.censored_at_cycles
         return save_violins(stem, title, x, read_violins(points, x, limit), limit)
-    panels, origin = _said(wanted.panels, "--panels", figure.panels, f"{folder}: figure.panels")
+    own = None if figure.panels == x else figure.panels
+    panels, origin = _said(wanted.panels, "--panels", own, f"{folder}: figure.panels")
     return save_figure(stem, title, x, read_curves(points, x), panels, origin)
 
 

@@ -53,6 +53,10 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
         resource_tracker.ensure_running()  # it would lift the block
         with _deaf_to_ctrl_c():
             forkserver.ensure_running()
+        # Ctrl-C while the server still loads would take from workers what they are about to open
+        is_ready = context.Process(target=_do_nothing)
+        is_ready.start()
+        is_ready.join()
         executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker)
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
@@ -79,6 +83,10 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _do_nothing() -> None:
+    """Show that the server can start processes."""
 
 
 def _begin_worker() -> None:

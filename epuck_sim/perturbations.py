@@ -79,7 +79,8 @@ def draw_perturbations(title: str, perturbations: Sequence[Perturbation]) -> Fig
 
 
 def _draw_perturbation(panel: Axes, each: Perturbation, norm: LogNorm) -> None:
-    agents = np.arange(each.deviation.shape[1])
+    cycles = np.arange(len(each.cycle) + 1)
+    agents = np.arange(each.deviation.shape[1] + 1) - 0.5
     panel.yaxis.set_major_locator(MaxNLocator(integer=True))
     shown = np.ma.masked_equal(each.deviation.T, 0)
-    panel.pcolormesh(each.cycle, agents, shown, norm=norm, cmap="viridis", shading="nearest", rasterized=True)
+    panel.pcolormesh(cycles, agents, shown, norm=norm, cmap="viridis", rasterized=True)

@@ -32,8 +32,14 @@ def make_model(scenario: Scenario, seed: int, *, interpret: bool = False) -> Sim
     if not isinstance(scenario, ParticleScenario):
         return Simulation(scenario, seed, interpret=interpret)
     if interpret:
-        raise ScenarioError(f"{scenario.name}: model: particles has no controllers to interpret; leave --interpret out")
+        check_interpretable(scenario)
     return Swarm(scenario, seed)
+
+
+def check_interpretable(scenario: Scenario) -> None:
+    """Raise ScenarioError for a scenario without controllers to interpret."""
+    if isinstance(scenario, ParticleScenario):
+        raise ScenarioError(f"{scenario.name}: model: particles has no controllers to interpret; leave --interpret out")
 
 
 def run_model(

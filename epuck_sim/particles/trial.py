@@ -26,7 +26,7 @@ def run_swarm(
     limit = swarm.scenario.stop.max_cycles
     longest = 2 * limit  # periods: a reference that others hold back for ever must not keep a trial for ever
     began = time.perf_counter()
-    periods = 10
+    periods = 1
     while not swarm.is_synchronised and swarm.cycles < limit and swarm.next_period < longest:
         if onlookers:
             event = next(swarm)
@@ -35,7 +35,8 @@ def run_swarm(
         else:
             asked = time.perf_counter()
             swarm.run(limit, min(periods, longest - swarm.period))
-            periods *= 2 if time.perf_counter() - asked < SLICE_S / 2 else 1
+            took = time.perf_counter() - asked
+            periods = 2 * periods if took < SLICE_S / 2 else max(1, periods // 2) if took > 2 * SLICE_S else periods
         progress(swarm)
     # where the reference was held back for so long, no firing ended the trial
     has_fired = swarm.is_synchronised or swarm.cycles >= limit
