@@ -74,7 +74,7 @@ class Simulation:
         """
         scenario = load_scenario(scenario)
         if not isinstance(scenario, EmbodiedScenario):
-            raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}, which has no bodies; use Particles")
+            raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}, which has no bodies; use Swarm")
         self.scenario = scenario
         if scenario.sweep is not None:
             raise ScenarioError(

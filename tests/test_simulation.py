@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from numba.core.dispatcher import Dispatcher
 
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.shipped import ARENAS, shipped_files
 from epuck_sim.simulation import Simulation
 
-SHIPPED = list(shipped_files(ARENAS))
+SHIPPED = [name for name in shipped_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "thesis")
 
 
