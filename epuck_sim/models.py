@@ -31,8 +31,6 @@ SAID_BY = {"obstacles": "shape", "neighbourhood": "kind"}
 
 IN_PARTICLES = {
     "arena": "space",
-    "arena.width_cm": "space.side_cm",
-    "arena.height_cm": "space.side_cm",
     "robots": "agents, clocks, response and neighbourhood",
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
     "contact": "nothing, for agents are points",

@@ -24,6 +24,7 @@ from epuck_sim.particles.clocks import Clocks, begin_next_cycle, find_due, next_
 from epuck_sim.particles.flight import Flights, begin_cycle, carry_on, ends_at, first_to_end, reorient, turn_next
 from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours
 from epuck_sim.particles.neighbours import find_neighbours
+from epuck_sim.particles.order import COMPLEX, REFERENCE, are_near, measure_order, near_enough
 from epuck_sim.particles.response import CURVES, Response, shifted
 from epuck_sim.particles.scenario import ParticleScenario
 
@@ -31,12 +32,6 @@ Whole = npt.NDArray[np.int64]
 
 ENDLESS = 2**62
 """More than is ever counted."""
-
-ROUNDING = 1e-12
-"""Far more than the order parameter is off by."""
-
-COMPLEX, REFERENCE = range(2)
-"""Metrics: eqs. 5.7 and 3.4."""
 
 INSTANTS, CYCLES, FIRINGS, SYNCHRONISED = range(4)
 """What is counted: instants; firings of the reference, and of all; 1 if the last instant brought synchrony."""
@@ -154,7 +149,7 @@ def advance(
         for agent in fired:
             if agent == rules.reference:
                 tally[CYCLES] += 1
-                is_measured = are_near(clocks, rules, time)
+                is_measured = are_near(clocks, rules.near, time)
                 if is_measured:
                     instant.order[0] = measure_order(clocks, rules.metric, time)
                     tally[SYNCHRONISED] = instant.order[0] >= rules.threshold
@@ -218,35 +213,3 @@ def reorient_all(flights: Flights, rules: Rules, instant: Instant, time: float) 
                 reorient(flights, agent, time)
     for agent in fired:
         instant.is_done[agent] = False
-
-
-@inlined_kernel
-def are_near(clocks: Clocks, rules: Rules, time: float) -> bool:
-    """Whether all phases are near enough to that of the reference, 0, for the threshold to be reached at all."""
-    for agent in range(len(clocks.due)):
-        phase = phase_at(clocks, agent, time)
-        if min(phase, 1 - phase) > rules.near:
-            return False
-    return True
-
-
-@inlined_kernel
-def measure_order(clocks: Clocks, metric: int, time: float) -> float:
-    """Return the order parameter at `time`, at which the reference is at phase 0."""
-    cosines, sines = 0.0, 0.0
-    for agent in range(len(clocks.due)):
-        angle = 2 * math.pi * phase_at(clocks, agent, time)
-        cosines += math.cos(angle)
-        sines += math.sin(angle)
-    if metric == REFERENCE:
-        return cosines / len(clocks.due)
-    return math.hypot(cosines, sines) / len(clocks.due)
-
-
-def near_enough(agents: int, threshold: float) -> float:
-    """Return how far, in cycles, a phase may be from the reference's if `threshold` is to be reached.
-
-    With two of n oscillators an angle d apart, n r <= n - 2 + 2 cos(d / 2); eta is never larger than r.
-    """
-    cosine = 1 - agents * (1 - threshold + ROUNDING) / 2
-    return math.acos(cosine) / math.pi if -1 < cosine < 1 else 1.0

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel
+from epuck_sim.particles.heading import set_out, set_out_anywhere
 from epuck_sim.particles.least import place_of_least
-from epuck_sim.randomness import uniform
 
 Floats = npt.NDArray[np.float64]
 Streams = npt.NDArray[np.uint64]
@@ -126,45 +126,6 @@ def turn(flights: Flights, agent: int) -> None:
     if not flights.is_cyclic:
         set_out(flights.heading[:, agent], axis, -1.0 if is_far else 1.0, flights.streams[agent])
     plan(flights, agent)
-
-
-@inlined_kernel
-def set_out(heading: Floats, axis: int, inward: float, stream: npt.NDArray[np.uint64]) -> None:
-    """Point a heading, (dimensions,), away from a wall: anywhere within 90 degrees of its normal.
-
-    axis, inward: the normal's axis, and 1 or -1, its sign. In a square the angle to it is uniform (thesis 3.1), in a
-    cube the direction, over the hemisphere; in a segment there is but one.
-    """
-    if len(heading) == 1:
-        heading[0] = inward
-    elif len(heading) == 2:
-        angle = math.pi * (uniform(stream) - 0.5)
-        heading[axis] = inward * math.cos(angle)
-        heading[1 - axis] = math.sin(angle)
-    else:
-        point(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
-
-
-@inlined_kernel
-def set_out_anywhere(heading: Floats, stream: npt.NDArray[np.uint64]) -> None:
-    """Point a heading, (dimensions,), in a direction that is uniform over all of them."""
-    if len(heading) == 1:
-        heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
-    elif len(heading) == 2:
-        angle = 2 * math.pi * uniform(stream)
-        heading[0] = math.cos(angle)
-        heading[1] = math.sin(angle)
-    else:
-        point(heading, 2, 2 * uniform(stream) - 1, uniform(stream))
-
-
-@inlined_kernel
-def point(heading: Floats, axis: int, height: float, turned: float) -> None:
-    """Point a heading, (3,), to this height, -1 to 1, along an axis, turned by a share of a circle around it."""
-    rim = math.sqrt(1 - height * height)
-    heading[axis] = height
-    heading[(axis + 1) % 3] = rim * math.cos(2 * math.pi * turned)
-    heading[(axis + 2) % 3] = rim * math.sin(2 * math.pi * turned)
 
 
 @inlined_kernel

@@ -5,7 +5,8 @@ import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel
 from epuck_sim.particles.clocks import Clocks, start_clocks
-from epuck_sim.particles.flight import Flights, set_out_anywhere, take_off
+from epuck_sim.particles.flight import Flights, take_off
+from epuck_sim.particles.heading import set_out_anywhere
 from epuck_sim.particles.scenario import AgentsSection, ParticleScenario
 from epuck_sim.randomness import robot_streams
 
