@@ -92,7 +92,8 @@ def run_into(
             run_sweep(scenario, folder, open_pool, progress, interpret=output.interpret)
         except KeyboardInterrupt:
             tally = progress.tally
-            stored = f"{tally.stored} of {tally.trials} trials are stored" if tally else "nothing is lost"
+            # the tally may lack a trial that was just stored
+            stored = f"{read_status(folder).stored} of {tally.trials} trials are stored" if tally else "nothing is lost"
             tell(f"stopped; {stored}; go on with: {again}")
             raise typer.Exit(130) from None
     status = read_status(folder)
