@@ -87,6 +87,13 @@ def flown_by(flights: Flights, agent: int, time: float) -> float:
 
 
 @inlined_kernel
+def place_at(flights: Flights, agent: int, axis: int, time: float) -> float:
+    """Return where an agent is along an axis, cm, at `time`, no later than its flight's end."""
+    place: float = flights.origin[axis, agent] + flights.heading[axis, agent] * flown_by(flights, agent, time)
+    return place
+
+
+@inlined_kernel
 def plan(flights: Flights, agent: int) -> None:
     """Find when an agent's flight ends, and where."""
     lasts = math.inf
@@ -184,5 +191,4 @@ def locate(flights: Flights, time: float, places: Floats) -> None:
     carry_on(flights, time)
     for axis in range(len(places)):
         for agent in range(len(flights.speed)):
-            flown = flown_by(flights, agent, time)
-            places[axis, agent] = flights.origin[axis, agent] + flights.heading[axis, agent] * flown
+            places[axis, agent] = place_at(flights, agent, axis, time)

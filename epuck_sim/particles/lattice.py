@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel
-from epuck_sim.particles.flight import Flights, carry_one_on, flown_by, locate
+from epuck_sim.particles.flight import Flights, carry_one_on, locate, place_at
 
 Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
@@ -126,8 +126,7 @@ def cells_within(
     across = lattice.across[axis]
     if axis >= len(flights.origin):
         return 0, 1
-    flown = flown_by(flights, agent, time)
-    here = flights.origin[axis, agent] + flights.heading[axis, agent] * flown
+    here = place_at(flights, agent, axis, time)
     if flights.is_cyclic:
         low = math.floor((here - reach_cm) / lattice.cell_cm)
         count = math.floor((here + reach_cm) / lattice.cell_cm) - low + 1

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.compiled import inlined_kernel, lean_kernel
-from epuck_sim.particles.flight import Flights, ends_at, flown_by, locate
+from epuck_sim.particles.flight import Flights, ends_at, locate, place_at
 from epuck_sim.particles.lattice import look_around
 from epuck_sim.particles.least import least, place_of_least
 from epuck_sim.particles.neighbourhood import (
@@ -58,10 +58,9 @@ def find_in_lattice(hood: Neighbourhood, flights: Flights, agent: int, time: flo
         for place in range(candidates):
             other = hood.who[place]
             own = place if other == agent else own
-            flown = flown_by(flights, other, time)
             for axis in range(len(hood.places)):
                 hood.facing[axis, place] = flights.heading[axis, other]
-                hood.places[axis, place] = flights.origin[axis, other] + flights.heading[axis, other] * flown
+                hood.places[axis, place] = place_at(flights, other, axis, time)
         measure(hood, flights, hood.facing, own, candidates)
         if candidates == len(flights.speed):
             reach_cm = math.inf  # nobody is left
