@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena, box_corners, is_convex, make_arena
+from epuck_sim.overhead.section import OverheadSection
 from epuck_sim.scenario import Scenario, StopSection
 from epuck_sim.section import Number, Positive, Section, Whole
 
@@ -204,6 +205,7 @@ class EmbodiedScenario(Scenario):
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
     stop: EmbodiedStop = EmbodiedStop()
+    overhead: OverheadSection = OverheadSection()
 
     @model_validator(mode="before")
     @classmethod

@@ -10,6 +10,13 @@ import numpy as np
 RADIUS_CM = 3.7
 """Radius of the cylindrical body (thesis 3.1.4.1: diameter 7.4 cm)."""
 
+HEIGHT_CM = 4.7
+"""Height of the body (e-puck data sheet)."""
+
+RING_HEIGHT_CM = 4.0
+RING_RADIUS_CM = 3.5
+"""Height above the floor, and radius, of the ring of eight red LEDs; our estimates: no source states them."""
+
 MASS_G = 152.0
 """Mass (thesis 3.1.4.1)."""
 

@@ -23,3 +23,7 @@ class RecordingError(EpuckSimError):
 
 class ClusterError(EpuckSimError):
     """A cluster that cannot be reached, or that is gone."""
+
+
+class FilmError(EpuckSimError):
+    """A film that cannot be read, written, or tracked; or a camera that cannot be opened."""

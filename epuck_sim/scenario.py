@@ -7,7 +7,7 @@ from pydantic import Field
 from epuck_sim.axes import Axes
 from epuck_sim.section import Number, Section, Whole
 
-WITHOUT_EFFECT = {"name", "description", "trials", "figure"}
+WITHOUT_EFFECT = {"name", "description", "trials", "figure", "overhead"}
 """Keys of a scenario on which no trial depends."""
 
 
