@@ -14,7 +14,7 @@ PARAMETERS = {
     "refractory_fraction": 0.15,  # phi_ref / tau
     "delay_ms": 0,  # Delta of Algorithm 2; 62 on the robots, 0 makes it Algorithm 1
     "flash_pixels": 1,  # so many red pixels are a flash; 2 on the robots (thesis 4.3.1)
-    "once_per_sighting": False,  # True: one update a sighting instead of one every step in view
+    "once_per_sighting": False,  # True: one update a sighting instead of one with every picture of it
 }
 
 MEMORY = {"phase_ms": int, "flash_seen": int}
@@ -83,7 +83,7 @@ def updated(phase, parameters):
 def step(sensors, memory, actuators, parameters, random):
     """Algorithm 1, line by line."""
     flash = is_flash(sensors, parameters)
-    acts = flash and not (parameters.once_per_sighting and memory.flash_seen)
+    acts = flash and sensors.new_picture and not (parameters.once_per_sighting and memory.flash_seen)
     memory.flash_seen = int(flash)
 
     phase = memory.phase_ms + sensors.step_ms

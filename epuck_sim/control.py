@@ -39,10 +39,11 @@ def _begin(
 
 
 def _serve(
-    step_ms: int,
+    step_ms: npt.NDArray[np.int64],
     infrared: npt.NDArray[np.float64],
     distance_mm: npt.NDArray[np.int64],
     camera: npt.NDArray[np.int64],
+    new_picture: npt.NDArray[np.bool_],
     actuators: Records,
     memory: Records,
     parameters: Records,
@@ -51,20 +52,29 @@ def _serve(
 ) -> None:
     for robot in range(len(memory)):
         serving[0] = robot
-        sensors = Sensors(step_ms, infrared[robot], distance_mm[robot], camera[robot])
+        passed_ms, is_new = int(step_ms[robot]), bool(new_picture[robot])
+        sensors = Sensors(passed_ms, infrared[robot], distance_mm[robot], camera[robot], is_new)
         step(sensors, memory[robot], actuators[robot], parameters[robot], random[robot])  # noqa: F821
 
 
 class Senses(NamedTuple):
     """What a group of robots senses: `controller.Sensors`, with a row a robot."""
 
-    step_ms: int
+    step_ms: npt.NDArray[np.int64]
+    """(robots,)"""
     infrared: npt.NDArray[np.float64]
     """(robots, 8)"""
     distance_mm: npt.NDArray[np.int64]
     """(robots, 8)"""
     camera: npt.NDArray[np.int64]
     """(robots, pixels)"""
+    new_picture: npt.NDArray[np.bool_]
+    """(robots,)"""
+
+    def of(self, rows: slice, pixels: int) -> "Senses":
+        """Return what some of the robots sense, those whose cameras have so many pixels."""
+        camera = self.camera[rows, :pixels]
+        return Senses(self.step_ms[rows], self.infrared[rows], self.distance_mm[rows], camera, self.new_picture[rows])
 
 
 class Control:

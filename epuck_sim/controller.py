@@ -35,13 +35,16 @@ class Sensors(NamedTuple):
     """What one robot senses at the start of a control step."""
 
     step_ms: int
-    """Milliseconds from one control step to the next."""
+    """Whole milliseconds that have passed on the robot's own clock since its last control step."""
     infrared: npt.NDArray[np.float64]
     """(8,) counts: raw readings of the proximity sensors."""
     distance_mm: npt.NDArray[np.int64]
     """(8,) mm: distances that belong to the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
     camera: npt.NDArray[np.int64]
     """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture."""
+    new_picture: bool = True
+    """Whether `camera` holds a picture that the controller has not had before; where cameras take fewer pictures than
+    there are control steps, it holds the last one until the next is there."""
 
 
 ACTUATORS = np.dtype([("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)], align=True)

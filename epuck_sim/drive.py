@@ -24,6 +24,7 @@ def act(
     wheels_cm_s: Floats,
     ring_on: npt.NDArray[np.bool_],
     poses: Floats,
+    gain: Floats,
     noise: Floats,
     slip: float,
     step_s: float,
@@ -41,22 +42,23 @@ def act(
         wheels_cm_s[robot, 0] = min(max(left, -_LIMIT), _LIMIT)
         wheels_cm_s[robot, 1] = min(max(right, -_LIMIT), _LIMIT)
         ring_on[robot] = actuators[robot].ring_on != 0
-    chord_velocities(poses, wheels_cm_s, noise, slip, step_s, velocities)
+    chord_velocities(poses, wheels_cm_s, gain, noise, slip, step_s, velocities)
     return -1
 
 
 @kernel
 def chord_velocities(
-    poses: Floats, wheels_cm_s: Floats, noise: Floats, slip: float, step_s: float, velocities: Floats
+    poses: Floats, wheels_cm_s: Floats, gain: Floats, noise: Floats, slip: float, step_s: float, velocities: Floats
 ) -> None:
     """Write (robots, 3) velocities, cm/s, cm/s, rad/s, that take each robot to the end of its arc in `step_s`.
 
-    poses: (robots, 3); wheels_cm_s: (robots, 2) left and right; noise: (robots, 2) from [0, 1), which makes each speed
+    poses: (robots, 3); wheels_cm_s: (robots, 2) left and right; gain: (robots, 2) each wheel's factor, 1 of one that
+    does as it is told, 0 of one that does not move its robot; noise: (robots, 2) from [0, 1), which makes each speed
     that much of the way from 1 - slip to 1 + slip times itself (Enki).
     """
     for robot in range(len(poses)):
-        left = wheels_cm_s[robot, 0] * (1.0 + slip * (2.0 * noise[robot, 0] - 1.0))
-        right = wheels_cm_s[robot, 1] * (1.0 + slip * (2.0 * noise[robot, 1] - 1.0))
+        left = wheels_cm_s[robot, 0] * (1.0 + slip * (2.0 * noise[robot, 0] - 1.0)) * gain[robot, 0]
+        right = wheels_cm_s[robot, 1] * (1.0 + slip * (2.0 * noise[robot, 1] - 1.0)) * gain[robot, 1]
         speed = 0.5 * (left + right)
         turn = (right - left) / _BASE
         half = 0.5 * turn * step_s

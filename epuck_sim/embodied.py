@@ -6,142 +6,14 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 import math
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from epuck_sim import epuck
-from epuck_sim.arena import Arena, box_corners, is_convex, make_arena
+from epuck_sim.arena_section import ArenaSection
 from epuck_sim.overhead.section import OverheadSection
+from epuck_sim.robot_group import RobotGroup
 from epuck_sim.scenario import Scenario, StopSection
 from epuck_sim.section import Number, Positive, Section, Whole
-
-
-class Circle(Section):
-    """A round obstacle."""
-
-    shape: Literal["circle"]
-    x_cm: Number
-    y_cm: Number
-    radius_cm: Positive
-
-
-class Box(Section):
-    """A rectangular obstacle around (x_cm, y_cm), turned by heading_rad."""
-
-    shape: Literal["box"]
-    x_cm: Number
-    y_cm: Number
-    width_cm: Positive
-    height_cm: Positive
-    heading_rad: Number = 0.0
-
-
-class Polygon(Section):
-    """A convex obstacle with its corners counter-clockwise."""
-
-    shape: Literal["polygon"]
-    corners_cm: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=3, max_length=100)]
-
-    @model_validator(mode="after")
-    def _convex(self) -> "Polygon":
-        if not is_convex(np.array(self.corners_cm)):
-            raise ValueError("corners_cm must bound a convex polygon, listed counter-clockwise")
-        return self
-
-
-class ArenaSection(Section):
-    """The walled rectangle and what stands in it."""
-
-    width_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
-    height_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
-    obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
-
-    @model_validator(mode="after")
-    def _obstacles_inside(self) -> "ArenaSection":
-        arena = self.build()
-        reach = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
-        reach += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
-        for low, high in reach:
-            if (low < -1e-9).any() or (high > np.array([self.width_cm, self.height_cm]) + 1e-9).any():
-                raise ValueError(
-                    f"an obstacle reaches from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) cm, beyond the "
-                    f"walls of the {self.width_cm:g} x {self.height_cm:g} cm arena"
-                )
-        return self
-
-    def build(self) -> Arena:
-        """Return the arena as arrays."""
-        circles = [(o.x_cm, o.y_cm, o.radius_cm) for o in self.obstacles if isinstance(o, Circle)]
-        polygons = [
-            np.array(o.corners_cm)
-            if isinstance(o, Polygon)
-            else box_corners(o.x_cm, o.y_cm, o.width_cm, o.height_cm, o.heading_rad)
-            for o in self.obstacles
-            if not isinstance(o, Circle)
-        ]
-        return make_arena(self.width_cm, self.height_cm, circles, polygons)
-
-
-class CameraSection(Section):
-    """A group's line camera (thesis 4.1.1; the cone of vision of 3.1.2 by `field_of_view_deg` and `range_cm`)."""
-
-    pixels: Annotated[Whole, Field(ge=1, le=1000)] = 60
-    field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
-    central_pixels: Annotated[Whole, Field(ge=1)] | None = None
-    """Only so many pixels in the middle of the row are looked at (thesis 4.2.1); all by default."""
-    range_cm: Positive | None = None
-    """Nothing beyond it is seen; unlimited by default."""
-
-    @model_validator(mode="after")
-    def _centred(self) -> "CameraSection":
-        central = self.pixels if self.central_pixels is None else self.central_pixels
-        if central > self.pixels or (self.pixels - central) % 2:
-            raise ValueError(
-                f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
-                f"2, so that they lie in the middle of {self.pixels} pixels"
-            )
-        return self
-
-
-class InfraredSection(Section):
-    """How a group's proximity sensors turn a reading into a distance."""
-
-    distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
-
-
-class RobotGroup(Section):
-    """Robots that share a controller."""
-
-    count: Annotated[Whole, Field(ge=1, le=100_000)] = 10
-    placement: Literal["random", "grid", "poses"] = "random"
-    """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as `poses` says."""
-    poses: tuple[tuple[Number, Number, Number], ...] | None = None
-    """x_cm, y_cm, heading_rad of each robot, instead of a placement."""
-    controller: str = "firefly"
-    """A shipped controller's name, or a file that ends in .py, relative to the scenario's file."""
-    parameters: dict[str, Any] = Field(default_factory=dict)
-    """The controller's parameters, which it checks itself; what is left out has the controller's default."""
-    camera: CameraSection = CameraSection()
-    infrared: InfraredSection = InfraredSection()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _count_poses(cls, given: Any) -> Any:
-        if isinstance(given, dict) and given.get("poses") is not None:
-            poses = given["poses"]
-            count = {"count": len(poses)} if isinstance(poses, list | tuple) and poses else {}
-            return {"placement": "poses", **count, **given}
-        return given
-
-    @model_validator(mode="after")
-    def _poses_match(self) -> "RobotGroup":
-        if self.poses is None and self.placement == "poses":
-            raise ValueError("placement is 'poses' but there are none; give poses: [[x_cm, y_cm, heading_rad], ...]")
-        if self.poses is not None and self.placement != "poses":
-            raise ValueError(f"placement is {self.placement!r} and poses are given; leave one of them out")
-        if self.poses is not None and len(self.poses) != self.count:
-            raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
-        return self
 
 
 class NoiseSection(Section):
@@ -151,6 +23,28 @@ class NoiseSection(Section):
     """Each control step each wheel's speed is multiplied by a uniform factor in 1 -+ this (Enki)."""
     infrared_counts: Annotated[Number, Field(ge=0, le=10_000)] = 10.0
     """Standard deviation of what is added to each infrared reading (Enki)."""
+
+
+class SpreadSection(Section):
+    """In what robots differ (thesis 4.4): each has factors of its own for a whole trial, uniform in 1 -+ these."""
+
+    wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Of a robot's two wheels together."""
+    wheel_imbalance: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Of each wheel by itself."""
+    clock_rate: Annotated[Number, Field(ge=0, le=0.1)] = 0.0
+    """Of the clock by which a robot's controller measures time."""
+    infrared_gain: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Of the reading of each of a robot's infrared sensors."""
+
+
+class StuckSection(Section):
+    """How robots get stuck now and then (thesis 4.4): their wheels turn, and do not move them."""
+
+    per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
+    """So often, on average, in an hour of being free; 0 for never."""
+    mean_s: Positive = 20.0
+    """So long, on average, until the robot is free again."""
 
 
 class ContactSection(Section):
@@ -193,6 +87,8 @@ class EmbodiedStop(StopSection):
     """The trial is censored after this time, too."""
     reference_robot: Annotated[Whole, Field(ge=0)] = 0
     """Robots are numbered from 0, in the order of their groups."""
+    further_cycles: Annotated[Whole, Field(ge=0, le=10**9)] = 0
+    """After synchrony a trial goes on, within its limits, for so many more firings of the reference."""
 
 
 class EmbodiedScenario(Scenario):
@@ -202,6 +98,8 @@ class EmbodiedScenario(Scenario):
     arena: ArenaSection = ArenaSection()
     robots: tuple[RobotGroup, ...] = (RobotGroup(),)
     noise: NoiseSection = NoiseSection()
+    spread: SpreadSection = SpreadSection()
+    stuck: StuckSection = StuckSection()
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
     stop: EmbodiedStop = EmbodiedStop()
@@ -225,6 +123,13 @@ class EmbodiedScenario(Scenario):
             raise ValueError(
                 f"stop.reference_robot is {self.stop.reference_robot}; allowed: 0 to {self.robot_count - 1}"
             )
+        for place, group in enumerate(self.robots):
+            rate = group.camera.frames_per_s
+            if rate is not None and rate > self.timing.control_hz:
+                raise ValueError(
+                    f"robots.{place}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
+                    f"{self.timing.control_hz}"
+                )
         floor = self.arena.width_cm * self.arena.height_cm
         bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
         densest = math.pi / math.sqrt(12)  # of equal discs in the plane

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 from epuck_sim.controller_file import find_controller
 from epuck_sim.embodied import EmbodiedScenario
-from epuck_sim.errors import StoreError
+from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.models import validate
 from epuck_sim.scenario import WITHOUT_EFFECT
 from epuck_sim.sweep import Point
 from epuck_sim.wording import shown
@@ -87,10 +88,18 @@ def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
 
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
-    scenario = json.loads(point.scenario)
+    scenario = _with_defaults(json.loads(point.scenario))
     for group, controller in zip(scenario.get("robots", ()), json.loads(point.controllers), strict=True):
         group["controller"] = controller
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
+
+
+def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
+    """Return a stored scenario with the keys that there were none of yet; as it is where today's keys do not fit it."""
+    try:
+        return validate(scenario, "stored").model_dump(mode="json")
+    except ScenarioError:
+        return scenario
 
 
 def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:

@@ -176,15 +176,22 @@ def _meet_edge(ax: float, ay: float, bx: float, by: float, distances: Floats) ->
 
 @kernel
 def to_distances(
-    readings: Floats, noise: Floats, noise_counts: float, by_table: bool, distances_mm: npt.NDArray[np.int64]
+    readings: Floats,
+    gain: Floats,
+    noise: Floats,
+    noise_counts: float,
+    by_table: bool,
+    distances_mm: npt.NDArray[np.int64],
 ) -> None:
-    """Add noise to (robots, 8) readings in counts, and write the (robots, 8) distances in whole mm.
+    """Amplify (robots, 8) readings in counts, add noise, and write the (robots, 8) distances in whole mm.
 
-    noise: (robots, 8) standard normal numbers; noise_counts: their size.
+    gain: (robots, 8) each sensor's factor, 1 of one that reads as it should; noise: (robots, 8) standard normal
+    numbers; noise_counts: their size.
     """
     for robot in range(readings.shape[0]):
         for sensor in range(readings.shape[1]):
-            reading = min(max(readings[robot, sensor] + noise_counts * noise[robot, sensor], 0.0), _PEAK)
+            amplified = readings[robot, sensor] * gain[robot, sensor]
+            reading = min(max(amplified + noise_counts * noise[robot, sensor], 0.0), _PEAK)
             readings[robot, sensor] = reading
             if by_table:
                 distances_mm[robot, sensor] = firmware_table_mm(reading)

@@ -6,7 +6,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from epuck_sim.embodied import Box, Circle, EmbodiedScenario, Polygon
+from epuck_sim.arena_section import Box, Circle, Polygon
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.scenario import Cone, Everybody, Nearest, ParticleScenario, Range
 from epuck_sim.scenario import Scenario
@@ -33,10 +34,13 @@ IN_PARTICLES = {
     "arena": "space",
     "robots": "agents, clocks, response and neighbourhood",
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
+    "spread": "nothing, for agents are all alike",
+    "stuck": "nothing, for agents are points",
     "contact": "nothing, for agents are points",
     "timing": "nothing, for time has no steps",
     "stop.reference_robot": "stop.reference",
     "stop.max_time_s": "stop.max_cycles",
+    "stop.further_cycles": "nothing, for its trials end with synchrony",
 }
 """Keys of embodied scenarios, and where in a particle scenario the same thing is said."""
 

@@ -7,8 +7,9 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm
-from epuck_sim.embodied import EmbodiedScenario, RobotGroup
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import ScenarioError
+from epuck_sim.robot_group import RobotGroup
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from epuck_sim.arena import Arena
 from epuck_sim.camera import Camera, make_camera, see
 from epuck_sim.cells import Cells, sort_into_cells
 from epuck_sim.compiled import kernel
-from epuck_sim.embodied import CameraSection
 from epuck_sim.infrared import sense_infrared, to_distances
+from epuck_sim.robot_group import CameraSection
 
 Floats = npt.NDArray[np.float64]
 
@@ -65,6 +65,7 @@ def sense(
     pixel_sin: Floats,
     observer: int,
     readings: Floats,
+    gain: Floats,
     noise: Floats,
     noise_counts: float,
     by_table: bool,
@@ -74,12 +75,12 @@ def sense(
     """Write what the robots from number `observer` on sense at this instant.
 
     Everybody's: poses (robots, 3), ring_on (robots,). The arena's: see `arena.Arena`; the cells': see `cells.Cells`;
-    the camera's: see `camera.Camera`. The observers': noise (observers, 8), standard normal, of size noise_counts;
+    the camera's: see `camera.Camera`. The observers': gain and noise (observers, 8), see `infrared.to_distances`;
     written are readings and distance_mm (observers, 8), and rows (observers, pixels).
     """
     cells = Cells(columns, lines, cell_width_cm, cell_height_cm, first_member, members)
     camera = Camera(first_pixel, end_pixel, left_rad, pixels_per_rad, half_view_rad, range_cm, pixel_cos, pixel_sin)
     sort_into_cells(poses, cells)
     sense_infrared(poses, width_cm, height_cm, circles, edges, cells, observer, readings)
-    to_distances(readings, noise, noise_counts, by_table, distance_mm)
+    to_distances(readings, gain, noise, noise_counts, by_table, distance_mm)
     see(poses, ring_on, circles, edges, cells, camera, observer, rows)

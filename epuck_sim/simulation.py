@@ -4,43 +4,31 @@ Within a step everybody senses the same instant, then every controller runs, the
 bodies move. What a controller commands in one step is seen by the others in the next.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.cells import make_cells
-from epuck_sim.control import Control, RobotError, Senses
+from epuck_sim.control import RobotError, Senses
 from epuck_sim.controller import ACTUATORS
-from epuck_sim.controller_file import find_controller
 from epuck_sim.drive import act
-from epuck_sim.embodied import EmbodiedScenario, RobotGroup
+from epuck_sim.embodied import EmbodiedScenario
 from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.imperfections import Clocks, Snags, draw_traits
 from epuck_sim.infrared import SENSORS
 from epuck_sim.placement import place_robots
 from epuck_sim.randomness import robot_streams
 from epuck_sim.scenario import Scenario
 from epuck_sim.scenario_file import load_scenario
-from epuck_sim.sensing import build_camera, gather, sense
+from epuck_sim.sensing import sense
 from epuck_sim.step import Step
+from epuck_sim.team import NOISE_STEPS, Everybody, Team, make_team
 from epuck_sim.world import World
 
 Floats = npt.NDArray[np.float64]
-
-NOISE_STEPS = 16
-"""Noise is drawn for so many steps at once: asking for numbers costs as much as 80 of them."""
-
-
-class _Team(NamedTuple):
-    """A group of robots at work."""
-
-    first: int
-    """The number of its first robot."""
-    control: Control
-    sensing: list[tuple[Any, ...]]
-    """The arguments of `sense`, with the noise of each of `NOISE_STEPS` steps."""
 
 
 class Simulation:
@@ -84,37 +72,54 @@ class Simulation:
         if self.seed < 0:
             raise ScenarioError(f"{scenario.name}: seed is {self.seed}; allowed: whole numbers from 0")
         self.step_s = scenario.timing.step_ms / 1000
-        placing, sensing, driving, thinking = np.random.SeedSequence(self.seed).spawn(4)
+        placing, sensing, driving, *own = np.random.SeedSequence(self.seed).spawn(6)
         self._sensing = np.random.Generator(np.random.SFC64(sensing))
         self._driving = np.random.Generator(np.random.SFC64(driving))
-        streams = robot_streams(thinking, scenario.robot_count)
+        thinking, ageing, filming = (robot_streams(sequence, scenario.robot_count) for sequence in own)
 
         poses = place_robots(scenario, placing)
-        arena = self._arena = scenario.arena.build()
+        arena = scenario.arena.build()
         self._world = World(arena, poses, scenario.contact.friction, scenario.timing.physics_hz)
-        self._cells = make_cells(arena.width_cm, arena.height_cm, len(poses))
 
         robots, pixels = len(poses), scenario.camera_pixels
-        self._infrared = np.zeros((robots, SENSORS))
+        senses = Senses(
+            np.full(robots, scenario.timing.step_ms),
+            np.zeros((robots, SENSORS)),
+            np.zeros((robots, SENSORS), np.int64),
+            np.zeros((robots, pixels), np.int64),
+            np.ones(robots, np.bool_),
+        )
         self._infrared_noise = np.zeros((NOISE_STEPS, robots, SENSORS))
-        self._distance_mm = np.zeros((robots, SENSORS), np.int64)
-        self._camera = np.zeros((robots, pixels), np.int64)
         self._actuators = np.zeros(robots, ACTUATORS)
         self._wheels = np.zeros((robots, 2))
         self._wheel_noise = np.zeros((NOISE_STEPS, robots, 2))
         self._ring_on = np.zeros(robots, np.bool_)
-        self.period_ms = np.full(robots, np.nan)
         self._number = -1  # of the last step taken
         self._step_ms = scenario.timing.step_ms
         self._moves = scenario.timing.physics_hz // scenario.timing.control_hz
+        traits = draw_traits(scenario.spread, ageing)
+        self._ticks: list[Callable[[int], None]] = []
+        if scenario.spread.clock_rate > 0:
+            self._ticks.append(Clocks(traits.clock_rate, self._step_ms, senses.step_ms).tick)
+        if scenario.stuck.per_hour > 0:
+            self._ticks.append(Snags(scenario.stuck, self.step_s, ageing, traits.wheel_gain).tick)
 
-        self._teams: list[_Team] = []
-        first = 0
-        for group in scenario.robots:
-            rows = slice(first, first + group.count)
-            self._teams.append(self._make_team(group, rows, streams[rows], interpret))
-            first += group.count
-        arrays = (self._world.poses, self._infrared, self._distance_mm, self._camera, self._wheels, self._ring_on)
+        everybody = Everybody(
+            poses=self._world.poses,
+            ring_on=self._ring_on,
+            arena=arena,
+            cells=make_cells(arena.width_cm, arena.height_cm, robots),
+            senses=senses,
+            infrared_noise=self._infrared_noise,
+            infrared_gain=traits.infrared_gain,
+            actuators=self._actuators,
+            thinking=thinking,
+            filming=filming,
+        )
+        self._teams = list(self._make_teams(everybody, interpret))
+        self._ticks += [tick for team in self._teams for tick in team.ticks]
+        self.period_ms = np.concatenate([np.full(len(team.control.memory), team.period_ms) for team in self._teams])
+        arrays = (self._world.poses, *senses[1:4], self._wheels, self._ring_on)
         self._shown: tuple[Any, ...] = (
             *(_read_only(array) for array in arrays),
             tuple(_read_only(team.control.memory) for team in self._teams),
@@ -122,39 +127,28 @@ class Simulation:
         self._acting = [
             (
                 *(self._actuators, self._wheels, self._ring_on, self._world.poses),
-                *(noise, scenario.noise.wheel_speed, self.step_s, self._world.velocities),
+                *(traits.wheel_gain, noise, scenario.noise.wheel_speed, self.step_s, self._world.velocities),
             )
             for noise in self._wheel_noise
         ]
         self._warm_up()
 
+    def _make_teams(self, everybody: Everybody, interpret: bool) -> Iterator[Team]:
+        first = 0
+        for group in self.scenario.robots:
+            try:
+                yield make_team(self.scenario, group, first, everybody, interpret=interpret)
+            except RobotError as error:
+                raise self._blame(error, first) from error
+            first += group.count
+
     def _warm_up(self) -> None:
         """Have compiled what the steps call, before any clock runs; there is no noise and no command yet."""
         for team in self._teams:
             sense(*team.sensing[0])
+        for tick in self._ticks:
+            tick(-1)
         act(*self._acting[0])
-
-    def _make_team(self, group: RobotGroup, rows: slice, streams: npt.NDArray[np.uint64], interpret: bool) -> _Team:
-        controller = find_controller(group.controller)
-        parameters = np.repeat(controller.parameter_record(group.parameters), group.count)
-        if controller.is_oscillator:
-            self.period_ms[rows] = parameters["period_s"] * 1000
-        camera = self._camera[rows, : group.camera.pixels]
-        senses = Senses(self._step_ms, self._infrared[rows], self._distance_mm[rows], camera)
-        try:
-            control = Control(controller, parameters, streams, senses, self._actuators[rows], interpret)
-        except RobotError as error:
-            raise self._blame(error, rows.start) from error
-        view = build_camera(group.camera)
-        sensing = [
-            (
-                *gather(self._world.poses, self._ring_on, self._arena, self._cells, view),
-                *(rows.start, self._infrared[rows], noise[rows], self.scenario.noise.infrared_counts),
-                *(group.infrared.distance == "firmware_table", self._distance_mm[rows], camera),
-            )
-            for noise in self._infrared_noise
-        ]
-        return _Team(rows.start, control, sensing)
 
     @property
     def steps(self) -> int:
@@ -181,6 +175,8 @@ class Simulation:
             self._driving.random(out=self._wheel_noise)
         for team in self._teams:
             sense(*team.sensing[now])
+        for tick in self._ticks:
+            tick(self._number)
         for team in self._teams:
             try:
                 team.control.step()

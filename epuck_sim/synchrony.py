@@ -1,6 +1,7 @@
 """When is a swarm synchronised? Order parameters, and the watch on the reference robot's firings."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -39,12 +40,20 @@ def reference_order_parameter(phases: Floats, periods: Floats | float) -> Floats
 METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
 
 
+class Firing(NamedTuple):
+    """A firing of the reference, and what was measured at it."""
+
+    cycles: int
+    """The reference's firings up to it."""
+    order_parameter: float | None
+
+
 class SynchronyWatch:
     """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
 
     A robot fires when its ring lights up, or when it is lit already and the phase falls. Robots that are no oscillators
     do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One oscillator alone is
-    never synchronised.
+    never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the further cycles.
     """
 
     cycles: int
@@ -57,6 +66,7 @@ class SynchronyWatch:
         self._metric = METRICS[stop.metric]
         self._threshold = stop.order_parameter
         self._max_cycles = stop.max_cycles
+        self._further_cycles = stop.further_cycles
         self._reference = stop.reference_robot
         self._oscillators = ~np.isnan(simulation.period_ms)
         self._periods = simulation.period_ms[self._oscillators]
@@ -70,6 +80,7 @@ class SynchronyWatch:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
         self._steps = 0
         self._lit_phase: float | None = None  # of the reference, while its ring is lit
+        self._synchrony: Firing | None = None
         self.cycles = 0
         self.order_parameter = None
 
@@ -91,7 +102,9 @@ class SynchronyWatch:
             self.cycles += 1
             if not np.isfinite(phases[self._oscillators]).all():
                 raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
-            self.order_parameter = float(self.measure(phases))
+            self.order_parameter = r = float(self.measure(phases))
+            if self._synchrony is None and r >= self._threshold and len(self._periods) > 1:
+                self._synchrony = Firing(self.cycles, r)
         self._lit_phase = phase
 
     def measure(self, phase_ms: Floats) -> Floats:
@@ -102,11 +115,21 @@ class SynchronyWatch:
 
     @property
     def is_synchronised(self) -> bool:
-        """Whether the order parameter has reached its threshold at the last firing."""
-        r = self.order_parameter
-        return r is not None and r >= self._threshold and len(self._periods) > 1
+        """Whether the order parameter has reached its threshold at a firing."""
+        return self._synchrony is not None
+
+    @property
+    def outcome(self) -> Firing:
+        """The firing at which the swarm was synchronised, or else the last one so far."""
+        return self._synchrony or Firing(self.cycles, self.order_parameter)
 
     @property
     def is_censored(self) -> bool:
         """Whether the trial has lasted as long as it may."""
         return self.cycles >= self._max_cycles or self._steps >= self._max_steps
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the trial ends here: at its limits, or after synchrony and the further cycles."""
+        synchrony = self._synchrony
+        return self.is_censored or (synchrony is not None and self.cycles >= synchrony.cycles + self._further_cycles)

@@ -23,7 +23,7 @@ class TrialResult(NamedTuple):
     censored: bool
     """Whether the trial ended, at its limit of cycles or time, before the swarm was synchronised."""
     cycles: int
-    """Firings of the reference robot."""
+    """Firings of the reference robot, until synchrony if there was any."""
     order_parameter: float | None
     """At the last of them; None if there was none."""
     steps: int
@@ -52,16 +52,17 @@ def run_trial(simulation: Simulation, onlookers: Iterable[Onlooker] = ()) -> Tri
         watch.look(step)
         for onlooker in onlookers:
             onlooker(step, watch)
-        if watch.is_synchronised or watch.is_censored:
+        if watch.is_over:
             break
     steps = step.number + 1
+    outcome = watch.outcome
     return TrialResult(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
-        t_sync_cycles=watch.cycles if watch.is_synchronised else None,
+        t_sync_cycles=outcome.cycles if watch.is_synchronised else None,
         censored=not watch.is_synchronised,
-        cycles=watch.cycles,
-        order_parameter=watch.order_parameter,
+        cycles=outcome.cycles,
+        order_parameter=outcome.order_parameter,
         steps=steps,
         simulated_s=steps * simulation.scenario.timing.step_ms / 1000,
         wall_s=time.perf_counter() - began,

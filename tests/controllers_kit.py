@@ -50,11 +50,13 @@ class Bench:
         parameters = np.repeat(controller.parameter_record(controller.resolve(given or {})), robots)
         for name, values in (each or {}).items():
             parameters[name] = values
+        self._step_ms = step_ms
         self.senses = Senses(
-            step_ms,
+            np.full(robots, step_ms),
             np.zeros((robots, 8)),
             np.full((robots, 8), OUT_OF_RANGE_MM),
             np.zeros((robots, pixels), np.uint8),
+            np.ones(robots, np.bool_),
         )
         self.actuators = np.zeros(robots, ACTUATORS)
         self.streams = robot_streams(np.random.SeedSequence(seed), robots)
@@ -67,6 +69,8 @@ class Bench:
         self.senses.infrared[:] = chance.normal(200, 400, (robots, 8))
         self.senses.distance_mm[:] = random_distances(chance, (robots, 8))
         self.senses.camera[:] = chance.random(self.senses.camera.shape) < chance.choice([0, 0.02, 0.5], (robots, 1))
+        self.senses.step_ms[:] = self._step_ms + chance.integers(-1, 2, robots)
+        self.senses.new_picture[:] = chance.random(robots) < 0.7
 
     def state(self) -> bytes:
         """What all robots remember, command and will draw, bit for bit."""
@@ -106,13 +110,17 @@ def settings(controller: str, **given: Value) -> SimpleNamespace:
 
 
 def sensors(
-    step_ms: int = 100, distance_mm: Mapping[int, int] | None = None, red: int = 0, pixels: int = 60
+    step_ms: int = 100,
+    distance_mm: Mapping[int, int] | None = None,
+    red: int = 0,
+    pixels: int = 60,
+    new_picture: bool = True,
 ) -> Sensors:
     """Return what a robot senses: distances by the sensor's number, and so many red pixels."""
     distances = np.full(8, OUT_OF_RANGE_MM)
     for sensor, distance in (distance_mm or {}).items():
         distances[sensor] = distance
-    return Sensors(step_ms, np.zeros(8), distances, (np.arange(pixels) < red).astype(np.uint8))
+    return Sensors(step_ms, np.zeros(8), distances, (np.arange(pixels) < red).astype(np.uint8), new_picture)
 
 
 def random_distances(chance: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:

@@ -109,7 +109,7 @@ def assert_equal_in_both_modes(controller, parameters, steps=300, robots=10, ste
     assert states == {quick.state()}, "start"
     for number in range(steps):
         plain.sense(chance)
-        for mine, theirs in zip(quick.senses[1:], plain.senses[1:], strict=True):
+        for mine, theirs in zip(quick.senses, plain.senses, strict=True):
             mine[:] = theirs
         plain.control.step()
         quick.control.step()
@@ -194,15 +194,18 @@ def test_actuators_keep_their_values_until_they_are_set_anew(interpret, tmp_path
 @MODES
 def test_each_robot_has_its_own_senses_parameters_memory_and_stream(interpret, tmp_path):
     line = "memory.x += parameters.gain * sensors.infrared[2] + sensors.camera[59] + uniform(random)"
+    line += " + 1000000 * (sensors.step_ms - 100) + 100000 * sensors.new_picture"
     text = "from epuck_sim.randomness import uniform\n" + with_step(line, PARAMETERS="{'gain': 1.0}")
     controller = write_controller(tmp_path / "mine.py", text)
     bench = Bench(controller, each={"gain": [1, 2, 4]}, robots=3, interpret=interpret)
     bench.senses.infrared[:, 2] = (10, 20, 30)
     bench.senses.camera[1, 59] = 1
+    bench.senses.step_ms[:] = (101, 100, 102)
+    bench.senses.new_picture[2] = False
     bench.memory["x"] = (1000, 2000, 3000)
     bench.control.step()
     whole, chance = divmod(bench.memory["x"], 1)
-    assert whole.tolist() == [1010, 2041, 3120]
+    assert whole.tolist() == [1_101_010, 102_041, 2_003_120]
     assert len(set(chance)) == 3
 
 

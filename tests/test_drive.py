@@ -47,7 +47,8 @@ def test_a_robot_that_touches_nothing_ends_each_control_step_on_the_exact_arc(ti
     expected = start
     for left, right in commands:
         wheel_speeds = np.array([(left, right)])
-        chord_velocities(world.poses, wheel_speeds, np.zeros((1, 2)), 0.0, 1 / control_hz, world.velocities)
+        still = np.zeros((1, 2))
+        chord_velocities(world.poses, wheel_speeds, still + 1, still, 0.0, 1 / control_hz, world.velocities)
         world.advance(physics_hz // control_hz)
         expected = arc(expected, left, right, 1 / control_hz)
         np.testing.assert_allclose(world.poses[0], expected, rtol=0, atol=1e-9)
@@ -68,7 +69,8 @@ def test_wheels_never_turn_faster_than_their_limit(commands):
     actuators = np.zeros(robots, ACTUATORS)
     actuators["left_cm_s"], actuators["right_cm_s"] = np.transpose(commands)
     poses, driven, velocities = np.zeros((robots, 3)), np.full((robots, 2), np.nan), np.zeros((robots, 3))
-    unfit = act(actuators, driven, np.zeros(robots, bool), poses, np.zeros((robots, 2)), 0.0, 0.1, velocities)
+    gain, noise = np.ones((robots, 2)), np.zeros((robots, 2))
+    unfit = act(actuators, driven, np.zeros(robots, bool), poses, gain, noise, 0.0, 0.1, velocities)
     assert unfit == -1
     np.testing.assert_array_equal(driven, np.clip(commands, -LIMIT_CM_S, LIMIT_CM_S))
     ends = [arc((0, 0, 0), left, right, 0.1) for left, right in driven]
@@ -79,8 +81,19 @@ def test_wheels_never_turn_faster_than_their_limit(commands):
 def test_a_wheel_speed_that_is_no_number_is_told_with_its_robot(wheel):
     actuators = np.zeros(4, ACTUATORS)
     actuators[wheel][2:] = np.nan
-    arrays = np.zeros((4, 2)), np.zeros(4, bool), np.zeros((4, 3)), np.zeros((4, 2))
+    arrays = np.zeros((4, 2)), np.zeros(4, bool), np.zeros((4, 3)), np.ones((4, 2)), np.zeros((4, 2))
     assert act(actuators, *arrays, 0.0, 0.1, np.zeros((4, 3))) == 2
+
+
+@given(start=starts, command=wheels, gains=st.tuples(st.floats(0, 2), st.floats(0, 2)))
+def test_a_wheel_with_a_gain_turns_that_much_faster_and_its_command_is_told_as_given(start, command, gains):
+    actuators, driven, velocities = np.zeros(1, ACTUATORS), np.empty((1, 2)), np.empty((1, 3))
+    actuators["left_cm_s"], actuators["right_cm_s"] = command
+    poses, noise = np.array([start]), np.zeros((1, 2))
+    act(actuators, driven, np.zeros(1, bool), poses, np.array([gains]), noise, 0.0, 0.1, velocities)
+    np.testing.assert_array_equal(driven, [command])
+    expected = arc(start, command[0] * gains[0], command[1] * gains[1], 0.1)
+    np.testing.assert_allclose(poses + velocities * 0.1, [expected], rtol=0, atol=1e-9)
 
 
 # --- noise of the wheels ----------------------------------------------------------------------------

@@ -37,10 +37,11 @@ def _readings(poses, arena):
     return readings(Scene(np.array(poses), np.zeros(len(poses), bool), arena))
 
 
-def _distances(counts, by_table=False, noise_counts=0.0, noise=None):
+def _distances(counts, by_table=False, noise_counts=0.0, noise=None, gain=1.0):
     """Return the readings with noise and the distances that `to_distances` writes for (robots, 8) counts."""
     written, distance_mm = np.array(counts, float), np.full(np.shape(counts), -1)
-    to_distances(written, np.zeros_like(written) if noise is None else noise, noise_counts, by_table, distance_mm)
+    noise, gain = np.zeros_like(written) if noise is None else noise, np.broadcast_to(gain, written.shape).copy()
+    to_distances(written, gain, noise, noise_counts, by_table, distance_mm)
     return written, distance_mm
 
 

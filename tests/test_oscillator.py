@@ -15,11 +15,11 @@ from epuck_sim.randomness import robot_streams
 ONE_STREAM = robot_streams(np.random.SeedSequence(1), 1)[0]
 
 
-def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, **parameters):
+def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
     """Return phase and ring after one step from `phase_ms`."""
     memory = SimpleNamespace(phase_ms=phase_ms, flash_seen=seen)
     actuators = SimpleNamespace(ring_on=ring_on)
-    view = sensors(step_ms, red=red if flash else 0, pixels=pixels)
+    view = sensors(step_ms, red=red if flash else 0, pixels=pixels, new_picture=new)
     find_controller("oscillator").step(view, memory, actuators, settings("oscillator", **parameters), ONE_STREAM)
     return memory.phase_ms, bool(actuators.ring_on)
 
@@ -98,13 +98,14 @@ def test_a_camera_full_of_red_is_a_flash_however_wide_it_is(red):
     assert stepped(1000, flash=True, red=red, pixels=1000)[0] == 1210
 
 
-def phases_over(flashes, **parameters):
+def phases_over(flashes, new_pictures=None, **parameters):
     """Return the phase after each step from 1000 ms, with flashes in view as listed."""
     bench = Bench("oscillator", parameters)
     bench.memory["phase_ms"] = 1000
     phases = []
-    for flash in flashes:
+    for flash, new in zip(flashes, new_pictures or [1] * len(flashes), strict=True):
         bench.senses.camera[:] = flash
+        bench.senses.new_picture[:] = new
         bench.control.step()
         phases.append(int(bench.memory["phase_ms"][0]))
     return phases
@@ -120,6 +121,33 @@ def test_once_per_sighting_only_the_first_step_in_view_updates_and_a_new_sightin
 
 def test_once_per_sighting_a_sighting_that_begins_in_the_refractory_period_is_used_up():
     assert phases_over([1, 1, 1], once_per_sighting=True, refractory_fraction=0.23) == [1100, 1200, 1300]
+
+
+# --- pictures that are not new --------------------------------------------------------------------
+
+
+@given(phase=st.integers(0, 4999), ring=st.booleans())
+def test_a_picture_that_is_not_new_acts_like_a_dark_one(phase, ring):
+    assert stepped(phase, flash=True, ring_on=ring, new=False) == stepped(phase, flash=False, ring_on=ring)
+
+
+def test_a_picture_acts_once_however_many_steps_it_is_there():
+    assert phases_over([1, 1, 1, 1, 0], [1, 0, 0, 1, 1]) == [1210, 1310, 1410, 1661, 1761]
+
+
+def test_once_per_sighting_only_the_first_picture_in_view_updates_and_a_new_sighting_does_again():
+    flashes, new = [1, 1, 1, 0, 0, 1, 1], [1, 0, 1, 1, 0, 1, 0]
+    assert phases_over(flashes, new, once_per_sighting=True) == [1210, 1310, 1410, 1510, 1610, 1881, 1981]
+
+
+def test_what_was_taken_for_a_flash_is_what_the_last_picture_shows():
+    memory, actuators = SimpleNamespace(phase_ms=100, flash_seen=0), SimpleNamespace(ring_on=False)
+    seen = []
+    for red, new in ((1, True), (1, False), (0, True), (0, False)):
+        view = sensors(25, red=red, new_picture=new)
+        find_controller("oscillator").step(view, memory, actuators, settings("oscillator"), ONE_STREAM)
+        seen.append(memory.flash_seen)
+    assert seen == [1, 1, 0, 0]
 
 
 # --- Algorithm 2 ----------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from epuck_sim.shipped import ARENAS, shipped_files
 from epuck_sim.simulation import Simulation
 
 SHIPPED = [name for name in shipped_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
-LONG = ("crowded", "obstacles", "thesis")
+LONG = ("crowded", "obstacles", "physical", "thesis")
 
 
 def steps_of(simulation, count):
@@ -74,6 +74,15 @@ def test_interpreted_controllers_make_the_same_trial_with_other_than_default_set
     )
     scenario = load_scenario("crowded", changes)
     assert fingerprint(scenario, interpret=True, steps=200) == fingerprint(scenario, steps=200)
+
+
+def test_interpreted_controllers_make_the_same_trial_with_great_imperfections():
+    changes = (
+        *("spread={wheel_speed: 0.3, wheel_imbalance: 0.3, clock_rate: 0.1, infrared_gain: 0.5}", "stuck.per_hour=900"),
+        *("stuck.mean_s=2", "robots.0.camera.frames_per_s=15", "robots.0.parameters.once_per_sighting=true"),
+    )
+    scenario = load_scenario("physical", changes)
+    assert fingerprint(scenario, interpret=True, steps=400) == fingerprint(scenario, steps=400)
 
 
 @pytest.fixture(scope="module")
@@ -436,7 +445,7 @@ def test_a_negative_seed_is_refused():
 
 def test_no_step_makes_numba_look_for_types_anew(monkeypatch):
     """Its slow way, which arrays of unaligned records take, costs ten times a step."""
-    simulations = [Simulation(arena, 1) for arena in ("thesis", "arc", "spotlight")]
+    simulations = [Simulation(arena, 1) for arena in ("thesis", "arc", "spotlight", "physical")]
     for simulation in simulations:
         next(simulation)
 

@@ -144,6 +144,26 @@ def test_synchronised_is_the_threshold_reached(threshold, synchronised):
     assert watched.is_synchronised == synchronised
 
 
+def test_a_swarm_that_was_synchronised_counts_as_such_whatever_it_does_later():
+    watched = watch([TAU, TAU], further_cycles=3)
+    seen = []
+    for number, phase in enumerate([2500, 100, 2500, 0, 2500]):
+        watched.look(step(2 * number, [1, 1], [0, phase]))
+        watched.look(step(2 * number + 1, [0, 0], [100, 100]))
+        seen.append((watched.cycles, watched.outcome.cycles, watched.is_synchronised, watched.is_over))
+    assert seen == [(1, 1, False, False), *((cycles, 2, True, False) for cycles in (2, 3, 4)), (5, 2, True, True)]
+    assert watched.order_parameter == pytest.approx(0, abs=1e-12)
+    assert watched.outcome.order_parameter == pytest.approx(math.cos(math.pi * 100 / TAU))
+
+
+def test_before_synchrony_the_outcome_is_that_of_the_last_firing():
+    watched = watch([TAU, TAU])
+    assert watched.outcome == (0, None)
+    shown(watched, [0, 1, 0, 1], [0, 1000])
+    assert watched.outcome == (2, watched.order_parameter)
+    assert not watched.is_over
+
+
 def test_robots_that_are_no_oscillators_do_not_count_and_periods_are_each_robots_own():
     watched = watch([2000, np.nan, 8000])
     watched.look(step(0, [1, 0, 0], [500, np.nan, 2000]))

@@ -95,6 +95,42 @@ def test_synchrony_at_the_very_limit_of_cycles_is_not_censored():
     assert (stopped.censored, stopped.cycles) == (True, free.cycles - 1)
 
 
+@pytest.mark.parametrize("further", [1, 3])
+def test_after_synchrony_a_trial_goes_on_for_the_further_cycles_and_the_outcome_stays(further):
+    recorder = Recorder()
+    usual = run_trial(Simulation("thesis", 2))
+    longer = run_trial(Simulation(load_scenario("thesis", [f"stop.further_cycles={further}"]), 2), [recorder])
+    assert longer.steps > usual.steps
+    assert longer.simulated_s == pytest.approx(longer.steps * 0.1)
+    same_length = {"steps": usual.steps, "simulated_s": usual.simulated_s}
+    assert outcome(longer._replace(**same_length)) == outcome(usual)
+    fired = firings(recorder.rings, 0)
+    assert len(fired) == usual.cycles + further
+    assert fired[-1] == longer.steps - 1
+    assert recorder.watched[-1][0] == len(fired)  # the watch goes on counting
+
+
+@pytest.mark.parametrize(("limit", "more"), [("max_cycles", 1), ("max_cycles", 0), ("max_time_s", 2.0)])
+def test_further_cycles_end_at_the_limits_of_the_trial_which_is_not_censored(limit, more):
+    usual = run_trial(Simulation("thesis", 2))
+    most = (usual.cycles if limit == "max_cycles" else usual.simulated_s) + more
+    settings = ["stop.further_cycles=5", f"stop.{limit}={most}"]
+    result = run_trial(Simulation(load_scenario("thesis", settings), 2))
+    assert (result.censored, result.t_sync_cycles, result.cycles) == (False, usual.cycles, usual.cycles)
+    if limit == "max_time_s":
+        assert result.simulated_s == pytest.approx(most)
+    else:
+        assert usual.steps + 30 * more <= result.steps <= usual.steps + 51 * more
+
+
+def test_a_trial_that_is_censored_knows_no_further_cycles():
+    settings = ["stop.max_cycles=2", "stop.order_parameter=1.0"]
+    usual = run_trial(Simulation(load_scenario("thesis", settings), 2))
+    assert usual.censored
+    longer = run_trial(Simulation(load_scenario("thesis", [*settings, "stop.further_cycles=5"]), 2))
+    assert outcome(longer) == outcome(usual)
+
+
 def test_a_trial_without_oscillators_counts_a_cycle_every_5_s_and_is_censored():
     result = run_trial(Simulation(load_scenario("spotlight", ["stop.max_time_s=22", "stop.max_cycles=100"])))
     assert (result.cycles, result.steps, result.order_parameter) == (4, 220, None)

@@ -113,7 +113,9 @@ class Recorder:
         """Write what is left, and how the trial ended."""
         cycles, synchronised = 0, False
         if self._watch is not None:
-            cycles, synchronised = self._watch.cycles, self._watch.is_synchronised
+            watch = self._watch
+            cycles = watch.outcome.cycles if isinstance(watch, SynchronyWatch) else watch.cycles
+            synchronised = watch.is_synchronised
         if self._window.taken:
             self._empty_window()
         if self._details is not None:

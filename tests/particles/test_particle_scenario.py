@@ -178,9 +178,12 @@ def test_a_mistake_is_named_with_key_value_and_what_is_allowed(sections, message
         ({"robots": [{"count": 3}]}, "robots", "agents, clocks, response and neighbourhood"),
         ({"noise": "off"}, "noise", "clocks.jitter for clocks; agents neither sense nor drive"),
         ({"contact": {}}, "contact", "nothing, for agents are points"),
+        ({"spread": {"clock_rate": 0.01}}, "spread", "nothing, for agents are all alike"),
+        ({"stuck": {"per_hour": 1}}, "stuck", "nothing, for agents are points"),
         ({"timing": {"control_hz": 10}}, "timing", "nothing, for time has no steps"),
         ({"stop": {"reference_robot": 1}}, "stop.reference_robot", "stop.reference"),
         ({"stop": {"max_time_s": 1}}, "stop.max_time_s", "stop.max_cycles"),
+        ({"stop": {"further_cycles": 1}}, "stop.further_cycles", "nothing, for its trials end with synchrony"),
     ],
 )
 def test_a_key_of_embodied_scenarios_is_told_where_it_belongs(sections, key, place):

@@ -525,6 +525,15 @@ def test_a_recording_says_how_it_ended(of_level: tuple[Level, Path, TrialResult]
     assert Found(path).property("outcome") == {"cycles": result.t_sync_cycles, "synchronised": True}
 
 
+def test_the_outcome_is_that_of_synchrony_however_long_the_trial_goes_on(tmp_path) -> None:
+    path, scenario = tmp_path / "trial.rrd", load_scenario("thesis", ["stop.further_cycles=2"])
+    with record(path, scenario, 2, Level.SUMMARY) as onlooker:
+        result = run_trial(Simulation(scenario, 2), [onlooker])
+    found = Found(path)
+    assert found.property("outcome") == {"cycles": result.t_sync_cycles, "synchronised": True}
+    assert len(found.times("/order/firings")) == result.t_sync_cycles + 2
+
+
 def test_the_layout_is_in_the_file(of_level: tuple[Level, Path, TrialResult]) -> None:
     level, path, _ = of_level
     reader = RrdReader(path)
