@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from epuck_sim import __version__
+from epuck_sim.cli_film import films
 from epuck_sim.cli_replay import WEB_PORT, replays
 from epuck_sim.cli_results import results
 from epuck_sim.errors import EpuckSimError
@@ -22,6 +23,7 @@ app = typer.Typer(
 )
 
 app.add_typer(replays)
+app.add_typer(films)
 app.add_typer(results)
 
 ScenarioArgument = Annotated[
@@ -77,6 +79,10 @@ def run(
         Path | None,
         typer.Option(metavar="FILE.rrd", help="Record for rerun's viewer; of several trials to FILE-0, FILE-1, ..."),
     ] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mp4", help="Film with the camera above the arena; of several trials to FILE-0, ..."),
+    ] = None,
     level: Annotated[
         Level | None, typer.Option("--record-level", help="How much is recorded, or shown live; full by default.")
     ] = None,
@@ -113,10 +119,14 @@ def run(
                 "--workers, --dask and --status need a run folder: --out FOLDER",
             ),
             (
-                folder is not None and (trace is not None or record is not None or live),
-                "a sweep keeps no traces and recordings; run one trial again with --point and --trial to get them",
+                folder is not None and (trace is not None or record is not None or film is not None or live),
+                "a sweep keeps no traces, recordings and films; --point and --trial run one trial again, with them",
             ),
-            (trace is not None and trace == record, "--trace and --record name the same file"),
+            (
+                trace is not None and trace in (record, film),
+                f"--trace and {'--record' if trace == record else '--film'} name the same file",
+            ),
+            (film is not None and film.suffix != ".mp4", f"--film is {film}; allowed: a name that ends in .mp4"),
             (workers is not None and dask is not None, "--workers and --dask exclude each other"),
             (level is not None and record is None and not live, "--record-level is for --record and --live"),
             ((speed is not None or web) and not live, "--speed and --web are for --live"),
@@ -137,7 +147,7 @@ def run(
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         showing = Showing(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
-        output = Output(as_json, trace, record, showing, level or Level.FULL, interpret)
+        output = Output(as_json, trace, record, showing, film, level or Level.FULL, interpret)
         if point is not None and trial is not None:
             run_one(scenario, loaded, point, trial, output)
         elif folder is not None:

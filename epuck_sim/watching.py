@@ -1,4 +1,4 @@
-"""Who looks on while trials run for the command line: a trace, a recording, a viewer."""
+"""Who looks on while trials run for the command line: a trace, a recording, a film, a viewer."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
@@ -33,6 +33,7 @@ class Output(NamedTuple):
     trace: Path | None = None
     record: Path | None = None
     live: Showing | None = None
+    film: Path | None = None
     level: Level = Level.FULL
     """Of what is recorded, or shown while it runs."""
     interpret: bool = False
@@ -46,7 +47,7 @@ def watching(output: Output, scenarios: Sequence[Scenario]) -> Iterator[list[Wat
     """
     watchers: list[Watcher] = []
     trials = len(scenarios)
-    if output.trace is not None or output.live is not None:
+    if output.trace is not None or output.live is not None or output.film is not None:
         for scenario in scenarios:
             _bodies(scenario)
     if output.trace is not None:
@@ -59,6 +60,11 @@ def watching(output: Output, scenarios: Sequence[Scenario]) -> Iterator[list[Wat
         recordings = trial_paths(output.record, trials)
         check_recording_target(recordings[0])
         watchers.append(lambda trial, scenario, seed: record(recordings[trial], scenario, seed, output.level))
+    if output.film is not None:
+        from epuck_sim.overhead.filming import film_trial  # noqa: PLC0415 OpenCV and PyAV take a while
+
+        films = trial_paths(output.film, trials)
+        watchers.append(lambda trial, scenario, seed: film_trial(films[trial], _bodies(scenario), seed))
     if output.live is None:
         yield watchers
         return
@@ -77,7 +83,7 @@ def _bodies(scenario: Scenario) -> EmbodiedScenario:
     """Return a scenario that is of robots with bodies; raises ScenarioError for another."""
     if not isinstance(scenario, EmbodiedScenario):
         raise ScenarioError(
-            f"{scenario.name}: --trace and --live are for model: embodied; give --record FILE.rrd for model: "
+            f"{scenario.name}: --trace, --film and --live are for model: embodied; give --record FILE.rrd for model: "
             f"{scenario.model}"
         )
     return scenario

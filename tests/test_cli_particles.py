@@ -148,17 +148,17 @@ def test_progress_is_a_line_now_and_then(monkeypatch) -> None:
 # What is refused
 
 
-@pytest.mark.parametrize("option", [("--trace", "t.parquet"), ("--live",), ("--live", "--web")])
+@pytest.mark.parametrize("option", [("--trace", "t.parquet"), ("--film", "t.mp4"), ("--live",), ("--live", "--web")])
 def test_what_needs_bodies_is_refused(tmp_path, monkeypatch, option: tuple[str, ...]) -> None:
     monkeypatch.chdir(tmp_path)
-    words = "--trace and --live are for model: embodied; give --record FILE.rrd for model: particles"
+    words = "--trace, --film and --live are for model: embodied; give --record FILE.rrd for model: particles"
     assert refused("run", "particles", *option) == f"error: particles: {words}\n"
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_needs_bodies_is_refused_of_a_trial_of_a_run_folder_too(folder, tmp_path) -> None:
     stderr = refused("run", folder, "--point", 0, "--trial", 0, "--trace", tmp_path / "t.parquet")
-    assert "tiny: --trace and --live are for model: embodied" in stderr
+    assert "tiny: --trace, --film and --live are for model: embodied" in stderr
 
 
 def test_there_is_nothing_to_interpret() -> None:

@@ -26,6 +26,10 @@ CUT_OFF = (
 def checked_file(path: str) -> str:
     """Return what FFmpeg is to open; whole, as it takes `film:2.mp4` for an address."""
     file = Path(path).absolute()
+    if not path.strip():
+        raise FilmError("the film's name is empty; give a film's file")
+    if file.is_fifo():
+        raise FilmError(f"{path}: is a pipe, which can be read only once; save the film in a file first")
     if file.is_dir():
         raise FilmError(
             f"{path}: is a directory; give a film in it, or numbered pictures such as {path}/frames_%04d.png"

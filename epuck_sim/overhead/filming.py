@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.embodied import EmbodiedScenario
-from epuck_sim.errors import FilmError
+from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.models import validate
 from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.frame import Passing
 from epuck_sim.overhead.webcam import Webcam
 from epuck_sim.provenance import versions
 from epuck_sim.recording.level import Level
@@ -35,33 +36,39 @@ def film_trial(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Ca
         yield lambda step, _: take(step.time_s, step.poses, step.ring_on)
 
 
-def film_recording(recording: Path, settings: Sequence[str], path: Path) -> None:
+def film_recording(recording: Path, settings: Sequence[str], path: Path, passing: Passing) -> None:
     """Film a recorded trial with its scenario's overhead camera; settings: changes to that, as `--set` takes them.
 
     Raises EpuckSimError for a recording that cannot be filmed, a setting of something else than the camera, and where
     the film cannot be written.
     """
     recorded = read_recording(recording)
+    if not isinstance(recorded.scenario, EmbodiedScenario):
+        raise FilmError(
+            f"{recording}: model is {recorded.scenario.model!r}, whose agents have no rings; allowed: 'embodied'"
+        )
+    if recorded.level is Level.SUMMARY:
+        raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
     given = recorded.scenario.model_dump(mode="json")
     for setting in settings:
         if not setting.startswith("overhead."):
             raise FilmError(f"--set {setting}: the trial is over; allowed: the camera's keys, as in overhead.light=lit")
         given = apply_setting(given, setting)
     scenario = validate(given, str(recording))
-    if not isinstance(scenario, EmbodiedScenario):
-        raise FilmError(f"{recording}: model is {scenario.model!r}, whose agents have no rings; allowed: 'embodied'")
-    if recorded.level is Level.SUMMARY:
-        raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
+    assert isinstance(scenario, EmbodiedScenario)  # as its model is no setting of the camera
     rows = zip(recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, strict=True)
     with _film(path, scenario, recorded.seed) as take:
-        for time_s, positions, headings, ring_on in rows:
+        for time_s, positions, headings, ring_on in passing(rows, float(recorded.time_s.max(initial=0))):
             take(float(time_s), np.column_stack([positions, headings]), ring_on)
 
 
 @contextmanager
 def _film(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Taking]:
     section = scenario.overhead
-    webcam = Webcam(section, scenario.arena.build(), seed)
+    try:
+        webcam = Webcam(section, scenario.arena.build(), seed)
+    except EpuckSimError as error:
+        raise FilmError(f"{scenario.name}: {error}") from error
     size = section.width_px, section.height_px
     with film_file(path, *size, describe_film(scenario, seed), scenario.name) as writer:
 
@@ -76,14 +83,15 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Taking]
 
 def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
     """Return what a film says of itself: how to make it again, and what `track` need not be told."""
-    periods = {group.parameters.get("period_s") for group in scenario.robots}
+    flashing = [group for group in scenario.robots if "period_s" in group.parameters]
+    periods = {group.parameters["period_s"] for group in flashing}
     return {
         "epuck_sim": versions()["epuck_sim"],
         "scenario": scenario.name,
         "seed": seed,
         "versions": versions(),
         "arena_cm": [scenario.arena.width_cm, scenario.arena.height_cm],
-        "robots": scenario.robot_count,
+        "robots": sum(group.count for group in flashing) or None,
         "period_s": periods.pop() if len(periods) == 1 else None,
         "overhead": scenario.overhead.model_dump(),
     }

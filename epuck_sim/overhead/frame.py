@@ -1,6 +1,7 @@
 """A picture of the overhead camera and when it was taken: what films are made of, and what the tracker looks at."""
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,3 +16,14 @@ class Frame(NamedTuple):
     time_s: float
     """When its exposure began, on the film's own clock."""
     picture: Picture
+
+
+Timed = TypeVar("Timed", bound=tuple[Any, ...])
+"""Something that begins with a time, as a frame does, or a row of a recording."""
+
+
+class Passing(Protocol):
+    """Passes things on in the order of their times, and shows how far they are."""
+
+    def __call__(self, timed: Iterable[Timed], duration_s: float | None) -> Iterable[Timed]:
+        """Pass on things of which the last has about this time, if that is known."""

@@ -1,0 +1,72 @@
+"""What a film of a simulated trial should show, and how well a tracker found it: recall, precision and error."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+WITHIN_CM = 1.0
+"""A ring is found where one is reported so near: robots are 7.4 cm apart at least."""
+
+
+class Score(NamedTuple):
+    """How well rings were found, in one frame or in many."""
+
+    found: int = 0
+    """Rings reported where one was lit."""
+    missed: int = 0
+    """Rings that were lit for the whole exposure and are not reported."""
+    false: int = 0
+    """Rings reported where none was lit at any time of the exposure."""
+    worst_cm: float = 0.0
+    """The largest distance between a ring found and the truth."""
+    squares_cm2: float = 0.0
+    """Sum of the squares of these distances."""
+
+    def __add__(self, other: Self) -> "Score":  # type: ignore[override]
+        return Score(
+            self.found + other.found,
+            self.missed + other.missed,
+            self.false + other.false,
+            max(self.worst_cm, other.worst_cm),
+            self.squares_cm2 + other.squares_cm2,
+        )
+
+    @property
+    def recall(self) -> float:
+        """Share of the lit rings that were found."""
+        return self.found / max(1, self.found + self.missed)
+
+    @property
+    def precision(self) -> float:
+        """Share of the rings reported that were lit."""
+        return self.found / max(1, self.found + self.false)
+
+    @property
+    def rms_cm(self) -> float:
+        """Root mean square of the distances."""
+        return float((self.squares_cm2 / max(1, self.found)) ** 0.5)
+
+
+def compare(reported_cm: Floats, lit_cm: Floats, flickering_cm: Floats) -> Score:
+    """Return how well (n, 2) cm reported rings match those that are there.
+
+    lit_cm: (m, 2) of those lit for the whole exposure; flickering_cm: (k, 2) of those lit for a part of it, which may
+    be found or not.
+    """
+    there = np.vstack([lit_cm.reshape(-1, 2), flickering_cm.reshape(-1, 2)])
+    if not len(reported_cm) or not len(there):
+        return Score(missed=len(lit_cm), false=len(reported_cm))
+    distances = np.linalg.norm(there[:, None] - reported_cm, axis=2)
+    nearest = distances.min(axis=1)
+    is_found = nearest <= WITHIN_CM
+    matched = len(np.unique(distances.argmin(axis=1)[is_found]))
+    return Score(
+        found=int(is_found.sum()),
+        missed=int((~is_found[: len(lit_cm)]).sum()),
+        false=len(reported_cm) - matched,
+        worst_cm=float(nearest[is_found].max(initial=0.0)),
+        squares_cm2=float((nearest[is_found] ** 2).sum()),
+    )
