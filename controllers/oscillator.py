@@ -81,7 +81,7 @@ def updated(phase, parameters):
 
 
 def step(sensors, memory, actuators, parameters, random):
-    """Algorithm 1, line by line."""
+    """Algorithm 1, line by line; a picture acts once, in however many steps it is there (thesis 4.3.1)."""
     flash = is_flash(sensors, parameters)
     acts = flash and sensors.new_picture and not (parameters.once_per_sighting and memory.flash_seen)
     memory.flash_seen = int(flash)

@@ -22,7 +22,7 @@ def film(
     """Film a recorded trial as the webcam above the arena saw it: lit rings in the dark, or all in the light."""
     with readable_errors():
         from epuck_sim.overhead.filming import film_recording
-        from epuck_sim.overhead.track_report import passing
+        from epuck_sim.overhead.progress import passing
 
         film_recording(recording, settings or (), to, passing("filming"))
 
@@ -100,16 +100,9 @@ def track(
                 "--camera needs --period-s: while it runs, the film that would tell the period is not there yet",
             ),
         )
+        from epuck_sim.overhead.progress import passing
         from epuck_sim.overhead.track import Known
-        from epuck_sim.overhead.track_figure import save_track_figure
-        from epuck_sim.overhead.track_report import (
-            check_outputs,
-            parse_arena,
-            parse_corners,
-            passing,
-            print_json,
-            print_table,
-        )
+        from epuck_sim.overhead.track_report import check_outputs, parse_arena, parse_corners, print_json, print_table
         from epuck_sim.overhead.tracking import annotate_film, snapshot, track_camera, track_film
         from epuck_sim.report import tell
 
@@ -134,4 +127,6 @@ def track(
         if annotate is not None and camera is None:
             annotate_film(found, annotate, passing("annotating"))
         if plot is not None:
+            from epuck_sim.overhead.track_figure import save_track_figure
+
             save_track_figure(plot, found.history(), snapshot(found) if camera is None else None)

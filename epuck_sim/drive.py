@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.compiled import kernel
+from epuck_sim.compiled import lean_kernel
 
 Floats = npt.NDArray[np.float64]
 
@@ -18,7 +18,7 @@ _LIMIT = epuck.WHEEL_LIMIT_CM_S
 _BASE = epuck.WHEEL_BASE_CM
 
 
-@kernel
+@lean_kernel
 def act(
     actuators: npt.NDArray[np.void],
     wheels_cm_s: Floats,
@@ -32,8 +32,8 @@ def act(
 ) -> int:
     """Carry out what controllers command; return the first robot with a wheel speed that is no number, or -1.
 
-    actuators: (robots,) see `controller.ACTUATORS`. Written are (robots, 2) wheels_cm_s, within the wheels' limit,
-    (robots,) ring_on, and (robots, 3) velocities, which are those of `chord_velocities`.
+    actuators: (robots,) see `controller.ACTUATORS`. Written are (robots, 2) wheels_cm_s, within the wheels' limit, and
+    (robots,) ring_on; the other arguments are those of `chord_velocities`, which writes velocities.
     """
     for robot in range(len(actuators)):
         left, right = actuators[robot].left_cm_s, actuators[robot].right_cm_s
@@ -46,7 +46,7 @@ def act(
     return -1
 
 
-@kernel
+@lean_kernel
 def chord_velocities(
     poses: Floats, wheels_cm_s: Floats, gain: Floats, noise: Floats, slip: float, step_s: float, velocities: Floats
 ) -> None:

@@ -124,12 +124,8 @@ class SynchronyWatch:
         return self._synchrony or Firing(self.cycles, self.order_parameter)
 
     @property
-    def is_censored(self) -> bool:
-        """Whether the trial has lasted as long as it may."""
-        return self.cycles >= self._max_cycles or self._steps >= self._max_steps
-
-    @property
     def is_over(self) -> bool:
         """Whether the trial ends here: at its limits, or after synchrony and the further cycles."""
-        synchrony = self._synchrony
-        return self.is_censored or (synchrony is not None and self.cycles >= synchrony.cycles + self._further_cycles)
+        if self.cycles >= self._max_cycles or self._steps >= self._max_steps:
+            return True
+        return self._synchrony is not None and self.cycles >= self._synchrony.cycles + self._further_cycles

@@ -13,6 +13,8 @@ from epuck_sim.imperfections import Clocks, Snags, draw_traits
 from epuck_sim.randomness import robot_streams
 from epuck_sim.scenario_file import load_scenario
 from epuck_sim.simulation import Simulation
+from epuck_sim.sweep import points
+from epuck_sim.trial import run_trial
 
 SPREADS = {"wheel_speed": 0.03, "wheel_imbalance": 0.02, "clock_rate": 0.002, "infrared_gain": 0.2}
 
@@ -40,6 +42,28 @@ def assert_uniform(values, low, high):
     counts, _ = np.histogram(values, bins=20, range=(low, high))
     expected = values.size / 20
     assert ((counts - expected) ** 2 / expected).sum() < 43.8
+
+
+# --- the physical experiments -----------------------------------------------------------------------
+
+
+def test_fig_4_7_sweeps_the_speeds_of_the_robots_of_physical():
+    def robots_and_room(scenario):
+        own = {"name", "description", "stop", "trials", "sweep", "quick", "figure"}
+        return {key: value for key, value in scenario.model_dump().items() if key not in own}
+
+    physical = load_scenario("physical")
+    for point in points(load_scenario("fig-4-7")):
+        speed = point.scenario.robots[0].parameters["speed_cm_s"]
+        same = load_scenario(physical, [f"robots.0.parameters.speed_cm_s={speed}"])
+        assert robots_and_room(point.scenario) == robots_and_room(same)
+    assert speed == physical.robots[0].parameters["speed_cm_s"]
+
+
+def test_imperfect_robots_synchronise_at_full_speed():
+    results = [run_trial(Simulation("physical", seed)) for seed in range(3)]
+    assert not any(result.censored for result in results)
+    assert max(result.cycles for result in results) < 100
 
 
 # --- traits -----------------------------------------------------------------------------------------

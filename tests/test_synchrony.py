@@ -176,7 +176,7 @@ def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_c
     for number, ring in enumerate([0, 1] * 5):
         assert watched.cycles < max_cycles
         watched.look(step(number, [ring, 0], [0, 2500]))
-        if watched.is_censored:
+        if watched.is_over:
             break
     assert (watched.cycles, number) == (max_cycles, 2 * max_cycles - 1)
 
@@ -192,7 +192,7 @@ def test_a_trial_is_censored_after_max_time_rounded_up_to_a_whole_step(control_h
     watched = watch([TAU, TAU], 1 / control_hz, max_time_s=max_time_s)
     for number in range(steps):
         watched.look(step(number, [0, 0], [0, 2500]))
-        assert watched.is_censored == (number + 1 == steps)
+        assert watched.is_over == (number + 1 == steps)
 
 
 @pytest.mark.parametrize("control_hz", [1, 8, 10, 25, 40, 1000])

@@ -6,13 +6,14 @@ calculated when the mode passes the short blue line at its midpoint.
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Protocol
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.overhead.frame import Frame, Picture
+from epuck_sim.overhead.histogram import Evaluation
+from epuck_sim.overhead.rings import Ring
 
 PERIODS = 2
 """So much of the past is shown."""
@@ -38,24 +39,6 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 SUBPIXEL_BITS = 4
 
 
-class RingSeen(Protocol):
-    """A ring that was found; positions count from the middle of the upper left pixel."""
-
-    @property
-    def x_px(self) -> float: ...  # noqa: D102
-    @property
-    def y_px(self) -> float: ...  # noqa: D102
-    @property
-    def radius_px(self) -> float: ...  # noqa: D102
-
-
-class SpreadSeen(Protocol):
-    """An evaluation of the histogram."""
-
-    @property
-    def spread_s(self) -> float: ...  # noqa: D102
-
-
 class Annotator:
     """Draws what was found into a film's frames, given one by one; remembers no more of them than it shows."""
 
@@ -79,9 +62,9 @@ class Annotator:
     def annotate(
         self,
         frame: Frame,
-        rings: Sequence[RingSeen],
+        rings: Sequence[Ring],
         start_s: float,
-        evaluation: SpreadSeen | None,
+        evaluation: Evaluation | None,
         t_sync_s: float | None,
     ) -> Picture:
         """Return (height_px, width_px, 3) the next frame with all that is known when it has been looked at.
@@ -156,7 +139,7 @@ def _counts_by_column(
     return shown
 
 
-def _draw_ring(picture: Picture, ring: RingSeen, thickness_px: int) -> None:
+def _draw_ring(picture: Picture, ring: Ring, thickness_px: int) -> None:
     one = 1 << SUBPIXEL_BITS
     centre = (round(ring.x_px * one), round(ring.y_px * one))
     cv2.circle(picture, centre, round(ring.radius_px * one), GREEN, thickness_px, cv2.LINE_AA, SUBPIXEL_BITS)

@@ -10,15 +10,15 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.frame import Picture
-from epuck_sim.overhead.lens import HEIGHT_CM, LOOKING_DOWN, SIDE_CM, Floats, Lens
-from epuck_sim.overhead.rings import DARK_FLOOR, is_lit, ring_light
+from epuck_sim.overhead.lens import LOOKING_DOWN, Floats, Lens
+from epuck_sim.overhead.rings import LEAST_IN_DARK, is_lit, ring_light
 
 SHORTEST = 0.1
 """The floor's sides are at least this share of the picture's shorter side: smaller ones place no ring well."""
 
 ITERATIONS = 60
 NUDGE = 1e-7
-"""Of the search for the camera that sees the corners, and how far it looks to either side for slopes."""
+"""Of the search for the camera that sees the corners, at most; and how far ahead it looks for slopes."""
 
 ENOUGH = 300
 """Rings to measure: the rest of a film is not looked at."""
@@ -26,10 +26,11 @@ ENOUGH = 300
 LEAST_PX = 5.0
 """Radius of the smallest ring that is measured: of a smaller one no hollow is left."""
 
+SECTORS = 36
 COVERED = 0.95
 ROUND = 0.12
 HOLLOW = 0.5
-"""A blob is a ring where it shines in this share of 36 directions, the middles of its thickness in them differ by at
+"""A blob is a ring where it shines in this share of the directions, the middles of its thickness in them differ by at
 most this share of the radius (standard deviation), and nothing shines within this share of it."""
 
 
@@ -39,25 +40,23 @@ def lens_from_corners(
     height_px: int,
     arena_width_cm: float,
     arena_height_cm: float,
-    height_cm: float | None = None,
-    k1: float = 0.0,
+    above_cm: float,
 ) -> Lens:
     """Return the camera that sees the floor's corners where they are: it may look down askew.
 
     corners_px: (4, 2) columns and rows in any order; the one nearest to the picture's lower left corner is the arena's
-    origin. height_cm: of the lens above the floor, by default in proportion to thesis 4.3.1; k1: of its distortion.
-    Of the cameras so high it is the one with the least squares: from straight above, corners alone tell no height.
+    origin. above_cm: of the lens above the floor, as corners seen from straight above tell no height. Of the cameras so
+    high, and without distortion, it is the one with the least squares.
     Raises FilmError for corners that are no convex quadrilateral, too small, or not in the picture.
     """
     corners = _in_order(corners_px, width_px, height_px)
-    above_cm = height_cm or HEIGHT_CM / SIDE_CM * max(arena_width_cm, arena_height_cm)
     floor = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (arena_width_cm, arena_height_cm, 0.0)
 
     def lens_of(pose: Floats) -> Lens:
         """Return the camera of (6,) turn, rad, place, shares of the height, and logarithm of the focal length."""
         rotation = np.asarray(cv2.Rodrigues(pose[:3])[0], float) @ LOOKING_DOWN
         position = floor.mean(axis=0) + above_cm * np.array([*pose[3:5], 1.0])
-        return Lens(width_px, height_px, math.exp(pose[5]), k1, rotation, position)
+        return Lens(width_px, height_px, math.exp(pose[5]), 0.0, rotation, position)
 
     scale = math.sqrt(_area(corners) / (arena_width_cm * arena_height_cm))
     turn = math.atan2(*(corners[1] - corners[0])[::-1])
@@ -71,17 +70,16 @@ def lens_from_rings(
     height_px: int,
     arena_width_cm: float,
     arena_height_cm: float,
-    height_cm: float | None = None,
+    above_cm: float,
 ) -> Lens:
     """Return a camera straight above the arena's middle, which the picture's middle shows, that sees rings so large.
 
-    radii_px: of one ring or more, as `measure_radius` returns it; their median counts. height_cm: as in
-    `lens_from_corners`. Raises FilmError where a radius is no positive number.
+    radii_px: of one ring or more, as `measure_radius` returns it; their median counts. above_cm: of the
+    lens above the floor. Raises FilmError where a radius is no positive number.
     """
     radii = np.atleast_1d(np.asarray(radii_px, float))
     if not radii.size or not (np.isfinite(radii) & (radii > 0)).all():
         raise FilmError(f"the rings' radii are {radii.tolist()} px; allowed: one or more, above 0")
-    above_cm = height_cm or HEIGHT_CM / SIDE_CM * max(arena_width_cm, arena_height_cm)
     focal_px = float(np.median(radii)) / epuck.RING_RADIUS_CM * (above_cm - epuck.RING_HEIGHT_CM)
     position = np.array([arena_width_cm / 2, arena_height_cm / 2, above_cm])
     return Lens(width_px, height_px, focal_px, 0.0, LOOKING_DOWN, position)
@@ -132,10 +130,7 @@ def _in_order(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> Float
 
 def _given(corners_px: npt.ArrayLike) -> str:
     """Return corners as the user gave them, for an error."""
-    corners = np.asarray(corners_px, float)
-    if corners.ndim != 2:
-        return f"--corners {corners.tolist()}"
-    return "--corners " + " ".join(",".join(f"{number:g}" for number in corner) for corner in corners)
+    return "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))
 
 
 def _area(corners: Floats) -> float:
@@ -165,7 +160,7 @@ def _least_squares(misses: Callable[[Floats], Floats], start: Floats) -> Floats:
 def _radii(light: npt.NDArray[np.uint8]) -> list[float]:
     """Return px: the radii of the blobs that are whole rings."""
     brightest = cv2.minMaxLoc(light)[1]
-    if brightest < 2 * DARK_FLOOR:
+    if brightest < 2 * LEAST_IN_DARK:
         return []
     _, labels, boxes, _ = cv2.connectedComponentsWithStats((light > brightest / 2).astype(np.uint8))
     radii = []
@@ -181,15 +176,15 @@ def _radii(light: npt.NDArray[np.uint8]) -> list[float]:
 def _radius(x: Floats, y: Floats) -> float | None:
     """Return px: the radius of the ring around about (0, 0) that consists of pixels (n,) x, y; None where it is none.
 
-    In each of 36 directions the ring's middle is halfway between its nearest and its farthest pixel.
+    In each of `SECTORS` directions the ring's middle is halfway between its nearest and its farthest pixel.
     """
     distance = np.hypot(x, y)
-    sector = ((np.arctan2(y, x) + math.pi) / (2 * math.pi) * 36).astype(int) % 36
-    nearest, farthest = np.full(36, np.inf), np.zeros(36)
+    sector = ((np.arctan2(y, x) + math.pi) / (2 * math.pi) * SECTORS).astype(int) % SECTORS
+    nearest, farthest = np.full(SECTORS, np.inf), np.zeros(SECTORS)
     np.minimum.at(nearest, sector, distance)
     np.maximum.at(farthest, sector, distance)
     lit = farthest > 0
     middle = (nearest[lit] + farthest[lit]) / 2
-    radius = float(middle.mean()) if lit.any() else 0.0
+    radius = float(middle.mean())
     is_ring = lit.mean() >= COVERED and middle.std() <= ROUND * radius and nearest[lit].min() >= HOLLOW * radius
     return radius if is_ring and radius >= LEAST_PX else None

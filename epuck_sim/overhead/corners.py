@@ -17,7 +17,7 @@ MIDDLE = 0.5
 """Within this share of the picture's half-diagonal its middle is darkened so little that one level finds the floor."""
 
 ROUNDS = 8
-"""Of fitting the floor's shade: it reaches farther each time."""
+"""Of fitting the floor's shade: each takes in more of the picture, from the middle outwards."""
 
 LEAST = 0.1
 """The floor is at least this share of the picture."""
@@ -41,8 +41,10 @@ def find_corners(picture: Picture) -> Floats | None:
         return None
     grey = cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32)
     shade = _relative(np.asarray(grey, np.float32))
-    lines = None if shade is None else _outline(shade)
-    if shade is None or lines is None:
+    if shade is None:
+        return None
+    lines = _outline(shade)
+    if lines is None:
         return None
     corners = _meet(lines)
     if not _is_around_middle(corners, shade.shape):
@@ -115,7 +117,7 @@ def _meet(lines: list[Line]) -> Floats:
 
 
 def _is_around_middle(corners: Floats, shape: tuple[int, ...]) -> bool:
-    """Whether (4, 2) corners bound a convex quadrilateral around the middle of the picture."""
+    """Return whether (4, 2) corners bound a convex quadrilateral around the middle of the picture."""
     rows, columns = shape
     along = np.roll(corners, -1, axis=0) - corners
     to_middle = np.array([(columns - 1) / 2, (rows - 1) / 2]) - corners

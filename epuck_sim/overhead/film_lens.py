@@ -1,6 +1,6 @@
 """Which camera took a film: the one its description names, or one that its corners or rings tell."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Annotated, Any, Protocol
 
@@ -26,7 +26,6 @@ LIT_FRAMES = 30
 
 DARK_FRAMES = 30
 """Rings are measured in so many frames at a time, until there is one; one flash has five."""
-
 
 LOWEST_CM = 10.0
 """A camera hangs at least so high above the floor: twice as high as robots are."""
@@ -107,12 +106,20 @@ def find_lens(source: Source, known: Known) -> tuple[Lens, str]:
         corners = find_corners(frame.picture)
         if corners is not None:
             return lens_from_corners(corners, *size, *floor_cm, above_cm), LIGHT
-    radius_px = None
-    while radius_px is None and (pictures := [frame.picture for frame in islice(frames, DARK_FRAMES)]):
-        radius_px = measure_radius(pictures)
+    radius_px = _ring_radius_px(frames)
     if radius_px is None:
         raise FilmError(
             f"{source.name}: no lit ring is seen; is it the right film, are the rings red, and is the exposure long "
             "enough? If there are some, --corners tells how large they are"
         )
     return lens_from_rings(radius_px, *size, *floor_cm, above_cm), RINGS
+
+
+def _ring_radius_px(frames: Iterator[Frame]) -> float | None:
+    """Return the radius of the first rings that can be measured; None where there are none."""
+    for first in frames:
+        some = chain([first], islice(frames, DARK_FRAMES - 1))
+        radius_px = measure_radius(frame.picture for frame in some)
+        if radius_px is not None:
+            return radius_px
+    return None

@@ -43,8 +43,8 @@ def reason(source: str, error: Exception) -> str:
     """Return why a film cannot be opened, and what to do."""
     if isinstance(error, FileNotFoundError):
         return (
-            "no such file; allowed: a film, pictures numbered from 0 to 4 on such as frames_%04d.png, or an address "
-            "such as http://..."
+            "no such file; allowed: a film, numbered pictures such as frames_%04d.png whose first number is 0 to 4, or "
+            "an address such as http://..."
         )
     if _lacks_index(source):
         return CUT_OFF

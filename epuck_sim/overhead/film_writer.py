@@ -45,7 +45,7 @@ class FilmWriter:
         self._shape = (height_px, width_px, 3)
         self._last_tick = -1
         self._keyframe_s: float | None = None
-        with self._readable():
+        with self._as_film_error():
             self._container = av.open(part, "w", format="mp4", options=CONTAINER)
         self._container.metadata.update(metadata)
         self._stream = self._container.add_stream("libx264", options=ENCODER)
@@ -68,14 +68,14 @@ class FilmWriter:
         if self._keyframe_s is None or frame.time_s - self._keyframe_s >= KEYFRAMES_S:
             picture.pict_type = PictureType.I
             self._keyframe_s = frame.time_s
-        with self._readable():
+        with self._as_film_error():
             self._container.mux(self._stream.encode(picture))
 
     def finish(self) -> None:
         """Write what is pending, and the file's end."""
         if self._last_tick < 0:
             raise FilmError(f"{self._path}: cannot be written: the film has no frame")
-        with self._readable():
+        with self._as_film_error():
             self._container.mux(self._stream.encode())
             self._container.close()
 
@@ -85,7 +85,7 @@ class FilmWriter:
             self._container.close()
 
     @contextmanager
-    def _readable(self) -> Iterator[None]:
+    def _as_film_error(self) -> Iterator[None]:
         try:
             yield
         except FFmpegError as error:

@@ -85,11 +85,12 @@ def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
     """Return what a film says of itself: how to make it again, and what `track` need not be told."""
     flashing = [group for group in scenario.robots if "period_s" in group.parameters]
     periods = {group.parameters["period_s"] for group in flashing}
+    made_by = versions()
     return {
-        "epuck_sim": versions()["epuck_sim"],
+        "epuck_sim": made_by["epuck_sim"],
         "scenario": scenario.name,
         "seed": seed,
-        "versions": versions(),
+        "versions": made_by,
         "arena_cm": [scenario.arena.width_cm, scenario.arena.height_cm],
         "robots": sum(group.count for group in flashing) or None,
         "period_s": periods.pop() if len(periods) == 1 else None,

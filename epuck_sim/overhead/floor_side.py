@@ -22,7 +22,8 @@ BEYOND_PX = 3.0
 """So far from where the floor ends its blur ends, too."""
 
 OFF_PX = (3.0, 1.0)
-"""Edges farther from the curve through a side's are left out, at first and at last: robots that stand at the wall."""
+"""Edges farther than this from the side are left out, at first (from a line) and at last (from a parabola): they are of
+robots that stand at the wall."""
 
 FOUND = 0.4
 """Share of the places along a side where its edge is on the curve, at least."""
@@ -91,7 +92,7 @@ def _edges(unlike: Floats) -> tuple[Floats, Truths]:
 
 
 def _best_line(share: Floats, off: Floats) -> Floats:
-    """Return slope and offset of the line through two of a dozen points (n,) that comes near to the most of all."""
+    """Return (2,) slope and offset of the line that is near to the most of the points, (n,) each; it is through two."""
     chosen = np.linspace(0, len(share) - 1, 12).astype(int)
     one, other = np.triu_indices(12, 1)
     one, other = chosen[one], chosen[other]

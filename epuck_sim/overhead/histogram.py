@@ -10,7 +10,7 @@ first frame, the window would lie half a flash too early. Of equal modes less th
 counts. Two clusters of equal size are evaluated once or twice a cycle, and their spread is about a quarter of a period.
 
 The thesis asks for nothing but a small spread, and so do we: every robot flashes once a period, so that a window around
-a few of them has all the others in it, too. That fails only where rings are hidden; `Evaluation.lit_s` tells.
+a few of them has all the others in it, too. That fails only where rings are hidden.
 """
 
 from bisect import bisect_left, bisect_right
@@ -42,8 +42,6 @@ class Evaluation(NamedTuple):
     """Lit at the mode."""
     spread_s: float
     """Standard deviation of the histogram."""
-    lit_s: float
-    """All rings' light in the period; divided by a flash's length, it is how many flashes were seen."""
     seen: float
     """Share of the period for which there are frames: 1 without gaps."""
 
@@ -129,9 +127,8 @@ def evaluate_around(middle_s: float, period_s: float, times_s: Floats, counts: C
     begins_s = np.clip(times_s, *window)
     ends_s = np.clip(frame_ends(times_s, window[1]), *window)
     seconds = ends_s - begins_s
-    lit = seconds * counts
-    spread_s = weighted_spread((begins_s + ends_s) / 2, lit)
-    return Evaluation(middle_s, int(counts.max()), spread_s, float(lit.sum()), float(seconds.sum() / period_s))
+    spread_s = weighted_spread((begins_s + ends_s) / 2, seconds * counts)
+    return Evaluation(middle_s, int(counts.max()), spread_s, float(seconds.sum() / period_s))
 
 
 def frame_ends(times_s: Floats, end_s: float) -> Floats:

@@ -26,6 +26,10 @@ WALL_HEIGHT_CM = 6.0
 MARGIN = 1.04
 """By default the picture is larger than what it must show by this factor."""
 
+STEPS = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+"""At most and how small, to undo the distortion: OpenCV's five steps are whole pixels short in the corners of a picture
+that is wide and strongly distorted."""
+
 LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])
 """Rotation into the camera's frame (x right, y down, z away from the lens) of one that looks straight down."""
 
@@ -44,27 +48,32 @@ class Lens(NamedTuple):
     """(3,) of the pinhole in the arena's frame."""
 
     @property
-    def matrix(self) -> Floats:
-        """(3, 3) the camera matrix; the optical axis meets the middle of the picture."""
-        return camera_matrix(self.width_px, self.height_px, self.focal_px)
+    def _matrix(self) -> Floats:
+        """(3, 3) of OpenCV: pixels are square, and the optical axis meets the middle of the picture."""
+        middle_column, middle_row = (self.width_px - 1) / 2, (self.height_px - 1) / 2
+        return np.array([[self.focal_px, 0, middle_column], [0, self.focal_px, middle_row], [0, 0, 1]])
 
     @property
     def _coefficients(self) -> Floats:
+        """(4,) of OpenCV: k1, and none of k2, p1, p2."""
         return np.array([self.k1, 0.0, 0.0, 0.0])
 
     def pixels(self, points_cm: Floats) -> Floats:
-        """Return (n, 2) px: where (n, 3) cm points of the arena are seen."""
+        """Return (n, 2) px: where (n, 3) cm points of the arena are seen, if they are in front of the camera; n > 0."""
         rotation, _ = cv2.Rodrigues(self.rotation)
         shift = -self.rotation @ self.position_cm
         seen, _ = cv2.projectPoints(
-            np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3), rotation, shift, self.matrix, self._coefficients
+            np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3), rotation, shift, self._matrix, self._coefficients
         )
         return np.asarray(seen, float).reshape(-1, 2)
 
     def on_plane(self, pixels: Floats, z_cm: float) -> Floats:
-        """Return (n, 2) cm: the points `z_cm` above the floor that (n, 2) px pixels show."""
+        """Return (n, 2) cm: the points `z_cm` above the floor that (n, 2) px show; n > 0.
+
+        A pixel above the horizon shows none: it gets the point behind the camera on the same line.
+        """
         straight = cv2.undistortPoints(
-            np.ascontiguousarray(pixels, float).reshape(-1, 1, 2), self.matrix, self._coefficients
+            np.ascontiguousarray(pixels, float).reshape(-1, 1, 2), self._matrix, self._coefficients, criteria=STEPS
         ).reshape(-1, 2)
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         far = (z_cm - self.position_cm[2]) / rays[:, 2]
@@ -76,11 +85,6 @@ class Lens(NamedTuple):
         columns, rows = np.meshgrid(np.arange(self.width_px, dtype=float), np.arange(self.height_px, dtype=float))
         pixels = np.column_stack([columns.ravel(), rows.ravel()])
         return self.on_plane(pixels, z_cm).reshape(self.height_px, self.width_px, 2).astype(np.float32)
-
-
-def camera_matrix(width_px: int, height_px: int, focal_px: float) -> Floats:
-    """Return (3, 3) the matrix of a camera with square pixels that looks out of the middle of its picture."""
-    return np.array([[focal_px, 0, (width_px - 1) / 2], [0, focal_px, (height_px - 1) / 2], [0, 0, 1.0]])
 
 
 def overhead_lens(section: OverheadSection, width_cm: float, height_cm: float) -> Lens:
@@ -97,10 +101,11 @@ def overhead_lens(section: OverheadSection, width_cm: float, height_cm: float) -
     focal_px = _focal_px(section, width_cm, height_cm, above_cm)
     k1 = section.distortion
     corner = math.hypot(section.width_px, section.height_px) / 2 / focal_px
-    if k1 < 0 and 3 * -k1 * (corner * 1.5) ** 2 >= 1:
+    lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r
+    if k1 <= lowest:
         raise EpuckSimError(
             f"overhead.distortion is {k1:g}, which would fold the corners of a picture of such a field of view; "
-            f"allowed: above {-1 / (3 * (corner * 1.5) ** 2):.3g}"
+            f"allowed: above {lowest:.3g}"
         )
     return Lens(section.width_px, section.height_px, focal_px, k1, LOOKING_DOWN, position)
 

@@ -30,7 +30,8 @@ EDGE_FULL = 0.75
 what lies between the LEDs of a faint ring must count, but not the haze of an over-exposed one and its neighbours."""
 
 HALF_CM = 0.55
-"""From the inner edge of an over-exposed ring to its crest; in a lit room 0.1 cm more, of a faint ring 0.3 less."""
+"""From the inner edge of an over-exposed ring to its crest. In a lit room it is 0.1 cm more, of a faint ring 0.3 less:
+radii are wrong by so much, centres are not."""
 
 ON_CM = 0.25
 """Light so near to a circle shines on it."""
@@ -48,8 +49,6 @@ ROUNDS = 5
 _ANGLES = np.arange(BINS) * (2 * np.pi / BINS)
 _RADII = np.arange(round(REACH_CM / STEP_CM)) * STEP_CM
 _DESIGN = np.column_stack([np.ones(BINS), np.cos(_ANGLES), np.sin(_ANGLES)])
-DIRECTIONS = _DESIGN[:, 1:]
-"""(BINS, 2) unit vectors."""
 
 
 class Fit(NamedTuple):

@@ -30,8 +30,8 @@ DEPTH = 0.5
 FADE_CM = 1.0
 """The haze falls to 1/e of its brightness so far from a ring; our estimate."""
 
-CORE_CM = 4 * WIDTH_CM
-"""Farther from the ring than this, its core adds less than a level."""
+CORE_CM = 5 * WIDTH_CM
+"""Farther from the ring than this, its core adds less than half a level, even in an exposure of a second."""
 
 FAINT_LEVELS = 0.5
 """A haze of less than this rounds to nothing."""

@@ -23,7 +23,8 @@ FARTHEST = 2.0
 """Points of the plane are looked at up to so many times the camera's height away from below it: a horizon is not."""
 
 MOST = 4
-"""Fine cells for each pixel, at most: a picture taken askew shows much of the plane with few pixels."""
+"""Fine cells for each pixel, at most, unless the coarse grid has more: a picture taken askew shows much of the plane in
+few pixels."""
 
 STRAY_CM = 0.5
 """A point that a pixel shows must be seen in that pixel: beyond a strong distortion's fold it is not."""

@@ -2,7 +2,7 @@
 
 The red light is seen from straight above, without perspective and distortion. A matched filter on a coarse grid says
 where there may be a ring; each place is looked at in turn, from the brightest, and counts where a circle of the right
-size is lit nearly all round, hollow, and not made of the rings found before: robots may touch, but not overlap.
+size is lit nearly all round, hollow, and beside the rings found before: robots may touch, but not overlap.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.overhead.frame import Picture
 from epuck_sim.overhead.lens import Floats, Lens
-from epuck_sim.overhead.ring_fit import BINS, DIRECTIONS, Fit, fit_ring
+from epuck_sim.overhead.ring_fit import Fit, fit_ring
 from epuck_sim.overhead.ring_plane import COARSE_PER_CM, Light, ring_plane
 
 LIT_LEVEL = 40
@@ -23,10 +23,10 @@ LIT_LEVEL = 40
 SAMPLES = 80
 """Pixels along the shorter side that tell whether the room is lit."""
 
-DARK_FLOOR = 40
-LIT_FLOOR = 12
-"""Levels by which a ring is at least brighter than what it encloses, in the dark and in a lit room, where its core is
-nearly white: over a whole ring, noise of 10 levels gives less than 1."""
+LEAST_IN_DARK = 40
+LEAST_IN_LIGHT = 12
+"""Levels by which a ring is brighter than what it encloses, at least. In a lit room its core is nearly white, so that
+little of it is red; over a whole ring, noise of 10 levels gives less than 1."""
 
 CORE_CM = 1.0
 """In a lit room the crest of a ring is white, with red on either side: gaps in the red up to so wide are filled."""
@@ -58,13 +58,6 @@ MISFIT_CM = 0.2
 COVERED = 0.85
 """Share of the directions in which a ring is lit, at least. Around an unlit robot that six lit ones touch it is less
 than two thirds."""
-
-NEW = 0.25
-"""Share of the directions in which it is lit and no other ring is as near, at least: half of them are where six lit
-robots touch it."""
-
-NEAR_CM = 0.6
-"""Light so near to a ring's circle may be that ring's."""
 
 HOLLOW = 0.5
 """The light within half a ring's radius, over that on it, at most."""
@@ -115,15 +108,15 @@ class RingFinder:
         if picture.shape != (lens.height_px, lens.width_px, 3):
             raise ValueError(f"a picture is {picture.shape}, but the lens's is {(lens.height_px, lens.width_px, 3)}")
         lit = is_lit(picture)
-        floor = LIT_FLOOR if lit else DARK_FLOOR
+        least = float(LEAST_IN_LIGHT if lit else LEAST_IN_DARK)
         light = ring_light(picture, lit)
-        if cv2.minMaxLoc(light)[1] < floor:
+        if cv2.minMaxLoc(light)[1] < least:
             return []
         plane = self._plane.seen(light)
         if lit:
             plane = self._plane.closed(plane, CORE_CM)
         response = np.asarray(cv2.filter2D(self._plane.coarse(plane), cv2.CV_32F, self._filter), np.float32)
-        least = max(floor, SHARE * float(response.max()))
+        least = max(least, SHARE * float(response.max()))
         cells = self._plane.cells_per_cm
         coarse = cells // COARSE_PER_CM
         places = _peaks(response, least) * coarse + (coarse - 1) / 2
@@ -183,26 +176,14 @@ def _is_ring(fit: Fit) -> bool:
 
 
 def _is_new(fit: Fit, found: list[Fit], cells_per_cm: int) -> bool:
-    """Return whether a fit is a ring beside those found, and not made of their light."""
+    """Return whether a fit is a ring beside those found, and not what they enclose."""
     if not found:
         return True
-    own = fit.covered & (_away_cm(fit, found, cells_per_cm) > NEAR_CM)
-    return bool(
-        fit.radius_cm <= LARGER * np.mean([other.radius_cm for other in found])
-        and _is_free(fit.column, fit.row, found, cells_per_cm)
-        and np.count_nonzero(own) >= NEW * BINS
-    )
+    is_as_large = fit.radius_cm <= LARGER * np.mean([other.radius_cm for other in found])
+    return bool(is_as_large) and _is_free(fit.column, fit.row, found, cells_per_cm)
 
 
 def _is_free(column: float, row: float, found: list[Fit], cells_per_cm: int) -> bool:
     """Return whether a robot may stand there beside those found."""
     apart = APART_CM * cells_per_cm
     return all((column - other.column) ** 2 + (row - other.row) ** 2 >= apart * apart for other in found)
-
-
-def _away_cm(fit: Fit, found: list[Fit], cells_per_cm: int) -> Floats:
-    """Return (BINS,) how far each point of a circle is from the nearest circle of those found."""
-    others = np.array([(other.column, other.row, other.radius_cm) for other in found])
-    points = (fit.column, fit.row) + fit.radius_cm * cells_per_cm * DIRECTIONS
-    away = np.linalg.norm(points[:, None] - others[:, :2], axis=2) / cells_per_cm - others[:, 2]
-    return np.asarray(np.abs(away).min(axis=1))

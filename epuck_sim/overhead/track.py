@@ -9,8 +9,8 @@ import numpy.typing as npt
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.estimates import estimate_flash_s, estimate_period_s, spread_at_s, spread_threshold_s
 from epuck_sim.overhead.histogram import Evaluation, evaluate, first_synchronised, frame_ends
+from epuck_sim.overhead.history import History
 from epuck_sim.overhead.lens import Lens
-from epuck_sim.overhead.track_figure import History
 from epuck_sim.overhead.tracker import Tracker
 
 FLASH_FRACTION = 0.075
@@ -86,10 +86,14 @@ class Track(NamedTuple):
 
     def history(self) -> History:
         """Return what its figure shows."""
-        t_sync_s = None if self.t_sync_s is None else self.start_s + self.t_sync_s
         return History(
-            *(self.times_s, self.counts, self.evaluations, self.period_s, self.start_s),
-            *(self.threshold_ms / 1000, t_sync_s),
+            times_s=self.times_s,
+            counts=self.counts,
+            evaluations=self.evaluations,
+            period_s=self.period_s,
+            start_s=self.start_s,
+            threshold_s=self.threshold_ms / 1000,
+            t_sync_s=None if self.t_sync_s is None else self.start_s + self.t_sync_s,
         )
 
 

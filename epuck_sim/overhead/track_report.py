@@ -4,17 +4,15 @@ import json
 import os
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.errors import FilmError
 from epuck_sim.files import check_target
-from epuck_sim.overhead.frame import Passing, Timed
 from epuck_sim.overhead.track import Track
 from epuck_sim.provenance import versions
 
@@ -65,21 +63,6 @@ def check_outputs(film: str | None, plot: Path | None, rings: Path | None, annot
             owner = owners.setdefault(os.path.realpath(target), option)
             if owner != option:
                 raise FilmError(f"{option} is {path}; allowed: another name, for {target} is of {owner}")
-
-
-def passing(doing: str) -> Passing:
-    """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
-
-    def show(timed: Iterable[Timed], duration_s: float | None) -> Iterator[Timed]:
-        console = Console(stderr=True)
-        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} s of film"))
-        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-            task = progress.add_task(doing, total=duration_s)
-            for each in timed:
-                progress.update(task, completed=each[0])
-                yield each
-
-    return show
 
 
 def print_json(track: Track) -> None:

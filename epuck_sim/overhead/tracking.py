@@ -3,7 +3,7 @@
 import csv
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
@@ -17,10 +17,10 @@ from epuck_sim.overhead.film_lens import DESCRIPTION, described_lens, find_lens,
 from epuck_sim.overhead.film_reader import open_film
 from epuck_sim.overhead.film_writer import film_file
 from epuck_sim.overhead.frame import Frame, Passing
+from epuck_sim.overhead.history import Snapshot
 from epuck_sim.overhead.live_camera import LiveCamera
 from epuck_sim.overhead.rings import Ring, RingFinder
 from epuck_sim.overhead.track import Known, Track, conclude, threshold_so_far_s
-from epuck_sim.overhead.track_figure import Snapshot
 from epuck_sim.overhead.tracker import Moment, Tracker, follow
 
 HEAD_FRAMES = 90
@@ -81,7 +81,7 @@ def track_camera(
         head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
         lens, calibration = find_lens(_Heading(camera, head), known)
         tracker = Tracker(lens)
-        frames = passing(chain(head, camera.frames()), None)
+        frames = passing(_while_plugged_in(chain(head, camera.frames()), warnings), None)
         with (
             ring_table(rings) as note,
             annotated_film(annotated, lens.width_px, lens.height_px, period_s) as write,
@@ -94,8 +94,6 @@ def track_camera(
                         break
             except KeyboardInterrupt:
                 pass  # what was seen until then is told
-            except FilmError as error:
-                warnings.append(str(error))
             return conclude(camera.name, tracker, calibration, known, tuple(warnings))
 
 
@@ -111,6 +109,14 @@ class _Heading:
         for frame in self._camera.frames():
             self._kept.append(frame)
             yield frame
+
+
+def _while_plugged_in(frames: Iterable[Frame], warnings: list[str]) -> Iterator[Frame]:
+    """Yield a camera's frames for as long as it gives any, and warn of what ended them."""
+    try:
+        yield from frames
+    except FilmError as error:
+        warnings.append(str(error))
 
 
 @contextmanager

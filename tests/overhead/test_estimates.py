@@ -17,6 +17,7 @@ from epuck_sim.overhead.estimates import (
     spread_threshold_s,
 )
 from epuck_sim.overhead.histogram import evaluate
+from epuck_sim.overhead.lags import lags
 from epuck_sim.synchrony import order_parameter
 
 PERIOD = 5.0
@@ -124,6 +125,17 @@ def test_frames_that_come_twice_change_no_estimate():
     twice = np.repeat(times, 2), np.repeat(counts, 2)
     assert estimate_period_s(*twice) == estimate_period_s(times, counts)
     assert estimate_flash_s(*twice) == estimate_flash_s(times, counts)
+
+
+events = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 3)), max_size=12).map(sorted)
+
+
+@given(events, events, st.integers(0, 10), st.integers(0, 30))
+def test_lags_are_those_of_all_pairs(causes, effects, least, width):
+    expected = [(b - a, m * n) for a, m in causes for b, n in effects if least <= b - a < least + width]
+    pairs = (np.array(each, float).reshape(-1, 2).T for each in (causes, effects))
+    found = lags(*map(tuple, pairs), (least, least + width))
+    assert list(zip(*(each.tolist() for each in found), strict=True)) == expected
 
 
 # --- the flash --------------------------------------------------------------------------------------

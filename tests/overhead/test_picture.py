@@ -11,7 +11,15 @@ from epuck_sim import epuck
 from epuck_sim.arena import make_arena
 from epuck_sim.overhead.lens import LOOKING_DOWN, Lens
 from epuck_sim.overhead.picture import Painter, dimming
-from epuck_sim.overhead.ring_light import COLOUR_LEVELS, DEPTH, FADE_CM, NOMINAL_EXPOSURE_MS, WIDTH_CM, reach_cm
+from epuck_sim.overhead.ring_light import (
+    COLOUR_LEVELS,
+    CORE_CM,
+    DEPTH,
+    FADE_CM,
+    NOMINAL_EXPOSURE_MS,
+    WIDTH_CM,
+    reach_cm,
+)
 from epuck_sim.overhead.section import OverheadSection
 
 RED = max(COLOUR_LEVELS)
@@ -29,21 +37,26 @@ def test_ring_lies_where_the_lens_shows_it(x: float, y: float, k1: float) -> Non
     assert np.hypot(*(ring_centroid(picture, scene.lens) - (x, y))) < 0.05
 
 
-@pytest.mark.parametrize("size", [(240, 240), (480, 480), (640, 360)])
-def test_brightness_is_that_of_the_formula_at_each_pixel(size: tuple[int, int]) -> None:
-    width, height = size
-    scene = make_set(**CLEAN | {"bloom": 0.2}, exposure_ms=FAINT_MS, width_px=width, height_px=height)
+@pytest.mark.parametrize(
+    ("size", "exposure_ms", "bloom"),
+    [((240, 240), FAINT_MS, 0.2), ((480, 480), FAINT_MS, 0.2), ((640, 360), FAINT_MS, 0.2), ((480, 480), 1000.0, 0.0)],
+)
+def test_brightness_is_that_of_the_formula_at_each_pixel(
+    size: tuple[int, int], exposure_ms: float, bloom: float
+) -> None:
+    settings = CLEAN | {"bloom": bloom, "exposure_ms": exposure_ms, "frames_per_s": 1}
+    scene = make_set(**settings, width_px=size[0], height_px=size[1])
     x, y, heading = 21.0, 37.0, 0.8
     picture = scene.painter.paint(standing((x, y, heading)), is_lit_room=False)
     across = scene.lens.plane_map(epuck.RING_HEIGHT_CM).astype(float) - (x, y)
     off = np.abs(np.hypot(across[..., 0], across[..., 1]) - epuck.RING_RADIUS_CM)
     angle = np.arctan2(across[..., 1], across[..., 0]) - heading
     leds = 1 - DEPTH * (1 - np.cos(8 * angle)) / 2
-    light = (
-        FAINT_MS / NOMINAL_EXPOSURE_MS * (leds * np.exp(-0.5 * (off / WIDTH_CM) ** 2) + 0.2 * np.exp(-off / FADE_CM))
-    )
+    shine = leds * np.exp(-0.5 * (off / WIDTH_CM) ** 2) + bloom * np.exp(-off / FADE_CM)
+    light = exposure_ms / NOMINAL_EXPOSURE_MS * shine
     for colour, levels in enumerate(COLOUR_LEVELS):
-        assert np.abs(picture[..., colour] - levels * light).max() < 1.1  # half a level is cut off, and half is rounded
+        expected = np.minimum(levels * light, 255)
+        assert np.abs(picture[..., colour] - expected).max() < 1.1  # half a level is cut off, and half is rounded
 
 
 def test_rings_are_overexposed_by_default() -> None:
@@ -112,7 +125,7 @@ def test_bloom_raises_the_haze_and_not_what_is_far() -> None:
 
 def test_haze_ends_where_it_rounds_to_nothing() -> None:
     assert RED * 0.1 * math.exp(-reach_cm(1.0, 0.1) / FADE_CM) == pytest.approx(0.5)
-    assert reach_cm(1.0, 0.0) == reach_cm(1e-9, 1.0) == 4 * WIDTH_CM
+    assert reach_cm(1.0, 0.0) == reach_cm(1e-9, 1.0) == CORE_CM
 
 
 def test_vignetting_darkens_the_corners() -> None:

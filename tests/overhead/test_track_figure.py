@@ -13,17 +13,8 @@ from matplotlib.patches import Circle, StepPatch
 
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.histogram import evaluate, first_synchronised
-from epuck_sim.overhead.track_figure import (
-    ACROSS,
-    COLUMNS,
-    FOUND,
-    MARK,
-    History,
-    Snapshot,
-    choose_moments,
-    draw_track,
-    save_track_figure,
-)
+from epuck_sim.overhead.history import ACROSS, History, Snapshot, choose_moments
+from epuck_sim.overhead.track_figure import COLUMNS, FOUND, MARK, draw_track, save_track_figure
 
 PERIOD = 5.0
 START = 2.0
@@ -48,6 +39,18 @@ def evaluated(film: History) -> list:
 
 PICTURE = Snapshot(9.0, np.zeros((48, 64, 3), np.uint8), np.array([[10.0, 20.0, 6.0], [40.0, 30.0, 6.5]]))
 LONG = history(20, narrow_from=12)
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Figure:
+    """The figure of the long film."""
+    return draw_track(LONG)
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> list[Path]:
+    """Its files, with a picture."""
+    return save_track_figure(tmp_path_factory.mktemp("saved") / "track.png", LONG, PICTURE)
 
 
 # --- moments ----------------------------------------------------------------------------------------
@@ -107,13 +110,13 @@ def marked(axes) -> list[float]:
     return sorted(segment[0][0] for line in lines for segment in line.get_segments())
 
 
-def test_snapshots_mark_the_period_and_its_midpoint():
-    for axes in panels(draw_track(LONG))[:12]:
+def test_snapshots_mark_the_period_and_its_midpoint(drawn):
+    for axes in panels(drawn)[:12]:
         assert marked(axes) == [-PERIOD, -PERIOD / 2, 0]
 
 
-def test_snapshots_show_the_counts_until_then_and_the_spread():
-    shown = panels(draw_track(LONG))[:12]
+def test_snapshots_show_the_counts_until_then_and_the_spread(drawn):
+    shown = panels(drawn)[:12]
     moments = [*choose_moments(LONG)[0], *evaluated(LONG)]
     for axes, (now_s, evaluation) in zip(shown, moments, strict=True):
         (bars,) = [each for each in axes.patches if isinstance(each, StepPatch)]
@@ -123,13 +126,13 @@ def test_snapshots_show_the_counts_until_then_and_the_spread():
         assert [text.get_text() for text in axes.texts] == words
 
 
-def test_the_panels_below_mark_synchrony_and_the_threshold():
-    counts, spreads = panels(draw_track(LONG))[12:]
+def test_the_panels_below_mark_synchrony_and_the_threshold(drawn):
+    counts, spreads = panels(drawn)[12:]
     cycles = (LONG.t_sync_s - START) / PERIOD
     for axes in (counts, spreads):
         assert any(set(line.get_xdata()) == {cycles} for line in axes.get_lines())
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in spreads.get_lines())
-    legend = draw_track(LONG).legends[0]
+    legend = drawn.legends[0]
     assert [text.get_text() for text in legend.get_texts()] == ["threshold: 126 ms", f"T_sync: {cycles:.1f} cycles"]
 
 
@@ -156,8 +159,17 @@ def test_a_picture_has_its_rings_circled_in_green():
 # --- files ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("film", [LONG, history(20), history(1), history(0, seconds=3.0), history(0, seconds=0.15)])
-@pytest.mark.parametrize("snapshot", [None, PICTURE])
+@pytest.mark.parametrize(
+    ("film", "snapshot"),
+    [
+        (LONG, None),
+        (history(20), PICTURE),
+        (history(1), None),
+        (history(0, seconds=3.0), None),
+        (history(0, seconds=0.15), PICTURE),
+    ],
+    ids=["synchronised", "never", "two cycles", "less than one", "two frames"],
+)
 def test_figure_and_table_are_written_for_films_of_any_length(tmp_path, film, snapshot):
     files = save_track_figure(tmp_path / "track.png", film, snapshot)
     assert files == [tmp_path / "track.png", tmp_path / "track.csv"]
@@ -166,8 +178,8 @@ def test_figure_and_table_are_written_for_films_of_any_length(tmp_path, film, sn
     assert (width, height) == ((1860, 1200) if snapshot else (1320, 1200))
 
 
-def test_the_table_has_a_row_for_each_evaluation(tmp_path):
-    _, table = save_track_figure(tmp_path / "track.png", LONG)
+def test_the_table_has_a_row_for_each_evaluation(saved):
+    table = saved[1]
     header, *rows = csv.reader(table.read_text().splitlines())
     assert tuple(header) == COLUMNS
     for row, each in zip(rows, LONG.evaluations, strict=True):
@@ -175,10 +187,10 @@ def test_the_table_has_a_row_for_each_evaluation(tmp_path):
         assert [float(cell) for cell in row] == pytest.approx(expected, rel=1e-5)
 
 
-def test_the_same_film_gives_the_same_files(tmp_path):
-    one, other = (save_track_figure(tmp_path / name, LONG, PICTURE) for name in ("one.png", "other.png"))
-    assert [file.read_bytes() for file in one] == [file.read_bytes() for file in other]
-    assert b"tIME" not in one[0].read_bytes()
+def test_the_same_film_gives_the_same_files(saved, tmp_path):
+    again = save_track_figure(tmp_path / "again.png", LONG, PICTURE)
+    assert [file.read_bytes() for file in again] == [file.read_bytes() for file in saved]
+    assert b"tIME" not in saved[0].read_bytes()
 
 
 @pytest.mark.parametrize("name", ["track.csv", "track.svg", "track"])

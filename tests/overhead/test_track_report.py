@@ -11,10 +11,11 @@ from rich.console import Console
 from track_kit import lens
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead import track_report
+from epuck_sim.overhead import progress
 from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.progress import passing
 from epuck_sim.overhead.track import Track
-from epuck_sim.overhead.track_report import parse_arena, parse_corners, passing, print_json, print_table
+from epuck_sim.overhead.track_report import parse_arena, parse_corners, print_json, print_table
 
 TRACK = Track(
     film="film.mp4",
@@ -124,7 +125,7 @@ def test_frames_are_passed_on_as_they_come(
     def console(**options: Any) -> Console:
         return Console(**options, force_terminal=is_terminal)
 
-    monkeypatch.setattr(track_report, "Console", console)
+    monkeypatch.setattr(progress, "Console", console)
     assert list(passing("tracking")(iter(FRAMES), duration_s)) == FRAMES
     shown = capsys.readouterr()
     assert shown.out == ""

@@ -28,6 +28,7 @@ from epuck_sim.overhead import tracking
 from epuck_sim.overhead.annotate import Annotator
 from epuck_sim.overhead.film_lens import CORNERS, DESCRIPTION, LIGHT, RINGS
 from epuck_sim.overhead.film_reader import open_film
+from epuck_sim.overhead.film_writer import FilmWriter
 from epuck_sim.overhead.frame import Frame
 from epuck_sim.overhead.rings import Ring
 from epuck_sim.overhead.track import Known, Track
@@ -477,6 +478,20 @@ def test_camera_that_is_unplugged_tells_what_it_saw(plug: Plug, reel: list[Frame
     assert track.frames == 70
     assert not camera.is_open
     assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
+
+
+def test_film_of_a_camera_that_cannot_be_written_is_no_end_of_it(
+    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def write(*_: Any) -> None:
+        raise FilmError("no space left")
+
+    camera = plug(reel)
+    monkeypatch.setattr(FilmWriter, "write", write)
+    with pytest.raises(FilmError, match="no space left"):
+        track_camera(7, Known(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
+    assert not camera.is_open
+    assert not list(tmp_path.iterdir())
 
 
 def test_film_without_light_leaves_no_table(plug: Plug, tmp_path: Path) -> None:
