@@ -40,6 +40,10 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	done
 	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
 	$(BIN)/python docs/figures/response_curves.py
+	$(BIN)/python docs/figures/overhead_views.py
+	$(BIN)/python docs/figures/overhead_accuracy.py
+	$(BIN)/epuck-sim run fig-4-7 --out runs/fig-4-7
+	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
 	set -e; for sweep in $(QUICK_SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
 	    $(BIN)/epuck-sim plot runs/$$sweep-quick --to runs/$$sweep; \

@@ -1,0 +1,98 @@
+"""Makes docs/figures/fig-4-7.csv and .png from the run folder that is its argument: `make figures` runs it.
+
+Thesis Fig. 4.7: T_sync of ten e-pucks against speed, five trials each, as the film above the arena shows it. Here the
+robots are those of arenas/physical.yaml. The first five trials at each speed are filmed and tracked, and the folder's
+fifty tell T_sync by the order parameter; beside them are the robots without imperfections, of base_curve.csv.
+"""
+
+import csv
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from epuck_sim import Simulation
+from epuck_sim.overhead.histogram import SpreadWatch, is_synchronised
+from epuck_sim.overhead.lens import overhead_lens
+from epuck_sim.overhead.tracker import Tracker
+from epuck_sim.overhead.webcam import Webcam
+from epuck_sim.results import PointTrials, read_points
+from epuck_sim.scenario import Scenario
+
+OUT = Path(__file__).with_name("fig-4-7.csv")
+FILMED = 5
+THRESHOLD_S = 2 / 15.5
+"""Two frames (thesis 4.3.1)."""
+
+MOST_CYCLES = 500
+
+
+def film(task: tuple[Scenario, int]) -> float:
+    """Return T_sync in periods as the film of a trial shows it; NaN if it has not come after `MOST_CYCLES`."""
+    scenario, seed = task
+    simulation = Simulation(scenario, seed)
+    arena = scenario.arena
+    webcam = Webcam(scenario.overhead, arena.build(), seed)
+    tracker = Tracker(overhead_lens(scenario.overhead, arena.width_cm, arena.height_cm))
+    (period_s,) = set(simulation.period_ms / 1000)
+    start_s = scenario.overhead.lit_start_s
+    spreads = SpreadWatch(period_s, start_s)
+    for step in simulation:
+        for frame in webcam.take(step.time_s, step.poses, step.ring_on):
+            evaluation = spreads.look(frame.time_s, len(tracker.look(frame)))
+            if evaluation is not None and is_synchronised(evaluation, THRESHOLD_S):
+                return (evaluation.time_s - start_s) / period_s
+        if step.time_s > MOST_CYCLES * period_s:
+            break
+    return np.nan
+
+
+def measure(points: list[PointTrials]) -> None:
+    """Film trials of all points, and write the table."""
+    tasks = [(point.scenario, seed) for point in points for seed in point.seeds[:FILMED]]
+    with ProcessPoolExecutor() as executor:
+        filmed = np.array(list(executor.map(film, tasks))).reshape(len(points), FILMED)
+    with OUT.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        speed = ["speed_cm_s"]
+        writer.writerow([*speed, "film_mean", "film_min", "film_max", "film_never", "trials", "mean", "standard_error"])
+        for point, times in zip(points, filmed, strict=True):
+            cycles = point.times[point.observed]
+            error = cycles.std(ddof=1) / len(cycles) ** 0.5
+            extremes = (np.nanmean(times), np.nanmin(times), np.nanmax(times))
+            row = [*point.axes.values(), *extremes, int(np.isnan(times).sum()), len(cycles), cycles.mean(), error]
+            writer.writerow([f"{value:.4g}" for value in row])
+
+
+def draw() -> None:
+    """Draw the table, and the base curve beside it."""
+    speed, film_mean, low, high, _, _, mean, error = np.loadtxt(OUT, delimiter=",", skiprows=1, unpack=True)
+    ideal_speed, _, ideal, ideal_error, _ = np.loadtxt(
+        OUT.with_name("base_curve.csv"), delimiter=",", skiprows=1, unpack=True
+    )
+    figure = Figure(figsize=(7, 4.5), layout="constrained")
+    axes = figure.subplots()
+    axes.fill_between(speed, low, high, color="0.88", label=f"{FILMED} trials filmed: least and largest")
+    axes.loglog(speed, film_mean, "o-", color="black", label="by the film, their mean")
+    axes.errorbar(speed, mean, 1.96 * error, fmt="s-", color="tab:red", capsize=2, label="by r >= 0.95, mean of 50")
+    axes.errorbar(
+        ideal_speed,
+        ideal,
+        1.96 * ideal_error,
+        fmt="-",
+        color="tab:blue",
+        label="ideal robots by r >= 0.95, mean of 1,000",
+    )
+    axes.set(xlabel="V [cm/s]", ylabel="T_sync [cycles]", xlim=(0.4, 15))
+    axes.set_xticks(ticks := [0.5, 1, 2, 5, 10], labels=map(str, ticks))
+    axes.set_yticks(ticks := [5, 10, 20, 50, 100, 200], labels=map(str, ticks))
+    axes.minorticks_off()
+    axes.legend(fontsize="small")
+    figure.savefig(OUT.with_suffix(".png"), dpi=110)
+
+
+if __name__ == "__main__":
+    measure(read_points(Path(sys.argv[1])))
+    draw()
