@@ -15,7 +15,7 @@ run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
 
 test: lint ## lint, types and all tests but the slow ones
-	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks
+	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist loadfile
 
 lint: $(VENV)/test-tools
 	$(BIN)/ruff check .
