@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import rerun as rr
-from cli_kit import call, refused
+from cli_kit import call, called, contents, refused
 from rerun.chunk import RrdReader
 from sweeps_kit import COMMAND, wait_until
 
@@ -54,17 +54,6 @@ def step(sensors, memory, actuators, parameters, random):
 
 ADDRESS = "http://127.0.0.1"
 UNSEEN = "give --web to look in a browser"
-
-
-def called(*arguments: str | Path) -> str:
-    """Return what a command prints that ends well and has nothing to complain of."""
-    result = call(*arguments)
-    assert (result.exit_code, result.stderr) == (0, ""), result.exception
-    return result.stdout
-
-
-def contents(folder: Path) -> dict[str, bytes | None]:
-    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
 def trials(stdout: str) -> list[dict[str, Any]]:

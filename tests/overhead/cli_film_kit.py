@@ -1,24 +1,11 @@
-"""What the tests of the commands of films share: commands that end well, and folders and films looked into."""
+"""What the tests of the commands of films share: folders and films looked into."""
 
 import os
 from pathlib import Path
 from typing import Any
 
-from cli_kit import call
-
 from epuck_sim.overhead.film_reader import open_film
 from epuck_sim.overhead.frame import Frame
-
-
-def called(*arguments: str | Path) -> str:
-    """Return what a command prints that ends well and has nothing to complain of."""
-    result = call(*arguments)
-    assert (result.exit_code, result.stderr) == (0, ""), result.exception
-    return result.stdout
-
-
-def contents(folder: Path) -> dict[str, bytes | None]:
-    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
 def names(folder: Path) -> list[str]:

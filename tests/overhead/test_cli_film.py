@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cli_film_kit import called, contents, names, seen, shut
-from cli_kit import call, refused
+from cli_film_kit import names, seen, shut
+from cli_kit import call, called, contents, refused
 from reader_kit import cut_off
 
 from epuck_sim import cli_run

@@ -14,8 +14,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from cli_film_kit import called, contents, names, seen, shut
-from cli_kit import call, refused
+from cli_film_kit import names, seen, shut
+from cli_kit import call, called, contents, refused
 from reader_kit import cut_off
 from sweeps_kit import COMMAND, wait_until
 from track_kit import PLACES, described, even, in_step, read_rings, save, shoot
