@@ -3,7 +3,7 @@
 Whole numbers and C's truncation toward zero, as on the robot; speeds in mm/s.
 """
 
-from epuck_sim.randomness import below
+from epuck_sim.util.rng import below
 
 PARAMETERS = {
     "speed_cm_s": 12.8,  # V, straight ahead

@@ -5,7 +5,7 @@ All in whole milliseconds, as the e-puck has no floating-point unit; results are
 
 import numpy as np
 
-from epuck_sim.randomness import below
+from epuck_sim.util.rng import below
 
 PARAMETERS = {
     "period_s": 5.0,  # tau

@@ -3,7 +3,7 @@
 
 def main() -> None:
     """Run the command; worker processes import this module, too, and must not wait for the command line."""
-    from epuck_sim.cli import main as run_command  # noqa: PLC0415
+    from epuck_sim.cli.app import main as run_command  # noqa: PLC0415
 
     run_command()
 

@@ -14,13 +14,13 @@ import pytest
 from typer.testing import CliRunner
 
 import epuck_sim
-from epuck_sim.cli import app
-from epuck_sim.recording import live, viewer
+from epuck_sim.cli.app import app
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.recording.reader import read_recording
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.sweep import points
-from epuck_sim.yaml_reader import parse_yaml
+from epuck_sim.recording.viewer import live, viewer
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.yaml_io import parse_yaml
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

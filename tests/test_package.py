@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.shipped import ARENAS, CONTROLLERS, SWEEPS
+from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS
 
 ROOT = Path(__file__).parent.parent
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from epuck_sim.randomness import trial_seed
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.trial import run_trial
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.util.rng import trial_seed
 
 
 def synchronisation_times(speed_cm_s: float, trials: int) -> np.ndarray:

@@ -14,12 +14,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation
-from epuck_sim.overhead.histogram import SpreadWatch, is_synchronised
-from epuck_sim.overhead.lens import overhead_lens
-from epuck_sim.overhead.tracker import Tracker
-from epuck_sim.overhead.webcam import Webcam
-from epuck_sim.results import PointTrials, read_points
-from epuck_sim.scenario import Scenario
+from epuck_sim.overhead.camera_model import overhead_lens
+from epuck_sim.overhead.render.virtual_camera import Webcam
+from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.overhead.track.spread import SpreadWatch, is_synchronised
+from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.scenario.scenario import Scenario
 
 OUT = Path(__file__).with_name("fig-4-7.csv")
 FILMED = 5

@@ -20,18 +20,18 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation, load_scenario
-from epuck_sim.overhead.estimates import estimate_flash_s, spread_at_s, spread_threshold_s
-from epuck_sim.overhead.film_reader import open_film
-from epuck_sim.overhead.filming import film_trial
-from epuck_sim.overhead.frame import Frame
-from epuck_sim.overhead.histogram import SpreadWatch, first_synchronised, is_synchronised
-from epuck_sim.overhead.lens import overhead_lens
-from epuck_sim.overhead.rings import RingFinder
-from epuck_sim.overhead.tracker import Tracker
+from epuck_sim.overhead.camera_model import overhead_lens
+from epuck_sim.overhead.film.frame import Frame
+from epuck_sim.overhead.film.reader import open_film
+from epuck_sim.overhead.render.film_trial import film_trial
+from epuck_sim.overhead.render.virtual_camera import Webcam
+from epuck_sim.overhead.track.period_estimation import estimate_flash_s, spread_at_s, spread_threshold_s
+from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.overhead.track.ring_detection import RingFinder
+from epuck_sim.overhead.track.spread import SpreadWatch, first_synchronised, is_synchronised
 from epuck_sim.overhead.truth import Score, compare
-from epuck_sim.overhead.webcam import Webcam
-from epuck_sim.randomness import trial_seed
-from epuck_sim.synchrony import SynchronyWatch
+from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.util.rng import trial_seed
 
 OUT = Path(__file__).parent
 TRIALS = 100

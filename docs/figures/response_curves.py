@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from epuck_sim.particles.response import CURVES, Response, order_change, phase_shift
+from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift
 
 SHOWN = {"multiplicative": (0.1, 0.0), "sawtooth": (0.5, 0.2), "sine": (0.08, 0.0)}
 """Coupling and refractory period of each curve, as in the thesis's figure."""

@@ -19,14 +19,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import inlined_kernel, lean_kernel
-from epuck_sim.particles.clocks import Clocks, begin_next_cycle, find_due, next_due, phase_at, set_due
-from epuck_sim.particles.flight import Flights, begin_cycle, carry_on, ends_at, first_to_end, reorient, turn_next
+from epuck_sim.particles.motion import Flights, begin_cycle, carry_on, ends_at, first_to_end, reorient, turn_next
+from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours
-from epuck_sim.particles.neighbours import find_neighbours
-from epuck_sim.particles.order import COMPLEX, REFERENCE, are_near, measure_order, near_enough
-from epuck_sim.particles.response import CURVES, Response, shifted
-from epuck_sim.particles.scenario import ParticleScenario
+from epuck_sim.particles.order_kernel import COMPLEX, REFERENCE, are_near, measure_order, near_enough
+from epuck_sim.particles.oscillators import Clocks, begin_next_cycle, find_due, next_due, phase_at, set_due
+from epuck_sim.particles.phase_response import CURVES, Response, shifted
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.util.jit import inlined_kernel, lean_kernel
 
 Whole = npt.NDArray[np.int64]
 

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import inlined_kernel
-from epuck_sim.randomness import uniform
+from epuck_sim.util.jit import inlined_kernel
+from epuck_sim.util.rng import uniform
 
 Floats = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import inlined_kernel
+from epuck_sim.util.jit import inlined_kernel
 
 Floats = npt.NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.compiled import inlined_kernel
-from epuck_sim.particles.lattice import Lattice, begin_cycle_of_lattice, make_lattice
-from epuck_sim.particles.scenario import Cone, Nearest, ParticleScenario, Range
+from epuck_sim.particles.cell_list import Lattice, begin_cycle_of_lattice, make_lattice
+from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, Range
+from epuck_sim.util.jit import inlined_kernel
 
 Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]

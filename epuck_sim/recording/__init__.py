@@ -1,1 +1,4 @@
-"""Recordings of trials for the rerun viewer: written, read back, replayed and drawn."""
+"""Recordings of trials for rerun's viewer: written while a trial runs, read back, shown.
+
+May import: trial, the models and scenario; never runs, sweep or statistics.
+"""

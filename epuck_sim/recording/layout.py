@@ -8,9 +8,9 @@ from pathlib import Path
 import rerun.blueprint as rrb
 
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
+from epuck_sim.recording.layers.images import CAMERA, INFRARED, SPACE_TIME
+from epuck_sim.recording.layers.time_series import FLASHES, PHASES, WHEELS
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.pictures import CAMERA, INFRARED, SPACE_TIME
-from epuck_sim.recording.series import FLASHES, PHASES, WHEELS
 
 MARGIN_CM = 2.0
 """Around the arena of robots."""

@@ -12,21 +12,21 @@ import pyarrow as pa
 from rerun.chunk import Chunk, RrdReader
 
 from epuck_sim.errors import RecordingError, ScenarioError
-from epuck_sim.models import validate
-from epuck_sim.provenance import in_text
-from epuck_sim.recording import series
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
-from epuck_sim.recording.ground import HEADINGS, ROBOTS
+from epuck_sim.recording.layers import time_series
+from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
 from epuck_sim.recording.level import Level
+from epuck_sim.recording.population import describe
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.recording.rrd_file import ENDING
-from epuck_sim.recording.subject import describe
-from epuck_sim.scenario import Scenario
-from epuck_sim.yaml_reader import parse_yaml
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.validation import validate
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.util.provenance import in_text
 
 Floats = npt.NDArray[np.float64]
 
-SERIES = (series.ORDER_AT_STEPS, series.ORDER_AT_FIRINGS, series.FLASHES, series.PHASES)
+SERIES = (time_series.ORDER_AT_STEPS, time_series.ORDER_AT_FIRINGS, time_series.FLASHES, time_series.PHASES)
 
 
 class Recorded(NamedTuple):
@@ -70,9 +70,9 @@ class Recorded(NamedTuple):
 
 def last_moment_s(path: Path) -> float:
     """Return the time of a recording's last row, 0 if there is none; raises as `read_recording` does."""
-    entities = _Entities(path, series.ORDER_AT_STEPS)
+    entities = _Entities(path, time_series.ORDER_AT_STEPS)
     _check_format(path, entities.properties(TRIAL))
-    return float(entities.times(series.ORDER_AT_STEPS).max(initial=0))
+    return float(entities.times(time_series.ORDER_AT_STEPS).max(initial=0))
 
 
 def read_recording(path: Path) -> Recorded:
@@ -120,14 +120,14 @@ def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any
         versions=json.loads(trial["versions"]),
         cycles=outcome["cycles"],
         synchronised=outcome["synchronised"],
-        time_s=entities.times(series.ORDER_AT_STEPS),
-        order_parameter=entities.values(series.ORDER_AT_STEPS, "Scalars:scalars"),
-        flash_s=entities.times(series.FLASHES),
-        flash_robot=entities.values(series.FLASHES, "Scalars:scalars").astype(np.int64),
-        flash_cycle=entities.values(series.FLASHES, "cycle").astype(np.int64),
-        firing_s=entities.times(series.ORDER_AT_FIRINGS),
-        firing_order=entities.values(series.ORDER_AT_FIRINGS, "Scalars:scalars"),
-        phase_ms=entities.values(series.PHASES, "Scalars:scalars").reshape(-1, count),
+        time_s=entities.times(time_series.ORDER_AT_STEPS),
+        order_parameter=entities.values(time_series.ORDER_AT_STEPS, "Scalars:scalars"),
+        flash_s=entities.times(time_series.FLASHES),
+        flash_robot=entities.values(time_series.FLASHES, "Scalars:scalars").astype(np.int64),
+        flash_cycle=entities.values(time_series.FLASHES, "cycle").astype(np.int64),
+        firing_s=entities.times(time_series.ORDER_AT_FIRINGS),
+        firing_order=entities.values(time_series.ORDER_AT_FIRINGS, "Scalars:scalars"),
+        phase_ms=entities.values(time_series.PHASES, "Scalars:scalars").reshape(-1, count),
         positions=entities.values(ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, count, 2),
         headings=np.arctan2(arrows[..., 1], arrows[..., 0]),
         ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,

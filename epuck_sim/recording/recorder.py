@@ -11,24 +11,24 @@ from typing import Any
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.embodied import EmbodiedScenario
-from epuck_sim.particles.scenario import ParticleScenario
-from epuck_sim.particles.swarm import Swarm
-from epuck_sim.provenance import versions
+from epuck_sim.particles.simulation import Swarm
+from epuck_sim.recording.buffers.agents import SwarmWindow
+from epuck_sim.recording.buffers.robots import Window
 from epuck_sim.recording.chunks import still, strictly
-from epuck_sim.recording.details import Details, RobotDetails
-from epuck_sim.recording.ground import ground, set_ground
+from epuck_sim.recording.layers.agents import SwarmDetails
+from epuck_sim.recording.layers.arena import ground, set_ground
+from epuck_sim.recording.layers.robots import Details, RobotDetails
+from epuck_sim.recording.layers.time_series import series, series_styles
 from epuck_sim.recording.layout import layout_file, make_layout, make_swarm_layout
 from epuck_sim.recording.level import Level
+from epuck_sim.recording.population import Subject, describe
 from epuck_sim.recording.rrd_file import rrd_file
-from epuck_sim.recording.series import series, series_styles
-from epuck_sim.recording.subject import Subject, describe
-from epuck_sim.recording.swarm_details import SwarmDetails
-from epuck_sim.recording.swarm_window import SwarmWindow
-from epuck_sim.recording.window import Window
-from epuck_sim.scenario import Scenario
-from epuck_sim.scenario_file import load_scenario, write_scenario
-from epuck_sim.synchrony import SynchronyWatch
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.util.provenance import versions
 
 FORMAT = 1
 """Of the entities in a recording; a newer one may have others."""

@@ -11,9 +11,9 @@ from queue import Full, Queue
 from rerun.chunk import Chunk, LazyChunkStream
 
 from epuck_sim.errors import RecordingError
-from epuck_sim.files import check_target, unwritable
 from epuck_sim.recording.chunks import APPLICATION
-from epuck_sim.recording.rerun_program import run_rerun
+from epuck_sim.recording.viewer.process import run_rerun
+from epuck_sim.util.atomic_write import check_target, unwritable
 
 ENDING = ".rrd"
 

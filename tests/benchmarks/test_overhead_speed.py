@@ -15,14 +15,14 @@ import psutil
 import pytest
 
 from epuck_sim.arena import make_arena
-from epuck_sim.overhead.film_reader import open_film
-from epuck_sim.overhead.film_writer import film_file
-from epuck_sim.overhead.frame import Frame
-from epuck_sim.overhead.lens import overhead_lens
-from epuck_sim.overhead.section import OverheadSection
-from epuck_sim.overhead.tracker import Tracker
-from epuck_sim.overhead.webcam import Webcam
-from epuck_sim.simulation import Simulation
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.overhead.camera_model import overhead_lens
+from epuck_sim.overhead.film.frame import Frame
+from epuck_sim.overhead.film.reader import open_film
+from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.render.virtual_camera import Webcam
+from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.scenario.overhead import OverheadSection
 
 pytestmark = pytest.mark.benchmark
 

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from epuck_sim.particles.swarm import Swarm
+from epuck_sim.particles.simulation import Swarm
 
 pytestmark = pytest.mark.benchmark
 

@@ -12,11 +12,11 @@ from itertools import islice
 import pymunk.batch
 import pytest
 
-from epuck_sim import world
-from epuck_sim.randomness import trial_seed
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.trial import run_trial
+from epuck_sim.embodied import rigid_bodies
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.util.rng import trial_seed
 
 pytestmark = pytest.mark.benchmark
 
@@ -30,20 +30,20 @@ START_TARGET_S = 2
 BLOCK = 20
 
 
-class TimedWorld(world.World):
+class TimedWorld(rigid_bodies.World):
     """A world that adds up how long its bare physics takes."""
 
     bare_s: float
 
     def advance(self, steps: int) -> None:
         space, step, step_s = self._space, self._space.step, self._step_s
-        pymunk.batch.set_space_bodies(space, world._VELOCITIES, self._commands)
+        pymunk.batch.set_space_bodies(space, rigid_bodies._VELOCITIES, self._commands)
         began = time.perf_counter()
         for _ in range(steps):
             step(step_s)
         self.bare_s += time.perf_counter() - began
         self._poses.clear()
-        pymunk.batch.get_space_bodies(space, world._POSES, self._poses)
+        pymunk.batch.get_space_bodies(space, rigid_bodies._POSES, self._poses)
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_the_base_curve_in_cpu_seconds(benchmark) -> None:
 
 def test_the_time_to_the_first_step(benchmark) -> None:
     """A new process with compiled code in the cache."""
-    script = "from epuck_sim.cli import app; app(['run', 'pair', '--json'])"
+    script = "from epuck_sim.cli.app import app; app(['run', 'pair', '--json'])"
     command = [sys.executable, "-c", script]
     subprocess.run(command, check=True, capture_output=True)
     benchmark.pedantic(subprocess.run, (command,), {"check": True, "capture_output": True}, rounds=5)

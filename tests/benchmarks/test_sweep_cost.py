@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.batch import missing_tasks
-from epuck_sim.results import read_status
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.sweep import points
-from epuck_sim.worker import carry_out
+from epuck_sim.runs.reader import read_status
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.sweep.run import missing_tasks
+from epuck_sim.sweep.worker import carry_out
 
 pytestmark = pytest.mark.benchmark
 

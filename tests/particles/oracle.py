@@ -8,8 +8,8 @@ from the swarm that it is compared with: the state at the beginning, and each ag
 import math
 from typing import NamedTuple
 
-from epuck_sim.particles.swarm import Swarm
-from epuck_sim.randomness import uniform
+from epuck_sim.particles.simulation import Swarm
+from epuck_sim.util.rng import uniform
 
 ONE_INSTANT = 1e-12
 """Cycles: firings that are no farther apart happen at once."""

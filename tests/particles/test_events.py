@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracle import Oracle
-from particles_kit import KINDS, agree, any_sections, hand_made, next_firing, set_flights, swarm_of, who
 
-from epuck_sim.particles.flight import plan_all
-from epuck_sim.particles.order import near_enough
+from epuck_sim.particles.motion import plan_all
+from epuck_sim.particles.order_kernel import near_enough
+from tests.particles.oracle import Oracle
+from tests.particles.scenes import KINDS, agree, any_sections, hand_made, next_firing, set_flights, swarm_of, who
 
 SEEDS = st.integers(0, 2**32 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)

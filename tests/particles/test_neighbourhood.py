@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from oracle import Oracle
-from particles_kit import KINDS, UNSURE, agree, any_sections, hand_made, neighbourhoods, swarm_of, who
+
+from tests.particles.oracle import Oracle
+from tests.particles.scenes import KINDS, UNSURE, agree, any_sections, hand_made, neighbourhoods, swarm_of, who
 
 SEEDS = st.integers(0, 2**32 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from particles_kit import hand_made, scenario, swarm_of, who
 
-from epuck_sim.particles.response import Response, order_change
-from epuck_sim.particles.swarm import Swarm
-from epuck_sim.particles.trial import run_swarm
-from epuck_sim.randomness import trial_seed
+from epuck_sim.particles.phase_response import Response, order_change
+from epuck_sim.particles.simulation import Swarm
+from epuck_sim.trial.particles import run_swarm
+from epuck_sim.util.rng import trial_seed
+from tests.particles.scenes import hand_made, scenario, swarm_of, who
 
 inner = st.floats(0.001, 0.999)
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from epuck_sim.particles.swarm import Swarm
+from epuck_sim.particles.simulation import Swarm
 
 CENSORED_AT = 30_000
 

@@ -8,13 +8,13 @@ import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import RADIUS_CM, Scene, scenes
 
 from epuck_sim.arena import Arena, box_corners, clearance_cm, make_arena
-from epuck_sim.cells import make_cells
-from epuck_sim.recording.contacts import find_contacts
-from epuck_sim.simulation import Simulation
-from epuck_sim.world import MARGIN_CM
+from epuck_sim.embodied.cell_list import make_cells
+from epuck_sim.embodied.rigid_bodies import MARGIN_CM
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.recording.relations.contacts import find_contacts
+from tests.embodied.scenes import RADIUS_CM, Scene, scenes
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]

@@ -11,20 +11,31 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from rerun.experimental import ViewerClient
-from sweeps_kit import processes_marked, wait_until
-from viewer_kit import ARENA, DARK, LIT, NOTHING_STARTS, answer, discs, listening, nothing_left, pixels, replace_rerun
 
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording import live as live_module
-from epuck_sim.recording import rerun_program
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.live import live, live_viewer
-from epuck_sim.recording.rerun_program import NO_GRAPHICS, free_port, in_background, proxy
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.step import Step
-from epuck_sim.synchrony import SynchronyWatch
-from epuck_sim.trial import Onlooker, TrialResult, run_trial
+from epuck_sim.recording.viewer import live as live_module
+from epuck_sim.recording.viewer import process
+from epuck_sim.recording.viewer.live import live, live_viewer
+from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, proxy
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import Onlooker, TrialResult, run_trial
+from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.recording.viewers import (
+    ARENA,
+    DARK,
+    LIT,
+    NOTHING_STARTS,
+    answer,
+    discs,
+    listening,
+    nothing_left,
+    pixels,
+    replace_rerun,
+)
+from tests.sweep.short_sweeps import processes_marked, wait_until
 
 FAST = 1000.0
 
@@ -244,7 +255,7 @@ def test_a_browser_on_this_machine_only_finds_the_viewer_at_the_port(tmp_path) -
 
 @pytest.mark.usefixtures("no_display")
 def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatch) -> None:
-    monkeypatch.setattr(rerun_program, "PROGRAM", NOTHING_STARTS)
+    monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
     with (
         pytest.raises(RecordingError, match=r"^there is no display here; give --web .* --record"),
         live_viewer(None, ignore),
@@ -289,10 +300,10 @@ import sys, time
 import psutil
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.live import live, live_viewer
-from epuck_sim.recording.rerun_program import free_port
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
+from epuck_sim.recording.viewer.live import live, live_viewer
+from epuck_sim.recording.viewer.process import free_port
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial import run_trial
 
 moments = []

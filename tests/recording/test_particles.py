@@ -8,25 +8,26 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 import pytest
-from cli_kit import call, refused
 from matplotlib.colors import to_hex
 from matplotlib.patches import Circle
-from test_recorder import Found
-from viewer_kit import LIT, alike, pixels
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.particles.scenario import ParticleScenario
-from epuck_sim.particles.swarm import Event, Swarm
-from epuck_sim.particles.trial import run_swarm
-from epuck_sim.recording import hearing, recorder
+from epuck_sim.figures.trial_page import RED, draw_page, save_page
+from epuck_sim.particles.simulation import Event, Swarm
+from epuck_sim.recording import recorder
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.page import RED, draw_page, save_page
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.rerun_program import NO_GRAPHICS, run_rerun
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.synchrony import METRICS
-from epuck_sim.trial import TrialResult
+from epuck_sim.recording.relations import pulses
+from epuck_sim.recording.viewer.process import NO_GRAPHICS, run_rerun
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.synchrony import METRICS
+from tests.cli.commands import call, refused
+from tests.recording.test_recorder import Found
+from tests.recording.viewers import LIT, alike, pixels
 
 Floats = npt.NDArray[np.float64]
 
@@ -289,7 +290,7 @@ def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
         waits, expected = {*each.event.heard.tolist()}, []
         for agent in each.event.fired.tolist():
             heard = hearers(trial.scenario, each.positions, headings[each.time_ns], agent)
-            for other in heard if trial.scenario.agents.count < hearing.MANY else heard & waits:
+            for other in heard if trial.scenario.agents.count < pulses.MANY else heard & waits:
                 way = each.positions[other] - each.positions[agent]
                 if trial.scenario.space.boundary == "cyclic":
                     way -= side_cm * np.round(way / side_cm)
@@ -502,7 +503,7 @@ def test_a_trial_of_a_sweep_is_recorded_again(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("few.yaml").write_text(SWEEP)
     assert call("run", "few.yaml", "--out", "runs", "--workers", 1).exit_code == 0
-    monkeypatch.setattr("epuck_sim.recording.viewer.has_display", lambda: False)
+    monkeypatch.setattr("epuck_sim.recording.viewer.viewer.has_display", lambda: False)
     done = call("replay", "runs", "--point", 1, "--trial", 1, "--record", "again.rrd")
     assert done.exit_code == 0, done.stderr
     assert "not the trial that is stored" not in done.stderr

@@ -10,20 +10,20 @@ import pytest
 import rerun as rr
 from rerun.chunk import Chunk, LazyChunkStream, RrdReader
 
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
-from epuck_sim.provenance import versions
 from epuck_sim.recording import recorder
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.rerun_program import run_rerun
-from epuck_sim.scenario import Scenario
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.step import Step
-from epuck_sim.synchrony import SynchronyWatch
-from epuck_sim.trial import TrialResult, run_trial
+from epuck_sim.recording.viewer.process import run_rerun
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.embodied import TrialResult, run_trial
+from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.util.provenance import versions
 
 THESIS = load_scenario("thesis", ["stop.max_time_s=30", "stop.order_parameter=1"])
 PAIR = load_scenario("pair")

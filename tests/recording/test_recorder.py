@@ -15,22 +15,23 @@ import pyarrow.compute as pc
 import pytest
 from rerun.chunk import RrdReader
 
-from epuck_sim.cells import make_cells
-from epuck_sim.embodied import EmbodiedScenario
+from epuck_sim.embodied.cell_list import make_cells
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
-from epuck_sim.provenance import versions
-from epuck_sim.recording import pictures, recorder
-from epuck_sim.recording.contacts import find_contacts
+from epuck_sim.recording import recorder
+from epuck_sim.recording.layers import images
+from epuck_sim.recording.layers.robot_overlays import VIEW_CM
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.rerun_program import PROGRAM, run_rerun
-from epuck_sim.recording.scene import VIEW_CM
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.step import Step
-from epuck_sim.synchrony import SynchronyWatch
-from epuck_sim.trial import TrialResult, run_trial
-from epuck_sim.yaml_reader import parse_yaml
+from epuck_sim.recording.relations.contacts import find_contacts
+from epuck_sim.recording.viewer.process import PROGRAM, run_rerun
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial.embodied import TrialResult, run_trial
+from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.util.provenance import versions
 
 Array = npt.NDArray[Any]
 
@@ -400,7 +401,7 @@ ROWS_OF = {"robots": [{"count": 3, "camera": {"pixels": 12}}], "timing": {"contr
 @pytest.fixture(params=["one window", "73 rows", "one step"])
 def space_time(request, tmp_path, monkeypatch) -> tuple[Found, Watched]:
     """Record two and a half pictures, of 120 steps each."""
-    monkeypatch.setattr(pictures, "PICTURE_STEPS", 120)
+    monkeypatch.setattr(images, "PICTURE_STEPS", 120)
     for name, value in WINDOWS[request.param].items():
         monkeypatch.setattr(recorder, name, value)
     scenario = load_scenario({**ROWS_OF, "stop": {"max_time_s": 150, "order_parameter": 1}})
@@ -435,8 +436,8 @@ def test_time_runs_down_a_picture_and_robots_stand_side_by_side(space_time: tupl
 
 
 def test_robots_for_whom_there_is_no_room_are_left_out(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(pictures, "MAX_COLUMNS", 38)
-    monkeypatch.setattr(pictures, "PICTURE_STEPS", 120)
+    monkeypatch.setattr(images, "MAX_COLUMNS", 38)
+    monkeypatch.setattr(images, "PICTURE_STEPS", 120)
     watched = Watched()
     recorded(tmp_path / "t.rrd", load(ROWS_OF, 60), 1, Level.FULL, watched)
     shown, shape = pictures_of(Found(tmp_path / "t.rrd"))

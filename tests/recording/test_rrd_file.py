@@ -13,17 +13,17 @@ from pathlib import Path
 import pytest
 from rerun.chunk import LazyChunkStream, RrdReader
 
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording import recorder
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.rerun_program import run_rerun
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.step import Step
-from epuck_sim.synchrony import SynchronyWatch
-from epuck_sim.trial import Onlooker, run_trial
+from epuck_sim.recording.viewer.process import run_rerun
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import Onlooker, run_trial
+from epuck_sim.trial.synchrony import SynchronyWatch
 
 SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])
 
@@ -239,8 +239,8 @@ LONG = """
 import sys
 from pathlib import Path
 from epuck_sim.recording import recorder
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial import run_trial
 recorder.WINDOW_ROWS = 730
 scenario = load_scenario("thesis", ["stop.order_parameter=1", "stop.max_cycles=1000000"])
@@ -272,8 +272,8 @@ import json, os, sys
 from pathlib import Path
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial import run_trial
 
 def used():

@@ -15,8 +15,21 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy import ndimage
-from sweeps_kit import processes_marked, wait_until
-from viewer_kit import (
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
+from epuck_sim.epuck import RADIUS_CM
+from epuck_sim.errors import EpuckSimError, RecordingError
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.recorder import record
+from epuck_sim.recording.viewer import process
+from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, run_rerun
+from epuck_sim.recording.viewer.viewer import draw_screenshot, has_display, serve, show, web_viewer
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.recording.viewers import (
     ARENA,
     DARK,
     LIT,
@@ -30,20 +43,7 @@ from viewer_kit import (
     pixels,
     replace_rerun,
 )
-
-from epuck_sim.epuck import RADIUS_CM
-from epuck_sim.errors import EpuckSimError, RecordingError
-from epuck_sim.recording import rerun_program
-from epuck_sim.recording.level import Level
-from epuck_sim.recording.reader import Recorded, read_recording
-from epuck_sim.recording.recorder import record
-from epuck_sim.recording.rerun_program import NO_GRAPHICS, free_port, in_background, run_rerun
-from epuck_sim.recording.viewer import draw_screenshot, has_display, serve, show, web_viewer
-from epuck_sim.scenario_file import load_scenario
-from epuck_sim.simulation import Simulation
-from epuck_sim.step import Step
-from epuck_sim.synchrony import SynchronyWatch
-from epuck_sim.trial import run_trial
+from tests.sweep.short_sweeps import processes_marked, wait_until
 
 Floats = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -230,7 +230,7 @@ def test_without_a_graphics_driver_an_error_tells_what_to_install(thesis, tmp_pa
 
 
 def test_a_picture_that_cannot_be_written_is_refused_before_anything_starts(thesis, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(rerun_program, "PROGRAM", NOTHING_STARTS)
+    monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
     with pytest.raises(EpuckSimError, match="cannot be written: there is no directory"):
         draw_screenshot(thesis[0], 1.0, tmp_path / "gone" / "p.png")
 
@@ -274,7 +274,7 @@ def display(monkeypatch) -> Callable[[dict[str, str]], None]:
 
 
 def test_a_viewer_that_never_answers_is_ended_and_told_of(stand: Stand, monkeypatch) -> None:
-    monkeypatch.setattr(rerun_program, "START_S", 0.5)
+    monkeypatch.setattr(process, "START_S", 0.5)
     stand.acts(SLEEP)
     with pytest.raises(RecordingError, match="the viewer does not work: it does not answer"), web_viewer(free_port()):
         pytest.fail("it answered")
@@ -288,11 +288,11 @@ def test_a_viewer_that_ends_at_once_is_not_waited_for(stand: Stand) -> None:
         web_viewer(free_port()),
     ):
         pytest.fail("it answered")
-    assert time.monotonic() - began < rerun_program.START_S / 2
+    assert time.monotonic() - began < process.START_S / 2
 
 
 def test_a_viewer_that_is_deaf_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(rerun_program, "END_S", 0.2)
+    monkeypatch.setattr(process, "END_S", 0.2)
     deaf = tmp_path / "deaf"
     stand.acts(
         "import signal", "signal.signal(signal.SIGTERM, signal.SIG_IGN)", f"open({str(deaf)!r}, 'w').close()", SLEEP
@@ -374,7 +374,7 @@ def test_a_display_is_known_by_its_name(
 
 @pytest.mark.usefixtures("display")
 def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatch) -> None:
-    monkeypatch.setattr(rerun_program, "PROGRAM", NOTHING_STARTS)
+    monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
     with pytest.raises(RecordingError, match=r"^t\.rrd: there is no display here; give --web .* --screenshot"):
         show(Path("t.rrd"))
 
@@ -447,7 +447,7 @@ def test_the_viewer_ends_also_where_the_block_fails(thesis, tmp_path) -> None:
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
 def test_a_port_in_use_is_told_before_anything_starts(monkeypatch, address: str) -> None:
-    monkeypatch.setattr(rerun_program, "PROGRAM", NOTHING_STARTS)
+    monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
     with socket.socket() as taken:
         taken.bind((address, 0))
         taken.listen()

@@ -1,0 +1,79 @@
+"""The command `replay`: look at a recording, or at a trial of a sweep, which is simulated again."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from epuck_sim.cli.errors import readable_errors, refuse
+
+replays = typer.Typer()
+
+WEB_PORT = 9090
+
+
+@replays.command()
+def replay(
+    source: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="A file FILE.rrd, or a run folder with --point and --trial.")
+    ],
+    point: Annotated[int | None, typer.Option(min=0, help="Of a run folder: a point's number, from 0.")] = None,
+    trial: Annotated[int | None, typer.Option(min=0, help="And a trial's, from 0: it is simulated again.")] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.rrd", help="Record it there; by default to FOLDER-point-K-trial-J.rrd, here."),
+    ] = None,
+    interpret: Annotated[bool, typer.Option("--interpret", help="Run its controllers as plain Python.")] = False,
+    web: Annotated[bool, typer.Option("--web", help="Serve it to browsers on this machine, until Ctrl-C.")] = False,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help=f"For --web; {WEB_PORT} by default.")] = None,
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Draw what the viewer shows; needs no display.")
+    ] = None,
+    at: Annotated[
+        float | None, typer.Option(metavar="SECONDS", min=0, help="The moment that is drawn; the end by default.")
+    ] = None,
+) -> None:
+    """Open a recording in rerun's viewer; of a sweep, which keeps none, simulate one of the trials again."""
+    with readable_errors():
+        again = point is not None and trial is not None
+        refuse(
+            (web and screenshot is not None, "--web and --screenshot exclude each other"),
+            (port is not None and not web, "--port is for --web"),
+            (at is not None and screenshot is None, "--at is for --screenshot"),
+            (screenshot is not None and screenshot.suffix != ".png", "--screenshot: a picture's name must end in .png"),
+            (not source.exists(), f"{source}: there is no such file or run folder"),
+            (
+                source.is_dir() != again or (point is None) != (trial is None),
+                "--point and --trial go together, and with a run folder",
+            ),
+            ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
+        )
+        from epuck_sim.recording.reader import last_moment_s
+        from epuck_sim.recording.viewer.process import check_port
+        from epuck_sim.recording.viewer.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
+        from epuck_sim.util.atomic_write import check_target
+
+        if web:
+            check_port(port or WEB_PORT)
+        if screenshot is not None:
+            check_target(screenshot)
+        file = source
+        if point is not None and trial is not None:
+            from epuck_sim.cli.observers import Output
+            from epuck_sim.cli.run import record_again
+
+            file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
+            record_again(source, point, trial, Output(record=file, interpret=interpret))
+            typer.echo(file)
+        end_s = last_moment_s(file)
+        if screenshot is not None:
+            refuse(
+                (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends")
+            )
+            draw_screenshot(file, end_s if at is None else at, screenshot)
+        elif web:
+            serve(file, port or WEB_PORT, typer.echo)
+        elif again and not has_display():
+            typer.echo(NO_DISPLAY, err=True)
+        else:
+            show(file)

@@ -1,0 +1,45 @@
+"""The numbers of figures as CSV files, beside the pictures."""
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.statistics.curves import Curve
+from epuck_sim.util.atomic_write import written_whole
+
+POINT_COLUMNS = ("trials", "censored", "mean", "mean_low", "mean_high")
+"""What follows the axes in a table of curves: number of trials, share of them, and cycles."""
+
+DIGITS = 6
+
+
+def save_table(file: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a CSV file; raises EpuckSimError where it cannot be written."""
+    with written_whole(file) as part, part.open("w", newline="", encoding="utf-8") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def save_curves(file: Path, axis: str, curves: Sequence[Curve]) -> None:
+    """Write a row for each point of some curves over `axis`; their other axes come first."""
+    save_table(file, (*curves[0].axes, axis, *POINT_COLUMNS), _point_rows(curves))
+
+
+def _point_rows(curves: Sequence[Curve]) -> Iterator[list[Any]]:
+    for curve in curves:
+        columns = (curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T)
+        for row in zip(*columns, strict=True):
+            yield [*curve.axes.values(), *map(rounded, row)]
+
+
+def rounded(number: float) -> str:
+    """Return a number as tables have it, and nothing for what is not finite.
+
+    >>> rounded(1234.56789), rounded(float("nan"))
+    ('1234.57', '')
+    """
+    return f"{number:.{DIGITS}g}" if np.isfinite(number) else ""

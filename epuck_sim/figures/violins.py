@@ -1,0 +1,177 @@
+"""Distributions of T_sync beside the mean of Appendix A, as if trials had been censored earlier (thesis Fig. A.1)."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from epuck_sim.figures.csv_tables import rounded, save_table
+from epuck_sim.figures.labels import axis_label, values_told
+from epuck_sim.figures.style import (
+    check_stem,
+    explain,
+    in_figures,
+    is_logarithmic,
+    make_logarithmic,
+    make_panels,
+    save_drawing,
+)
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.statistics.curves import grouped, told_apart
+from epuck_sim.statistics.mean_estimate import estimate_mean
+
+Floats = npt.NDArray[np.float64]
+
+COLUMNS = ("trials", "censored", "plain_mean", "estimate", "low", "high")
+"""What follows the axes in the table: number of trials, share of them, and cycles."""
+
+HEIGHTS = 100
+"""At so many times is the density of a violin calculated."""
+
+WIDTH = 0.4
+"""Half that of a violin where it is widest, as a share of the least distance of two."""
+
+VIOLIN, LINE = "#6baed6", "#b2182b"
+
+
+class Violins(NamedTuple):
+    """How T_sync, in cycles, is distributed along an axis; points without trials are left out."""
+
+    axes: dict[str, Any]
+    """Values of the other axes."""
+    x: Floats
+    """(S,) values of the axis, ascending."""
+    synchronised: list[Floats]
+    """S times (trials,) cycles of the trials that are not censored."""
+    trials: npt.NDArray[np.int64]
+    """(S,) all of them."""
+    plain_means: Floats
+    """(S,); NaN where trials are censored."""
+    estimates: Floats
+    """(S, 3) mean by Appendix A and the ends of its 95 % interval, trials being censored early; NaN if undetermined."""
+
+    @property
+    def censored(self) -> npt.NDArray[np.int64]:
+        """(S,) how many of the trials are censored in the data themselves."""
+        return self.trials - np.array([len(times) for times in self.synchronised], np.int64)
+
+
+def read_violins(points: Sequence[PointTrials], axis: str, censored_at: int | None = None) -> list[Violins]:
+    """Return the violins of each combination of the values of the other axes, in the order of the sweep.
+
+    censored_at: the cycle at which the estimate takes trials to be censored; None for where they are.
+    """
+    return [_violins(group, axis, others, censored_at) for others, group in grouped(points, axis)]
+
+
+def _violins(points: Sequence[PointTrials], axis: str, others: dict[str, Any], censored_at: int | None) -> Violins:
+    return Violins(
+        axes=others,
+        x=np.array([point.axes[axis] for point in points], np.float64),
+        synchronised=[point.times[point.observed] for point in points],
+        trials=np.array([len(point.times) for point in points]),
+        plain_means=np.array([point.times.mean() if point.observed.all() else np.nan for point in points]),
+        estimates=np.array([_estimate(point, censored_at) for point in points]),
+    )
+
+
+def _estimate(point: PointTrials, censored_at: int | None) -> tuple[float, float, float]:
+    limit = np.inf if censored_at is None else censored_at
+    observed = point.observed & (point.times <= limit)
+    estimate = estimate_mean(np.minimum(point.times, limit), observed, point.seed)
+    return estimate.mean, estimate.low, estimate.high
+
+
+def save_violins(
+    stem: Path, title: str, axis: str, groups: Sequence[Violins], censored_at: int | None = None
+) -> list[Path]:
+    """Write the violins as STEM.png and STEM.svg, and a row for each of them as STEM.csv.
+
+    axis: the dotted key of their x; censored_at: what they were read with. Returns the files; raises EpuckSimError
+    where one cannot be written, and for more groups than there can be panels.
+    """
+    files = check_stem(stem, ".png", ".svg", ".csv")
+    save_drawing(draw_violins(title, axis, groups, censored_at), *files[:2])
+    save_table(files[2], (*groups[0].axes, axis, *COLUMNS), _rows(groups))
+    return files
+
+
+def _rows(groups: Sequence[Violins]) -> Iterator[list[Any]]:
+    for group in groups:
+        columns = (group.x, group.trials, group.censored / group.trials, group.plain_means, *group.estimates.T)
+        for row in zip(*columns, strict=True):
+            yield [*group.axes.values(), *map(rounded, row)]
+
+
+def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: int | None = None) -> Figure:
+    """Return the figure: a panel for each group, T_sync on a logarithmic scale.
+
+    A violin is the density of log T_sync of the trials that synchronised, a bar where they all took one time. The line
+    is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the plain mean,
+    where no trial is censored; a dashed line is where the estimate takes trials to be censored.
+    """
+    told = [values_told(each) for each in told_apart([each.axes for each in groups])]
+    size = (6.2, 3.8) if len(groups) == 1 else (3.6, 2.7)
+    figure, panels = make_panels(_heading(title, groups), told, (axis_label(axis), "T_sync [cycles]"), size)
+    x = np.concatenate([each.x for each in groups])
+    is_log = is_logarithmic(axis, x)
+    make_logarithmic(panels[0], "y", *["x"] * is_log)
+    places = np.unique(np.log10(x) if is_log else x)
+    half = WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
+    shown = [array for each in groups for array in (*each.synchronised, each.estimates[:, 0])]
+    highest = float(np.nanmax(np.concatenate(shown), initial=censored_at or 1))
+    for panel, group in zip(panels, groups, strict=True):
+        _draw_violins(panel, group, half, is_log)
+        _draw_estimates(panel, group, highest)
+        if censored_at is not None:
+            limit = f"T_cens of that mean: {in_figures(censored_at)}"
+            panel.axhline(censored_at, color="0.3", linestyle="--", linewidth=1, label=limit)
+    panels[0].set_ylim(top=3 * highest)
+    explain(figure, panels)
+    return figure
+
+
+def _heading(title: str, groups: Sequence[Violins]) -> str:
+    censored, trials = (int(sum(getattr(each, name).sum() for each in groups)) for name in ("censored", "trials"))
+    return f"{title}\n{censored} of {trials} trials censored, not in the violins" if censored else title
+
+
+def _draw_violins(panel: Axes, group: Violins, half: float, is_log: bool) -> None:
+    """Draw them so wide to either side, in decades where x is logarithmic."""
+    for x, times in zip(group.x, group.synchronised, strict=True):
+        if len(times):
+            heights, widths = density(times)
+            left, right = (x * 10**side if is_log else x + side for side in (-half * widths, half * widths))
+            panel.fill_betweenx(heights, left, right, color=VIOLIN, linewidth=1, label="trials that synchronised")
+
+
+def density(times: Floats) -> tuple[Floats, Floats]:
+    """Return times from the least to the greatest of some, (n,) cycles, and the density of log T there, at most 1.
+
+    It is estimated by normal distributions around each of them, as wide as Scott's rule says; a bar, where all are one.
+
+    >>> density(np.array([7.0, 7.0]))
+    (array([7., 7.]), array([1., 1.]))
+    """
+    logs = np.log10(times)
+    if logs.min() == logs.max():
+        return np.repeat(times[0], 2), np.ones(2)
+    heights = np.linspace(logs.min(), logs.max(), HEIGHTS)
+    width = logs.std(ddof=1) * len(logs) ** -0.2
+    found = np.array([np.exp(-(((logs - height) / width) ** 2) / 2).sum() for height in heights])
+    return 10**heights, found / found.max()
+
+
+def _draw_estimates(panel: Axes, group: Violins, highest: float) -> None:
+    means, low, high = np.nan_to_num(group.estimates, posinf=1e12, nan=np.nan).T
+    panel.fill_between(group.x, low, high, color=LINE, alpha=0.25, linewidth=0)
+    panel.plot(group.x, means, ".-", color=LINE, linewidth=1.2, markersize=3, label="mean by Appendix A")
+    unknown = group.x[np.isnan(means)]
+    if len(unknown):
+        panel.plot(unknown, np.full(len(unknown), 2 * highest), "x", color=LINE, label="undetermined")
+    if not np.isnan(group.plain_means).all():
+        panel.plot(group.x, group.plain_means, "o", color="black", markersize=4, label="plain mean of all trials")

@@ -1,0 +1,1 @@
+"""Films: reading, writing, and the times of their frames."""

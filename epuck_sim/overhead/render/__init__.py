@@ -1,0 +1,1 @@
+"""From a trial to the pictures that a camera above the arena takes."""

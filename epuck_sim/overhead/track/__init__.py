@@ -1,0 +1,1 @@
+"""From a film to rings, their counts, and the time of synchrony."""

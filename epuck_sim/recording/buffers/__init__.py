@@ -1,0 +1,1 @@
+"""Rows of a trial, gathered until they are written as chunks."""

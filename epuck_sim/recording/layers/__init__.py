@@ -1,0 +1,1 @@
+"""What the viewer draws: from rows to rerun's entities."""

@@ -1,0 +1,1 @@
+"""Who sees, touches or receives whom."""

@@ -1,0 +1,122 @@
+"""Who touches what: the points where robots stand so close to each other, a wall or an obstacle that they push.
+
+For onlookers. The bodies themselves are pymunk's, which settles contacts several times in a control step.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arena import Arena
+from epuck_sim.embodied.cell_list import Cells, slot, sort_into_cells
+from epuck_sim.embodied.rigid_bodies import MARGIN_CM
+from epuck_sim.util.jit import kernel
+
+Floats = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+GAP_CM = 2 * MARGIN_CM
+"""Surfaces that are no farther apart touch: pymunk knows of them by then (see `world`)."""
+
+_RADIUS = epuck.RADIUS_CM
+
+
+def find_contacts(poses: Floats, arena: Arena, cells: Cells) -> tuple[Whole, Floats]:
+    """Return (contacts,) steps, in their order, and (contacts, 2) cm: points on the surfaces that touch.
+
+    poses: (steps, robots, 3) x cm, y cm, heading rad. Two robots that touch have one point, midway between them; on
+    walls and obstacles it is the one nearest to the robot.
+    """
+    corners = np.cumsum([0, *map(len, arena.polygons)])
+    surfaces = (float(arena.width_cm), float(arena.height_cm), arena.circles, arena.edges, corners)
+    room = len(poses) * poses.shape[1]
+    steps, points = np.empty(room, np.int64), np.empty((room, 2))
+    contacts = _write_contacts(poses, *surfaces, cells, steps, points)
+    if contacts > room:
+        steps, points = np.empty(contacts, np.int64), np.empty((contacts, 2))
+        _write_contacts(poses, *surfaces, cells, steps, points)
+    return steps[:contacts], points[:contacts]
+
+
+@kernel
+def _write_contacts(
+    poses: Floats,
+    width_cm: float,
+    height_cm: float,
+    circles: Floats,
+    edges: Floats,
+    corners: Whole,
+    cells: Cells,
+    steps: Whole,
+    points: Floats,
+) -> int:
+    """Write what `find_contacts` returns, as far as there is room; return how many contacts there are.
+
+    corners: (polygons + 1,) where in `edges` each polygon's begin.
+    """
+    reach = _RADIUS + GAP_CM
+    contacts = 0
+    for step in range(len(poses)):
+        sort_into_cells(poses[step], cells)
+        for robot in range(poses.shape[1]):
+            x, y = poses[step, robot, 0], poses[step, robot, 1]
+            contacts = _touch_robots(poses[step], robot, cells, step, steps, points, contacts)
+            for wall_x, wall_y in ((0.0, y), (width_cm, y), (x, 0.0), (x, height_cm)):
+                if abs(wall_x - x) + abs(wall_y - y) <= reach:
+                    contacts = _note(step, wall_x, wall_y, steps, points, contacts)
+            for circle in circles:
+                dx, dy = x - circle[0], y - circle[1]
+                distance = math.sqrt(dx * dx + dy * dy)
+                if 0.0 < distance <= circle[2] + reach:
+                    share = circle[2] / distance
+                    contacts = _note(step, circle[0] + share * dx, circle[1] + share * dy, steps, points, contacts)
+            for polygon in range(len(corners) - 1):
+                near_x, near_y = _nearest(edges[corners[polygon] : corners[polygon + 1]], x, y)
+                if (near_x - x) ** 2 + (near_y - y) ** 2 <= reach * reach:
+                    contacts = _note(step, near_x, near_y, steps, points, contacts)
+    return contacts
+
+
+@kernel
+def _touch_robots(
+    poses: Floats, robot: int, cells: Cells, step: int, steps: Whole, points: Floats, contacts: int
+) -> int:
+    """Note the contacts of a robot with those of higher numbers; return how many contacts there are by now."""
+    x, y = poses[robot, 0], poses[robot, 1]
+    apart = 2.0 * _RADIUS + GAP_CM
+    column = slot(x, cells.width_cm, cells.columns)
+    line = slot(y, cells.height_cm, cells.rows)
+    for r in range(max(line - 1, 0), min(line + 2, cells.rows)):
+        start = cells.first[r * cells.columns + max(column - 1, 0)]
+        end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
+        for other in cells.members[start:end]:
+            dx, dy = poses[other, 0] - x, poses[other, 1] - y
+            if other > robot and dx * dx + dy * dy <= apart * apart:
+                contacts = _note(step, x + 0.5 * dx, y + 0.5 * dy, steps, points, contacts)
+    return contacts
+
+
+@kernel
+def _nearest(edges: Floats, x: float, y: float) -> tuple[float, float]:
+    """Return the point on a polygon's (m, 4) edges that is nearest to (x, y)."""
+    nearest_x, nearest_y, nearest = math.inf, math.inf, math.inf
+    for edge in edges:
+        along_x, along_y = edge[2] - edge[0], edge[3] - edge[1]
+        share = ((x - edge[0]) * along_x + (y - edge[1]) * along_y) / (along_x * along_x + along_y * along_y)
+        share = min(max(share, 0.0), 1.0)
+        near_x, near_y = edge[0] + share * along_x, edge[1] + share * along_y
+        distance = (near_x - x) ** 2 + (near_y - y) ** 2
+        if distance < nearest:
+            nearest_x, nearest_y, nearest = near_x, near_y, distance
+    return nearest_x, nearest_y
+
+
+@kernel
+def _note(step: int, x: float, y: float, steps: Whole, points: Floats, contacts: int) -> int:
+    """Write a contact where there is room; return how many there are by now."""
+    if contacts < len(steps):
+        steps[contacts] = step
+        points[contacts] = x, y
+    return contacts + 1

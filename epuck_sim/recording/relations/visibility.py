@@ -1,0 +1,62 @@
+"""Who sees whom: which robots stand in each camera's field of view, occlusion taken into account, lit or not.
+
+For onlookers. Robots themselves see red pixels, and do not know whose they are.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arena import Arena
+from epuck_sim.embodied.cell_list import Cells, sort_into_cells
+from epuck_sim.embodied.line_camera import Camera, see
+from epuck_sim.util.jit import kernel
+
+Floats = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+
+def find_sightings(poses: Floats, arena: Arena, cells: Cells, camera: Camera, first: int, observers: int) -> Whole:
+    """Return (sightings, 3) step, observer, robot seen: in order of steps, observers, and from left to right.
+
+    poses: (steps, robots, 3) x cm, y cm, heading rad; the observers are the robots from number `first` on. A robot is
+    seen if a pixel of the central window shows it; one that shows on both sides of an obstacle is listed once.
+    """
+    surfaces = (arena.circles, arena.edges)
+    found = np.empty((2 * len(poses) * observers, 3), np.int64)  # most robots see no more than two
+    sightings = _write_sightings(poses, *surfaces, cells, camera, first, observers, found)
+    if sightings > len(found):
+        found = np.empty((sightings, 3), np.int64)
+        _write_sightings(poses, *surfaces, cells, camera, first, observers, found)
+    return found[:sightings]
+
+
+@kernel
+def _write_sightings(
+    poses: Floats,
+    circles: Floats,
+    edges: Floats,
+    cells: Cells,
+    camera: Camera,
+    first: int,
+    observers: int,
+    found: Whole,
+) -> int:
+    """Write what `find_sightings` returns, as far as there is room; return how many sightings there are."""
+    numbers = np.arange(1, poses.shape[1] + 1)  # 0 is what a dark pixel holds
+    rows = np.empty((observers, len(camera.cos)), np.int64)
+    listed = np.zeros(poses.shape[1] + 1, np.int64)  # the last row, counted over all steps, that listed each robot
+    sightings = 0
+    for step in range(len(poses)):
+        sort_into_cells(poses[step], cells)
+        see(poses[step], numbers, circles, edges, cells, camera, first, rows)
+        for observer in range(observers):
+            row = step * observers + observer + 1
+            for pixel in range(camera.first, camera.end):
+                number = rows[observer, pixel]
+                if number == 0 or listed[number] == row:
+                    continue
+                listed[number] = row
+                if sightings < len(found):
+                    found[sightings] = step, first + observer, number - 1
+                sightings += 1
+    return sightings

@@ -1,0 +1,1 @@
+"""Rerun's viewer: its process, a saved recording, a live trial."""

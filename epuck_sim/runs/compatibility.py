@@ -1,0 +1,112 @@
+"""Does a run folder belong to this sweep? A point is the same if all that its trials depend on is the same."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from epuck_sim.control.loader import find_controller
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.scenario.validation import validate
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT
+from epuck_sim.scenario.points import Point
+from epuck_sim.util.messages import shown
+
+MOST_SHOWN = 8
+"""Differences in a message."""
+
+MISSING = "nothing"
+
+
+class StoredPoint(NamedTuple):
+    """A point as the database has it; axes, scenario and controllers are JSON."""
+
+    key: str
+    number: int
+    trials: int
+    """How many there are to be; of one that is stored already, one more than the last."""
+    axes: str
+    scenario: str
+    controllers: str
+    """Each group's controller: the name of a shipped one; a user's file by its name and the digest of its sources."""
+
+
+def describe(point: Point) -> StoredPoint:
+    """Return a point as it is stored."""
+    scenario = point.scenario
+    groups = scenario.robots if isinstance(scenario, EmbodiedScenario) else ()
+    return StoredPoint(
+        point.key,
+        point.number,
+        scenario.trials,
+        json.dumps(point.axes),
+        scenario.model_dump_json(),
+        json.dumps([_controller(group.controller) for group in groups]),
+    )
+
+
+def _controller(name: str) -> str:
+    if not name.endswith(".py"):
+        return name
+    sources = find_controller(name).sources.values()
+    return f"{Path(name).name} with digest {hashlib.sha256(b''.join(sources)).hexdigest()[:12]}"
+
+
+def refuse_another_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint]) -> None:
+    """Raise StoreError, which shows the difference, unless `given` is the sweep that is stored, or holds more."""
+    now = {point.key: point for point in given}
+    for point in stored:
+        if set(json.loads(point.axes)) != set(json.loads(given[0].axes)):
+            axes = " and ".join(", ".join(json.loads(each.axes)) or "none" for each in (point, given[0]))
+            raise StoreError(f"{folder}: holds another sweep; axes in the folder and now: {axes}; give another folder")
+        if not point.trials:
+            continue  # nothing of it has been run
+        if point.key not in now:
+            raise StoreError(
+                f"{folder}: holds a point that this sweep lacks: {point.key}; add it, or give another folder"
+            )
+        differences = list(_differences(point, now[point.key]))
+        if differences:
+            more = ["..."] if len(differences) > MOST_SHOWN else []
+            lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
+            raise StoreError(f"{folder}: holds results of another scenario; give another folder:\n  {lines}")
+        if point.trials > now[point.key].trials:
+            raise StoreError(
+                f"{folder}: holds {point.trials} trials at {point.key}; trials is {now[point.key].trials}; "
+                f"allowed: {point.trials} or more, or another folder"
+            )
+
+
+def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
+    before, after = (dict(_flat("", _with_effect(point))) for point in (stored, now))
+    for key in dict.fromkeys([*before, *after]):
+        there, here = before.get(key, MISSING), after.get(key, MISSING)
+        if there != here:
+            yield f"{key}: {shown(there)} in the folder, {shown(here)} now"
+
+
+def _with_effect(point: StoredPoint) -> dict[str, Any]:
+    scenario = _with_defaults(json.loads(point.scenario))
+    for group, controller in zip(scenario.get("robots", ()), json.loads(point.controllers), strict=True):
+        group["controller"] = controller
+    return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
+
+
+def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
+    """Return a stored scenario with the keys that there were none of yet; as it is where today's keys do not fit it."""
+    try:
+        return validate(scenario, "stored").model_dump(mode="json")
+    except ScenarioError:
+        return scenario
+
+
+def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield every plain value in `value` by its dotted key."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
+    if parts is None:
+        yield key, value
+    else:
+        for name, part in parts:
+            yield from _flat(f"{key}.{name}" if key else str(name), part)

@@ -1,0 +1,136 @@
+"""The SQLite file of a run folder: its tables, and how it is opened so that nothing foreign is ever touched."""
+
+import json
+import sqlite3
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from epuck_sim.errors import StoreError
+from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.util.provenance import PROVENANCE
+
+DATABASE = "results.sqlite"
+"""In a run folder: one row a trial."""
+
+APPLICATION_ID = int.from_bytes(b"epck")
+"""Marks a SQLite file as ours (its header, bytes 68 to 71)."""
+
+FORMAT = 1
+"""Version of the tables (bytes 60 to 63)."""
+
+RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
+"""Columns that hold fields of a TrialResult."""
+
+POINTS = """
+CREATE TABLE points (
+    key TEXT PRIMARY KEY, -- the axis values as text
+    number INTEGER NOT NULL, -- its place in the sweep
+    trials INTEGER NOT NULL, -- how many there are to be
+    axes TEXT NOT NULL, -- JSON: value by dotted key
+    scenario TEXT NOT NULL, -- JSON: everything that its trials depend on
+    controllers TEXT NOT NULL -- JSON: each group's controller, and the digest of a user's file
+) WITHOUT ROWID
+"""
+
+TRIALS = """
+CREATE TABLE trials (
+    point TEXT NOT NULL REFERENCES points (key), trial INTEGER NOT NULL, {axes}
+    seed INTEGER NOT NULL, t_sync_cycles INTEGER, censored INTEGER, order_parameter REAL, simulated_s REAL, wall_s REAL,
+    steps INTEGER, cycles INTEGER, {provenance}, error TEXT, -- of a trial that failed; it has no result then
+    PRIMARY KEY (point, trial)
+) WITHOUT ROWID
+"""
+
+
+ENTER_POINT = (
+    "INSERT INTO points (key, number, trials, axes, scenario, controllers) VALUES (?, ?, ?, ?, ?, ?) "
+    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario"
+)
+
+
+def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> None:
+    """Make a database with points, and without trials; it appears under its name when it is whole."""
+    columns = "".join(f"{quoted(key)}, " for key in axes)
+    provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
+    with sqlite_errors(path), written_whole(path) as part:
+        part.unlink(missing_ok=True)  # what a killed run may have left
+        with closing(sqlite3.connect(part)) as connection:
+            connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
+            connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+            connection.execute(f"PRAGMA user_version = {FORMAT}")
+            connection.execute(POINTS)
+            connection.execute(TRIALS.format(axes=columns, provenance=provenance))
+            connection.executemany(ENTER_POINT, points)
+            connection.commit()
+
+
+def check_database(path: Path) -> None:
+    """Raise StoreError for a file that is not there, not ours, or damaged; nothing of it is touched."""
+    try:
+        with path.open("rb") as file:
+            header = file.read(100)
+    except OSError as error:
+        raise StoreError(f"{path}: cannot be read: {error.strerror}") from error
+    if not header.startswith(b"SQLite format 3\0") or int.from_bytes(header[68:72]) != APPLICATION_ID:
+        raise StoreError(f"{path}: is no database of epuck-sim; give another folder")
+    found = int.from_bytes(header[60:64])
+    if found != FORMAT:
+        raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}")
+    page_size = int.from_bytes(header[16:18])
+    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+        (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    if verdict == "ok" and path.stat().st_size % (65536 if page_size == 1 else page_size):
+        verdict = "its end is missing"  # SQLite would take what is missing of the last page for zeros
+    if verdict != "ok":
+        raise StoreError(f"{path}: is damaged: {verdict}")
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[sqlite3.Connection]:
+    """Yield a connection that cannot write, of a database that was checked."""
+    check_database(path)
+    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+        yield connection
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[sqlite3.Connection]:
+    """Yield a connection to a database that was checked; each commit survives the death of the process.
+
+    Afterwards nothing but the one file is left, unless somebody is reading it.
+    """
+    with closing(_connect(path, "rw")) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = NORMAL")
+        yield connection
+        with suppress(sqlite3.OperationalError):
+            connection.execute("PRAGMA journal_mode = DELETE")
+
+
+def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    return sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
+
+
+@contextmanager
+def sqlite_errors(path: Path) -> Iterator[None]:
+    """Turn SQLite's errors into StoreErrors that name the file."""
+    try:
+        yield
+    except sqlite3.OperationalError as error:  # a full disk, no permission, locked by another program
+        raise StoreError(f"{path}: {error}; what is stored is whole: go on once mended") from error
+    except sqlite3.DatabaseError as error:
+        raise StoreError(f"{path}: is damaged: {error}") from error
+
+
+def quoted(name: str) -> str:
+    """Return a column's name as SQL takes it."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+def as_column(value: Any) -> Any:
+    """Return an axis value as a column holds it: numbers and text as they are, anything else as JSON."""
+    if isinstance(value, int) and abs(value) >= 2**63:
+        return float(value)
+    return value if value is None or isinstance(value, bool | int | float | str) else json.dumps(value)

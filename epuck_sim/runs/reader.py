@@ -1,0 +1,136 @@
+"""What a run folder holds: read-only, also while a run is at work on it."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.runs.run_lock import holder
+from epuck_sim.scenario.validation import validate
+from epuck_sim.util.provenance import PROVENANCE, in_text
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+
+
+class PointTrials(NamedTuple):
+    """The trials of one point of a sweep that have a result."""
+
+    number: int
+    key: str
+    """The axis values as text."""
+    axes: dict[str, Any]
+    """Value of each axis by dotted key."""
+    scenario: Scenario
+    times: npt.NDArray[np.float64]
+    """(trials,) cycles at which each trial ended."""
+    observed: npt.NDArray[np.bool_]
+    """(trials,) whether it was synchronised then; else it is censored."""
+    seeds: tuple[int, ...]
+    """(trials,)"""
+
+    @property
+    def seed(self) -> int:
+        """Its own, for resampling: points resampled alike would all err together."""
+        everything = self.key + self.scenario.model_dump_json(exclude=WITHOUT_EFFECT)
+        return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
+
+
+class Failure(NamedTuple):
+    """A trial that failed."""
+
+    point: int
+    trial: int
+    seed: int
+    error: str
+
+
+class Status(NamedTuple):
+    """How far the sweep in a run folder is."""
+
+    scenario: str
+    points: int
+    trials: int
+    """All that are to be."""
+    stored: int
+    """Those that have a result."""
+    censored: int
+    failed: list[Failure]
+    wall_s: float
+    """Of all trials together."""
+    versions: dict[str, int]
+    """Trials by the versions and the host that made them."""
+    at_work: str | None
+    """The process that is running it."""
+
+
+def read_points(folder: Path | str) -> list[PointTrials]:
+    """Return the results of each point, in the sweep's order; raises StoreError for what is no run folder."""
+    with reading(database_of(folder)) as connection:
+        found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
+        ends: dict[str, list[tuple[int, int]]] = {key: [] for key, *_ in found}
+        seeds: dict[str, list[int]] = {key: [] for key, *_ in found}
+        for key, cycles, censored, seed in connection.execute(
+            "SELECT point, cycles, censored, seed FROM trials WHERE error IS NULL ORDER BY point, trial"
+        ):
+            ends[key].append((cycles, censored))
+            seeds[key].append(seed)
+    results = []
+    for key, number, axes, scenario in found:
+        cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
+        try:
+            read = validate(json.loads(scenario), f"point {number}")
+        except ScenarioError as error:
+            raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
+        times = cycles.astype(np.float64)
+        results.append(PointTrials(number, key, json.loads(axes), read, times, censored == 0, tuple(seeds[key])))
+    return results
+
+
+def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool] | None:
+    """Return the cycles of one trial and whether it is censored; None if it has no result."""
+    with reading(database_of(folder)) as connection:
+        row = connection.execute(
+            "SELECT cycles, censored FROM trials JOIN points ON point = key "
+            "WHERE number = ? AND trial = ? AND error IS NULL",
+            (point, trial),
+        ).fetchone()
+    return None if row is None else (row[0], bool(row[1]))
+
+
+def read_status(folder: Path) -> Status:
+    """Return how far the sweep is; raises StoreError for what is no run folder."""
+    columns = ", ".join(PROVENANCE)
+    with reading(database_of(folder)) as connection:
+        points, trials = connection.execute("SELECT count(*), total(trials) FROM points").fetchone()
+        (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
+        stored, censored, wall_s = connection.execute(
+            "SELECT count(*), total(censored), total(wall_s) FROM trials WHERE error IS NULL"
+        ).fetchone()
+        failed = connection.execute(
+            "SELECT number, trial, seed, error FROM trials JOIN points ON point = key WHERE error IS NOT NULL "
+            "ORDER BY number, trial"
+        ).fetchall()
+        made = connection.execute(f"SELECT {columns}, count(*) FROM trials GROUP BY {columns}").fetchall()
+    versions = {in_text(dict(zip(PROVENANCE, row, strict=True))): count for *row, count in made}
+    return Status(
+        scenario=json.loads(scenario)["name"],
+        points=points,
+        trials=int(trials),
+        stored=stored,
+        censored=int(censored),
+        failed=[Failure(*row) for row in failed],
+        wall_s=wall_s,
+        versions=versions,
+        at_work=holder(folder),
+    )
+
+
+def database_of(folder: Path | str) -> Path:
+    """Return the run folder's database; raises StoreError where there is none."""
+    if not (Path(folder) / DATABASE).is_file():
+        raise StoreError(f"{folder}: is no run folder: there is no {DATABASE} in it")
+    return Path(folder) / DATABASE

@@ -1,0 +1,104 @@
+"""A run folder open for writing: the results of a sweep, one row a trial, each on disk as soon as it is known.
+
+A folder belongs to one sweep. It may grow, by points and by trials, and a run that was stopped goes on in it; it never
+holds results of two scenarios.
+"""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from epuck_sim.runs.database import DATABASE, ENTER_POINT, RESULT, as_column, check_database, create_database, quoted, reading, sqlite_errors, writing
+from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.runs.compatibility import StoredPoint, describe, refuse_another_sweep
+from epuck_sim.runs.run_lock import hold
+from epuck_sim.util.provenance import PROVENANCE
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
+from epuck_sim.scenario.points import Point
+from epuck_sim.sweep.worker import Outcome
+
+
+class Store:
+    """A run folder, held by this process; to be used in a `with` block."""
+
+    def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point]) -> None:
+        """Take hold of the folder, make it if it is not there, and enter the points that are new.
+
+        Raises StoreError, and leaves everything as it was, where the folder holds something else, is damaged, or is
+        in use.
+        """
+        self._path = folder / DATABASE
+        self._points = points
+        rows = [describe(point) for point in points]
+        if self._path.exists():
+            check_database(self._path)
+        with ExitStack() as held:
+            held.enter_context(hold(folder))
+            if self._path.exists():
+                refuse_another_sweep(folder, _stored_points(self._path), rows)
+            else:
+                create_database(self._path, list(points[0].axes), rows)
+            # before the points: the folder's own scenario must have all that the database has
+            with written_whole(folder / RUN_SCENARIO) as part:
+                part.write_text(write_scenario(scenario), encoding="utf-8")
+            held.enter_context(sqlite_errors(self._path))
+            self._connection = held.enter_context(writing(self._path))
+            with self._connection:
+                self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
+                self._connection.executemany(ENTER_POINT, rows)
+            self._held = held.pop_all()
+        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error")
+        anew = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
+        self._insert = (
+            f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
+            f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(anew)} WHERE error IS NOT NULL"
+        )
+
+    def finished(self) -> set[tuple[int, int]]:
+        """Return the point's number and the trial's of every trial that has a result; failed ones have none."""
+        with sqlite_errors(self._path):
+            return set(
+                self._connection.execute(
+                    "SELECT number, trial FROM trials JOIN points ON point = key WHERE error IS NULL"
+                )
+            )
+
+    def censored(self) -> int:
+        """Return how many trials were not synchronised."""
+        with sqlite_errors(self._path):
+            (count,) = self._connection.execute("SELECT count(*) FROM trials WHERE censored").fetchone()
+        return int(count)
+
+    def add(self, outcome: Outcome) -> None:
+        """Store a trial; one that failed before is replaced, one that has a result stays."""
+        point, result = self._points[outcome.point], outcome.result
+        values = (
+            *(point.key, outcome.trial),
+            *(as_column(value) for value in point.axes.values()),
+            outcome.seed,
+            *(None if result is None else getattr(result, name) for name in RESULT),
+            *(outcome.provenance[name] for name in PROVENANCE),
+            outcome.error,
+        )
+        with sqlite_errors(self._path), self._connection:
+            self._connection.execute(self._insert, values)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._held.close()
+
+
+def _stored_points(path: Path) -> list[StoredPoint]:
+    with reading(path) as connection:
+        rows = connection.execute(
+            "SELECT key, number, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key), "
+            "axes, scenario, controllers FROM points"
+        )
+        return [StoredPoint(*row) for row in rows]

@@ -1,0 +1,76 @@
+"""The section `arena` of a scenario: the walled rectangle, and what stands in it."""
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from epuck_sim import epuck
+from epuck_sim.arena import Arena, box_corners, is_convex, make_arena
+from epuck_sim.scenario.base import Number, Positive, Section
+
+
+class Circle(Section):
+    """A round obstacle."""
+
+    shape: Literal["circle"]
+    x_cm: Number
+    y_cm: Number
+    radius_cm: Positive
+
+
+class Box(Section):
+    """A rectangular obstacle around (x_cm, y_cm), turned by heading_rad."""
+
+    shape: Literal["box"]
+    x_cm: Number
+    y_cm: Number
+    width_cm: Positive
+    height_cm: Positive
+    heading_rad: Number = 0.0
+
+
+class Polygon(Section):
+    """A convex obstacle with its corners counter-clockwise."""
+
+    shape: Literal["polygon"]
+    corners_cm: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=3, max_length=100)]
+
+    @model_validator(mode="after")
+    def _convex(self) -> "Polygon":
+        if not is_convex(np.array(self.corners_cm)):
+            raise ValueError("corners_cm must bound a convex polygon, listed counter-clockwise")
+        return self
+
+
+class ArenaSection(Section):
+    """The walled rectangle and what stands in it."""
+
+    width_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
+    height_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
+    obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
+
+    @model_validator(mode="after")
+    def _obstacles_inside(self) -> "ArenaSection":
+        arena = self.build()
+        reach = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
+        reach += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
+        for low, high in reach:
+            if (low < -1e-9).any() or (high > np.array([self.width_cm, self.height_cm]) + 1e-9).any():
+                raise ValueError(
+                    f"an obstacle reaches from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) cm, beyond the "
+                    f"walls of the {self.width_cm:g} x {self.height_cm:g} cm arena"
+                )
+        return self
+
+    def build(self) -> Arena:
+        """Return the arena as arrays."""
+        circles = [(o.x_cm, o.y_cm, o.radius_cm) for o in self.obstacles if isinstance(o, Circle)]
+        polygons = [
+            np.array(o.corners_cm)
+            if isinstance(o, Polygon)
+            else box_corners(o.x_cm, o.y_cm, o.width_cm, o.height_cm, o.heading_rad)
+            for o in self.obstacles
+            if not isinstance(o, Circle)
+        ]
+        return make_arena(self.width_cm, self.height_cm, circles, polygons)

@@ -1,0 +1,80 @@
+"""The axes of a sweep: which keys of a scenario take which values together."""
+
+import json
+from collections.abc import Mapping
+from itertools import product
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from epuck_sim.scenario.base import Section
+
+
+def as_text(axes: Mapping[str, Any]) -> str:
+    """Return axis values as text, the same for the same values however they are written or ordered.
+
+    >>> as_text({"b": 1, "a": [2.0]}) == as_text({"a": [2], "b": 1.0})
+    True
+    """
+    numbers_alike = json.loads(json.dumps(axes), parse_int=float)
+    return json.dumps(numbers_alike, sort_keys=True)
+
+
+Values = Annotated[tuple[Any, ...], Field(min_length=1)]
+
+MAX_POINTS = 100_000
+
+NO_AXES = ("sweep", "seed", "trials", "name", "description")
+
+
+class Axes(Section):
+    """Every row of `points` meets every row of `zip` and every combination of the values in `grid`.
+
+    Keys are dotted, as in `--set`: `robots.0.parameters.speed_cm_s`.
+    """
+
+    points: Annotated[tuple[dict[str, Any], ...], Field(min_length=1)] | None = None
+    """A list of rows, each a mapping with the same keys."""
+    zip: dict[str, Values] = Field(default_factory=dict)
+    """Keys whose values go together: the first of each, the second of each, and so on."""
+    grid: dict[str, Values] = Field(default_factory=dict)
+    """Keys whose values meet in every combination; the last one changes fastest."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Axes":
+        listed = set(self.points[0]) if self.points else set()
+        for number, row in enumerate(self.points or ()):
+            if set(row) != listed:
+                raise ValueError(f"points.{number} has the keys {sorted(row)}, points.0 has {sorted(listed)}")
+        lengths = {key: len(values) for key, values in self.zip.items()}
+        if len(set(lengths.values())) > 1:
+            counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
+            raise ValueError(f"zip: all keys need equally many values, but {counts}")
+        if len({key.casefold() for key in self.keys}) < len(set(self.keys)):
+            raise ValueError("two axes differ in nothing but capital letters; the table of results cannot hold both")
+        twice = (listed & set(self.zip)) | (listed & set(self.grid)) | (set(self.zip) & set(self.grid))
+        if twice:
+            raise ValueError(f"{sorted(twice)[0]} is in more than one of points, zip and grid")
+        if not self.keys:
+            raise ValueError("has no axis; give grid: {key: [value, ...]}, zip: {...} or points: [{...}, ...]")
+        for key in self.keys:
+            if key.partition(".")[0] in NO_AXES:
+                raise ValueError(f"{key} cannot be an axis; allowed: a key that a trial depends on, but for its seed")
+        count = len(self.points or (None,)) * len(next(iter(self.zip.values()), (None,)))
+        for values in self.grid.values():
+            count *= len(values)
+        if count > MAX_POINTS:
+            raise ValueError(f"has {count} points; allowed: up to {MAX_POINTS}")
+        return self
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys that change from point to point."""
+        return [*(self.points[0] if self.points else ()), *self.zip, *self.grid]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return every point's values by key, in the order of `keys`."""
+        zipped = [dict(zip(self.zip, row, strict=True)) for row in zip(*self.zip.values(), strict=True)] or [{}]
+        combined = [dict(zip(self.grid, row, strict=True)) for row in product(*self.grid.values())]
+        listed = [{key: row[key] for key in self.points[0]} for row in self.points] if self.points else [{}]
+        return [{**a, **b, **c} for a in listed for b in zipped for c in combined]

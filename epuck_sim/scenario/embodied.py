@@ -1,0 +1,156 @@
+"""A scenario of robots with bodies: the arena, the robots in it, what disturbs them, and when a trial ends.
+
+Every key is optional; the defaults are those of thesis section 4.2.1 (the dashed lines of Figs. 4.2 and 4.3).
+"""
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from epuck_sim import epuck
+from epuck_sim.scenario.arena import ArenaSection
+from epuck_sim.scenario.base import Number, Positive, Section, Whole
+from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.scenario import Scenario, StopSection
+
+
+class NoiseSection(Section):
+    """What disturbs sensors and wheels; 0 switches a part off, `noise: off` all."""
+
+    wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.05
+    """Each control step each wheel's speed is multiplied by a uniform factor in 1 -+ this (Enki)."""
+    infrared_counts: Annotated[Number, Field(ge=0, le=10_000)] = 10.0
+    """Standard deviation of what is added to each infrared reading (Enki)."""
+
+
+class SpreadSection(Section):
+    """In what robots differ (thesis 4.4): each has factors of its own for a whole trial, uniform in 1 -+ these."""
+
+    wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Of a robot's two wheels together."""
+    wheel_imbalance: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Of each wheel by itself."""
+    clock_rate: Annotated[Number, Field(ge=0, le=0.1)] = 0.0
+    """Of the clock by which a robot's controller measures time."""
+    infrared_gain: Annotated[Number, Field(ge=0, lt=1)] = 0.0
+    """Of the reading of each of a robot's infrared sensors."""
+
+
+class StuckSection(Section):
+    """How robots get stuck now and then (thesis 4.4): their wheels turn, and do not move them."""
+
+    per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
+    """So often, on average, in an hour of being free; 0 for never."""
+    mean_s: Positive = 20.0
+    """So long, on average, until the robot is free again."""
+
+
+class ContactSection(Section):
+    """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
+
+    friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
+
+
+class TimingSection(Section):
+    """How often robots sense and act, and how often bodies move (thesis 3.1.4.1)."""
+
+    control_hz: Annotated[Whole, Field(ge=1, le=1000)] = 10
+    physics_hz: Annotated[Whole, Field(ge=100, le=10_000)] = 100
+    """At fewer, bodies would overlap by more than 1 mm before they are known to touch."""
+
+    @model_validator(mode="after")
+    def _divide(self) -> "TimingSection":
+        if 1000 % self.control_hz:
+            raise ValueError(
+                f"control_hz is {self.control_hz}; a control step must be whole milliseconds: 1, 2, 4, 5, "
+                "8, 10, 20, 25, 40, 50, 100, 125, 200, 250, 500 or 1000"
+            )
+        if self.physics_hz % self.control_hz:
+            raise ValueError(f"physics_hz is {self.physics_hz}; allowed: a multiple of control_hz, {self.control_hz}")
+        return self
+
+    @property
+    def step_ms(self) -> int:
+        """Milliseconds from one control step to the next."""
+        return 1000 // self.control_hz
+
+
+class EmbodiedStop(StopSection):
+    """When a trial ends (thesis 4.2.1)."""
+
+    order_parameter: Annotated[Number, Field(gt=0, le=1)] = 0.95
+    max_cycles: Annotated[Whole, Field(ge=1, le=10**9)] = 10_000
+    """Without an oscillator, 5 s count as a cycle."""
+    max_time_s: Annotated[Number, Field(gt=0, le=1e10)] | None = None
+    """The trial is censored after this time, too."""
+    reference_robot: Annotated[Whole, Field(ge=0)] = 0
+    """Robots are numbered from 0, in the order of their groups."""
+    further_cycles: Annotated[Whole, Field(ge=0, le=10**9)] = 0
+    """After synchrony a trial goes on, within its limits, for so many more firings of the reference."""
+
+
+class EmbodiedScenario(Scenario):
+    """A swarm of e-pucks (chapter 4)."""
+
+    model: Literal["embodied"] = "embodied"
+    arena: ArenaSection = ArenaSection()
+    robots: tuple[RobotGroup, ...] = (RobotGroup(),)
+    noise: NoiseSection = NoiseSection()
+    spread: SpreadSection = SpreadSection()
+    stuck: StuckSection = StuckSection()
+    contact: ContactSection = ContactSection()
+    timing: TimingSection = TimingSection()
+    stop: EmbodiedStop = EmbodiedStop()
+    overhead: OverheadSection = OverheadSection()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _noise_off(cls, given: Any) -> Any:
+        noise = given.get("noise") if isinstance(given, dict) else None
+        if noise in ("off", "OFF", "Off", False):
+            return {**given, "noise": {"wheel_speed": 0, "infrared_counts": 0}}
+        if noise in ("on", "ON", "On", True):
+            return {**given, "noise": {}}
+        return given
+
+    @model_validator(mode="after")
+    def _fits(self) -> "EmbodiedScenario":
+        if not self.robots:
+            raise ValueError("robots is []; allowed: at least one group of robots, such as [{count: 10}]")
+        if self.stop.reference_robot >= self.robot_count:
+            raise ValueError(
+                f"stop.reference_robot is {self.stop.reference_robot}; allowed: 0 to {self.robot_count - 1}"
+            )
+        for place, group in enumerate(self.robots):
+            rate = group.camera.frames_per_s
+            if rate is not None and rate > self.timing.control_hz:
+                raise ValueError(
+                    f"robots.{place}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
+                    f"{self.timing.control_hz}"
+                )
+        floor = self.arena.width_cm * self.arena.height_cm
+        bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
+        densest = math.pi / math.sqrt(12)  # of equal discs in the plane
+        if bodies > densest * floor:
+            raise ValueError(
+                f"{self.robot_count} robots of {2 * epuck.RADIUS_CM:g} cm do not fit into the arena of "
+                f"{self.arena.width_cm:g} x {self.arena.height_cm:g} cm; give fewer robots or a larger arena"
+            )
+        return self
+
+    @property
+    def robot_count(self) -> int:
+        """Robots in all groups."""
+        return sum(group.count for group in self.robots)
+
+    @property
+    def compiled(self) -> tuple[str, ...]:
+        """The groups' controllers."""
+        return tuple(group.controller for group in self.robots)
+
+    @property
+    def camera_pixels(self) -> int:
+        """Pixels of the camera that has the most."""
+        return max(group.camera.pixels for group in self.robots)

@@ -1,0 +1,92 @@
+"""Changes to a scenario by dotted key: single values (`--set`) and axes of a sweep (`--sweep`)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.axes import Axes
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.util.messages import shown
+
+
+def apply_setting(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
+    """Return the mapping `given` with one change, `key=value` with a dotted key; raises ScenarioError."""
+    option = f"--set {setting}"
+    key, equals, text = setting.partition("=")
+    if not equals or not key:
+        raise ScenarioError(f"{option}: give it as key=value, such as stop.max_cycles=100")
+    return with_value(given, key, parse_yaml(text, option), option)
+
+
+def with_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
+    """Return the mapping `given` with `value` at a dotted key; raises ScenarioError, which begins with `origin`."""
+    # of robots, one group is there by default
+    default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
+    result = _with({**default, **given}, key.split("."), value, origin)
+    assert isinstance(result, dict)  # a mapping changed is a mapping
+    return result
+
+
+def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
+    """Return `container` with `value` at the path `parts`; sections that are not there yet are made."""
+    if not parts:
+        return value
+    first, *rest = parts
+    if isinstance(container, list | tuple):
+        if first not in map(str, range(len(container))):
+            raise ScenarioError(f"{origin}: {first!r} is no place in a list of {len(container)}, counted from 0")
+        place = int(first)
+        return [*container[:place], _with(container[place], rest, value, origin), *container[place + 1 :]]
+    if container is not None and not isinstance(container, Mapping):
+        raise ScenarioError(f"{origin}: {first!r} lies in {shown(container)}, which has no keys")
+    here = dict(container or {})
+    here[first] = _with(here.get(first), rest, value, origin)
+    return here
+
+
+QUICK = "quick"
+"""In a scenario's file: the keys that its quick version has otherwise."""
+
+
+def choose_version(given: Mapping[str, Any], quick: bool, origin: str) -> dict[str, Any]:
+    """Return a file's scenario in its full or quick version; raises ScenarioError where there is no quick one."""
+    full = {key: value for key, value in given.items() if key != QUICK}
+    if not quick:
+        return full
+    changes = given.get(QUICK)
+    if changes is None:
+        raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
+    if not isinstance(changes, Mapping):
+        raise ScenarioError(f"{origin}: {QUICK}: is {shown(changes)}; allowed: a mapping of keys to values")
+    return _merged(full, changes)
+
+
+def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `given` with `changes`, section by section; anything else is replaced."""
+    merged = dict(given)
+    for key, value in changes.items():
+        old = given.get(key)
+        merged[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def apply_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
+    """Return the mapping `given` with one axis, `key=value,value,...`, in the grid of its sweep."""
+    option = f"--sweep {axis}"
+    key, equals, text = axis.partition("=")
+    if not equals or not key:
+        raise ScenarioError(f"{option}: give it as key=value,value,..., such as robots.0.count=5,10,20")
+    sweep = given.get("sweep") or {}
+    grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
+    if not isinstance(grid, Mapping):
+        raise ScenarioError(f"{option}: the scenario's own sweep is {shown(sweep)}; allowed: a mapping")
+    return {**given, "sweep": {**sweep, "grid": {**grid, key: parse_yaml(f"[{text}]", option)}}}
+
+
+def refuse_hidden(settings: Sequence[str], axes: Axes | None) -> None:
+    """Raise ScenarioError for a setting that no point of the sweep would heed."""
+    for setting in settings:
+        key = setting.partition("=")[0]
+        for axis in axes.keys if axes else ():
+            if f"{key}.".startswith(f"{axis}."):
+                raise ScenarioError(f"--set {setting}: {axis} is an axis of the sweep; use --sweep {axis}=... instead")

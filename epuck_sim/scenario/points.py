@@ -1,0 +1,93 @@
+"""The points of a sweep, and the seed of each trial at each of them.
+
+A point is known by its axis values, not by its place: points and trials that are added leave the seeds of the others
+as they were.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.embodied.placement import place_robots
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.axes import as_text
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario, map_controllers
+from epuck_sim.scenario.overrides import with_value
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.util.messages import shown
+from epuck_sim.util.rng import point_seed
+
+
+class Point(NamedTuple):
+    """One combination of a sweep's axis values."""
+
+    number: int
+    """Its place in the sweep, from 0."""
+    key: str
+    """The axis values as text."""
+    axes: dict[str, Any]
+    """Value of each axis by dotted key; of a controller its file's name."""
+    scenario: Scenario
+    """The scenario with these values, and without a sweep."""
+
+    def seed(self, trial: int) -> int:
+        """Return the seed of trial number `trial`: of the master seed, the axis values and the trial alone."""
+        return point_seed(self.scenario.seed, self.key, trial)
+
+
+def points(scenario: Scenario) -> tuple[Point, ...]:
+    """Return the points of a scenario's sweep, in order; a scenario without a sweep is one point without axes.
+
+    Raises ScenarioError, which names the point, where its values make no valid scenario.
+
+    >>> sweep = load_scenario("thesis", axes=["robots.0.count=2,3", "robots.0.parameters.speed_cm_s=1,5"])
+    >>> [tuple(point.axes.values()) for point in points(sweep)]
+    [(2, 1), (2, 5), (3, 1), (3, 5)]
+    """
+    if scenario.sweep is None:
+        return (Point(0, as_text({}), {}, scenario),)
+    base = scenario.model_copy(update={"sweep": None}).model_dump(mode="json")
+    found = tuple(_point(number, row, base) for number, row in enumerate(scenario.sweep.rows()))
+    first: dict[str, int] = {}
+    for point in found:
+        if point.key in first:
+            numbers = f"{first[point.key]} and {point.number}"
+            raise ScenarioError(f"{scenario.name}: sweep: points {numbers} are the same: {_told(point.axes)}")
+        first[point.key] = point.number
+    return found
+
+
+def check_room(places: Iterable[Point]) -> None:
+    """Raise ScenarioError for a point whose robots find no room in their arena."""
+    for point in places:
+        if not isinstance(point.scenario, EmbodiedScenario):
+            continue  # points need no room
+        try:
+            place_robots(point.scenario, np.random.SeedSequence(point.scenario.seed))
+        except ScenarioError as error:
+            name = f"{point.scenario.name}: "
+            where = f"sweep: point {point.number} ({_told(point.axes)}): " if point.axes else ""
+            raise ScenarioError(f"{name}{where}{str(error).removeprefix(name)}") from error
+
+
+def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
+    origin = f"{base['name']}: sweep: point {number} ({_told(row)})"
+    given = base
+    for key in sorted(row, key=lambda key: key.count(".")):  # a section as a whole before what lies in it
+        given = with_value(given, key, row[key], origin)
+    try:
+        scenario = load_scenario(given)
+    except ScenarioError as error:
+        lines = (line.removeprefix("scenario: ") for line in str(error).splitlines())
+        raise ScenarioError("\n".join(f"{origin}: {line}" for line in lines)) from error
+    if scenario.sweep is not None:
+        raise ScenarioError(f"{origin}: a point cannot hold a sweep")
+    axes = {key: map_controllers(key, value, lambda name: Path(name).name) for key, value in row.items()}
+    return Point(number, as_text(axes), axes, scenario)
+
+
+def _told(row: dict[str, Any]) -> str:
+    return ", ".join(f"{key} = {shown(value)}" for key, value in row.items())

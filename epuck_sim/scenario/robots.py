@@ -1,0 +1,86 @@
+"""One group in the section `robots` of a scenario: robots that share a controller, and what they sense with."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from epuck_sim.scenario.base import Number, Positive, Section, Whole
+
+
+class CameraSection(Section):
+    """A group's line camera (thesis 4.1.1; the cone of vision of 3.1.2 by `field_of_view_deg` and `range_cm`)."""
+
+    pixels: Annotated[Whole, Field(ge=1, le=1000)] = 60
+    field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
+    central_pixels: Annotated[Whole, Field(ge=1)] | None = None
+    """Only so many pixels in the middle of the row are looked at (thesis 4.2.1); all by default."""
+    range_cm: Positive | None = None
+    """Nothing beyond it is seen; unlimited by default."""
+    frames_per_s: Annotated[Number, Field(ge=0.1, le=1000)] | None = None
+    """Pictures a second, about 8 on the robots (thesis 4.3.1); by default one in each control step."""
+    latency_ms: Annotated[Number, Field(ge=0)] = 0.0
+    """The controller has each picture after a time of its own, uniform from 0 to this."""
+
+    @model_validator(mode="after")
+    def _centred(self) -> "CameraSection":
+        central = self.pixels if self.central_pixels is None else self.central_pixels
+        if central > self.pixels or (self.pixels - central) % 2:
+            raise ValueError(
+                f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
+                f"2, so that they lie in the middle of {self.pixels} pixels"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _one_picture_at_a_time(self) -> "CameraSection":
+        if self.frames_per_s is None and self.latency_ms > 0:
+            raise ValueError(
+                f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
+            )
+        if self.frames_per_s is not None and self.latency_ms > 1000 / self.frames_per_s:
+            raise ValueError(
+                f"latency_ms is {self.latency_ms:g}; allowed: 0 to the time from one picture to the next, "
+                f"{1000 / self.frames_per_s:.4g} ms at {self.frames_per_s:g} frames_per_s"
+            )
+        return self
+
+
+class InfraredSection(Section):
+    """How a group's proximity sensors turn a reading into a distance."""
+
+    distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
+
+
+class RobotGroup(Section):
+    """Robots that share a controller."""
+
+    count: Annotated[Whole, Field(ge=1, le=100_000)] = 10
+    placement: Literal["random", "grid", "poses"] = "random"
+    """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as `poses` says."""
+    poses: tuple[tuple[Number, Number, Number], ...] | None = None
+    """x_cm, y_cm, heading_rad of each robot, instead of a placement."""
+    controller: str = "firefly"
+    """A shipped controller's name, or a file that ends in .py, relative to the scenario's file."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """The controller's parameters, which it checks itself; what is left out has the controller's default."""
+    camera: CameraSection = CameraSection()
+    infrared: InfraredSection = InfraredSection()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _count_poses(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("poses") is not None:
+            poses = given["poses"]
+            count = {"count": len(poses)} if isinstance(poses, list | tuple) and poses else {}
+            return {"placement": "poses", **count, **given}
+        return given
+
+    @model_validator(mode="after")
+    def _poses_match(self) -> "RobotGroup":
+        if self.poses is None and self.placement == "poses":
+            raise ValueError("placement is 'poses' but there are none; give poses: [[x_cm, y_cm, heading_rad], ...]")
+        if self.poses is not None and self.placement != "poses":
+            raise ValueError(f"placement is {self.placement!r} and poses are given; leave one of them out")
+        if self.poses is not None and len(self.poses) != self.count:
+            raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
+        return self

@@ -1,0 +1,56 @@
+"""What scenarios of all models have in common. Validated and immutable."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from epuck_sim.scenario.axes import Axes
+from epuck_sim.scenario.base import Number, Section, Whole
+
+WITHOUT_EFFECT = {"name", "description", "trials", "figure", "overhead"}
+"""Keys of a scenario on which no trial depends."""
+
+
+class FigureSection(Section):
+    """How `plot` draws a sweep, where the command does not say."""
+
+    form: Literal["curves", "map", "violins", "perturbation", "course"] = "curves"
+    x: str | None = None
+    """Dotted key of the axis to draw against; the speed by default."""
+    y: str | None = None
+    """Of a map, the axis that goes up."""
+    panels: str | None = None
+    """Of curves, the axis that has a panel for each of its values; one panel by default."""
+    censored_at_cycles: Annotated[Whole, Field(ge=1)] | None = None
+    """Of violins: the estimate is made as if trials had been censored there."""
+
+
+class StopSection(Section):
+    """When a trial ends."""
+
+    order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
+    """The swarm is synchronised once the order parameter reaches this at a firing of the reference."""
+    metric: Literal["complex", "reference"] = "complex"
+    """`complex`: eqs. 4.2 and 5.7; `reference`: eq. 3.4."""
+    max_cycles: Annotated[Whole, Field(ge=1, le=10**9)]
+    """The trial is censored after so many firings of the reference."""
+
+
+class Scenario(Section):
+    """All that a trial depends on, but for its seed."""
+
+    name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
+    description: str = ""
+    model: str
+    stop: StopSection
+    trials: Annotated[Whole, Field(ge=1, le=10_000_000)] = 1
+    """How many; of a sweep, at each of its points."""
+    seed: Annotated[Whole, Field(ge=0)] = 0
+    """The master seed, from which each trial gets its own."""
+    sweep: Axes | None = None
+    figure: FigureSection = FigureSection()
+
+    @property
+    def compiled(self) -> tuple[str, ...]:
+        """What is compiled for its trials, by name."""
+        return (self.model,)

@@ -1,0 +1,154 @@
+"""The results of a sweep as curves: T_sync against one axis, a curve for each combination of the others."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.axes import as_text
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.statistics.mean_estimate import estimate_mean
+from epuck_sim.util.messages import listed, unknown
+
+Floats = npt.NDArray[np.float64]
+
+SPEED = ".speed_cm_s"
+"""The axis to draw against ends so, where there is one."""
+
+
+class Curve(NamedTuple):
+    """Mean T_sync, in cycles, along an axis; points without trials are left out."""
+
+    axes: dict[str, Any]
+    """Values of the other axes."""
+    scenario: Scenario
+    """That of its first point."""
+    x: Floats
+    """(S,) values of the axis, ascending."""
+    trials: npt.NDArray[np.int64]
+    """(S,)"""
+    censored: Floats
+    """(S,) share of them."""
+    means: Floats
+    """(S,) by Appendix A; NaN where undetermined."""
+    intervals: Floats
+    """(S, 2) 95 % bootstrap intervals."""
+    resampled: Floats
+    """(B, S) bootstrap means; inf or NaN where undetermined."""
+
+
+def choose_axis(points: Sequence[PointTrials], wanted: str | None = None, origin: str = "--x") -> str:
+    """Return the axis to draw against: the one wanted, or that of the speed, or the one with the most numbers.
+
+    origin: who wants it, for messages. Raises EpuckSimError where there is none.
+    """
+    numbers = _with_numbers(points)
+    if wanted is not None:
+        return _known(wanted, numbers, origin)
+    if not numbers:
+        raise EpuckSimError("there is no axis with numbers to draw T_sync against")
+    return max(numbers, key=lambda key: (key.endswith(SPEED), len(numbers[key])))
+
+
+def choose_second_axis(points: Sequence[PointTrials], x: str, wanted: str | None = None, origin: str = "--y") -> str:
+    """Return the axis of a map that goes up: the one wanted, or else the only other one whose numbers differ.
+
+    x: the axis to the right; origin: who wants the other, for messages. Raises EpuckSimError where there is none, where
+    there are several to choose from, and where the values of both go along with each other.
+    """
+    numbers = _with_numbers(points)
+    others: list[str] = []
+    for key, values in numbers.items():
+        if len(values) > 1 and not any(_goes_along(key, axis, points) for axis in (x, *others)):
+            others.append(key)
+    if wanted is not None:
+        if _known(wanted, numbers, origin) == x or _goes_along(wanted, x, points):
+            raise EpuckSimError(f"{origin}: {wanted} goes along with {x}, which goes to the right; {_choice(others)}")
+        return wanted
+    if len(others) != 1:
+        raise EpuckSimError(f"a map needs a second axis, beside {x}: {_choice(others)}")
+    return others[0]
+
+
+def _choice(others: list[str]) -> str:
+    return f"give --y one of {listed(others)}" if others else "there is no other axis whose numbers differ"
+
+
+def _known(wanted: str, numbers: Mapping[str, object], origin: str) -> str:
+    if wanted not in numbers:
+        raise EpuckSimError(f"{origin}: {unknown(wanted, numbers)}; axes with numbers: {listed(numbers)}")
+    return wanted
+
+
+def _with_numbers(points: Sequence[PointTrials]) -> dict[str, set[float]]:
+    """Return the values of each axis that holds numbers alone."""
+    columns = {key: [point.axes[key] for point in points] for key in points[0].axes}
+    return {key: set(values) for key, values in columns.items() if _are_numbers(values)}
+
+
+def _are_numbers(values: Sequence[Any]) -> bool:
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+
+
+def read_curves(points: Sequence[PointTrials], axis: str) -> list[Curve]:
+    """Return a curve for each combination of the values of the other axes, in the order of the sweep."""
+    return [estimate_curve(group, axis, others) for others, group in grouped(points, axis)]
+
+
+def grouped(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
+    """Return the values of all other axes and the points that share them, sorted by `axes`.
+
+    An axis that goes along with one of `axes` is none of the others. Groups are in the order of the sweep; points
+    without trials are left out.
+    """
+    others = [key for key in points[0].axes if not any(key == x or _goes_along(key, x, points) for x in axes)]
+    groups: dict[str, list[PointTrials]] = {}
+    for point in points:
+        groups.setdefault(as_text({key: point.axes[key] for key in others}), []).append(point)
+    filled = ([point for point in group if len(point.times)] for group in groups.values())
+    return [
+        ({key: group[0].axes[key] for key in others}, sorted(group, key=lambda point: [point.axes[x] for x in axes]))
+        for group in filled
+        if group
+    ]
+
+
+def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
+    """Return whether the values of `axis` and `key` belong together one to one, as in a zip."""
+    pairs = {(point.axes[axis], repr(point.axes[key])) for point in points}
+    return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
+
+
+def estimate_curve(points: Sequence[PointTrials], axis: str, others: dict[str, Any]) -> Curve:
+    """Return the curve through points that have trials, sorted by `axis`; others: the values that they share."""
+    estimates = [estimate_mean(point.times, point.observed, point.seed) for point in points]
+    return Curve(
+        axes=others,
+        scenario=points[0].scenario,
+        x=np.array([point.axes[axis] for point in points], np.float64),
+        trials=np.array([len(point.times) for point in points]),
+        censored=np.array([1 - point.observed.mean() for point in points]),
+        means=np.array([each.mean for each in estimates]),
+        intervals=np.array([(each.low, each.high) for each in estimates]),
+        resampled=np.stack([each.resampled for each in estimates], axis=1),
+    )
+
+
+def told_apart(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return of each row of axis values those that tell it from the others; what goes along with another is left out.
+
+    >>> told_apart([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])
+    [{'width': 4}, {'width': 6}]
+    """
+    kept: list[str] = []
+    patterns: set[tuple[int, ...]] = set()
+    for key in rows[0]:
+        values = [repr(row[key]) for row in rows]
+        pattern = tuple(values.index(value) for value in values)
+        if len(set(pattern)) > 1 and pattern not in patterns:
+            kept.append(key)
+            patterns.add(pattern)
+    return [{key: row[key] for key in kept} for row in rows]

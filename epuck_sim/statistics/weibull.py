@@ -1,0 +1,160 @@
+"""The Weibull distribution that is nearest to a Kaplan-Meier estimate, by least squares (thesis Appendix A).
+
+log(-log R) of a Weibull distribution is a line over x = log t, offset + slope x, with gamma = slope and
+log alpha = -offset / slope. A fit is such a line, (offset, slope).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.statistics.survival import Curves, make_curve, make_sample
+
+Floats = npt.NDArray[np.float64]
+
+_LEAST_STEP = 1e-8  # in log(-log R): a fit is found when the next step would be smaller
+_MOST_STEPS = 100  # a fit takes about 5; one that takes more than these is not found
+
+
+class Weibull(NamedTuple):
+    """A Weibull distribution, F(t) = 1 - exp(-(t / scale) ^ shape)."""
+
+    scale: float
+    """alpha, cycles."""
+    shape: float
+    """gamma."""
+
+    @property
+    def mean(self) -> float:
+        """The mean, alpha Gamma(1 + 1 / gamma), cycles; inf where no float can hold it.
+
+        >>> round(Weibull(scale=50.0, shape=0.5).mean, 9)
+        100.0
+        """
+        return float(means_of(np.array([math.log(self.scale)]), np.array([self.shape]))[0])
+
+
+def means_of(log_scales: Floats, shapes: Floats) -> Floats:
+    """Return the means, (B,) cycles, of distributions by log alpha, (B,), and gamma, (B,)."""
+    log_gammas = np.array([math.lgamma(1 + 1 / shape) for shape in shapes.tolist()])
+    with np.errstate(over="ignore"):
+        means: Floats = np.exp(log_scales + log_gammas)
+    return means
+
+
+def fit_weibull(times: npt.ArrayLike, observed: npt.ArrayLike) -> Weibull | None:
+    """Return the Weibull distribution that is nearest to the Kaplan-Meier estimate (Appendix A).
+
+    Nearest is the least sum of squares over all uncensored trials. None if no distribution is: it takes two distinct
+    event times above 0, and a single trial that brings R to 0 does not count as one.
+    """
+    lines = local_fits(make_curve(make_sample(times, observed)))
+    if not len(lines):
+        return None
+    offset, shape = lines[0].tolist()
+    with np.errstate(over="ignore"):
+        scale = float(np.exp(-offset / shape))
+    return Weibull(scale, shape) if scale < math.inf else None
+
+
+def fit_points(curves: Curves) -> tuple[Floats, Floats, Floats]:
+    """Return the points to fit: x, (k,), their weights, (B, k), and R, (B, k).
+
+    Appendix A multiplies R trial by trial: d trials of one time are d points, with R from (n - 1) / n to (n - d) / n of
+    that before. Their squares add up, but for a constant, to d times the square at their mean. At time 0 every Weibull
+    distribution has R = 1: points there cannot matter.
+    """
+    later = curves.times > 0
+    n, d, before = curves.at_risk[:, later], curves.events[:, later], curves.survival[:, :-1][:, later]
+    return np.log(curves.times[later]), d.astype(float), before * (n - (d + 1) / 2) / np.maximum(n, 1)
+
+
+def rough_lines(curve: Curves, points: int) -> Floats:
+    """Return (s, 2) the lines through each two of up to so many points of one sample, early to late."""
+    x, _, survival = fit_points(curve)
+    chosen = np.unique(np.linspace(0, max(len(x) - 1, 0), min(len(x), points)).round().astype(int))
+    x, y = x[chosen], np.log(-np.log(np.maximum(survival[0, chosen], 0.01)))  # no line reaches R = 0
+    first, second = np.triu_indices(len(x), 1)
+    is_rising = (y[second] > y[first]) & (x[second] > x[first])
+    first, second = first[is_rising], second[is_rising]
+    slope = (y[second] - y[first]) / (x[second] - x[first])
+    return np.stack([y[first] - slope * x[first], slope], axis=1)
+
+
+def local_fits(curve: Curves) -> Floats:
+    """Return (s, 2) the lines of one sample whose squares are less than their neighbours', the best first.
+
+    As a rule there is one; two or three if, say, a few of the trials are much shorter than all others.
+    """
+    starts = rough_lines(curve, 6)
+    x, weights, survival = fit_points(curve)
+    shape = (len(starts), len(x))
+    lines, squares = fit_lines(x, np.broadcast_to(weights, shape), np.broadcast_to(survival, shape), starts)
+    is_found = np.isfinite(squares)
+    _, distinct = np.unique(squares[is_found].round(6), return_index=True)
+    return lines[is_found][distinct]
+
+
+def fit_lines(x: Floats, weights: Floats, survival: Floats, starts: Floats) -> tuple[Floats, Floats]:
+    """Return (B, 2) the lines with the least squares and (B,) these, NaN and inf where none is found.
+
+    x: (k,), weights and survival: (B, k), starts: (B, 2). Newton's method for all samples at once; a step is halved
+    until the squares fall.
+    """
+    lines, least = np.full((len(starts), 2), np.nan), np.full(len(starts), math.inf)
+    # Two parameters take two points. With but one above R = 0, the steeper a line through it, the better it fits. With
+    # two, neither a step nor a constant is best: there is a line of finite slope.
+    rows = np.flatnonzero(((weights > 0) & (survival > 0)).sum(axis=1) >= 2)
+    weights, survival = weights[rows], survival[rows]
+    line, best = starts[rows], np.full(len(rows), math.inf)
+    step, length = np.zeros_like(line), best
+    for _ in range(_MOST_STEPS):
+        tried = line + step
+        squares, next_step, next_length = _newton(x, weights, survival, tried)
+        is_better = (squares < best) & (tried[:, 1] > 0)  # gamma > 0
+        line, best = np.where(is_better[:, None], tried, line), np.where(is_better, squares, best)
+        step = np.where(is_better[:, None], next_step, step / 2)
+        length = np.where(is_better, next_length, length / 2)
+        is_found, goes_on = length <= _LEAST_STEP, length > _LEAST_STEP  # neither where it is NaN
+        lines[rows[is_found]], least[rows[is_found]] = line[is_found], best[is_found]
+        rows, line, best = rows[goes_on], line[goes_on], best[goes_on]
+        step, length = step[goes_on], length[goes_on]
+        if not len(rows):
+            break
+        weights, survival = weights[goes_on], survival[goes_on]
+    return lines, least
+
+
+def _newton(x: Floats, weights: Floats, survival: Floats, line: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the squares of each line, (B,), the step to take from it, (B, 2), and that step's length, (B,).
+
+    Shapes as for `fit_lines`. The length is how much the line changes where it matters; it is at most 1, and NaN where
+    the squares do not depend on the line.
+    """
+    z = np.exp(np.minimum(line[:, :1] + line[:, 1:] * x, 6.5))  # -log R; beyond, R is 1e-288 or less
+    r = np.exp(-z)
+    error, fall = r - survival, r * z  # R falls so much per unit of the line
+    pull = weights * fall
+    w = pull * (fall + error * (z - 1))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        total, centre, away, spread = _moments(x, w)
+        is_convex = (total > 0) & (spread > 0)
+        if not is_convex.all():  # Newton's step may lead uphill elsewhere; Gauss and Newton's never does
+            w = np.where(is_convex[:, None], w, pull * fall)
+            total, centre, away, spread = _moments(x, w)
+        pull *= error
+        # the step is a line too; from the centre, its rise and its turn are independent of each other
+        rise, turn = pull.sum(axis=1) / total, np.einsum("ij,ij->i", pull, away) / (spread * total)
+        length = np.maximum(np.abs(rise), np.abs(turn) * np.sqrt(spread))
+        step = np.stack([rise - turn * centre, turn], axis=1) / np.maximum(length, 1)[:, None]
+    return np.einsum("ij,ij,ij->i", weights, error, error), step, np.minimum(length, 1)
+
+
+def _moments(x: Floats, w: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the sums of w, (B,), and by the weights w, (B, k): x's means, (B,), x less these, and its variances."""
+    total = w.sum(axis=1)
+    centre = np.einsum("ij,j->i", w, x) / total
+    away = x - centre[:, None]
+    return total, centre, away, np.einsum("ij,ij,ij->i", w, away, away) / total

@@ -1,0 +1,131 @@
+"""When is a swarm synchronised? Order parameters, and the watch on the reference robot's firings."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
+from epuck_sim.errors import ControllerError
+
+Floats = npt.NDArray[np.float64]
+
+NOMINAL_PERIOD_S = 5.0
+"""Where there is no oscillator to count cycles, one lasts as long as in thesis 4.2.1."""
+
+
+def order_parameter(phases: Floats, periods: Floats | float) -> Floats:
+    """Return r, the modulus of the complex order parameter (eq. 4.2): 0 incoherent, 1 synchronised.
+
+    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
+
+    >>> f"{order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0):.6f}"
+    '1.000000'
+    """
+    r: Floats = np.abs(np.exp(2j * math.pi * phases / periods).mean(axis=-1))
+    return r
+
+
+def reference_order_parameter(phases: Floats, periods: Floats | float) -> Floats:
+    """Return eta (eq. 3.4): the mean cosine of the phases at a firing of the reference, whose own phase is 0.
+
+    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
+    """
+    eta: Floats = np.cos(2 * math.pi * phases / periods).mean(axis=-1)
+    return eta
+
+
+METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
+
+
+class Firing(NamedTuple):
+    """A firing of the reference, and what was measured at it."""
+
+    cycles: int
+    """The reference's firings up to it."""
+    order_parameter: float | None
+
+
+class SynchronyWatch:
+    """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
+
+    A robot fires when its ring lights up, or when it is lit already and the phase falls. Robots that are no oscillators
+    do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One oscillator alone is
+    never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the further cycles.
+    """
+
+    cycles: int
+    """Firings of the reference so far."""
+    order_parameter: float | None
+    """As measured at the last one; None before the first."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        stop = simulation.scenario.stop
+        self._metric = METRICS[stop.metric]
+        self._threshold = stop.order_parameter
+        self._max_cycles = stop.max_cycles
+        self._further_cycles = stop.further_cycles
+        self._reference = stop.reference_robot
+        self._oscillators = ~np.isnan(simulation.period_ms)
+        self._periods = simulation.period_ms[self._oscillators]
+        self._measures = bool(self._oscillators[self._reference])
+        step_ms = simulation.scenario.timing.step_ms
+        period_ms = simulation.period_ms[self._reference] if self._measures else NOMINAL_PERIOD_S * 1000
+        self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
+        # a reference that never fires must not keep a trial for ever: twice the time that its cycles should take
+        self._max_steps = math.ceil(2 * stop.max_cycles * (period_ms / step_ms + 1))
+        if stop.max_time_s is not None:
+            self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
+        self._steps = 0
+        self._lit_phase: float | None = None  # of the reference, while its ring is lit
+        self._synchrony: Firing | None = None
+        self.cycles = 0
+        self.order_parameter = None
+
+    def look(self, step: Step) -> None:
+        """Take note of a step."""
+        if self._measures:
+            if step.ring_on[self._reference]:
+                self._look_at_firing(step)
+            else:
+                self._lit_phase = None
+        else:
+            self.cycles = int((step.number + 1) / self._steps_a_cycle)
+        self._steps = step.number + 1
+
+    def _look_at_firing(self, step: Step) -> None:
+        phases = step.phase_ms
+        phase = float(phases[self._reference])
+        if self._lit_phase is None or phase < self._lit_phase:
+            self.cycles += 1
+            if not np.isfinite(phases[self._oscillators]).all():
+                raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
+            self.order_parameter = r = float(self.measure(phases))
+            if self._synchrony is None and r >= self._threshold and len(self._periods) > 1:
+                self._synchrony = Firing(self.cycles, r)
+        self._lit_phase = phase
+
+    def measure(self, phase_ms: Floats) -> Floats:
+        """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none."""
+        if not len(self._periods):
+            return np.full(phase_ms.shape[:-1], np.nan)
+        return self._metric(np.ascontiguousarray(phase_ms[..., self._oscillators]), self._periods)
+
+    @property
+    def is_synchronised(self) -> bool:
+        """Whether the order parameter has reached its threshold at a firing."""
+        return self._synchrony is not None
+
+    @property
+    def outcome(self) -> Firing:
+        """The firing at which the swarm was synchronised, or else the last one so far."""
+        return self._synchrony or Firing(self.cycles, self.order_parameter)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the trial ends here: at its limits, or after synchrony and the further cycles."""
+        if self.cycles >= self._max_cycles or self._steps >= self._max_steps:
+            return True
+        return self._synchrony is not None and self.cycles >= self._synchrony.cycles + self._further_cycles

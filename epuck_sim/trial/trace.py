@@ -1,0 +1,130 @@
+"""A trace: what every robot sensed and did in every control step of a trial, in one Parquet file.
+
+Rows are gathered in columns and written in chunks, so that memory stays as it is however long the trial. The file
+appears under its name only when it is whole; its metadata holds the scenario, the seed and the versions.
+"""
+
+import json
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.embodied.step import Step
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import write_scenario
+from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.util.atomic_write import check_target, unwritable
+from epuck_sim.util.provenance import versions
+
+CHUNK_ROWS = 20_000
+"""Rows in memory before they are written, about 4 MB."""
+
+
+class Trace:
+    """An onlooker of a trial (see `trial.run_trial`) that writes what it sees; to be used in a `with` block.
+
+    Where the block ends with an error, nothing is left behind.
+    Raises EpuckSimError where the file cannot be written.
+    """
+
+    def __init__(self, path: Path, scenario: EmbodiedScenario, seed: int) -> None:
+        """Open the file; nothing of a trial needs to exist yet."""
+        check_target(path)
+        self._path = path = path.resolve()
+        self._part = path.with_name(f"{path.name}.part")
+        self._robots = scenario.robot_count
+        self._pixels = scenario.camera_pixels
+        schema = _schema(self._pixels)
+        self._steps = max(1, CHUNK_ROWS // self._robots)
+        self._columns = {
+            field.name: np.zeros((self._steps, self._robots), field.type.to_pandas_dtype())
+            for field in schema
+            if field.name != "camera"
+        }
+        self._columns["robot"][:] = np.arange(self._robots)
+        self._camera = np.zeros((self._steps, self._robots, self._pixels), np.uint8)
+        self._filled = 0
+        metadata = {
+            "scenario": write_scenario(scenario),
+            "seed": str(seed),
+            "versions": json.dumps(versions()),
+        }
+        self._schema = schema.with_metadata(metadata)
+        try:
+            self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
+        except BaseException as error:  # Ctrl-C, too, must leave nothing half-written
+            self._part.unlink(missing_ok=True)
+            if isinstance(error, OSError):
+                raise unwritable(path, error) from error
+            raise
+
+    def __call__(self, step: Step, _: SynchronyWatch) -> None:
+        """Take note of a step."""
+        columns, row = self._columns, self._filled
+        columns["time_s"][row] = step.time_s
+        for place, name in enumerate(("x_cm", "y_cm", "heading_rad")):
+            columns[name][row] = step.poses[:, place]
+        for place, name in enumerate(("left_cm_s", "right_cm_s")):
+            columns[name][row] = step.wheels_cm_s[:, place]
+        columns["ring_on"][row] = step.ring_on
+        columns["phase_ms"][row] = step.phase_ms
+        columns["flash_seen"][row] = step.flash_seen
+        for sensor in range(SENSORS):
+            columns[f"distance_mm_{sensor}"][row] = step.distance_mm[:, sensor]
+            columns[f"infrared_{sensor}"][row] = step.infrared[:, sensor]
+        self._camera[row] = step.camera
+        self._filled += 1
+        if self._filled == self._steps:
+            self._write()
+
+    def _write(self) -> None:
+        arrays = {name: _arrow(values[: self._filled].ravel()) for name, values in self._columns.items()}
+        pixels = pa.array(self._camera[: self._filled].ravel())
+        arrays["camera"] = pa.FixedSizeListArray.from_arrays(pixels, self._pixels)
+        self._writer.write_table(pa.table(arrays, schema=self._schema))
+        self._filled = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        try:
+            if kind is None and self._filled:
+                self._write()
+            self._writer.close()
+            if kind is None:
+                self._part.replace(self._path)
+        except OSError as problem:
+            raise unwritable(self._path, problem) from problem
+        finally:
+            self._part.unlink(missing_ok=True)
+
+
+def _schema(pixels: int) -> Any:
+    """Return the columns: one row a robot and control step."""
+    return pa.schema(
+        [
+            ("time_s", pa.float64()),
+            ("robot", pa.int32()),
+            *((name, pa.float64()) for name in ("x_cm", "y_cm", "heading_rad", "left_cm_s", "right_cm_s")),
+            ("ring_on", pa.bool_()),
+            ("phase_ms", pa.float64()),
+            ("flash_seen", pa.bool_()),
+            *((f"distance_mm_{sensor}", pa.int32()) for sensor in range(SENSORS)),
+            *((f"infrared_{sensor}", pa.float64()) for sensor in range(SENSORS)),
+            ("camera", pa.list_(pa.uint8(), pixels)),
+        ]
+    )
+
+
+def _arrow(values: npt.NDArray[np.generic]) -> Any:
+    """Return a column; NaN, the phase of a robot that has none, becomes null."""
+    return pa.array(values, from_pandas=True)

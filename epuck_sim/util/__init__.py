@@ -1,0 +1,4 @@
+"""Helpers without knowledge of robots: files, compilation, random numbers, messages, versions.
+
+May import: errors, arrays, geometry, epuck, arena.
+"""

@@ -1,0 +1,647 @@
+"""The command line of recordings: trials recorded, recorded again, shown and drawn, and how mistakes end."""
+
+import json
+import os
+import shutil
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from epuck_sim.cli import run
+from epuck_sim.cli.observers import Showing
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.recording import recorder
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.viewer import live, process, viewer
+from epuck_sim.runs.database import DATABASE
+from epuck_sim.runs.reader import read_outcome
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.embodied import run_trial
+from tests.cli.commands import call, called, contents, refused
+from tests.sweep.short_sweeps import COMMAND, wait_until
+
+SWEEP = """
+name: short
+arena: {width_cm: 40, height_cm: 40}
+robots: [{count: 3, controller: firefly}]
+stop: {max_cycles: 6}
+trials: 3
+sweep: {grid: {robots.0.parameters.speed_cm_s: [1, 4, 8]}}
+"""
+
+BAD_STEP = """
+PARAMETERS = {}
+MEMORY = {}
+def start(memory, parameters, random):
+    pass
+def step(sensors, memory, actuators, parameters, random):
+    raise ValueError("never again")
+"""
+
+ADDRESS = "http://127.0.0.1"
+UNSEEN = "give --web to look in a browser"
+
+
+def trials(stdout: str) -> list[dict[str, Any]]:
+    """Return the trials of a command's JSON, without the time they took."""
+    return [{**json.loads(line), "wall_s": 0} for line in stdout.splitlines()]
+
+
+def cells(stdout: str) -> list[list[str]]:
+    """Return the rows of a command's table, without the time they took."""
+    lines = [line.split("│")[1:-1] for line in stdout.splitlines() if line.startswith("│")]
+    return [[cell.strip() for cell in line[:-2]] for line in lines]
+
+
+def entities(path: Path) -> set[str]:
+    return {chunk.entity_path for chunk in RrdReader(path).store().stream().to_chunks()}
+
+
+def check_same(recorded: Recorded, scenario: Scenario, seed: int) -> None:
+    """Simulate a trial and compare each step with what was recorded, bit for bit."""
+    rows: list[tuple[Any, ...]] = []
+    result = run_trial(
+        Simulation(scenario, seed),
+        [lambda step, _: rows.append((step.time_s, step.poses[:, :2].copy(), step.ring_on.copy(), step.phase_ms))],
+    )
+    time_s, positions, ring_on, phase_ms = map(np.array, zip(*rows, strict=True))
+    assert (recorded.scenario, recorded.seed) == (load_scenario(scenario), seed)
+    assert (recorded.cycles, recorded.synchronised) == (result.cycles, not result.censored)
+    assert recorded.firing_order[-1] == result.order_parameter
+    np.testing.assert_array_equal(recorded.time_s, time_s)
+    np.testing.assert_array_equal(recorded.positions, positions.astype(np.float32))
+    np.testing.assert_array_equal(recorded.ring_on, ring_on)
+    np.testing.assert_array_equal(recorded.phase_ms, phase_ms)
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory) -> Path:
+    """Return a recording that no test changes."""
+    path = tmp_path_factory.mktemp("pair") / "pair.rrd"
+    called("run", "pair", "--record", path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory) -> Path:
+    """Return a run folder that no test changes: 3 points of 3 trials."""
+    folder = tmp_path_factory.mktemp("swept")
+    (folder / "short.yaml").write_text(SWEEP)
+    assert call("run", folder / "short.yaml", "--out", folder / "run", "--workers", "1").exit_code == 0
+    return folder / "run"
+
+
+class Views(NamedTuple):
+    """What the command asks viewers for."""
+
+    shown: list[Path]
+    served: list[tuple[Path, int]]
+    drawn: list[tuple[Path, float, Path]]
+
+
+@pytest.fixture
+def views(monkeypatch) -> Views:
+    """Have no viewer opened."""
+    found = Views([], [], [])
+
+    def serve(path: Path, port: int, tell) -> None:
+        found.served.append((path, port))
+        tell(f"{ADDRESS}:{port}")
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(process, "check_port", lambda _: None)
+    monkeypatch.setattr(viewer, "show", found.shown.append)
+    monkeypatch.setattr(viewer, "serve", serve)
+    monkeypatch.setattr(viewer, "draw_screenshot", lambda *call: found.drawn.append(call))
+    return found
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch) -> Path:
+    """Return the current folder, which is empty."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.fixture
+def no_display(monkeypatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+
+
+@pytest.fixture
+def nothing_runs(monkeypatch) -> None:
+    """Have no trial simulated."""
+
+    def forbidden(*_: Any, **__: Any) -> None:
+        pytest.fail("a trial was simulated")
+
+    monkeypatch.setattr(run, "make_model", forbidden)
+
+
+@pytest.fixture
+def busy_port() -> Iterator[int]:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        yield taken.getsockname()[1]
+
+
+# run --record
+
+
+def test_a_recorded_run_prints_the_same_and_writes_the_file(tmp_path) -> None:
+    assert trials(called("run", "thesis", "--json", "--record", tmp_path / "t.rrd")) == trials(
+        called("run", "thesis", "--json")
+    )
+    table = cells(called("run", "thesis", "--record", tmp_path / "t.rrd"))
+    assert table == cells(called("run", "thesis"))
+    assert len(table) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
+    check_same(read_recording(tmp_path / "t.rrd"), load_scenario("thesis"), 0)
+
+
+def test_several_trials_are_recorded_into_a_file_each(tmp_path) -> None:
+    rows = trials(called("run", "pair", "--trials", "3", "--seed", "7", "--json", "--record", tmp_path / "t.rrd"))
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["t-0.rrd", "t-1.rrd", "t-2.rrd"]
+    for number, row in enumerate(rows):
+        recorded = read_recording(tmp_path / f"t-{number}.rrd")
+        assert (recorded.seed, recorded.cycles, len(recorded.time_s)) == (row["seed"], row["cycles"], row["steps"])
+    assert len({row["seed"] for row in rows}) == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "level", "held"),
+    [
+        (["--record-level", "summary"], Level.SUMMARY, []),
+        (["--record-level", "poses"], Level.POSES, ["/arena/robots"]),
+        (["--record-level", "full"], Level.FULL, ["/arena/robots", "/camera/rows"]),
+        ([], Level.FULL, ["/arena/robots", "/camera/rows"]),
+    ],
+)
+def test_the_level_says_how_much_is_recorded(tmp_path, arguments: list[str], level: Level, held: list[str]) -> None:
+    called("run", "pair", "--record", tmp_path / "t.rrd", *arguments)
+    assert read_recording(tmp_path / "t.rrd").level is level
+    found = entities(tmp_path / "t.rrd")
+    assert "/flashes" in found
+    assert sorted({"/arena/robots", "/camera/rows"} & found) == held
+
+
+def test_a_trial_is_recorded_and_traced_at_once(tmp_path) -> None:
+    called("run", "thesis", "--record", tmp_path / "t.rrd", "--trace", tmp_path / "t.parquet")
+    recorded, table = read_recording(tmp_path / "t.rrd"), pq.read_table(tmp_path / "t.parquet")
+    traced = np.column_stack([table["x_cm"], table["y_cm"]]).astype(np.float32)
+    np.testing.assert_array_equal(recorded.positions.reshape(-1, 2), traced)
+    np.testing.assert_array_equal(recorded.phase_ms.ravel(), table["phase_ms"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["t.parquet", "t.rrd"]
+
+
+def test_an_interpreted_trial_is_recorded_as_the_compiled_one_is(pair, tmp_path) -> None:
+    called("run", "pair", "--interpret", "--record", tmp_path / "t.rrd")
+    recorded, compiled = read_recording(tmp_path / "t.rrd"), read_recording(pair)
+    np.testing.assert_array_equal(recorded.phase_ms, compiled.phase_ms)
+    np.testing.assert_array_equal(recorded.flash_s, compiled.flash_s)
+
+
+def test_where_a_trial_fails_an_older_recording_stays_and_nothing_else(here) -> None:
+    (here / "bad.py").write_text(BAD_STEP)
+    (here / "bad.yaml").write_text("robots: [{count: 2, controller: bad.py}]")
+    (here / "t.rrd").write_text("older")
+    before = contents(here)
+    assert "never again" in refused("run", "bad.yaml", "--interpret", "--record", "t.rrd")
+    assert contents(here) == before
+    called("run", "pair", "--record", "t.rrd")
+    assert read_recording(here / "t.rrd").scenario.name == "pair"
+
+
+def test_a_trial_of_a_sweep_can_be_recorded_by_run(swept, tmp_path) -> None:
+    chosen = points(load_scenario(swept))[2]
+    rows = trials(called("run", swept, "--point", "2", "--trial", "1", "--json", "--record", tmp_path / "t.rrd"))
+    assert [row["seed"] for row in rows] == [chosen.seed(1)]
+    assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
+    check_same(read_recording(tmp_path / "t.rrd"), chosen.scenario, chosen.seed(1))
+
+
+# replay of a run folder
+
+
+@pytest.mark.parametrize(("point", "trial"), [(0, 0), (1, 1), (2, 1)])
+def test_a_trial_of_a_run_folder_is_simulated_again_bit_for_bit_and_shown(
+    swept, here, views, point: int, trial: int
+) -> None:
+    before = contents(swept)
+    stdout = called("replay", swept, "--point", str(point), "--trial", str(trial))
+    name = f"run-point-{point}-trial-{trial}.rrd"
+    assert stdout.splitlines()[-1] == name
+    assert views == Views([Path(name)], [], [])
+    assert [path.name for path in here.iterdir()] == [name]
+    assert contents(swept) == before
+    recorded = read_recording(here / name)
+    assert read_outcome(swept, point, trial) == (recorded.cycles, not recorded.synchronised)
+    assert recorded.level is Level.FULL
+    chosen = points(load_scenario(swept))[point]
+    check_same(recorded, chosen.scenario, chosen.seed(trial))
+
+
+def test_the_stored_trials_of_these_tests_end_in_both_ways(swept) -> None:
+    outcomes = [read_outcome(swept, point, trial) for point, trial in [(0, 0), (1, 1), (2, 1)]]
+    assert {outcome[1] for outcome in outcomes} == {True, False}
+    assert len(set(outcomes)) == 3
+
+
+def test_it_is_recorded_to_the_file_that_is_given(swept, here, tmp_path, views) -> None:
+    target = tmp_path / "mine.rrd"
+    stdout = called("replay", swept, "--point", "0", "--trial", "1", "--record", target, "--web", "--port", "1234")
+    assert stdout.splitlines()[-2:] == [str(target), f"{ADDRESS}:1234"]
+    assert list(here.iterdir()) == []
+    assert read_recording(target).seed == points(load_scenario(swept))[0].seed(1)
+    assert views.served == [(target, 1234)]
+
+
+def test_the_folder_s_own_name_is_in_the_default_one(swept, tmp_path, monkeypatch, views) -> None:
+    folder = Path(shutil.copytree(swept, tmp_path / "v0.5"))
+    monkeypatch.chdir(folder)
+    stdout = called("replay", ".", "--point", "0", "--trial", "0", "--screenshot", "p.png", "--at", "0.5")
+    assert stdout.splitlines()[-1] == "v0.5-point-0-trial-0.rrd"
+    assert views.drawn == [(Path("v0.5-point-0-trial-0.rrd"), 0.5, Path("p.png"))]
+
+
+def test_a_run_folder_is_not_hidden_by_a_shipped_scenario_of_its_name(swept, here, views) -> None:
+    shutil.copytree(swept, here / "thesis")
+    called("replay", "thesis", "--point", "1", "--trial", "2")
+    recorded = read_recording(here / "thesis-point-1-trial-2.rrd")
+    assert recorded.scenario.name == "short"
+    assert recorded.seed == points(load_scenario(swept))[1].seed(2)
+    assert len(views.shown) == 1
+
+
+def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, views, monkeypatch) -> None:
+    asked: list[bool] = []
+
+    def simulate(*given: Any, interpret: bool) -> Simulation:
+        asked.append(interpret)
+        return Simulation(*given, interpret=interpret)
+
+    monkeypatch.setattr(run, "make_model", simulate)
+    words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
+    called(*words, "--interpret")
+    chosen = points(load_scenario(swept))[1]
+    check_same(read_recording(tmp_path / "t.rrd"), chosen.scenario, chosen.seed(1))
+    called(*words)
+    assert asked == [True, False]
+    assert len(views.shown) == 2
+
+
+@pytest.mark.usefixtures("no_display")
+def test_where_nothing_can_be_shown_the_trial_is_recorded_all_the_same(swept, here) -> None:
+    result = call("replay", swept, "--point", "2", "--trial", "1")
+    assert result.exit_code == 0
+    assert result.stdout.splitlines()[-1] == "run-point-2-trial-1.rrd"
+    assert "there is no display here" in result.stderr
+    assert UNSEEN in result.stderr
+    assert read_recording(here / "run-point-2-trial-1.rrd").seed == points(load_scenario(swept))[2].seed(1)
+
+
+@pytest.mark.parametrize(
+    ("change", "note"),
+    [
+        ("cycles = cycles + 1000", "note: this is not the trial that is stored, which lasted 1006 cycles"),
+        ("censored = 1 - censored", "note: this is not the trial that is stored"),
+        ("error = 'gone'", ""),
+        ("wall_s = 0", ""),
+    ],
+)
+def test_a_trial_that_comes_out_otherwise_than_stored_is_noted(
+    swept, here, tmp_path, views, change: str, note: str
+) -> None:
+    folder = Path(shutil.copytree(swept, tmp_path / "run"))
+    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+        connection.execute(f"UPDATE trials SET epuck_sim = '0.0.1', {change}")
+        connection.commit()
+    result = call("replay", folder, "--point", "1", "--trial", "0")
+    assert result.exit_code == 0
+    assert result.stderr.startswith(note)
+    assert bool(result.stderr) == bool(note)
+    assert ("epuck_sim 0.0.1" in result.stderr) == bool(note)
+    assert len(views.shown) == len(list(here.iterdir())) == 1
+
+
+# replay of a file
+
+
+def test_a_recording_is_shown(pair, here, views) -> None:
+    assert called("replay", pair) == ""
+    assert views == Views([pair], [], [])
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.parametrize(("arguments", "port"), [([], 9090), (["--port", "1234"], 1234)])
+def test_a_recording_is_served_and_the_address_told(pair, views, arguments: list[str], port: int) -> None:
+    assert called("replay", pair, "--web", *arguments) == f"{ADDRESS}:{port}\n"
+    assert views == Views([], [(pair, port)], [])
+
+
+@pytest.mark.parametrize("at", [None, 0.0, 0.5, 3.25])
+def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given(pair, views, at: float | None) -> None:
+    assert called("replay", pair, "--screenshot", "p.png", *([] if at is None else ["--at", str(at)])) == ""
+    end = read_recording(pair).time_s[-1]
+    assert views == Views([], [], [(pair, end if at is None else at, Path("p.png"))])
+
+
+def test_a_moment_beyond_the_end_is_refused_and_the_end_told_which_is_not(pair, views) -> None:
+    end = read_recording(pair).time_s[-1]
+    message = refused("replay", pair, "--screenshot", "p.png", "--at", "11.25")
+    assert f"--at is 11.25; allowed: 0 to {end:g}" in message
+    assert str(pair) in message
+    assert views.drawn == []
+    called("replay", pair, "--screenshot", "p.png", "--at", f"{end:g}")
+    assert views.drawn == [(pair, end, Path("p.png"))]
+
+
+@pytest.mark.parametrize("level", list(Level))
+def test_a_recording_of_any_level_is_shown(tmp_path, views, level: Level) -> None:
+    called("run", "pair", "--record", tmp_path / "t.rrd", "--record-level", level)
+    called("replay", tmp_path / "t.rrd")
+    assert views.shown == [tmp_path / "t.rrd"]
+
+
+# run --live
+
+
+class Window:
+    """Stands for a viewer."""
+
+    waited = 0
+
+    def wait(self) -> None:
+        self.waited += 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "showing", "level"),
+    [
+        ([], Showing(1.0, None), Level.FULL),
+        (["--speed", "10"], Showing(10.0, None), Level.FULL),
+        (["--web", "--record-level", "poses"], Showing(1.0, 9090), Level.POSES),
+        (["--speed", "0.5", "--web", "--port", "1234"], Showing(0.5, 1234), Level.FULL),
+    ],
+)
+def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
+    monkeypatch, arguments: list[str], showing: Showing, level: Level
+) -> None:
+    opened, shown, steps = [], [], []
+    window = Window()
+
+    @contextmanager
+    def live_viewer(port: int | None, tell) -> Iterator[tuple[Window, int]]:
+        opened.append(port)
+        tell("the address")
+        yield window, 77
+
+    @contextmanager
+    def show_live(*given: Any) -> Iterator[Any]:
+        shown.append(given)
+        yield lambda step, _: steps.append(step.number)
+
+    monkeypatch.setattr(live, "live_viewer", live_viewer)
+    monkeypatch.setattr(live, "live", show_live)
+    result = call("run", "pair", "--trials", "2", "--json", "--live", *arguments)
+    assert result.exit_code == 0
+    assert result.stderr.startswith("the address\n")
+    assert result.stderr.rstrip().endswith("to end")
+    rows = trials(result.stdout)
+    assert rows == trials(called("run", "pair", "--trials", "2", "--json"))
+    assert opened == [showing.port]
+    assert [(*each[:2], *each[3:]) for each in shown] == [
+        (window, 77, row["seed"], level, showing.speed) for row in rows
+    ]
+    assert steps == [*range(rows[0]["steps"]), *range(rows[1]["steps"])]
+    assert window.waited == 1
+
+
+# Mistakes
+
+
+@pytest.mark.usefixtures("nothing_runs", "no_display")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("run pair --record gone/t.rrd", "gone/t.rrd: cannot be written: there is no directory gone"),
+        ("run pair --record short.yaml/t.rrd", "cannot be written: there is no directory short.yaml"),
+        ("run pair --record t.txt", "t.txt: a recording's name must end in .rrd"),
+        ("run pair --record t", "t: a recording's name must end in .rrd"),
+        ("run pair --record .", "cannot be written: is a directory"),
+        ("run pair --record folder.rrd", "folder.rrd: cannot be written: is a directory"),
+        ("run pair --record pipe.rrd", "pipe.rrd: cannot be written: is no regular file"),
+        (f"run pair --record {'x' * 300}.rrd", "File name too long"),
+        (f"run pair --record {'x' * 248}.rrd", "File name too long"),
+        ("run pair --trials 2 --record several.rrd", "several-1.rrd: cannot be written: is a directory"),
+        ("run pair --trace t.parquet --record t.txt", "must end in .rrd"),
+        ("run pair --trace gone/t.parquet --record t.rrd", "there is no directory gone"),
+        ("run pair --trace same.rrd --record same.rrd", "--trace and --record name the same file"),
+        ("run pair --trace same.mp4 --film same.mp4", "--trace and --film name the same file"),
+        ("run pair --record-level poses", "--record-level is for --record and --live"),
+        ("run pair --speed 2", "--speed and --web are for --live"),
+        ("run pair --record t.rrd --web", "--speed and --web are for --live"),
+        ("run pair --live --port 1234", "--port is for --web"),
+        ("run pair --live", "there is no display here; give --web to look in a browser, or --record FILE.rrd"),
+        ("run pair --live --record t.rrd", "there is no display here"),
+        ("run short.yaml --out new --record t.rrd", "a sweep keeps no traces, recordings and films"),
+        ("run short.yaml --out new --live", "a sweep keeps no traces, recordings and films"),
+        ("run RUN --record t.rrd", "a sweep keeps no traces, recordings and films"),
+        ("run short.yaml --record t.rrd", "short.yaml: holds a sweep of 3 points"),
+        ("run RUN --point 0 --record t.rrd", "--point and --trial go together"),
+        ("run RUN --point 3 --trial 0 --record t.rrd", "--point is 3; allowed: 0 to 2"),
+        ("run RUN --point 0 --trial 3 --record t.rrd", "--trial is 3; allowed: 0 to 2"),
+        ("replay gone.rrd", "gone.rrd: there is no such file"),
+        ("replay folder.rrd", "--point and --trial go together, and with a run folder"),
+        ("replay pipe.rrd", "pipe.rrd: is no file"),
+        ("replay PAIR", f"pair.rrd: there is no display here; {UNSEEN}, or --screenshot FILE.png"),
+        ("replay PAIR --point 0 --trial 0", "--point and --trial go together, and with a run folder"),
+        ("replay PAIR --point 0", "--point and --trial go together, and with a run folder"),
+        ("replay PAIR --trial 0 --screenshot p.png", "--point and --trial go together, and with a run folder"),
+        ("replay PAIR --record t.rrd", "--record and --interpret are for a run folder's trial"),
+        ("replay PAIR --web --screenshot p.png", "--web and --screenshot exclude each other"),
+        ("replay PAIR --interpret", "--record and --interpret are for a run folder's trial"),
+        ("replay PAIR --port 1234", "--port is for --web"),
+        ("replay PAIR --screenshot p.png --port 1234", "--port is for --web"),
+        ("replay PAIR --at 1", "--at is for --screenshot"),
+        ("replay PAIR --web --at 1", "--at is for --screenshot"),
+        ("replay PAIR --screenshot p.png --at 1000", "; allowed: 0 to 11.2, where "),
+        ("replay PAIR --screenshot p.png --at inf", "; allowed: 0 to 11.2, where "),
+        ("replay PAIR --screenshot gone/p.png", "gone/p.png: cannot be written: there is no directory gone"),
+        ("replay PAIR --screenshot .", "--screenshot: a picture's name must end in .png"),
+        ("replay PAIR --screenshot PAIR", "--screenshot: a picture's name must end in .png"),
+        ("replay PAIR --screenshot folder.png", "folder.png: cannot be written: is a directory"),
+        ("replay RUN", "--point and --trial go together, and with a run folder"),
+        ("replay RUN --point 0", "--point and --trial go together, and with a run folder"),
+        ("replay RUN --trial 0", "--point and --trial go together, and with a run folder"),
+        ("replay RUN --point 3 --trial 0", "--point is 3; allowed: 0 to 2"),
+        ("replay RUN --point 0 --trial 3", "--trial is 3; allowed: 0 to 2"),
+        ("replay RUN --point 0 --trial 0 --record t.txt", "t.txt: a recording's name must end in .rrd"),
+        ("replay RUN --point 0 --trial 0 --record gone/t.rrd", "there is no directory gone"),
+        ("replay RUN --point 0 --trial 0 --at 1", "--at is for --screenshot"),
+        ("replay RUN --point 0 --trial 0 --screenshot gone/p.png", "there is no directory gone"),
+        ("replay gone --point 0 --trial 0", "run folder"),
+        ("replay folder.rrd --point 0 --trial 0", "folder.rrd: is no"),
+        ("replay without --point 0 --trial 0", f"without: is no run folder: there is no {DATABASE} in it"),
+        ("replay foreign --point 0 --trial 0", "is no database of epuck-sim"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_2_before_anything_runs(
+    pair, swept, here, arguments: str, message: str
+) -> None:
+    (here / "short.yaml").write_text(SWEEP)
+    for name in ("folder.rrd", "folder.png", "several-1.rrd", "without", "foreign"):
+        (here / name).mkdir()
+    for name in ("without", "foreign"):
+        shutil.copy(swept / "scenario.yaml", here / name)
+    (here / "foreign" / DATABASE).write_text("mine")
+    os.mkfifo(here / "pipe.rrd")
+    before = contents(here)
+    given = {"PAIR": str(pair), "RUN": str(swept)}
+    assert message in refused(*(given.get(word, word) for word in arguments.split()))
+    assert contents(here) == before
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(
+    "arguments",
+    ["run pair --live", "run pair --record t.rrd --live", "replay PAIR", "replay RUN --point 0 --trial 0"],
+)
+def test_a_port_in_use_is_refused(pair, swept, here, busy_port, arguments: str) -> None:
+    files = {"PAIR": str(pair), "RUN": str(swept)}
+    given = [files.get(word, word) for word in arguments.split()]
+    message = refused(*given, "--web", "--port", str(busy_port))
+    assert f"port {busy_port} cannot be used" in message
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.usefixtures("nothing_runs")
+def test_no_viewer_is_opened_for_a_recording_that_cannot_be_written(here, monkeypatch) -> None:
+    monkeypatch.setattr(live, "live_viewer", lambda *_: pytest.fail("a viewer was opened"))
+    for target in ("gone/t.rrd", "t.txt"):
+        assert f"{target}: " in refused("run", "pair", "--live", "--web", "--record", target)
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.usefixtures("nothing_runs", "views")
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        *("run pair --record t.rrd --record-level all", "run pair --live --speed 0", "run pair --live --speed x"),
+        *("run pair --live --web --port 0", "run pair --live --web --port 65536", "replay", "replay a b"),
+        *("replay a.rrd --screenshot p.png --at -1", "replay a.rrd --screenshot p.png --at nan"),
+        *("replay a.rrd --web --port 0", "replay run --point -1 --trial 0", "replay run --point 0 --trial x"),
+    ],
+)
+def test_what_is_no_value_is_named(here, arguments: str) -> None:
+    result = call(*arguments.split())
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "Usage: " in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(here.iterdir()) == []
+
+
+@pytest.mark.usefixtures("nothing_runs", "no_display")
+@pytest.mark.parametrize("speed", ["inf", "nan"])
+def test_a_speed_without_end_is_refused(here, speed: str) -> None:
+    result = call("run", "pair", "--live", "--speed", speed)
+    assert result.exit_code == 2
+    assert "--speed" in result.stderr
+    assert list(here.iterdir()) == []
+
+
+def of_another_program(path: Path, _: bytes) -> None:
+    with rr.RecordingStream("somebody") as stream:
+        stream.save(path)
+        stream.log("x", rr.TextLog("mine"), static=True)
+
+
+def of_another_version(path: Path, _: bytes) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recorder, "FORMAT", 99)
+        called("run", "pair", "--record", path)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (of_another_program, "holds 1 recordings, made by somebody; allowed: one made by epuck-sim"),
+        (of_another_version, "format 99"),
+        (lambda path, whole: path.write_bytes(whole[: len(whole) // 2]), "is no whole recording"),
+        (lambda path, whole: path.write_bytes(whole[:-1]), "is no whole recording"),
+        (lambda path, _: path.write_text("mine"), "is no "),
+        (lambda path, _: path.touch(), "is no "),
+    ],
+    ids=["program", "version", "half", "a byte less", "text", "empty"],
+)
+@pytest.mark.parametrize("command", ["replay", "replay --web", "replay --screenshot p.png", "plot"])
+def test_what_is_no_whole_recording_of_ours_is_refused_by_every_command(
+    pair, here, views, make, message: str, command: str
+) -> None:
+    make(here / "t.rrd", pair.read_bytes())
+    before = contents(here)
+    stderr = refused(*command.split(), "t.rrd")
+    assert stderr.startswith("error: t.rrd: ")
+    assert message in stderr
+    assert contents(here) == before
+    assert views == Views([], [], [])
+
+
+# Processes
+
+
+def test_rerun_is_loaded_only_for_recordings() -> None:
+    script = (
+        "import sys\nfrom epuck_sim.cli.app import app\n"
+        "for words in (['replay', '--help'], ['run', '--help'], ['--help'], ['list'], ['run', 'pair', '--json']):\n"
+        "    try: app(words)\n    except SystemExit as end: assert not end.code\n"
+        "    heavy = {'rerun', 'rerun_sdk', 'matplotlib', *(['numpy', 'numba'] if '--help' in words else [])}\n"
+        "    print('loaded', sorted(heavy & sys.modules.keys()))"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    told = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
+    assert told == ["loaded []"] * 5
+
+
+@pytest.mark.parametrize("signalled", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path, signalled: signal.Signals) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 1500}")
+    process = subprocess.Popen(
+        [*COMMAND, "run", str(scene), "--trials", "60", "--record", str(tmp_path / "t.rrd")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
+        os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
+        stdout, stderr = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert (process.returncode, stderr) == (130, "interrupted\n")
+    finished = stdout.count("yes, at")
+    assert finished >= 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", *(f"t-{n}.rrd" for n in range(finished))]
+    assert len(read_recording(tmp_path / "t-0.rrd").time_s) == 15_000

@@ -1,0 +1,530 @@
+"""The commands that read run folders: what they print and write, and how they end where something is wrong."""
+
+import json
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from matplotlib import image
+from typer.testing import CliRunner
+
+from epuck_sim.cli.app import app
+from epuck_sim.figures.maps import read_maps, save_maps
+from epuck_sim.figures.violins import read_violins, save_violins
+from epuck_sim.runs.database import DATABASE
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.points import points
+from epuck_sim.statistics.curves import read_curves
+from tests.runs.made_folders import (
+    COUNT,
+    COUPLING,
+    MANY_SPEEDS,
+    SPEED,
+    SPEEDS,
+    WIDTH,
+    bumpy,
+    bumpy_mean,
+    ended,
+    rows,
+    six_digits,
+    store,
+    sweep,
+    weibull,
+)
+
+FIGURE = ["T_sync-regimes.csv", "T_sync.csv", "T_sync.png", "T_sync.svg"]
+SCENARIO = sweep({COUPLING: [0.1, 0.2], SPEED: MANY_SPEEDS}, trials=100, name="fig-x")
+SMALL = sweep({SPEED: SPEEDS}, trials=5)
+
+COMMANDS = (
+    "export FOLDER --to OUT.csv",
+    "export FOLDER --to OUT.parquet",
+    "summarize FOLDER",
+    "summarize FOLDER --json",
+    "plot FOLDER",
+    "plot FOLDER --to OUT",
+    "plot FOLDER --form violins --censored-at 40",
+    "fit FOLDER",
+    "fit FOLDER --json",
+    "fit FOLDER GOOD",
+)
+
+
+def words(command: str, folder: Path, good: Path, out: Path) -> list[str]:
+    """Return the words of a command on a folder, and on another one that is good."""
+    given = command.replace("OUT", str(out)).replace("GOOD", str(good)).split()
+    return [str(folder) if word == "FOLDER" else word for word in given]
+
+
+def call(*arguments: str | Path):
+    return CliRunner().invoke(app, [*map(str, arguments)])
+
+
+def called(*arguments: str | Path) -> str:
+    """Return what a command prints that ends well and has nothing to complain of."""
+    result = call(*arguments)
+    assert (result.exit_code, result.stderr) == (0, "")
+    return result.stdout
+
+
+def refused(*arguments: str | Path) -> str:
+    """Return the message of a command that ends with one, and with exit code 2."""
+    result = call(*arguments)
+    assert result.exit_code == 2, result.exception
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: ")
+    assert "Traceback" not in result.stderr
+    return result.stderr
+
+
+def contents(folder: Path) -> dict[str, bytes | None]:
+    return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
+
+
+def law(point):
+    if point.number == 0:
+        return ended([])
+    return weibull(point, bumpy_mean(point.axes[SPEED], point.axes[COUPLING] / 0.1), 97)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """Return a run folder that no test changes: point 0 has but three failed trials."""
+    return store(tmp_path_factory.mktemp("made") / "run", SCENARIO, law, failed=3)
+
+
+@pytest.fixture(scope="module")
+def plotted(made, tmp_path_factory) -> Path:
+    """Return the stem of that folder's figure."""
+    stem = tmp_path_factory.mktemp("plotted") / "fig"
+    before = contents(made)
+    called("plot", made, "--to", stem)
+    assert contents(made) == before
+    return stem
+
+
+@pytest.fixture(scope="module")
+def small_one(tmp_path_factory) -> Path:
+    return store(tmp_path_factory.mktemp("small_one") / "run", SMALL, lambda point: weibull(point, 30))
+
+
+@pytest.fixture
+def small(small_one, tmp_path) -> Path:
+    """Return a run folder that the test may change."""
+    return Path(shutil.copytree(small_one, tmp_path / "small"))
+
+
+# export
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_ones(made, tmp_path, ending) -> None:
+    target = tmp_path / f"results{ending}"
+    result = call("export", made, "--to", target)
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert result.stderr == f"3 trials failed and are left out; see: epuck-sim run {made}/ --status\n"
+    table = rows(target) if ending == ".csv" else pq.read_table(target).to_pylist()
+    assert len(table) == 97 * 25
+    assert [*table[0]][:4] == [COUPLING, SPEED, "seed", "t_sync_cycles"]
+    assert [path.name for path in tmp_path.iterdir()] == [target.name]
+
+
+def test_export_of_a_folder_without_trials_has_columns_and_no_row(tmp_path) -> None:
+    store(tmp_path / "run", SCENARIO, lambda _: ended([]))
+    assert called("export", tmp_path / "run", "--to", tmp_path / "t.csv") == ""
+    assert rows(tmp_path / "t.csv") == []
+
+
+# plot
+
+
+def test_plot_writes_the_figure_into_the_folder_and_names_its_files(small) -> None:
+    before = set(contents(small))
+    stdout = called("plot", small)
+    assert sorted(Path(line).name for line in stdout.splitlines()) == FIGURE
+    assert all(Path(line).parent == small for line in stdout.splitlines())
+    assert set(contents(small)) == before | set(FIGURE)
+    assert image.imread(small / "T_sync.png").std() > 0.05
+
+
+def test_plot_writes_elsewhere(plotted) -> None:
+    assert sorted(contents(plotted.parent)) == [name.replace("T_sync", "fig") for name in FIGURE]
+
+
+def test_plot_s_numbers_are_those_of_the_results(made, plotted) -> None:
+    curves = read_curves(read_points(made), SPEED)
+    expected = [
+        [str(curve.axes[COUPLING]), *map(six_digits, row)]
+        for curve in curves
+        for row in zip(curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T, strict=True)
+    ]
+    assert [[*row.values()] for row in rows(plotted.with_suffix(".csv"))] == expected
+    assert [len(curve.x) for curve in curves] == [len(MANY_SPEEDS) - 1, len(MANY_SPEEDS)]
+
+
+def test_plot_and_fit_find_the_same_regimes(made, plotted) -> None:
+    fitted = json.loads(called("fit", made, "--json"))["curves"]
+    for row, curve in zip(rows(plotted.with_name("fig-regimes.csv")), fitted, strict=True):
+        assert row[COUPLING] == str(curve["axes"][COUPLING])
+        for name in ("v_m", "t_m", "v_p", "t_p"):
+            estimate = [six_digits(curve[name][end]) for end in ("value", "low", "high")]
+            assert [row[name], row[f"{name}_low"], row[f"{name}_high"]] == estimate
+
+
+def test_the_same_results_are_plotted_to_the_same_files_in_any_process_without_a_warning(
+    made, plotted, tmp_path
+) -> None:
+    subprocess.run(
+        [sys.executable, "-W", "error", "-m", "epuck_sim", "plot", made, "--to", tmp_path / "fig"],
+        env={**os.environ, "PYTHONHASHSEED": "17", "TZ": "Asia/Tokyo", "DISPLAY": ""},
+        check=True,
+        capture_output=True,
+    )
+    assert contents(tmp_path) == contents(plotted.parent)
+
+
+def test_plot_draws_against_the_axis_wanted(tmp_path) -> None:
+    scenario = sweep({SPEED: [1, 2], COUNT: [3, 5, 7]}, trials=5)
+    store(tmp_path / "run", scenario, lambda point: ended([point.axes[COUNT]] * 5))
+    called("plot", tmp_path / "run", "--x", COUNT, "--to", tmp_path / "fig")
+    table = rows(tmp_path / "fig.csv")
+    assert [*table[0]][:2] == [SPEED, COUNT]
+    assert [(row[SPEED], row[COUNT], row["mean"]) for row in table] == [
+        (str(speed), str(count), str(count)) for speed in (1, 2) for count in (3, 5, 7)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [("robots.0.parameters.sped_cm_s", f"did you mean '{SPEED}'?"), ("nothing", "axes with numbers: " + SPEED)],
+)
+def test_an_axis_that_is_none_is_named_and_nothing_written(small, wanted: str, message: str) -> None:
+    before = contents(small)
+    stderr = refused("plot", small, "--x", wanted)
+    assert wanted in stderr
+    assert message in stderr
+    assert contents(small) == before
+
+
+def test_a_folder_with_a_figure_can_be_run_on(small) -> None:
+    called("plot", small)
+    with Store(small, SMALL, points(SMALL)) as opened:
+        assert len(opened.finished()) == 5 * 5
+
+
+# The forms
+
+
+def many(folder: Path, **figure) -> Path:
+    """Make a run folder of three axes; `figure` is its scenario's."""
+    scenario = sweep({COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}, trials=4, name="forms", figure=figure)
+    return store(folder, scenario, lambda point: weibull(point, 30))
+
+
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def plotted_as(folder: Path, tmp_path: Path, *options: str | int) -> dict[str, bytes]:
+    """Return the files that `plot` writes."""
+    target = tmp_path / "plotted"
+    target.mkdir()
+    printed = called("plot", folder, *options, "--to", target / "fig").split()
+    assert sorted(printed) == sorted(map(str, target.iterdir()))
+    return files_of(target)
+
+
+def expected_map(folder: Path, tmp_path: Path, x: str, y: str) -> dict[str, bytes]:
+    (tmp_path / "map").mkdir()
+    save_maps(tmp_path / "map" / "fig", "forms", x, y, read_maps(read_points(folder), x, y))
+    return files_of(tmp_path / "map")
+
+
+def expected_violins(folder: Path, tmp_path: Path, x: str, censored_at: int | None) -> dict[str, bytes]:
+    (tmp_path / "violins").mkdir()
+    read = read_violins(read_points(folder), x, censored_at)
+    save_violins(tmp_path / "violins" / "fig", "forms", x, read, censored_at)
+    return files_of(tmp_path / "violins")
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "expected"),
+    [
+        ({}, ("--form", "map", "--y", WIDTH), (SPEED, WIDTH)),
+        ({}, ("--form", "map", "--x", COUNT, "--y", SPEED), (COUNT, SPEED)),
+        ({"form": "map", "y": COUNT}, (), (SPEED, COUNT)),
+        ({"form": "map", "x": WIDTH, "y": COUNT}, (), (WIDTH, COUNT)),
+        ({"form": "map", "x": WIDTH, "y": COUNT}, ("--y", SPEED), (WIDTH, SPEED)),
+        ({"form": "violins", "x": WIDTH, "y": COUNT}, ("--form", "map"), (WIDTH, COUNT)),
+    ],
+)
+def test_a_map_is_drawn_over_the_axes_wanted_or_else_the_scenario_s(tmp_path, figure, options, expected) -> None:
+    folder = many(tmp_path / "run", **figure)
+    assert plotted_as(folder, tmp_path, *options) == expected_map(folder, tmp_path, *expected)
+
+
+def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it(tmp_path) -> None:
+    folder = store(
+        tmp_path / "run",
+        sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=4, name="forms", figure={"form": "map", "y": WIDTH}),
+        lambda point: weibull(point, 30),
+    )
+    assert plotted_as(folder, tmp_path, "--x", WIDTH) == expected_map(folder, tmp_path, WIDTH, SPEED)
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "expected"),
+    [
+        ({}, ("--form", "violins"), (SPEED, None)),
+        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, (), (COUNT, 30)),
+        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, ("--x", WIDTH, "--censored-at", 20), (WIDTH, 20)),
+    ],
+)
+def test_violins_are_drawn_as_wanted_or_else_as_the_scenario_says(tmp_path, figure, options, expected) -> None:
+    folder = many(tmp_path / "run", **figure)
+    assert plotted_as(folder, tmp_path, *options) == expected_violins(folder, tmp_path, *expected)
+
+
+def test_curves_are_drawn_against_the_axis_of_the_scenario(tmp_path) -> None:
+    folder = many(tmp_path / "run", form="map", x=COUNT, y=SPEED)
+    plotted_as(folder, tmp_path, "--form", "curves")
+    assert [*rows(tmp_path / "plotted" / "fig.csv")[0]][:3] == [WIDTH, SPEED, COUNT]
+
+
+@pytest.mark.parametrize("form", ["map", "violins"])
+def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
+    folder = many(tmp_path / "run", y=WIDTH)
+    before = set(contents(folder))
+    printed = called("plot", folder, "--form", form)
+    assert printed.split() == [str(folder / f"T_sync{ending}") for ending in (".png", ".svg", ".csv")]
+    assert set(contents(folder)) == before | {"T_sync.png", "T_sync.svg", "T_sync.csv"}
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "message"),
+    [
+        ({}, ("--y", WIDTH), "--y is for --form map, but this is curves"),
+        ({"form": "violins"}, ("--y", WIDTH), "--y is for --form map, but this is violins"),
+        ({"form": "map"}, ("--censored-at", 5), "--censored-at is for --form violins, but this is map"),
+        ({"form": "violins"}, ("--form", "curves", "--censored-at", 5), "but this is curves"),
+        ({}, ("--form", "map"), f"beside {SPEED}: give --y one of {COUNT}, {WIDTH}"),
+        ({}, ("--form", "map", "--y", "arena.widht_cm"), f"--y: unknown 'arena.widht_cm', did you mean '{WIDTH}'?"),
+        ({}, ("--form", "map", "--y", SPEED), f"--y: {SPEED} goes along with {SPEED}"),
+        ({"form": "map", "y": "arena.width"}, (), f"run: figure.y: unknown 'arena.width', did you mean '{WIDTH}'?"),
+        ({"x": "speed"}, (), f"run: figure.x: unknown 'speed'; axes with numbers: {COUNT}, {WIDTH}, {SPEED}"),
+        (
+            {"form": "course"},
+            (),
+            "forms: the forms perturbation and course are for model: particles; this is embodied",
+        ),
+    ],
+)
+def test_what_does_not_fit_the_form_is_refused_and_nothing_written(tmp_path, figure, options, message) -> None:
+    folder = many(tmp_path / "run", **figure)
+    before = contents(tmp_path)
+    assert message in refused("plot", folder, *options)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("options", [("--form", "pie"), ("--censored-at", "0"), ("--censored-at", "many")])
+def test_values_that_an_option_does_not_take_are_refused(small, options) -> None:
+    result = call("plot", small, *options)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert options[0] in result.stderr
+
+
+@pytest.mark.parametrize(
+    "options", [("--form", "map"), ("--x", SPEED), ("--y", SPEED), ("--censored-at", 5)], ids=lambda given: given[0]
+)
+def test_options_for_run_folders_are_refused_for_a_recording(tmp_path, options) -> None:
+    (tmp_path / "trial.rrd").write_bytes(b"")
+    assert refused("plot", tmp_path / "trial.rrd", *options) == (
+        f"error: {options[0]} is for run folders; {tmp_path}/trial.rrd is none\n"
+    )
+
+
+def test_too_many_panels_are_refused(tmp_path) -> None:
+    scenario = sweep({WIDTH: range(60, 160), SPEED: [1, 2]}, trials=1)
+    folder = store(tmp_path / "run", scenario, lambda _: ended([5]))
+    before = contents(tmp_path)
+    assert "there would be 100 panels" in refused("plot", folder, "--form", "violins")
+    assert contents(tmp_path) == before
+
+
+# fit
+
+
+def test_fit_of_several_folders_prints_them_all(made, tmp_path) -> None:
+    other = store(tmp_path / "other", sweep({COUNT: [10], SPEED: MANY_SPEEDS}, trials=100), bumpy)
+    read = json.loads(called("fit", made, other, "--json"))
+    assert [curve["run"] for curve in read["curves"]] == [str(made), str(made), str(other)]
+    assert read["laws"]["curves"] == 3
+    stdout = called("fit", made, other)
+    assert "Scaling laws of 3 curves" in stdout
+    assert "ε = 0.1" in stdout
+
+
+def test_a_folder_without_a_speed_axis_is_refused_by_fit(made, tmp_path) -> None:
+    other = store(tmp_path / "other", sweep({COUNT: [2, 3]}), lambda _: ended([5]))
+    assert f"{other}: no axis ends in .speed_cm_s" in refused("fit", made, other)
+
+
+# What can be read
+
+
+def test_a_run_at_work_can_be_read_by_every_command(small, tmp_path) -> None:
+    with Store(small, SMALL, points(SMALL)):
+        for command in COMMANDS:
+            called(*words(command, small, small, tmp_path / "out"))
+
+
+def test_help_waits_for_nothing_heavy() -> None:
+    script = (
+        "import sys\nfrom epuck_sim.cli.app import app\n"
+        "for name in ('export', 'summarize', 'plot', 'fit'):\n"
+        "    try: app([name, '--help'])\n    except SystemExit as end: assert not end.code\n"
+        "print(sorted({'matplotlib', 'numba', 'numpy', 'pyarrow', 'pymunk', 'yaml'} & sys.modules.keys()))"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.splitlines()[-1] == "[]"
+
+
+def test_summarize_draws_nothing() -> None:
+    script = "import sys, epuck_sim.statistics.summary, epuck_sim.cli.sweep_tables\nprint('matplotlib' in sys.modules)"
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout == "False\n"
+
+
+# What cannot
+
+
+def text_file(folder: Path) -> None:
+    (folder / DATABASE).write_text("mine")
+
+
+def foreign(folder: Path) -> None:
+    (folder / DATABASE).unlink()
+    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+        connection.execute("CREATE TABLE points (key TEXT)")
+        connection.commit()
+
+
+def cut_off(folder: Path) -> None:
+    whole = (folder / DATABASE).read_bytes()
+    (folder / DATABASE).write_bytes(whole[: len(whole) // 2])
+
+
+def scratched(folder: Path) -> None:
+    with (folder / DATABASE).open("r+b") as file:
+        file.seek(4096)
+        file.write(b"\xaa" * 3 * 4096)
+
+
+def newer(folder: Path) -> None:
+    with (folder / DATABASE).open("r+b") as file:
+        file.seek(60)
+        file.write((99).to_bytes(4))
+
+
+def emptied(folder: Path) -> None:
+    (folder / DATABASE).write_bytes(b"")
+
+
+def without_database(folder: Path) -> None:
+    (folder / DATABASE).unlink()
+
+
+def a_directory(folder: Path) -> None:
+    (folder / DATABASE).unlink()
+    (folder / DATABASE).mkdir()
+
+
+@pytest.mark.parametrize(
+    ("harm", "message"),
+    [
+        (text_file, "is no database of epuck-sim"),
+        (foreign, "is no database of epuck-sim"),
+        (emptied, "is no database of epuck-sim"),
+        (cut_off, "is damaged"),
+        (scratched, "is damaged"),
+        (newer, "has format 99"),
+        (without_database, f"is no run folder: there is no {DATABASE} in it"),
+        (a_directory, f"is no run folder: there is no {DATABASE} in it"),
+    ],
+)
+def test_what_is_no_run_folder_or_damaged_is_refused_by_every_command_and_untouched(
+    made, tmp_path, harm, message: str
+) -> None:
+    folder = Path(shutil.copytree(made, tmp_path / "run"))
+    harm(folder)
+    before = contents(tmp_path)
+    for command in COMMANDS:
+        stderr = refused(*words(command, folder, made, tmp_path / "out"))
+        assert message in stderr
+        assert str(folder) in stderr
+        assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["gone", "file", "file/deeper", "empty", "x" * 300])
+def test_what_is_no_folder_or_empty_is_refused_by_every_command_and_nothing_made(made, tmp_path, name: str) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "empty").mkdir()
+    before = contents(tmp_path)
+    for command in COMMANDS:
+        assert str(tmp_path / name) in refused(*words(command, tmp_path / name, made, tmp_path / "out"))
+        assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("command", ["plot", "fit"])
+def test_a_run_folder_without_any_result_has_nothing_to_plot_or_fit(tmp_path, command: str) -> None:
+    store(tmp_path, SCENARIO, lambda _: ended([]))
+    before = contents(tmp_path)
+    assert f"{tmp_path}: holds no results yet" in refused(command, tmp_path)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["file/fig", "gone/fig", "gone/deeper/fig", "y" * 300])
+@pytest.mark.parametrize("command", ["plot", "export"])
+def test_a_target_that_cannot_be_written_is_refused_and_nothing_written(small, tmp_path, command, name) -> None:
+    (tmp_path / "file").write_text("mine")
+    before = contents(tmp_path)
+    stderr = refused(command, small, "--to", tmp_path / (name if command == "plot" else f"{name}.csv"))
+    assert str(tmp_path / name) in stderr
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", [".", "/", ".."])
+def test_a_target_without_a_name_is_refused_by_plot(small, tmp_path, monkeypatch, name: str) -> None:
+    monkeypatch.chdir(small)
+    before = contents(tmp_path)
+    refused("plot", small, "--to", name)
+    assert contents(tmp_path) == before
+
+
+def test_a_file_that_is_in_the_way_of_one_of_the_four_keeps_plot_from_writing_any(small) -> None:
+    (small / "T_sync.csv").mkdir()
+    before = contents(small)
+    assert "T_sync.csv: cannot be written: is a directory" in refused("plot", small)
+    assert contents(small) == before
+
+
+@pytest.mark.parametrize("name", ["a $\\frac{$", "[/red]"])
+def test_any_name_of_a_scenario_can_be_plotted(tmp_path, name: str) -> None:
+    folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=5, name=name), lambda _: ended([5] * 5))
+    assert len(called("plot", folder).splitlines()) == 4
+
+
+@pytest.mark.parametrize(
+    "arguments", [["export", "x"], ["export", "--to", "x.csv"], ["summarize"], ["plot"], ["fit"], ["plot", "x", "y"]]
+)
+def test_what_is_missing_or_too_much_is_named(arguments: list[str]) -> None:
+    result = call(*arguments)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert "Usage: " in result.stderr

@@ -1,0 +1,245 @@
+"""The command: what it prints, where, and how it ends."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from typer.testing import CliRunner
+
+from epuck_sim import __version__
+from epuck_sim.cli import progress
+from epuck_sim.cli.app import app
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, shipped_files
+
+COMMAND = [sys.executable, "-m", "epuck_sim"]
+NEVER = ["--set", "stop.max_cycles=1000000000", "--set", "stop.order_parameter=1"]
+
+BAD_STEP = """
+PARAMETERS = {}
+MEMORY = {"steps": int}
+def start(memory, parameters, random):
+    memory.steps = 0
+def step(sensors, memory, actuators, parameters, random):
+    memory.steps += 1
+    if memory.steps == 8:
+        raise ValueError("seven is enough")
+"""
+
+
+def call(*arguments: str):
+    return CliRunner().invoke(app, arguments)
+
+
+def trials(*arguments: str) -> list[dict]:
+    result = call("run", *arguments, "--json")
+    assert result.exit_code == 0, result.stderr
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def test_json_is_one_object_a_trial_and_nothing_else_on_stdout() -> None:
+    rows = trials("thesis", "--trials", "3", "--seed", "5")
+    assert len(rows) == 3
+    for row in rows:
+        wanted = {"scenario", "seed", "t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps"}
+        assert wanted <= row.keys()
+        assert row["scenario"] == "thesis"
+        assert row["censored"] is False
+        assert row["order_parameter"] >= 0.95
+        assert row["simulated_s"] == row["steps"] / 10
+        assert row["versions"]["epuck_sim"] == __version__
+
+
+def test_the_seed_of_a_row_gives_the_same_trial_alone() -> None:
+    first, second, third = trials("thesis", "--trials", "3", "--seed", "5")
+    assert first["seed"] == 5
+    assert len({first["seed"], second["seed"], third["seed"]}) == 3
+    for row in (first, third):
+        (alone,) = trials("thesis", "--seed", str(row["seed"]))
+        assert {**alone, "wall_s": 0} == {**row, "wall_s": 0}
+
+
+def test_interpreted_is_the_same_trial() -> None:
+    (compiled,) = trials("thesis", "--seed", "3")
+    (interpreted,) = trials("thesis", "--seed", "3", "--interpret")
+    assert {**compiled, "wall_s": 0} == {**interpreted, "wall_s": 0}
+
+
+def test_any_whole_number_is_a_seed() -> None:
+    (row,) = trials("pair", "--seed", str(10**30))
+    assert row["seed"] == 10**30
+
+
+def test_the_scenario_says_how_many_trials_and_which_seed() -> None:
+    rows = trials("pair", "--set", "trials=2", "--set", "seed=9")
+    assert rows[0]["seed"] == 9
+    assert len(rows) == 2
+
+
+def test_the_table_shows_each_trial() -> None:
+    result = call("run", "thesis", "--trials", "2")
+    expected = run_trial(Simulation("thesis", 0))
+    lines = [line.split("│")[1:-1] for line in result.stdout.splitlines() if line.startswith("│")]
+    assert result.exit_code == 0
+    assert len(lines) == 2
+    assert [cell.strip() for cell in lines[0]][:3] == ["0", str(expected.t_sync_cycles), "no"]
+
+
+def test_a_censored_trial_says_so() -> None:
+    result = call("run", "thesis", "--set", "stop.max_cycles=1", "--set", "stop.order_parameter=1")
+    assert result.exit_code == 0
+    assert "yes, at 1" in result.stdout
+    (row,) = trials("thesis", "--set", "stop.max_cycles=1", "--set", "stop.order_parameter=1")
+    assert (row["censored"], row["t_sync_cycles"], row["cycles"]) == (True, None, 1)
+
+
+def test_list_names_arenas_and_controllers_a_line_each() -> None:
+    lines = call("list").stdout.splitlines()
+    names = [line.split()[0] for line in lines if line.startswith("  ")]
+    assert names == [*shipped_files(ARENAS), *shipped_files(SWEEPS), *shipped_files(CONTROLLERS)]
+    assert all(len(line.split()) > 3 for line in lines if line.startswith("  "))
+
+
+@pytest.mark.parametrize("arena", list(shipped_files(ARENAS)))
+def test_check_prints_the_resolved_scenario(arena: str) -> None:
+    result = call("check", arena, "--set", "seed=4")
+    assert result.exit_code == 0
+    assert load_scenario(parse_yaml(result.stdout, "stdout")) == load_scenario(arena, ["seed=4"])
+
+
+def test_the_version_is_printed() -> None:
+    assert call("--version").stdout == f"epuck-sim {__version__}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "nothing"], "unknown 'nothing'; shipped: "),
+        (["run", "gone.yaml"], "gone.yaml: there is no such file"),
+        (["check", "thesis", "--set", "stop.max_cyles=3"], "did you mean 'max_cycles'"),
+        (["run", "thesis", "--set", "robots.0.count=100"], "do not fit into the arena"),
+        (["check", "thesis", "--set", "robots.0.count=60"], "no free place was found"),
+        (["run", "thesis", "--trace", "gone/trace.parquet"], "cannot be written: there is no directory gone"),
+        (["run", "thesis", "--trace", "."], "cannot be written: is a directory"),
+        (["run", "thesis", "--trace", "/", "--trials", "2"], "cannot be written: is a directory"),
+        (["run", "."], ".: is no regular file"),
+        (["run", "x" * 300 + ".yaml"], "cannot be read: File name too long"),
+        (["run", "thesis", "--set", "seed=-1"], "thesis.yaml --set seed=-1: seed: is -1"),
+        (
+            ["check", "thesis", "--set", "robots.0.parameters.period_s=0.1"],
+            "robots.0.parameters: period_s is 0.1; allowed: longer than",
+        ),
+        (["run", "thesis", "--seed", "-1"], "--seed"),
+        (["run", "thesis", "--seed", "1.5"], "--seed"),
+        (["run", "thesis", "--trials", "0"], "--trials"),
+        (["run"], "scenario"),
+        (["walk"], "walk"),
+    ],
+)
+def test_a_mistake_is_one_message_and_exit_code_2(tmp_path, monkeypatch, arguments: list[str], message: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert message in result.stderr
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("interpret", [[], ["--interpret"]])
+def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, interpret: list[str]) -> None:
+    (tmp_path / "bad.py").write_text(BAD_STEP)
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("name: mine\nrobots: [{count: 2, controller: constant}, {count: 2, controller: bad.py}]")
+    trace = tmp_path / "trace.parquet"
+    result = call("run", str(scene), "--seed", "6", "--trace", str(trace), *interpret)
+    assert result.exit_code == 2
+    assert "mine: robot 2, step 7, seed 6: " in result.stderr
+    assert "bad.py: ValueError: seven is enough" in result.stderr
+    assert sorted(path.name for path in tmp_path.glob("*.parquet*")) == []
+
+
+@pytest.mark.parametrize(("as_json", "signalled"), [([], signal.SIGINT), (["--json"], signal.SIGTERM)])
+def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(
+    tmp_path, as_json: list[str], signalled: signal.Signals
+) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 3000}")
+    arguments = [*COMMAND, "run", str(scene), "--trials", "1000", "--trace", str(tmp_path / "t.parquet"), *as_json]
+    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 120
+    while not (tmp_path / "t-1.parquet.part").exists():
+        assert time.monotonic() < deadline
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.send_signal(signalled)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stderr.strip() == "interrupted"
+    assert stdout.count("yes, at" if not as_json else '"censored": true') >= 1
+    assert (tmp_path / "t-0.parquet").exists()
+    assert list(tmp_path.glob("*.part")) == []
+
+
+def test_all_traces_are_checked_before_the_first_trial(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t-1.parquet").mkdir()
+    result = call("run", "pair", "--trials", "2", "--trace", "t.parquet")
+    assert result.exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["t-1.parquet"]
+
+
+def test_a_placement_that_fails_names_the_file(tmp_path) -> None:
+    scene = tmp_path / "scene.yaml"
+    scene.write_text("robots: [{count: 60}]")
+    for command in ("run", "check"):
+        result = call(command, str(scene))
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert f"{scene}: scene: robots.0.count: is 60; no free place" in result.stderr
+
+
+def test_names_are_no_markup() -> None:
+    result = call("run", "pair", "--set", 'name="[/red]x"')
+    assert result.exit_code == 0
+    assert "[/red]x" in result.stdout
+
+
+def test_a_shipped_arena_is_not_hidden_by_a_file_of_its_name(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pair").touch()
+    assert call("check", "pair").exit_code == 0
+
+
+def test_without_a_terminal_progress_is_a_line_now_and_then(monkeypatch) -> None:
+    monkeypatch.setattr(progress, "LINE_S", 0.0)
+    result = call("run", "pair", "--json")
+    first = result.stderr.splitlines()[0]
+    assert first.startswith("trial 1 of 1: 0.0 s simulated, 0 cycles")
+    assert first.endswith(" x real time")
+    assert len(result.stdout.splitlines()) == 1
+
+
+def test_help_waits_for_nothing_heavy() -> None:
+    script = (
+        "import sys\nfrom epuck_sim.cli.app import app\n"
+        "try: app(['run', '--help'])\nexcept SystemExit: pass\n"
+        "print(sorted({'numba', 'numpy', 'pymunk', 'pyarrow', 'yaml'} & sys.modules.keys()))"
+    )
+    result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert result.stdout.splitlines()[-1] == "[]"
+
+
+def test_it_runs_from_any_folder_as_a_module(tmp_path) -> None:
+    result = subprocess.run(
+        [*COMMAND, "run", "pair", "--json"], cwd=tmp_path, capture_output=True, text=True, check=True, env=os.environ
+    )
+    assert json.loads(result.stdout)["scenario"] == "pair"
+    assert result.stderr == ""
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,373 @@
+"""Films tracked by `track`: what it writes and prints, and how mistakes end."""
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from epuck_sim.overhead.film.frame import Frame
+from epuck_sim.overhead.film.reader import Film, open_film
+from epuck_sim.overhead.track import track_film
+from tests.cli.commands import call, called, contents, refused
+from tests.cli.films import names, seen, shut
+from tests.overhead.film.small_films import cut_off
+from tests.overhead.track.films import PLACES, described, even, in_step, read_rings, save, shoot
+from tests.sweep.short_sweeps import COMMAND, wait_until
+
+SIDE_PX = 160
+SIZE = {"width_px": SIDE_PX, "height_px": SIDE_PX}
+TIMES = even(4)
+ROBOTS = 4
+FLOOR = "5,5,154,5,154,154,5,154"
+"""About where the floor's corners are in the films."""
+
+KEYS = {
+    *("film", "frames", "fps", "duration_s", "start_s", "calibration", "period_s", "flash_ms", "threshold_ms"),
+    *("estimated", "robots_seen", "flashes_per_period", "t_sync_s", "t_sync_cycles", "t_sync_flashes", "warnings"),
+    "versions",
+}
+"""Of the JSON object that `track` prints."""
+
+
+def tracked(film: str | Path, *options: str | Path) -> dict[str, Any]:
+    """Return the object that `track` prints of a film about which it has nothing to complain of."""
+    return json.loads(called("track", film, "--json", *options))
+
+
+def dark(count: int) -> list[Frame]:
+    """Return frames in which no ring is lit."""
+    return [Frame(number / 30, np.zeros((SIDE_PX, SIDE_PX, 3), np.uint8)) for number in range(count)]
+
+
+@pytest.fixture(scope="module")
+def shelf(tmp_path_factory) -> Path:
+    """Return a folder of films that no test changes, of robots that flash together from 2 s on."""
+    folder = tmp_path_factory.mktemp("shelf")
+    frames = shoot(TIMES, in_step(TIMES, ROBOTS), **SIZE)
+    save(folder / "swarm.mp4", frames)
+    save(folder / "described.mp4", frames[:90], described(**SIZE) | {"robots": ROBOTS})
+    save(folder / "lit_start.mp4", shoot(even(5), in_step(even(5), ROBOTS), lit_until_s=1.0, **SIZE))
+    save(folder / "dark.mp4", dark(30))
+    return folder
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch) -> Path:
+    """Return the current folder, which is empty."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def nothing_runs(monkeypatch) -> None:
+    """Have no film looked at."""
+    monkeypatch.setattr(track_film, "open_film", lambda *_: pytest.fail("it ran"))
+
+
+# What it finds
+
+
+def test_what_a_film_tells_is_one_json_object(shelf) -> None:
+    found = tracked(shelf / "swarm.mp4")
+    assert found.keys() == KEYS
+    assert found["film"] == str(shelf / "swarm.mp4")
+    assert (found["frames"], found["robots_seen"], found["start_s"]) == (120, ROBOTS, 0)
+    assert found["fps"] == pytest.approx(30)
+    assert found["duration_s"] == pytest.approx(4)
+    assert found["period_s"] == pytest.approx(1, rel=0.01)
+    assert found["flash_ms"] == pytest.approx(100, abs=15)
+    assert found["t_sync_s"] == pytest.approx(2.55, abs=0.05)
+    assert found["t_sync_cycles"] == pytest.approx(found["t_sync_s"] / found["period_s"])
+    assert found["flashes_per_period"] == pytest.approx(ROBOTS, rel=0.15)
+    assert found["estimated"] == ["period_s", "threshold_ms"]
+    assert found["warnings"] == []
+    assert "size of the rings" in found["calibration"]
+
+
+def test_a_table_is_printed_for_people(shelf) -> None:
+    lines = called("track", shelf / "swarm.mp4").splitlines()
+    cells = dict([cell.strip() for cell in line.split("│")[1:-1]] for line in lines if line.startswith("│"))
+    assert lines[0].strip() == str(shelf / "swarm.mp4")
+    assert cells["frames"] == "120 at 30 a second"
+    assert cells["period"] == "1 s, estimated"
+    assert cells["robots seen"].startswith("4 at once, ")
+    assert cells["T_sync"].startswith("2.5 cycles, 2.5 s") or cells["T_sync"].startswith("2.6 cycles, 2.6 s")
+
+
+def test_a_film_of_ours_says_what_the_command_need_not_be_told(shelf) -> None:
+    found = tracked(shelf / "described.mp4")
+    assert found["calibration"] == "the film's description"
+    assert (found["period_s"], found["estimated"]) == (1.0, ["threshold_ms"])
+    found = tracked(shelf / "described.mp4", "--period-s", "1.1", "--corners", FLOOR)
+    assert (found["calibration"], found["period_s"]) == ("the corners given", 1.1)
+    result = call("track", shelf / "described.mp4", "--period-s", "2")
+    assert result.stderr.startswith("warning: there were ")
+    assert result.stderr.endswith(f" flashes in a period, but there are {ROBOTS} robots\n")
+
+
+def test_a_film_that_begins_in_the_light_tells_corners_and_start(shelf) -> None:
+    found = tracked(shelf / "lit_start.mp4")
+    assert found["calibration"] == "the floor's corners in the lit beginning"
+    assert found["start_s"] == pytest.approx(1, abs=0.05)
+    assert found["t_sync_s"] == pytest.approx(1.55, abs=0.05)
+    assert found["duration_s"] == pytest.approx(4, abs=0.1)
+
+
+def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> None:
+    shutil.copy(shelf / "swarm.mp4", here)
+    before = (here / "swarm.mp4").read_bytes()
+    words = "--plot p.png --rings r.csv --annotate a.mp4"
+    assert tracked("swarm.mp4", *words.split()) == tracked("swarm.mp4")
+    assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv", "swarm.mp4"]
+    assert (here / "swarm.mp4").read_bytes() == before
+
+    figure = cv2.imread("p.png")
+    assert figure is not None
+    assert figure.std() > 10
+    with (here / "p.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [*rows[0]] == ["time_s", "cycles", "count", "spread_ms"]
+    assert min(float(row["spread_ms"]) for row in rows) < 40
+
+    rings = read_rings(here / "r.csv")
+    assert [*rings[0]] == ["time_s", "x_cm", "y_cm", "radius_cm", "x_px", "y_px", "radius_px"]
+    at_cm = np.array([(ring["x_cm"], ring["y_cm"]) for ring in rings])
+    off_cm = np.linalg.norm(at_cm[:, None] - PLACES[:ROBOTS], axis=2).min(axis=1)
+    assert np.median(off_cm) < 0.5
+    assert max(ring["time_s"] for ring in rings) > 3.5
+
+    (frames, _), (annotated, told) = seen("swarm.mp4"), seen("a.mp4")
+    assert [frame.time_s for frame in annotated] == pytest.approx([frame.time_s for frame in frames], abs=1e-4)
+    assert annotated[0].picture.shape[0] > frames[0].picture.shape[0]
+    assert annotated[0].picture.shape[1] == frames[0].picture.shape[1]
+    assert told is None  # it is no film that a camera took
+
+
+def test_options_say_what_is_known(shelf) -> None:
+    film = shelf / "swarm.mp4"
+    assert tracked(film, "--period-s", "1")["estimated"] == ["threshold_ms"]
+    strict = tracked(film, "--threshold-ms", "5")
+    assert (strict["threshold_ms"], strict["t_sync_s"], strict["t_sync_cycles"]) == (5, None, None)
+    assert strict["estimated"] == ["period_s"]
+    loose, tight = (tracked(film, "--order-parameter", order)["threshold_ms"] for order in ("0.8", "0.99"))
+    assert loose > 2 * tight
+    assert tracked(film, "--robots", str(ROBOTS)) == tracked(film)
+
+
+def test_geometry_that_is_given_places_the_rings(shelf, here) -> None:
+    film = shelf / "swarm.mp4"
+    assert tracked(film, "--corners", FLOOR, "--rings", "c.csv")["calibration"] == "the corners given"
+    called("track", film, "--rings", "r.csv", "--arena-cm", "60x60", "--height-cm", "110")
+    called("track", film, "--rings", "w.csv", "--arena-cm", "80x60", "--height-cm", "110")
+    corners, rings, wide = (read_rings(here / name) for name in ("c.csv", "r.csv", "w.csv"))
+    assert len(corners) == len(rings) == len(wide)
+    for there, here_, aside in zip(corners, rings, wide, strict=True):
+        assert there["x_cm"] == pytest.approx(here_["x_cm"], abs=1.5)
+        assert aside["x_cm"] == pytest.approx(here_["x_cm"] + 10, abs=0.05)
+        assert aside["y_cm"] == pytest.approx(here_["y_cm"], abs=0.05)
+
+
+def test_corners_may_come_in_any_order_and_with_spaces(shelf) -> None:
+    turned = ", ".join((FLOOR.split(",") * 2)[4:12])
+    assert tracked(shelf / "swarm.mp4", "--corners", turned) == tracked(shelf / "swarm.mp4", "--corners", FLOOR)
+
+
+@pytest.mark.usefixtures("here")
+def test_numbered_pictures_are_tracked_and_their_rate_is_doubted(shelf) -> None:
+    for number, frame in enumerate(seen(shelf / "swarm.mp4")[0]):
+        cv2.imwrite(f"frame_{number:04d}.png", frame.picture[..., ::-1])
+    result = call("track", "frame_%04d.png", "--json")
+    assert result.exit_code == 0
+    assert result.stderr.startswith("warning: numbered pictures have no times: 25 a second are assumed")
+    found = json.loads(result.stdout)
+    assert (found["frames"], found["robots_seen"]) == (120, ROBOTS)
+    assert found["warnings"] == [result.stderr.removeprefix("warning: ").strip()]
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_a_wrong_number_of_robots_is_a_warning(shelf, form: list[str]) -> None:
+    result = call("track", shelf / "swarm.mp4", "--robots", 3, *form)
+    assert result.exit_code == 0
+    assert result.stderr.startswith("warning: 4 rings were lit at once, but there are 3 robots")
+    assert result.stderr.count("\n") == 1
+    assert result.stdout
+
+
+def test_a_film_that_was_cut_off_is_tracked_to_where_it_ends(shelf, here) -> None:
+    shutil.copy(shelf / "swarm.mp4", here)
+    cut_off(here / "swarm.mp4", 0.8)
+    result = call("track", "swarm.mp4", "--json", "--period-s", "1")
+    assert result.exit_code == 0
+    assert result.stderr.startswith("warning: the film ends early: ")
+    assert " of 4.0 s could be read; the file was cut off" in result.stderr
+    assert json.loads(result.stdout)["frames"] < 120
+
+
+def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
+    @contextmanager
+    def plugged_in(number: int) -> Iterator[Film]:
+        with open_film(str(shelf / "swarm.mp4")) as film:
+            film.name = f"camera {number}"
+            yield film
+
+    monkeypatch.setattr(track_film, "LiveCamera", plugged_in)
+    words = "track --camera 1 --period-s 1 --threshold-ms 40 --json --plot p.png --rings r.csv --annotate a.mp4"
+    found = json.loads(called(*words.split()))
+    assert found.keys() == KEYS
+    assert (found["film"], found["period_s"], found["estimated"]) == ("camera 1", 1, [])
+    assert found["start_s"] + found["t_sync_s"] == pytest.approx(2.55, abs=0.05)
+    assert found["frames"] < 100  # half a period later
+    assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv"]
+
+
+# Mistakes of track
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("", "give either a film or --camera NUMBER"),
+        ("FILM --camera 0", "give either a film or --camera NUMBER"),
+        ("--camera 0", "--camera needs --period-s"),
+        ("FILM --threshold-ms 100 --order-parameter 0.9", "--threshold-ms and --order-parameter exclude each other"),
+        ("FILM --arena-cm 60x", "--arena-cm is 60x; allowed: a side of 1 "),
+        ("FILM --corners 1,2,3", "--corners is 1,2,3; allowed: four corners in pixels, such as 10,12,"),
+        ("FILM --plot gone/p.png", "gone/p.png: cannot be written: there is no directory gone"),
+        ("FILM --rings gone/r.csv", "gone/r.csv: cannot be written: there is no directory gone"),
+        ("FILM --annotate gone/a.mp4", "gone/a.mp4: cannot be written: there is no directory gone"),
+        ("--camera 0 --period-s 5 --annotate gone/a.mp4", "gone/a.mp4: cannot be written"),
+        ("FILM --plot p.pdf", "--plot is p.pdf; allowed: a name that ends in .png"),
+        ("FILM --rings r.txt", "--rings is r.txt; allowed: a name that ends in .csv"),
+        ("FILM --annotate a.avi", "--annotate is a.avi; allowed: a name that ends in .mp4"),
+        ("FILM --annotate a", "--annotate is a; allowed: a name that ends in .mp4"),
+        ("FILM --plot folder.png", "folder.png: cannot be written: is a directory"),
+        ("FILM --plot taken.png", "taken.csv: cannot be written: is a directory"),
+        ("FILM --rings taken.csv", "taken.csv: cannot be written: is a directory"),
+        ("FILM --annotate FILM", "allowed: another name, for "),
+        ("FILM --annotate link.mp4", "--annotate is link.mp4; allowed: another name, for link.mp4 is of the film"),
+        ("FILM --rings x.csv --plot x.png", "--rings is x.csv; allowed: another name, for x.csv is of --plot"),
+        ("FILM --rings folder.png/../x.csv --plot x.png", "allowed: another name"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_2_before_the_film_is_read(
+    shelf, here, arguments: str, message: str
+) -> None:
+    for name in ("folder.png", "taken.csv"):
+        (here / name).mkdir()
+    (here / "link.mp4").symlink_to(shelf / "swarm.mp4")
+    before = contents(here)
+    assert message in refused("track", *(str(shelf / "swarm.mp4") if w == "FILM" else w for w in arguments.split()))
+    assert contents(here) == before
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize("option", ["--plot shut/t.png", "--rings shut/t.csv", "--annotate shut/t.mp4"])
+def test_a_folder_without_permission_is_refused(shelf, here, monkeypatch, option: str) -> None:
+    shut(monkeypatch, here / "shut")
+    stderr = refused("track", shelf / "swarm.mp4", *option.split())
+    assert "cannot be written: no permission to write in shut" in stderr
+
+
+@pytest.mark.parametrize(
+    ("film", "message"),
+    [
+        ("gone.mp4", "gone.mp4: no such file; allowed: a film, numbered pictures such as frames_%04d.png whose"),
+        ("frames_%04d.png", "frames_%04d.png: no such file; allowed: a film, numbered pictures"),
+        ("text.mp4", "text.mp4: cannot be read as a film: "),
+        ("folder", "folder: is a directory; give a film in it, or numbered pictures such as folder/frames_%04d.png"),
+        ("dark.mp4", "dark.mp4: no lit ring is seen; is it the right film, are the rings red"),
+        ("nowhere://film", "nowhere://film: cannot be read as a film: Protocol not found"),
+    ],
+)
+def test_what_is_no_film_of_a_swarm_is_told(shelf, here, film: str, message: str) -> None:
+    shutil.copy(shelf / "dark.mp4", here)
+    (here / "text.mp4").write_text("a text, and not a short one\n" * 40)
+    (here / "folder").mkdir()
+    before = contents(here)
+    assert message in refused("track", film, "--json", "--plot", "p.png", "--rings", "r.csv", "--annotate", "a.mp4")
+    assert contents(here) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--corners 10,10,100,10,40,40,10,100", "these are not the corners of a convex quadrilateral"),
+        ("--corners 10,10,150,10,150,160,10,150", "a corner is outside of the picture; allowed: columns from 0 to 159"),
+        ("--corners 10,10,20,10,20,20,10,20", "the shortest side is 10 px; allowed: at least 16 px"),
+    ],
+)
+def test_corners_where_no_floor_can_be_are_refused(shelf, here, options: str, message: str) -> None:
+    stderr = refused("track", shelf / "swarm.mp4", *options.split(), "--rings", "r.csv")
+    assert stderr.startswith("error: --corners 10,10")
+    assert message in stderr
+    assert names(here) == []
+
+
+def test_a_period_that_the_film_does_not_tell_has_to_be_given(shelf, here) -> None:
+    frames = seen(shelf / "swarm.mp4")[0]
+    save(here / "short.mp4", frames[60:90])
+    stderr = refused("track", "short.mp4", "--plot", "p.png", "--rings", "r.csv", "--annotate", "a.mp4")
+    assert stderr.startswith("error: short.mp4: the period cannot be told from 0.967 s of film")
+    assert stderr.endswith("give --period-s\n")
+    assert tracked("short.mp4", "--period-s", "1")["period_s"] == 1
+
+
+def test_a_camera_that_is_not_there_is_told(here) -> None:
+    stderr = refused("track", "--camera", "77", "--period-s", "5", "--rings", "r.csv")
+    assert stderr.startswith("error: camera 77 cannot be opened; allowed: the number of a camera that is plugged in")
+    assert names(here) == []
+
+
+@pytest.mark.usefixtures("nothing_runs")
+@pytest.mark.parametrize(
+    "option",
+    [
+        *("--camera=-1", "--camera=x", "--robots=0", "--robots=2.5", "--order-parameter=0.4", "--order-parameter=1.1"),
+        *("--period-s=0", "--period-s=-5", "--period-s=inf", "--period-s=nan", "--period-s=x"),
+        *("--threshold-ms=0", "--threshold-ms=inf", "--threshold-ms=nan", "--order-parameter=nan"),
+        *("--height-cm=4", "--height-cm=0", "--height-cm=inf", "--height-cm=nan", "--nothing"),
+    ],
+)
+def test_what_is_no_value_is_named(shelf, here, option: str) -> None:
+    result = call("track", shelf / "swarm.mp4", option)
+    assert (result.exit_code, result.stdout) == (2, "")
+    assert option.split("=", maxsplit=1)[0] in result.stderr
+    assert "Usage: " in result.stderr
+    assert "Traceback" not in result.stderr
+    assert names(here) == []
+
+
+# Ctrl-C
+
+
+def test_ctrl_c_leaves_nothing_half_written(here) -> None:
+    second = even(1)
+    frames = shoot(second, in_step(second, ROBOTS), **SIZE)
+    pictures = [cv2.imencode(".jpg", frame.picture[..., ::-1])[1].tobytes() for frame in frames]
+    (here / "long.mjpeg").write_bytes(b"".join(pictures) * 1000)
+    process = subprocess.Popen(
+        [*COMMAND, "track", "long.mjpeg", "--rings", "r.csv", "--annotate", "a.mp4", "--plot", "p.png"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        wait_until(lambda: (here / "r.csv.part").exists() or process.poll() is not None, 120)
+        os.killpg(process.pid, signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert (process.returncode, stdout, stderr) == (130, "", "interrupted\n")
+    assert names(here) == ["long.mjpeg"]

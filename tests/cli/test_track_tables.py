@@ -1,0 +1,139 @@
+"""What the command is told is read or refused, and what it prints says what the track says."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from epuck_sim.cli import film_progress
+from epuck_sim.cli.film_progress import passing
+from epuck_sim.cli.track_tables import parse_arena, parse_corners, print_json, print_table
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.film.frame import Frame
+from epuck_sim.overhead.track.result import Track
+from tests.overhead.track.films import lens
+
+TRACK = Track(
+    film="film.mp4",
+    frames=240,
+    fps=29.97,
+    duration_s=8.0,
+    start_s=2.0,
+    calibration="somewhere",
+    period_s=1.0,
+    flash_ms=100.0,
+    threshold_ms=31.8,
+    estimated=("period_s",),
+    robots_seen=6,
+    flashes_per_period=6.04,
+    t_sync_s=2.55,
+    t_sync_cycles=2.55,
+    t_sync_flashes=3.44,
+    warnings=("odd",),
+    times_s=np.arange(240) / 29.97,
+    counts=np.zeros(240, np.int64),
+    evaluations=(),
+    lens=lens(),
+)
+NEVER = TRACK._replace(t_sync_s=None, t_sync_cycles=None, t_sync_flashes=None, estimated=())
+
+
+@pytest.mark.parametrize(
+    ("text", "sides"),
+    [
+        ("60", (60, 60)),
+        ("60x100", (60, 100)),
+        (" 60 x 100.5 ", (60, 100.5)),
+        ("1", (1, 1)),
+        ("1000000x1", (1e6, 1)),
+        ("60.25", (60.25, 60.25)),
+    ],
+)
+def test_arena_is_read(text: str, sides: tuple[float, float]) -> None:
+    assert parse_arena(text) == sides
+
+
+@pytest.mark.parametrize(
+    "text", ["", "x", "60x", "x60", "0.5", "60x0", "-60", "60x100x20", "60,100", "nan", "inf", "1e3", "1000001", "٦٠"]
+)
+def test_no_arena_is_refused(text: str) -> None:
+    with pytest.raises(FilmError, match=r"^--arena-cm is .*; allowed: .*60x100"):
+        parse_arena(text)
+
+
+@given(st.lists(st.integers(0, 9999).map(lambda tenths: tenths / 10), min_size=8, max_size=8))
+def test_corners_are_read(numbers: list[float]) -> None:
+    corners = parse_corners(",".join(map(str, numbers)))
+    assert [number for corner in corners for number in corner] == numbers
+    assert [len(corner) for corner in corners] == [2] * 4
+
+
+@pytest.mark.parametrize(
+    "text", ["", "1,2,3,4,5,6,7", "1,2,3,4,5,6,7,8,9", "1 2 3 4 5 6 7 8", "1,2,3,4,5,6,7,x", "1,,2"]
+)
+def test_no_corners_are_refused(text: str) -> None:
+    with pytest.raises(FilmError, match=r"^--corners is .*; allowed: four corners in pixels"):
+        parse_corners(text)
+
+
+def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json(TRACK)
+    line = capsys.readouterr().out
+    assert line.count("\n") == 1
+    told = json.loads(line)
+    assert told.pop("versions")["epuck_sim"]
+    assert told == json.loads(json.dumps(TRACK.summary()))
+    assert (told["t_sync_s"], told["warnings"], told["estimated"]) == (2.55, ["odd"], ["period_s"])
+
+
+def test_table_tells_all(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(TRACK)
+    text = capsys.readouterr().out
+    for words in (
+        *("film.mp4", "240 at 29.97 a second", "from 2.0 s on, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
+        *("6 at once, 6.0 flashes a period", "32 ms ", "2.5 cycles, 2.5 s", "3.4 of each robot"),
+    ):
+        assert words in text
+    assert "32 ms, estimated" not in text
+
+
+def test_table_of_a_swarm_that_never_synchronised(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(NEVER)
+    text = capsys.readouterr().out
+    assert "never" in text
+    assert "flashes until then" not in text
+    assert "estimated" not in text
+
+
+def test_name_of_a_film_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table(TRACK._replace(film="[bold]swarm[/bold] [/].mp4"))
+    assert "[bold]swarm[/bold] [/].mp4" in capsys.readouterr().out
+
+
+FRAMES = [Frame(number / 2, np.zeros((2, 2, 3), np.uint8)) for number in range(5)]
+
+
+@pytest.mark.parametrize("duration_s", [None, 2.0, 0.5])
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_frames_are_passed_on_as_they_come(
+    duration_s: float | None, is_terminal: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def console(**options: Any) -> Console:
+        return Console(**options, force_terminal=is_terminal)
+
+    monkeypatch.setattr(film_progress, "Console", console)
+    assert list(passing("tracking")(iter(FRAMES), duration_s)) == FRAMES
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert ("tracking" in shown.err) == ("2 s of film" in shown.err) == is_terminal
+
+
+def test_frames_are_asked_for_one_at_a_time() -> None:
+    source = iter(FRAMES)
+    frames = passing("tracking")(source, 2.0)
+    assert next(iter(frames)) is FRAMES[0]
+    assert next(source) is FRAMES[1]

@@ -1,0 +1,283 @@
+"""A controller's file is found, loaded and checked; what is wrong with it is said in one readable message."""
+
+import sys
+from contextlib import nullcontext
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.control.loader import find_controller, load_controller
+from epuck_sim.errors import ControllerError
+from epuck_sim.util.builtin import shipped_folder
+from tests.control.bench import EMPTY, with_step, write_controller, write_soon_after
+
+SHIPPED = ["constant", "firefly", "obstacle_avoidance", "oscillator"]
+
+
+def gain(path, value):
+    """Write a controller whose parameter `gain` is `value`; return what is found there."""
+    path.parent.mkdir(exist_ok=True)
+    return write_controller(path, with_step("pass", PARAMETERS=f"{{'gain': {value}}}"))
+
+
+# --- finding --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_controller_is_found_by_its_name_from_any_folder(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    controller = find_controller(name, tmp_path)
+    assert controller.name == name
+    assert controller.path == shipped_folder("controllers") / f"{name}.py"
+    assert controller.is_oscillator == (name in ("firefly", "oscillator"))
+
+
+def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tmp_path, monkeypatch):
+    gain(tmp_path / "scenes" / "mine.py", 1.0)
+    monkeypatch.chdir(tmp_path)
+    gain(tmp_path / "mine.py", 2.0)
+    gain(tmp_path / "scenes" / "deep" / "other.py", 3.0)
+    assert find_controller("mine.py", tmp_path / "scenes").parameters == {"gain": 1.0}
+    assert find_controller("mine.py").parameters == {"gain": 2.0}
+    assert find_controller("scenes/mine.py", tmp_path / "scenes").parameters == {"gain": 1.0}
+    assert find_controller("deep/other.py", tmp_path / "scenes").parameters == {"gain": 3.0}
+    assert find_controller(str(tmp_path / "mine.py"), tmp_path / "scenes").parameters == {"gain": 2.0}
+
+
+def test_a_file_called_like_a_shipped_controller_does_not_replace_it(tmp_path):
+    gain(tmp_path / "firefly.py", 1.0)
+    assert find_controller("firefly.py", tmp_path).parameters == {"gain": 1.0}
+    assert find_controller("firefly", tmp_path).path.parent == shipped_folder("controllers")
+
+
+@pytest.mark.parametrize(
+    ("name", "nearest"), [("fierfly", "firefly"), ("ocillator", "oscillator"), ("obstacle-avoidance", "obstacle_av")]
+)
+def test_an_unknown_name_gets_the_nearest_shipped_one_and_the_list_of_all(name, nearest):
+    with pytest.raises(ControllerError, match=f"unknown '{name}', did you mean '{nearest}.*{', '.join(SHIPPED)}"):
+        find_controller(name)
+
+
+def test_a_name_like_no_other_gets_the_list_alone():
+    with pytest.raises(ControllerError, match=f"^unknown 'zzz'; .*{', '.join(SHIPPED)}"):
+        find_controller("zzz")
+
+
+def test_a_file_that_is_not_there_is_named_with_the_folder(tmp_path):
+    with pytest.raises(ControllerError, match=f"'nowhere.py'.*{tmp_path}"):
+        find_controller("nowhere.py", tmp_path)
+
+
+# --- loading --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("part", ["PARAMETERS", "MEMORY", "start", "step"])
+@pytest.mark.parametrize("fault", ["del {}", "{} = 3"])
+def test_a_part_that_is_missing_or_something_else_is_named(part, fault, tmp_path):
+    with pytest.raises(ControllerError, match=rf"mine\.py: a controller needs {part}: "):
+        write_controller(tmp_path / "mine.py", EMPTY + fault.format(part))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("def step(:", "SyntaxError: .*line 1"),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("import no_such_module", "ModuleNotFoundError: .*no_such_module"),
+        ("raise RuntimeError('not today')", "RuntimeError: not today"),
+    ],
+)
+def test_what_goes_wrong_while_a_file_is_loaded_is_said_with_its_name(text, said, tmp_path):
+    with pytest.raises(ControllerError, match=rf"mine\.py: cannot be loaded: {said}"):
+        write_controller(tmp_path / "mine.py", text)
+
+
+@pytest.mark.parametrize("default", ["'fast'", "None", "[1.0]"])
+def test_a_default_that_is_no_number_is_refused(default, tmp_path):
+    with pytest.raises(ControllerError, match=r"mine\.py: PARAMETERS\['gain'\] is .*; allowed: a number, true or fal"):
+        gain(tmp_path / "mine.py", default)
+
+
+@pytest.mark.parametrize("memory", ["{'x': 'no type'}", "{'x': 5}", "{'x': str}", "{'x': (str, 3)}"])
+def test_a_memory_of_no_type_is_refused(memory, tmp_path):
+    with pytest.raises(ControllerError, match=r"mine\.py: PARAMETERS or MEMORY: 'x' is .*; allowed: int, float, bool"):
+        write_controller(tmp_path / "mine.py", with_step("pass", MEMORY=memory))
+
+
+@pytest.mark.parametrize("name", ["size", "max", "T", "two words", "3rd", 7])
+@pytest.mark.parametrize("part", ["PARAMETERS", "MEMORY"])
+def test_a_name_that_a_record_cannot_have_is_refused(part, name, tmp_path):
+    values = {"PARAMETERS": f"{{{name!r}: 1.0}}", "MEMORY": f"{{{name!r}: float}}"}
+    with pytest.raises(ControllerError, match=r"is no name that a record can have"):
+        write_controller(tmp_path / "mine.py", with_step("pass", **{part: values[part]}))
+
+
+@pytest.mark.parametrize("default", ["10**20", "float('nan')", "float('inf')"])
+def test_a_default_is_checked_as_a_given_value_is(default, tmp_path):
+    with pytest.raises(ControllerError, match=r"PARAMETERS or MEMORY: gain is .*; allowed: a "):
+        gain(tmp_path / "mine.py", default)
+
+
+def test_a_controller_that_ends_the_program_is_no_controller(tmp_path):
+    with pytest.raises(ControllerError, match="cannot be loaded: SystemExit"):
+        write_controller(tmp_path / "mine.py", "raise SystemExit(3)")
+
+
+def test_a_file_may_extend_the_shipped_controller_of_its_own_name(tmp_path):
+    text = "import constant\nPARAMETERS = constant.PARAMETERS\nMEMORY = constant.MEMORY\n"
+    text += "start = constant.start\nstep = constant.step\n"
+    assert write_controller(tmp_path / "constant.py", text).parameters["left_cm_s"] == 0.0
+
+
+def test_memory_has_the_types_and_shapes_of_the_file(tmp_path):
+    memory = "{'count': int, 'seen': bool, 'level': float, 'row': (float, 4), 'table': (int, (2, 3))}"
+    record = np.zeros((), write_controller(tmp_path / "mine.py", with_step("pass", MEMORY=memory)).memory)
+    found = {name: (record[name].dtype, record[name].shape) for name in record.dtype.names}
+    whole, real = np.dtype(np.int64), np.dtype(np.float64)  # truth values are kept as 0 and 1
+    assert found == {
+        "count": (whole, ()),
+        "seen": (whole, ()),
+        "level": (real, ()),
+        "row": (real, (4,)),
+        "table": (whole, (2, 3)),
+    }
+
+
+# --- parameters -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def typed(tmp_path_factory):
+    """A controller with a parameter of each type."""
+    path = tmp_path_factory.mktemp("typed") / "typed.py"
+    return write_controller(path, with_step("pass", PARAMETERS="{'flag': False, 'whole': 5, 'number': 0.5}"))
+
+
+def test_what_is_not_given_has_its_default(typed):
+    assert typed.resolve({"whole": 6}) == {"flag": False, "whole": 6, "number": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("name", "given_", "value"),
+    [("flag", True, True), ("whole", -7, -7), ("whole", 7.0, 7), ("number", 2, 2.0), ("number", -1e300, -1e300)],
+)
+def test_a_value_that_fits_gets_the_default_s_type(typed, name, given_, value):
+    resolved = typed.resolve({name: given_})[name]
+    assert resolved == value
+    assert type(resolved) is type(value)
+
+
+NAN, INF, HUGE = float("nan"), float("inf"), 10**400
+NO_NUMBERS = [NAN, INF, -INF, True, False, "1", None, [1], HUGE]
+
+
+@pytest.mark.parametrize(
+    ("name", "given_", "allowed"),
+    [
+        *(("flag", value, "true or false") for value in (0, 1, 1.0, "true", None, NAN)),
+        *(("whole", value, "a whole number") for value in (5.5, 2**53, *NO_NUMBERS)),
+        *(("number", value, "a number") for value in NO_NUMBERS),
+    ],
+    ids=lambda value: "huge" if value is HUGE else None,
+)
+def test_a_value_of_another_type_is_refused_with_what_is_allowed(typed, name, given_, allowed):
+    with pytest.raises(ValueError, match=rf"^{name} is .*; allowed: {allowed}$"):
+        typed.resolve({name: given_})
+
+
+def test_an_unknown_parameter_gets_the_nearest_known_one_and_the_list_of_all(typed):
+    with pytest.raises(ValueError, match=r"unknown 'nummer', did you mean 'number'\?; typed has flag, whole, number"):
+        typed.resolve({"nummer": 1})
+
+
+@given(flag=st.booleans(), whole=st.integers(1 - 2**53, 2**53 - 1), number=st.floats(allow_nan=False))
+def test_the_record_holds_each_value_as_it_is(typed, flag, whole, number):
+    record = typed.parameter_record({"flag": flag, "whole": whole, "number": number})
+    assert record.shape == (1,)
+    assert record[["flag", "whole", "number"]].tolist() == [(flag, whole, number)]
+
+
+def test_check_sees_all_parameters_and_what_it_raises_comes_through(tmp_path):
+    path = tmp_path / "mine.py"
+    text = with_step("pass", PARAMETERS="{'low': 1.0, 'high': 2.0}")
+    text += (
+        "def check(parameters):\n    if parameters.low > parameters.high:\n        raise ValueError('low above high')"
+    )
+    controller = write_controller(path, text)
+    assert controller.resolve({"low": 2.0}) == {"low": 2.0, "high": 2.0}
+    with pytest.raises(ValueError, match="low above high"):
+        controller.resolve({"low": 2.5})
+
+
+# --- files that import each other, files that change -----------------------------------------------
+
+
+def test_two_files_of_one_name_in_two_folders_are_not_confused(tmp_path):
+    """Neither the controllers nor what they import beside them."""
+    for number in (1, 2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "helper.py").write_text(f"GAIN = {number}.0")
+        write_controller(folder / "mine.py", "import helper\n" + with_step("pass", PARAMETERS="{'gain': helper.GAIN}"))
+    found = [find_controller(f"{number}/mine.py", tmp_path) for number in (1, 2, 1)]
+    assert [controller.parameters["gain"] for controller in found] == [1.0, 2.0, 1.0]
+
+
+def test_siblings_and_shipped_controllers_can_be_imported_and_are_named_as_sources(tmp_path):
+    (tmp_path / "helper.py").write_text("import more\nGAIN = more.GAIN")
+    (tmp_path / "more.py").write_text("GAIN = 4.0")
+    text = "import helper\nfrom oscillator import PARAMETERS\n" + with_step("pass")
+    text += "PARAMETERS = {'gain': helper.GAIN, 'period_s': __import__('oscillator').PARAMETERS['period_s']}"
+    controller = write_controller(tmp_path / "mine.py", text)
+    assert controller.parameters == {"gain": 4.0, "period_s": 5.0}
+    beside = {tmp_path / name for name in ("mine.py", "helper.py", "more.py")}
+    assert set(controller.sources) == beside | {shipped_folder("controllers") / "oscillator.py"}
+
+
+@pytest.mark.parametrize("ending", ["", "\nraise RuntimeError"], ids=["loads", "fails"])
+def test_imports_leave_the_interpreter_as_it_was(ending, tmp_path, monkeypatch):
+    stranger = object()
+    monkeypatch.setitem(sys.modules, "helper", stranger)
+    (tmp_path / "helper.py").write_text("import met_nowhere_else\nGAIN = met_nowhere_else.GAIN")
+    (tmp_path / "met_nowhere_else.py").write_text("GAIN = 4.0")
+    modules, path = dict(sys.modules), list(sys.path)
+    text = "import helper\nimport oscillator\nassert helper.GAIN == 4.0" + EMPTY + ending
+    with pytest.raises(ControllerError, match="RuntimeError") if ending else nullcontext():
+        write_controller(tmp_path / "mine.py", text)
+    assert sys.modules == modules
+    assert sys.modules["helper"] is stranger
+    assert sys.path == path
+
+
+def test_a_file_that_has_not_changed_is_not_read_again(tmp_path):
+    controller = gain(tmp_path / "mine.py", 1.0)
+    assert load_controller(tmp_path / "mine.py") is controller
+
+
+@pytest.mark.parametrize("edited", ["mine", "helper"])
+def test_an_edited_file_is_read_anew(edited, tmp_path, monkeypatch):
+    """Where bytecode is kept too, which Python takes for fresh if time in seconds and size are as they were."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    text = with_step("pass", PARAMETERS="{'gain': GAIN}")
+    found = []
+    for value in (1.0, 2.0, 30.0, 1.0):
+        write_soon_after(tmp_path / "helper.py", f"GAIN = {value if edited == 'helper' else 0.0}")
+        head = f"GAIN = {value}\n" if edited == "mine" else "from helper import GAIN\n"
+        found.append(write_controller(tmp_path / "mine.py", head + text).parameters["gain"])
+    assert found == [1.0, 2.0, 30.0, 1.0]
+
+
+def test_a_file_that_was_mended_loads(tmp_path):
+    with pytest.raises(ControllerError):
+        write_controller(tmp_path / "mine.py", "def step(:")
+    assert gain(tmp_path / "mine.py", 2.0).parameters == {"gain": 2.0}
+
+
+def test_a_controller_without_memory_or_parameters_has_none(tmp_path):
+    controller = write_controller(tmp_path / "mine.py", with_step("pass", MEMORY="{}"))
+    assert controller.resolve({}) == {}
+    assert np.zeros(3, controller.memory).shape == (3,)
+    with pytest.raises(ValueError, match="mine has none"):
+        controller.resolve({"gain": 1.0})

@@ -1,0 +1,342 @@
+"""Controllers run compiled and interpreted with equal results bit for bit; failures name the file and the robot."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epuck_sim.control.loader import find_controller
+from epuck_sim.control.runner import RobotError
+from epuck_sim.errors import ControllerError
+from epuck_sim.util import jit
+from tests.control.bench import Bench, with_step, write_controller, write_soon_after
+
+MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
+
+SIBLING = """
+WEIGHTS = (0.5, -0.25, 0.125, 1.0)
+
+def weighed(readings):
+    total = 0.0
+    for weight, reading in zip(WEIGHTS, readings):
+        total += weight * reading
+    return halved(total)
+
+def halved(value):
+    return value / 2
+"""
+
+MINE = """
+import math
+
+import numpy as np
+
+import obstacle_avoidance
+import sibling
+from epuck_sim.util.rng import below, uniform
+from oscillator import is_flash, updated
+
+import oscillator
+
+PARAMETERS = oscillator.PARAMETERS | obstacle_avoidance.PARAMETERS | {"gain": 0.3, "turns": 4, "wild": True}
+MEMORY = oscillator.MEMORY | obstacle_avoidance.MEMORY
+MEMORY = MEMORY | {"past": (float, 4), "counts": (int, (2, 3)), "level": float, "lit": bool}
+
+SLOTS = 4
+TABLE = np.array([0.1, 0.7, 1.3, 2.9])
+LIMITS = (-12.8, 12.8)
+
+
+def start(memory, parameters, random):
+    obstacle_avoidance.start(memory, parameters, random)
+    oscillator.start(memory, parameters, random)
+    memory.level = uniform(random)
+    for slot in range(SLOTS):
+        memory.past[slot] = TABLE[slot] * uniform(random)
+
+
+def limited(speed):
+    return min(max(speed, LIMITS[0]), LIMITS[1])
+
+
+def remember(memory, value, random):
+    slot = below(random, SLOTS)
+    memory.past[slot] = value
+    memory.counts[slot % 2, slot % 3] += 1
+
+
+def step(sensors, memory, actuators, parameters, random):
+    obstacle_avoidance.step(sensors, memory, actuators, parameters, random)
+    if is_flash(sensors, parameters):
+        phase, fired = updated(memory.phase_ms, parameters)
+        memory.phase_ms = phase % 5000
+        memory.lit = fired
+    remember(memory, sibling.weighed(sensors.infrared), random)
+    memory.level = parameters.gain * memory.level + math.atan2(memory.past[0], 1.5) - memory.past.max() / 7
+    if parameters.wild and memory.counts[0, 0] % parameters.turns == 1:
+        actuators.left_cm_s = limited(actuators.left_cm_s + memory.level)
+        actuators.right_cm_s = limited(math.sqrt(abs(memory.level)) * uniform(random))
+    actuators.ring_on = memory.lit or sensors.distance_mm[3] < 20
+"""
+
+
+def own_controller(folder):
+    (folder / "sibling.py").write_text(SIBLING)
+    return write_controller(folder / "mine.py", MINE)
+
+
+def outcome(controller, interpret=False):
+    """Return what a robot has in `memory.x` after one step."""
+    bench = Bench(controller, interpret=interpret)
+    bench.control.step()
+    return bench.memory["x"].tolist()[0]
+
+
+# --- compiled and interpreted are one --------------------------------------------------------------
+
+
+def assert_equal_in_both_modes(controller, parameters, steps=300, robots=10, step_ms=100):
+    """Run both over the same senses; compare all they remember, command and will draw, after each step."""
+    chance = np.random.default_rng(6)
+    plain, quick = (
+        Bench(controller, parameters, robots=robots, step_ms=step_ms, interpret=interpret)
+        for interpret in (True, False)
+    )
+    states = {plain.state()}
+    assert states == {quick.state()}, "start"
+    for number in range(steps):
+        plain.sense(chance)
+        for mine, theirs in zip(quick.senses, plain.senses, strict=True):
+            mine[:] = theirs
+        plain.control.step()
+        quick.control.step()
+        assert plain.state() == quick.state(), f"step {number}"
+        states.add(plain.state())
+    return len(states)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("oscillator", {}),
+        ("oscillator", {"delay_ms": 62, "flash_pixels": 2, "once_per_sighting": True, "coupling": 0.05}),
+        ("obstacle_avoidance", {}),
+        ("obstacle_avoidance", {"rotation_speed_cm_s": 12.7, "speed_cm_s": 0.0625, "proximity_threshold": 30}),
+        ("firefly", {"speed_cm_s": 3.1}),
+    ],
+)
+def test_a_shipped_controller_does_the_same_compiled_and_interpreted(name, parameters):
+    assert assert_equal_in_both_modes(name, parameters) > 200
+
+
+def test_constant_does_the_same_compiled_and_interpreted():
+    assert_equal_in_both_modes("constant", {"left_cm_s": 0.1, "right_cm_s": -12.8, "ring_on": True}, steps=3)
+
+
+@pytest.mark.parametrize("parameters", [{}, {"gain": -0.9, "turns": 1}, {"wild": False}], ids=str)
+def test_a_user_s_own_controller_does_the_same_compiled_and_interpreted(parameters, tmp_path):
+    """With helpers, constants, arrays in memory, a sibling file, parts of shipped controllers, and chance."""
+    assert assert_equal_in_both_modes(own_controller(tmp_path), parameters) > 200
+
+
+def test_a_camera_full_of_red_means_the_same_compiled_and_interpreted():
+    """300 pixels: more than a byte counts."""
+    phases = []
+    for interpret in (True, False):
+        bench = Bench("oscillator", {"flash_pixels": 200}, pixels=300, interpret=interpret)
+        bench.senses.camera[:], bench.memory["phase_ms"] = 1, 1000
+        bench.control.step()
+        phases.append(bench.memory["phase_ms"].tolist())
+    assert phases == [[1210], [1210]]
+
+
+@MODES
+@pytest.mark.parametrize("line", ["memory.x = memory.row[6]", "memory.x = sensors.camera[99]"])
+def test_an_index_out_of_bounds_raises(line, interpret, tmp_path):
+    text = with_step(line) + "\nMEMORY = {'x': float, 'row': (float, 4)}"
+    bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=interpret)
+    with pytest.raises(RobotError, match="IndexError"):
+        bench.control.step()
+
+
+def test_a_helper_may_be_called_in_a_comprehension(tmp_path):
+    text = "def twice(value):\n    return 2 * value\n"
+    text += with_step("memory.x = sum([twice(count) for count in sensors.infrared])")
+    for interpret in (False, True):
+        bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=interpret)
+        bench.senses.infrared[:] = 1.5
+        bench.control.step()
+        assert bench.memory["x"].tolist() == [24]
+
+
+def test_a_value_read_from_elsewhere_is_never_stale(tmp_path):
+    text = f"from pathlib import Path\nGAIN = float(Path({str(tmp_path / 'gain.txt')!r}).read_text())\n"
+    for gain in ("1.5", "2.5"):
+        (tmp_path / "gain.txt").write_text(gain)
+        bench = Bench(write_controller(tmp_path / "mine.py", text + with_step("memory.x = GAIN")), interpret=False)
+        bench.control.step()
+        assert bench.memory["x"].tolist() == [float(gain)]
+
+
+@MODES
+def test_actuators_keep_their_values_until_they_are_set_anew(interpret, tmp_path):
+    text = with_step("if sensors.step_ms < memory.x: actuators.left_cm_s = memory.x")
+    bench = Bench(write_controller(tmp_path / "mine.py", text), robots=2, interpret=interpret)
+    bench.actuators["left_cm_s"] = 3.0
+    bench.memory["x"] = (0, 101)
+    bench.control.step()
+    assert bench.actuators["left_cm_s"].tolist() == [3, 101]
+
+
+@MODES
+def test_each_robot_has_its_own_senses_parameters_memory_and_stream(interpret, tmp_path):
+    line = "memory.x += parameters.gain * sensors.infrared[2] + sensors.camera[59] + uniform(random)"
+    line += " + 1000000 * (sensors.step_ms - 100) + 100000 * sensors.new_picture"
+    text = "from epuck_sim.util.rng import uniform\n" + with_step(line, PARAMETERS="{'gain': 1.0}")
+    controller = write_controller(tmp_path / "mine.py", text)
+    bench = Bench(controller, each={"gain": [1, 2, 4]}, robots=3, interpret=interpret)
+    bench.senses.infrared[:, 2] = (10, 20, 30)
+    bench.senses.camera[1, 59] = 1
+    bench.senses.step_ms[:] = (101, 100, 102)
+    bench.senses.new_picture[2] = False
+    bench.memory["x"] = (1000, 2000, 3000)
+    bench.control.step()
+    whole, chance = divmod(bench.memory["x"], 1)
+    assert whole.tolist() == [1_101_010, 102_041, 2_003_120]
+    assert len(set(chance)) == 3
+
+
+# --- failures --------------------------------------------------------------------------------------
+
+RAISES = """
+PARAMETERS = {"ill": False}
+MEMORY = {}
+
+def start(memory, parameters, random):
+    if parameters.ill:
+        raise RuntimeError("born ill")
+
+def step(sensors, memory, actuators, parameters, random):
+    if sensors.infrared[0] > 5:
+        raise ValueError("too near")
+"""
+
+
+@MODES
+@pytest.mark.parametrize("robot", [0, 2, 3])
+def test_a_controller_that_raises_is_named_with_what_it_raised_and_the_robot(robot, interpret, tmp_path):
+    bench = Bench(write_controller(tmp_path / "mine.py", RAISES), robots=4, interpret=interpret)
+    bench.control.step()
+    bench.senses.infrared[robot:, 0] = 6
+    with pytest.raises(RobotError, match=rf"{tmp_path}/mine\.py: ValueError: too near") as raised:
+        bench.control.step()
+    assert raised.value.robot == robot
+    assert isinstance(raised.value, ControllerError)
+
+
+@MODES
+def test_a_controller_that_raises_in_start_is_named_likewise(interpret, tmp_path):
+    controller = write_controller(tmp_path / "mine.py", RAISES)
+    with pytest.raises(RobotError, match=r"mine\.py: RuntimeError: born ill") as raised:
+        Bench(controller, each={"ill": [0, 0, 1]}, robots=3, interpret=interpret)
+    assert raised.value.robot == 2
+
+
+@MODES
+@pytest.mark.parametrize(
+    "quotient",
+    ["1 / sensors.infrared[0]", "0.0 / sensors.infrared[0]", "7 // parameters.whole", "sensors.step_ms % memory.x"],
+)
+def test_division_by_zero_raises(quotient, interpret, tmp_path):
+    text = with_step(f"memory.x = {quotient}", PARAMETERS="{'whole': 0}")
+    bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=interpret)
+    with pytest.raises(RobotError, match=r"mine\.py: (ZeroDivisionError|FloatingPointError): ") as raised:
+        bench.control.step()
+    assert raised.value.robot == 0
+
+
+UNCOMPILABLE = "memory.x = len({'any': object()})"
+
+
+def test_what_numba_cannot_compile_is_refused_with_the_way_out(tmp_path):
+    controller = write_controller(tmp_path / "mine.py", with_step(UNCOMPILABLE))
+    with pytest.raises(ControllerError, match=r"mine\.py: cannot be compiled; --interpret ") as raised:
+        outcome(controller)
+    assert not isinstance(raised.value, RobotError)
+
+
+def test_what_numba_cannot_compile_runs_interpreted(tmp_path):
+    assert outcome(write_controller(tmp_path / "mine.py", with_step(UNCOMPILABLE)), interpret=True) == 1
+
+
+# --- edits: no stale code --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def _caches(tmp_path, monkeypatch):
+    """A cache of compiled code, and one of bytecode, that begin empty."""
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path / "cache")
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+
+
+SIBLING_CALLED = "import sibling\n" + with_step("memory.x = sibling.value(sensors.step_ms)")
+ELSEWHERE = """
+import sys
+from pathlib import Path
+sys.path[:0] = {path!r}
+from tests.control.bench import Bench
+from epuck_sim.control.loader import find_controller
+bench = Bench(find_controller({file!r}), interpret=False)
+bench.control.step()
+print(bench.memory["x"].tolist()[0])
+"""
+
+
+def outcome_elsewhere(file, cache):
+    """Return what a fresh process makes of the controller's file."""
+    path = [str(Path(__file__).parents[2]), str(Path(jit.__file__).parents[2])]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    program = ELSEWHERE.format(path=path, file=str(file))
+    run = subprocess.run(
+        [sys.executable, "-c", program],
+        env=environment | {"NUMBA_CACHE_DIR": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return float(run.stdout)
+
+
+def write_version(folder, edited, number):
+    """Write a controller whose outcome is `number`: in its own file, or in one beside it."""
+    if edited == "mine":
+        write_soon_after(folder / "mine.py", with_step(f"memory.x = {number}"))
+    else:
+        write_soon_after(folder / "mine.py", SIBLING_CALLED)
+        write_soon_after(folder / "sibling.py", f"SHIFT = {number}\n\ndef value(ms):\n    return ms - 100 + SHIFT\n")
+    return folder / "mine.py"
+
+
+@pytest.mark.usefixtures("_caches")
+@pytest.mark.parametrize("edited", ["mine", "sibling"])
+def test_an_edit_takes_effect_at_once_in_this_process_and_in_others(edited, tmp_path):
+    for number in (1, 20, 3, 1):
+        file = write_version(tmp_path, edited, number)
+        assert [outcome(find_controller(str(file)), interpret) for interpret in (True, False)] == [number, number]
+    # the other process meets what this one has cached
+    for number in (1, 4):
+        file = write_version(tmp_path, edited, number)
+        assert outcome_elsewhere(file, tmp_path / "cache") == number
+    assert outcome(find_controller(str(file))) == 4
+
+
+@pytest.mark.usefixtures("_caches")
+def test_an_edit_between_loading_and_compiling_leaves_nothing_stale(tmp_path):
+    """What was loaded runs, and what was written later is not taken for it."""
+    old = find_controller(str(write_version(tmp_path, "mine", 1)))
+    file = write_version(tmp_path, "mine", 20)
+    assert outcome(old) == 1
+    assert outcome(find_controller(str(file))) == 20

@@ -1,0 +1,206 @@
+"""Claims about where robots start: at random, on the grid, as told, and what is refused."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from epuck_sim.embodied.placement import place_robots
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.util.builtin import ARENAS, SWEEPS, shipped_files
+
+RADIUS_CM = 3.7
+OBSTACLES = [
+    {"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 8},
+    {"shape": "box", "x_cm": 60, "y_cm": 60, "width_cm": 40, "height_cm": 4, "heading_rad": 0.6},
+]
+CHI_SQUARE_15 = 37.7  # exceeded once in a thousand, with 15 degrees of freedom
+CHI_SQUARE_7 = 24.3  # the same with 7
+
+
+def placed(*groups, width=60, height=60, obstacles=(), seed=0):
+    """Return (robots, 3) the poses at the start of a trial."""
+    arena = {"width_cm": width, "height_cm": height, "obstacles": list(obstacles)}
+    return place_robots(load_scenario({"arena": arena, "robots": list(groups)}), np.random.SeedSequence(seed))
+
+
+def nearest_cm(poses):
+    """Return the smallest distance between two robots' centres."""
+    one, other = np.triu_indices(len(poses), 1)
+    return np.hypot(*(poses[one, :2] - poses[other, :2]).T).min()
+
+
+def chi_square(values, low, high, bins=16):
+    counts, _ = np.histogram(values, bins, (low, high))
+    assert counts.sum() == len(values)
+    return ((counts - counts.mean()) ** 2 / counts.mean()).sum()
+
+
+# --- random -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_robots_placed_at_random_overlap_neither_each_other_nor_walls_nor_obstacles(seed):
+    poses = placed({"count": 30}, width=100, height=80, obstacles=OBSTACLES, seed=seed)
+    assert poses.shape == (30, 3)
+    assert nearest_cm(poses) >= 2 * RADIUS_CM - 1e-6
+    assert (poses[:, :2] >= RADIUS_CM - 1e-6).all()
+    assert (poses[:, :2] <= np.array([100, 80]) - RADIUS_CM + 1e-6).all()
+    assert np.hypot(poses[:, 0] - 20, poses[:, 1] - 20).min() >= 8 + RADIUS_CM - 1e-6
+    dx, dy = poses[:, 0] - 60, poses[:, 1] - 60
+    along, across = dx * math.cos(0.6) + dy * math.sin(0.6), dy * math.cos(0.6) - dx * math.sin(0.6)
+    to_box = np.hypot(np.maximum(np.abs(along) - 20, 0), np.maximum(np.abs(across) - 2, 0))
+    assert to_box.min() >= RADIUS_CM - 1e-6
+
+
+def test_a_robot_placed_at_random_is_uniform_where_bodies_are_off_the_walls():
+    poses = np.vstack([placed({"count": 1}, width=60, height=40, seed=seed) for seed in range(1600)])
+    low, high = RADIUS_CM, np.array([60, 40]) - RADIUS_CM
+    columns, rows = ((poses[:, :2] - low) / (high - low) * 4).T
+    assert chi_square(np.floor(columns) + 4 * np.floor(rows) + 0.5, 0, 16) < CHI_SQUARE_15
+    assert chi_square(poses[:, 2], 0, 2 * math.pi) < CHI_SQUARE_15
+
+
+def test_many_robots_placed_at_random_on_a_wide_floor_are_uniform():
+    poses = placed({"count": 2000}, width=10_000, height=10_000)
+    assert chi_square(poses[:, 0], 0, 10_000) < CHI_SQUARE_15
+    assert chi_square(poses[:, 1], 0, 10_000) < CHI_SQUARE_15
+    assert chi_square(poses[:, 2], 0, 2 * math.pi) < CHI_SQUARE_15
+
+
+def test_random_placement_fills_up_the_room_beside_an_obstacle():
+    wide = {"shape": "box", "x_cm": 25, "y_cm": 30, "width_cm": 49, "height_cm": 59}
+    x, y = np.array([placed({"count": 1}, obstacles=[wide], seed=seed)[0, :2] for seed in range(50)]).T
+    assert x.min() >= 49.5 + RADIUS_CM - 1e-6
+    assert y.min() < 10
+    assert y.max() > 50
+
+
+@pytest.mark.parametrize("kind", ["random", "grid"])
+def test_the_seed_alone_decides_where_robots_start(kind):
+    group = {"count": 10, "placement": kind}
+    np.testing.assert_array_equal(placed(group, seed=4), placed(group, seed=4))
+    assert not np.array_equal(placed(group, seed=4), placed(group, seed=5))
+
+
+SHIPPED = {name: load_scenario(name) for name in [*shipped_files(ARENAS), *shipped_files(SWEEPS)]}
+
+
+@pytest.mark.parametrize("arena", [name for name in SHIPPED if isinstance(SHIPPED[name], EmbodiedScenario)])
+def test_every_shipped_arena_has_room_for_its_robots_whatever_the_seed(arena):
+    scenario = SHIPPED[arena]
+    for seed in range(100):
+        assert len(place_robots(scenario, np.random.SeedSequence(seed))) == scenario.robot_count
+
+
+# --- grid -------------------------------------------------------------------------------------------
+
+
+def test_the_grid_of_a_60_cm_arena_is_5_by_5_points_10_cm_apart_from_10_to_50():
+    poses = placed({"count": 25, "placement": "grid"})
+    found = sorted(map(tuple, poses[:, :2].tolist()))
+    assert found == [(x, y) for x in (10, 20, 30, 40, 50) for y in (10, 20, 30, 40, 50)]
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "xs", "ys"),
+    [(60, 40, (10, 20, 30, 40, 50), (10, 20, 30)), (47, 20, (13.5, 23.5, 33.5), (10,)), (7.4, 7.4, (3.7,), (3.7,))],
+)
+def test_the_grid_has_equal_padding_to_the_walls(width, height, xs, ys):
+    poses = placed({"count": len(xs) * len(ys), "placement": "grid"}, width=width, height=height)
+    found = sorted(map(tuple, poses[:, :2].tolist()))
+    np.testing.assert_allclose(found, [(x, y) for x in xs for y in ys], rtol=0, atol=1e-9)
+
+
+def test_robots_on_the_grid_take_any_point_and_any_multiple_of_45_degrees():
+    poses = np.array([placed({"count": 10, "placement": "grid"}, seed=seed) for seed in range(200)])
+    eighths = poses[..., 2] / (math.pi / 4)
+    np.testing.assert_allclose(eighths, np.round(eighths), rtol=0, atol=1e-12)
+    assert chi_square(np.round(eighths).ravel(), -0.5, 7.5, bins=8) < CHI_SQUARE_7
+    for points in poses[..., :2]:
+        assert len({tuple(point) for point in points.tolist()}) == 10
+    assert len({tuple(point) for point in poses[..., :2].reshape(-1, 2).tolist()}) == 25
+
+
+@pytest.mark.parametrize(
+    ("count", "obstacles", "allowed"),
+    [(26, [], 25), (25, [{"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 2}], 24)],
+)
+def test_more_robots_than_free_points_of_the_grid_are_refused(count, obstacles, allowed):
+    with pytest.raises(ScenarioError, match=rf"robots\.0\.count: is {count}; allowed: up to {allowed}"):
+        placed({"count": count, "placement": "grid"}, obstacles=obstacles)
+
+
+# --- poses ------------------------------------------------------------------------------------------
+
+
+def test_poses_are_taken_as_told_and_may_touch():
+    poses = [[3.7, 3.7, 1.0], [11.1, 3.7, -20.0], [3.7, 11.1, 0.0], [56.3, 56.3, 7.0]]
+    np.testing.assert_array_equal(placed({"poses": poses}), poses)
+
+
+HERE = {"poses": [[30, 30, 0]]}
+
+
+@pytest.mark.parametrize(
+    ("groups", "where"),
+    [
+        ([{"poses": [[30, 30, 0], [35, 35, 0]]}], r"robots\.0\.poses\.1: is \[35, 35\] and overlaps"),
+        ([HERE, {"poses": [[50, 50, 0], [30, 30, 0]]}], r"robots\.1\.poses\.1: is \[30, 30\] and overlaps"),
+        ([HERE, {"poses": [[37.39, 30, 0]]}], r"robots\.1\.poses\.0: is \[37\.39, 30\] and overlaps"),
+        ([{"poses": [[10, 3, 0]]}], r"robots\.0\.poses\.0: is \[10, 3\], 0\.7 cm into a wall"),
+        ([HERE, {"poses": [[58, 10, 0]]}], r"robots\.1\.poses\.0: is \[58, 10\], 1\.7 cm into a wall"),
+        ([{"poses": [[-20, 30, 0]]}], r"robots\.0\.poses\.0: .* wall"),
+    ],
+)
+def test_poses_that_overlap_or_reach_into_walls_are_refused_with_their_key(groups, where):
+    with pytest.raises(ScenarioError, match=where):
+        placed(*groups)
+
+
+@pytest.mark.parametrize("place", [[20, 20], [31, 20], [60, 60], [63, 57]])
+def test_poses_in_an_obstacle_are_refused_with_their_key(place):
+    with pytest.raises(ScenarioError, match=r"robots\.0\.poses\.1: .* obstacle"):
+        placed({"poses": [[90, 10, 0], [*place, 0]]}, width=100, height=100, obstacles=OBSTACLES)
+
+
+# --- mixed, and too many ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_groups_of_all_kinds_find_room_side_by_side_and_keep_their_order(seed):
+    poses = [[20, 20, 0.5], [44, 41, 1.5]]
+    groups = {"count": 10}, {"count": 6, "placement": "grid"}, {"poses": poses}, {"count": 3}
+    found = placed(*groups, width=80, height=80, seed=seed)
+    assert nearest_cm(found) >= 2 * RADIUS_CM - 1e-6
+    np.testing.assert_array_equal(found[16:18], poses)
+    assert (found[10:16, :2] % 10 == 0).all()
+    assert (found[:10, :2] % 10 != 0).any()
+
+
+@pytest.mark.parametrize(
+    ("count", "width", "why"),
+    [
+        (76, 60, "do not fit into the arena"),
+        (100_000, 60, "do not fit into the arena"),
+        (75, 60, "no free place was found"),
+        (50, 60, "no free place was found"),
+        (3, 14, "no free place was found"),
+    ],
+)
+def test_more_robots_than_the_arena_can_hold_are_refused_before_long(count, width, why):
+    began = time.perf_counter()
+    with pytest.raises(ScenarioError, match=why):
+        placed({"count": count}, width=width, height=width)
+    assert time.perf_counter() - began < 5
+
+
+def test_a_floor_that_an_obstacle_fills_is_refused_before_long():
+    full = {"shape": "box", "x_cm": 30, "y_cm": 30, "width_cm": 54, "height_cm": 54}
+    began = time.perf_counter()
+    with pytest.raises(ScenarioError, match=r"robots\.0\.count: is 1; no free place was found for robot 0"):
+        placed({"count": 1}, obstacles=[full])
+    assert time.perf_counter() - began < 5

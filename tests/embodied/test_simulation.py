@@ -1,0 +1,458 @@
+"""Claims about the simulation: the same seed makes the same trial, and everybody senses the same instant."""
+
+import hashlib
+import json
+import math
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numba.core.dispatcher import Dispatcher
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.util.builtin import ARENAS, shipped_files
+
+SHIPPED = [name for name in shipped_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
+LONG = ("crowded", "obstacles", "physical", "thesis")
+
+
+def steps_of(simulation, count):
+    """Yield the next `count` steps; their arrays hold but until the next one."""
+    for _ in range(count):
+        yield next(simulation)
+
+
+def kept(simulation, count):
+    """Return the next `count` steps with arrays of their own."""
+    return [
+        step._replace(
+            **{name: value.copy() for name, value in step._asdict().items() if isinstance(value, np.ndarray)},
+            memories=tuple(memory.copy() for memory in step.memories),
+        )
+        for step in steps_of(simulation, count)
+    ]
+
+
+def fingerprint(scenario, seed=7, interpret=False, steps=None):
+    """Return a hash of every bit of every array of every step."""
+    simulation = Simulation(scenario, seed, interpret=interpret)
+    hashed = hashlib.sha256()
+    for step in steps_of(simulation, steps or (300 if scenario in LONG else 60)):
+        for array in (np.array([step.number, step.time_s]), *step[2:-1], *step.memories):
+            hashed.update(f"{array.shape} {array.dtype.str}".encode() + array.tobytes())
+    return hashed.hexdigest()
+
+
+fingerprinted = cache(fingerprint)
+
+
+# --- the same seed makes the same trial -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("arena", SHIPPED)
+def test_the_same_seed_makes_the_same_trial_bit_for_bit(arena):
+    assert fingerprint(arena) == fingerprinted(arena)
+
+
+@pytest.mark.parametrize("arena", SHIPPED)
+def test_interpreted_controllers_make_the_same_trial_bit_for_bit(arena):
+    assert fingerprint(arena, interpret=True) == fingerprinted(arena)
+
+
+def test_interpreted_controllers_make_the_same_trial_with_other_than_default_settings():
+    changes = (
+        *("robots.0.camera.central_pixels=20", "robots.0.infrared.distance=firmware_table", "contact.friction=0.2"),
+        *("robots.0.parameters.delay_ms=62", "robots.0.parameters.flash_pixels=2", "timing.control_hz=40"),
+        *("robots.0.parameters.once_per_sighting=true", "robots.0.parameters.speed_cm_s=3", "timing.physics_hz=200"),
+    )
+    scenario = load_scenario("crowded", changes)
+    assert fingerprint(scenario, interpret=True, steps=200) == fingerprint(scenario, steps=200)
+
+
+def test_interpreted_controllers_make_the_same_trial_with_great_imperfections():
+    changes = (
+        *("spread={wheel_speed: 0.3, wheel_imbalance: 0.3, clock_rate: 0.1, infrared_gain: 0.5}", "stuck.per_hour=900"),
+        *("stuck.mean_s=2", "robots.0.camera.frames_per_s=15", "robots.0.parameters.once_per_sighting=true"),
+    )
+    scenario = load_scenario("physical", changes)
+    assert fingerprint(scenario, interpret=True, steps=400) == fingerprint(scenario, steps=400)
+
+
+@pytest.fixture(scope="module")
+def from_another_process():
+    """Fingerprints of all shipped arenas, made by a fresh interpreter whose hashes of strings differ."""
+    shown = "print(json.dumps({arena: t.fingerprint(arena) for arena in t.SHIPPED}))"
+    code = f"import json, tests.embodied.test_simulation as t; {shown}"
+    path = os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])
+    environment = {**os.environ, "PYTHONHASHSEED": "4242", "PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("arena", SHIPPED)
+def test_another_process_makes_the_same_trial_bit_for_bit(arena, from_another_process):
+    assert from_another_process[arena] == fingerprinted(arena)
+
+
+@pytest.mark.parametrize("arena", LONG)
+def test_another_seed_makes_another_trial(arena):
+    assert fingerprint(arena, seed=8) != fingerprinted(arena)
+
+
+def test_the_seed_is_the_scenarios_own_unless_it_is_given():
+    scenario = load_scenario("thesis", ["seed=11"])
+    assert Simulation(scenario).seed == 11
+    assert fingerprint(scenario, None, steps=20) == fingerprint("thesis", 11, steps=20)
+
+
+def test_trials_that_run_by_turns_do_not_disturb_each_other():
+    one, other = Simulation("thesis", 7), Simulation("thesis", 7)
+    alone = np.array([step.poses.copy() for step in steps_of(Simulation("thesis", 7), 100)])
+    by_turns = [(next(one).poses.copy(), next(other).poses.copy()) for _ in range(100)]
+    np.testing.assert_array_equal(np.moveaxis(by_turns, 1, 0), [alone, alone])
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_interpreted_and_compiled_controllers_agree_where_more_pixels_are_red_than_a_byte_can_count():
+    camera = {"pixels": 256, "field_of_view_deg": 20}
+    watcher = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0}, "camera": camera}
+    lamp = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
+    scenario = load_scenario({"robots": [watcher, lamp], "noise": "off"})
+    *_, step = steps_of(Simulation(scenario, 1), 3)
+    assert step.camera[0].all()
+    assert fingerprint(scenario, interpret=True, steps=60) == fingerprint(scenario, steps=60)
+
+
+# --- controllers for these tests --------------------------------------------------------------------
+
+BLINK = """
+PARAMETERS = {"at": 3}
+MEMORY = {"taken": int}
+
+
+def start(memory, parameters, random):
+    memory.taken = 0
+
+
+def step(sensors, memory, actuators, parameters, random):
+    actuators.ring_on = memory.taken == parameters.at
+    memory.taken += 1
+"""
+
+RACE = """
+PARAMETERS = {}
+MEMORY = {}
+
+
+def start(memory, parameters, random):
+    pass
+
+
+def step(sensors, memory, actuators, parameters, random):
+    actuators.left_cm_s = -1e9
+    actuators.right_cm_s = float("inf")
+"""
+
+REACT = """
+PARAMETERS = {"beat": 7}
+MEMORY = {"clock": int, "pixels": int}
+
+
+def start(memory, parameters, random):
+    memory.clock = 0
+
+
+def step(sensors, memory, actuators, parameters, random):
+    memory.pixels = len(sensors.camera)
+    red = 0
+    for pixel in sensors.camera:
+        red += int(pixel)
+    near = 0.0
+    for reading in sensors.infrared:
+        near += reading
+    memory.clock += 1 + red % 3
+    actuators.ring_on = memory.clock % parameters.beat < 3
+    actuators.left_cm_s = -4.0 + 0.02 * red
+    actuators.right_cm_s = 4.0 + 0.0005 * near
+"""
+
+FAIL = """
+import math
+
+PARAMETERS = {"kind": 0}
+MEMORY = {"taken": int}
+
+
+def start(memory, parameters, random):
+    memory.taken = 0
+    if parameters.kind == 3:
+        raise ValueError("not today")
+
+
+def step(sensors, memory, actuators, parameters, random):
+    memory.taken += 1
+    if memory.taken == 4 and sensors.infrared[7] > 1000:
+        if parameters.kind == 0:
+            raise ValueError("too near")
+        if parameters.kind == 1:
+            actuators.left_cm_s = math.nan
+        if parameters.kind == 2:
+            actuators.right_cm_s = math.nan
+"""
+
+
+@pytest.fixture
+def controller(tmp_path):
+    """Return a function that writes a controller's file."""
+
+    def write(source):
+        path = tmp_path / "controller.py"
+        path.write_text(source)
+        return str(path)
+
+    return write
+
+
+# --- everybody senses the same instant --------------------------------------------------------------
+
+
+@pytest.mark.parametrize("first", ["watchers", "blinker"])
+def test_a_ring_lit_in_one_step_is_seen_in_the_next_and_only_then(controller, first):
+    blinker = {"poses": [[50, 30, 0]], "controller": controller(BLINK)}
+    watchers = {"poses": [[20, 30, 0], [50, 10, math.pi / 2]], "controller": "constant"}
+    groups = [watchers, blinker] if first == "watchers" else [blinker, watchers]
+    watching = [0, 1] if first == "watchers" else [1, 2]
+    steps = kept(Simulation({"robots": groups, "noise": "off"}, 0, interpret=True), 8)
+    assert [step.ring_on.any() for step in steps] == [number == 3 for number in range(8)]
+    for robot in watching:
+        assert [step.camera[robot].any() for step in steps] == [number == 4 for number in range(8)]
+
+
+def test_wheels_commanded_in_one_step_move_the_body_before_the_next():
+    first, second = kept(Simulation("push"), 2)
+    np.testing.assert_array_equal(first.wheels_cm_s, [(12.8, 12.8), (0, 0)])
+    np.testing.assert_allclose(first.poses, [(20, 30, 0), (30, 30, 0)])
+    np.testing.assert_allclose(second.poses, [(21.28, 30, 0), (30, 30, 0)])
+
+
+def test_wheels_turn_at_their_limit_when_a_controller_commands_more(controller):
+    robot = {"poses": [[30, 30, 0]], "controller": controller(RACE)}
+    first, second = kept(Simulation({"robots": [robot], "noise": "off"}, 0, interpret=True), 2)
+    np.testing.assert_array_equal(first.wheels_cm_s, [(-12.8, 12.8)])
+    np.testing.assert_allclose(second.poses, [(30, 30, 2 * 12.8 / 5.1 * 0.1)])
+
+
+POSES = [[60, 60, 0.1], [71, 60, 2.0], [64, 71, 4.0], [90, 70, 3.0], [120, 60, 3.3], [30, 90, 5.5], [45, 40, 1.0]]
+SEEN = ("poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on", "phase_ms")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(controller, seed):
+    react = controller(REACT)
+    order = np.random.default_rng(seed).permutation(len(POSES))
+
+    def run(*groups):
+        robots = [{"poses": [POSES[robot] for robot in group], "controller": react} for group in groups]
+        scenario = {"arena": {"width_cm": 150, "height_cm": 120}, "robots": robots, "noise": "off"}
+        return kept(Simulation(scenario, 1, interpret=True), 150)
+
+    straight = run(range(7))
+    for groups in ([order], [order[:2], order[2:5], order[5:]], [[robot] for robot in order]):
+        for one, other in zip(straight, run(*groups), strict=True):
+            for name in SEEN:
+                np.testing.assert_array_equal(getattr(other, name), getattr(one, name)[order], name)
+
+    positions = np.array([step.poses[:, :2] for step in straight])
+    one, other = np.triu_indices(7, 1)
+    assert np.hypot(*np.moveaxis(positions[:, one] - positions[:, other], 2, 0)).min() > 7.4  # nobody has touched
+    assert np.any([step.camera.any(axis=1) for step in straight], axis=0).all()  # but all have seen somebody
+    assert np.any([step.infrared[:3].any(axis=1) for step in straight], axis=0).all()
+
+
+# --- groups side by side ----------------------------------------------------------------------------
+
+
+def test_groups_with_different_cameras_and_controllers_work_side_by_side(controller):
+    lamp = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
+    wide = {"poses": [[50, 30, math.pi]], "controller": "constant", "camera": {"pixels": 100, "field_of_view_deg": 112}}
+    few = {"poses": [[30, 50, -math.pi / 2]], "parameters": {"speed_cm_s": 0}, "camera": {"pixels": 20}}
+    blind = {"poses": [[10, 30, 0]], "controller": controller(REACT), "camera": {"pixels": 30, "range_cm": 5}}
+    simulation = Simulation({"robots": [lamp, wide, few, blind], "noise": "off"}, 1)
+    _, step = kept(simulation, 2)
+    assert step.camera.shape == (4, 100)
+    # a disc of radius 3.7 cm, seen 16.3 cm away from where the camera sits, covers 2 asin(3.7 / 16.3)
+    seen = 2 * math.degrees(math.asin(3.7 / 16.3))
+    assert step.camera.sum(axis=1) == pytest.approx([0, seen / 112 * 100, seen / 56 * 20, 0], abs=1)
+    assert not step.camera[2, 20:].any()
+    assert step.memories[3]["pixels"] == 30  # a controller is shown the pixels of its own camera alone
+    assert [np.isnan(phase) for phase in step.phase_ms] == [True, True, False, True]
+    np.testing.assert_array_equal(simulation.period_ms, [np.nan, np.nan, 5000, np.nan])
+    np.testing.assert_array_equal(step.flash_seen, [False, True, True, False])
+
+
+def test_each_group_has_its_own_parameters():
+    groups = [
+        {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 1, "period_s": 2.0}},
+        {"poses": [[20, 50, 0], [20, 10, 0]], "parameters": {"speed_cm_s": 3, "period_s": 7.5}},
+    ]
+    simulation = Simulation({"robots": groups, "noise": "off"}, 1)
+    np.testing.assert_array_equal(simulation.period_ms, [2000, 7500, 7500])
+    *_, step = steps_of(simulation, 11)
+    np.testing.assert_allclose(step.poses[:, 0], [21, 23, 23])
+
+
+# --- controllers that fail --------------------------------------------------------------------------
+
+
+def failing(path, kind):
+    """Return a scenario in which robot 3, in the second group, stands before a wall."""
+    second = {"poses": [[20, 50, 0], [56, 30, 0], [20, 10, 0]], "controller": path, "parameters": {"kind": kind}}
+    robots = [{"poses": [[10, 30, 0], [20, 30, 0]], "controller": "constant"}, second]
+    return {"name": "failing", "robots": robots, "noise": "off"}
+
+
+@pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [(0, "ValueError: too near"), (1, "wheel speed that is not a number"), (2, "wheel speed that is not a number")],
+)
+def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, kind, message, interpret):
+    simulation = Simulation(failing(controller(FAIL), kind), 5, interpret=interpret)
+    for _ in range(3):
+        next(simulation)
+    with pytest.raises(ControllerError, match=rf"failing: robot 3, step 3, seed 5: .*{message}"):
+        next(simulation)
+
+
+@pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
+def test_a_controller_that_cannot_start_is_blamed_with_its_first_robot(controller, interpret):
+    with pytest.raises(ControllerError, match=r"failing: robot 2, step 0, seed 5: .*not today"):
+        Simulation(failing(controller(FAIL), 3), 5, interpret=interpret)
+
+
+# --- steps ------------------------------------------------------------------------------------------
+
+
+def test_a_steps_arrays_have_the_documented_shapes_and_types():
+    groups = [{"count": 3}, {"count": 2, "controller": "constant", "camera": {"pixels": 21}}]
+    step = next(Simulation({"robots": groups}, 1))
+    documented = {
+        "poses": ((5, 3), np.float64),
+        "infrared": ((5, 8), np.float64),
+        "distance_mm": ((5, 8), np.int64),
+        "camera": ((5, 60), np.int64),
+        "wheels_cm_s": ((5, 2), np.float64),
+        "ring_on": ((5,), np.bool_),
+        "phase_ms": ((5,), np.float64),
+        "flash_seen": ((5,), np.bool_),
+    }
+    found = {name: (getattr(step, name).shape, getattr(step, name).dtype) for name in documented}
+    assert found == documented
+    assert [len(memory) for memory in step.memories] == [3, 2]
+
+
+@pytest.mark.parametrize("control_hz", [10, 25, 40])
+def test_steps_are_numbered_from_0_and_their_times_are_exact(control_hz):
+    simulation = Simulation(load_scenario("arc", [f"timing.control_hz={control_hz}", "timing.physics_hz=200"]))
+    assert simulation.step_s == 1 / control_hz
+    assert [(step.number, step.time_s) for step in steps_of(simulation, 50)] == [(n, n / control_hz) for n in range(50)]
+
+
+def test_iterating_again_goes_on_where_the_simulation_stands():
+    simulation, straight = Simulation("thesis", 7), kept(Simulation("thesis", 7), 40)
+    again = []
+    for stop in (3, 3, 34):
+        for step, _ in zip(simulation, range(stop), strict=False):
+            again.append((step.number, step.poses.copy()))
+            if len(again) in (3, 6):
+                break
+    assert [number for number, _ in again] == list(range(40))
+    np.testing.assert_array_equal([poses for _, poses in again], [step.poses for step in straight])
+
+
+def test_robots_that_are_no_oscillators_have_no_phase_and_judge_a_flash_by_any_red_pixel():
+    simulation = Simulation("spotlight")
+    first, second = kept(simulation, 2)
+    assert np.isnan(simulation.period_ms).all()
+    assert np.isnan(first.phase_ms).all()
+    assert not first.flash_seen.any()
+    np.testing.assert_array_equal(second.flash_seen, second.camera.any(axis=1))
+    assert second.flash_seen[0]
+    assert not second.flash_seen.all()
+
+
+def test_a_controllers_own_judgement_of_a_flash_counts():
+    watcher = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0, "flash_pixels": 61}}
+    lamp = {"poses": [[40, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
+    step = kept(Simulation({"robots": [watcher, lamp], "noise": "off"}, 1), 2)[-1]
+    assert step.camera[0].any()
+    assert not step.flash_seen[0]
+
+
+# --- noise of the sensors ---------------------------------------------------------------------------
+
+
+def response(distance_cm):
+    """Return F of the robot's facts, in counts."""
+    return 0 if distance_cm > 12 else 3731 * (0.7 - 0.09) / (distance_cm**2 - 0.6 * distance_cm + 0.7)
+
+
+def before_a_wall(noise):
+    """Return (steps, 3, 8) readings of robots that stand still with their centres 8 cm from the wall that they face."""
+    places = [[52, 20, 0], [52, 60, 0]], [[52, 100, 0]]
+    groups = [{"poses": poses, "controller": "constant"} for poses in places]
+    simulation = Simulation({"arena": {"height_cm": 120}, "robots": groups, "noise": noise}, 3)
+    return np.array([step.infrared for step in kept(simulation, 3000)])
+
+
+def test_without_noise_infrared_is_exact():
+    readings = before_a_wall("off")
+    for sensor, x, degrees in ((0, 3.35, -18), (1, 2.30, -45), (6, 2.30, 45), (7, 3.35, 18)):
+        left, centre, right = ((8 - x) / math.cos(math.radians(degrees + ray)) for ray in (15, 0, -15))
+        exact = response(left) + response(centre) + response(right)
+        exact -= 2 * response(centre / math.cos(math.radians(15)))
+        np.testing.assert_allclose(readings[..., sensor], exact, rtol=1e-12)
+    np.testing.assert_array_equal(readings[..., 2:6], 0)
+
+
+def test_noise_of_infrared_is_10_counts_by_default_and_drawn_anew_for_each_sensor_robot_and_step():
+    noisy = before_a_wall("on")
+    noise = (noisy - before_a_wall("off"))[..., [0, 1, 6, 7]]  # the others' readings cannot fall below 0
+    np.testing.assert_allclose(noise.mean(axis=0), 0, atol=4 * 10 / math.sqrt(3000))
+    np.testing.assert_allclose(noise.std(axis=0), 10, rtol=0.06)
+    assert noisy.min() >= 0
+    pairs = {
+        "sensors": (noise[..., :-1], noise[..., 1:]),
+        "robots": (noise[:, 0], noise[:, 1]),
+        "groups": (noise[:, 0], noise[:, 2]),
+        "steps": (noise[:-1], noise[1:]),
+        "blocks of 16 steps": (noise[:-16], noise[16:]),
+    }
+    for name, (one, other) in pairs.items():
+        assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / math.sqrt(one.size), name
+
+
+def test_a_negative_seed_is_refused():
+    with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
+        Simulation("pair", -1)
+
+
+def test_no_step_makes_numba_look_for_types_anew(monkeypatch):
+    """Its slow way, which arrays of unaligned records take, costs ten times a step."""
+    simulations = [Simulation(arena, 1) for arena in ("thesis", "arc", "spotlight", "physical")]
+    for simulation in simulations:
+        next(simulation)
+
+    def refuse(*_):
+        raise AssertionError("the types of a kernel's arguments are not known at once")
+
+    monkeypatch.setattr(Dispatcher, "_compile_for_args", refuse)
+    for simulation in simulations:
+        next(simulation)

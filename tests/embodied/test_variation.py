@@ -1,0 +1,257 @@
+"""Claims about robots' imperfections: in what they differ, their clocks, and how they get stuck."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.variation import Clocks, Snags, draw_traits
+from epuck_sim.scenario.embodied import SpreadSection, StuckSection
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.util.rng import robot_streams
+
+SPREADS = {"wheel_speed": 0.03, "wheel_imbalance": 0.02, "clock_rate": 0.002, "infrared_gain": 0.2}
+
+shares = st.floats(0, 0.99)
+spreads = st.builds(
+    SpreadSection,
+    wheel_speed=shares,
+    wheel_imbalance=shares,
+    clock_rate=st.floats(0, 0.1),
+    infrared_gain=shares,
+)
+
+
+def streams_of(robots, seed=4):
+    return robot_streams(np.random.SeedSequence(seed), robots)
+
+
+def traits_of(spread, robots=1000, seed=4):
+    return draw_traits(SpreadSection(**spread), streams_of(robots, seed))
+
+
+def assert_uniform(values, low, high):
+    """By chi-square with 19 degrees of freedom, 99.9 %."""
+    assert low <= values.min() <= values.max() <= high
+    counts, _ = np.histogram(values, bins=20, range=(low, high))
+    expected = values.size / 20
+    assert ((counts - expected) ** 2 / expected).sum() < 43.8
+
+
+# --- the physical experiments -----------------------------------------------------------------------
+
+
+def test_fig_4_7_sweeps_the_speeds_of_the_robots_of_physical():
+    def robots_and_room(scenario):
+        own = {"name", "description", "stop", "trials", "sweep", "quick", "figure"}
+        return {key: value for key, value in scenario.model_dump().items() if key not in own}
+
+    physical = load_scenario("physical")
+    for point in points(load_scenario("fig-4-7")):
+        speed = point.scenario.robots[0].parameters["speed_cm_s"]
+        same = load_scenario(physical, [f"robots.0.parameters.speed_cm_s={speed}"])
+        assert robots_and_room(point.scenario) == robots_and_room(same)
+    assert speed == physical.robots[0].parameters["speed_cm_s"]
+
+
+def test_imperfect_robots_synchronise_at_full_speed():
+    results = [run_trial(Simulation("physical", seed)) for seed in range(3)]
+    assert not any(result.censored for result in results)
+    assert max(result.cycles for result in results) < 100
+
+
+# --- traits -----------------------------------------------------------------------------------------
+
+
+def test_without_spread_all_robots_are_exactly_as_they_should_be():
+    traits = traits_of({})
+    assert [trait.shape for trait in traits] == [(1000, 2), (1000,), (1000, 8)]
+    assert all((trait == 1.0).all() for trait in traits)
+
+
+@pytest.mark.parametrize("name", SPREADS)
+def test_each_spread_moves_only_what_it_says_and_does_not_decide_what_else_is_drawn(name):
+    field = {"clock_rate": "clock_rate", "infrared_gain": "infrared_gain"}.get(name, "wheel_gain")
+    alone = traits_of({name: SPREADS[name]})
+    for trait, values in alone._asdict().items():
+        assert (values == 1.0).all() == (trait != field)
+    together = traits_of(SPREADS)
+    if field == name:
+        np.testing.assert_array_equal(getattr(together, field), getattr(alone, field))
+    else:
+        wheels = [traits_of({wheel: SPREADS[wheel]}).wheel_gain for wheel in ("wheel_speed", "wheel_imbalance")]
+        np.testing.assert_array_equal(together.wheel_gain, wheels[0] * wheels[1])
+
+
+def test_factors_are_uniform_around_one_and_drawn_for_each_robot_wheel_and_sensor():
+    both = traits_of({"wheel_speed": 0.03}, 4000).wheel_gain
+    np.testing.assert_array_equal(both[:, 0], both[:, 1])
+    drawn = np.column_stack(
+        [
+            (both[:, 0] - 1) / 0.03,
+            (traits_of({"wheel_imbalance": 0.5}, 4000).wheel_gain - 1) / 0.5,
+            (traits_of({"clock_rate": 0.002}, 4000).clock_rate - 1) / 0.002,
+            (traits_of({"infrared_gain": 0.2}, 4000).infrared_gain - 1) / 0.2,
+        ]
+    )
+    for column in drawn.T:
+        assert_uniform(column, -1 - 1e-9, 1 + 1e-9)
+    correlation = np.corrcoef(drawn.T)[np.triu_indices(12, 1)]
+    assert np.abs(correlation).max() < 4 / math.sqrt(4000)
+    assert np.abs([np.corrcoef(column[1:], column[:-1])[0, 1] for column in drawn.T]).max() < 4 / math.sqrt(4000)
+
+
+@given(spreads, st.integers(1, 30), st.integers(0, 30))
+def test_further_robots_leave_the_others_as_they_are(spread, robots, more):
+    few, many = (draw_traits(spread, streams_of(number)) for number in (robots, robots + more))
+    for one, other in zip(few, many, strict=True):
+        np.testing.assert_array_equal(one, other[:robots])
+
+
+def moved(spread, robots=10):
+    """Return (robots, 2) cm, rad: how far robots on a grid drive ahead, and turn, in half a second."""
+    group = {"count": robots, "placement": "grid", "controller": "constant"}
+    group["parameters"] = {"left_cm_s": 1.0, "right_cm_s": 1.0}
+    simulation = Simulation({"robots": [group], "noise": "off", "spread": spread}, 3)
+    poses = [step.poses.copy() for step, _ in zip(simulation, range(6), strict=False)]
+    way = poses[-1] - poses[0]
+    return np.column_stack([np.hypot(way[:, 0], way[:, 1]), way[:, 2]])
+
+
+def test_wheels_that_differ_together_change_the_speed_and_wheels_that_differ_alone_the_course():
+    ideal = moved({})
+    np.testing.assert_allclose(ideal, [(0.5, 0)] * 10, atol=1e-12)
+    faster = moved({"wheel_speed": 0.1})
+    assert (np.abs(faster[:, 0] - 0.5) < 0.05 + 1e-9).all()
+    assert np.ptp(faster[:, 0]) > 0.05
+    np.testing.assert_allclose(faster[:, 1], 0, atol=1e-12)
+    crooked = moved({"wheel_imbalance": 0.1})
+    assert (np.abs(crooked[:, 1]) < 2 * 0.1 * 0.5 / 5.1).all()
+    assert np.ptp(crooked[:, 1]) > 0.01
+
+
+def test_each_sensor_s_gain_multiplies_its_reading():
+    scenario = {"robots": [{"poses": [[52, 20, 0], [54, 40, 0.3]], "controller": "constant"}], "noise": "off"}
+    true, read = (
+        next(Simulation({**scenario, "spread": {"infrared_gain": gain}}, 3)).infrared.copy() for gain in (0, 0.2)
+    )
+    inside = (true > 0) & (true < 3731 / 1.2)
+    assert inside.sum() > 4
+    assert (read[true == 0] == 0).all()
+    gains = read[inside] / true[inside]
+    assert ((gains > 0.8) & (gains < 1.2)).all()
+    assert len(np.unique(gains.round(6))) == len(gains)
+
+
+# --- clocks -----------------------------------------------------------------------------------------
+
+
+@given(st.lists(st.floats(0.9, 1.1), min_size=1, max_size=5), st.sampled_from([1, 25, 100]))
+def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
+    passed = np.zeros(len(rates), np.int64)
+    clocks = Clocks(np.array(rates), step_ms, passed)
+    total = np.zeros(len(rates), np.int64)
+    for step in range(1000):
+        clocks.tick(step)
+        assert (np.abs(passed - step_ms * np.array(rates)) < 1).all()
+        total += passed
+    assert total.tolist() == [math.floor(1000 * (step_ms * rate)) for rate in rates]
+
+
+def test_a_clock_that_is_right_always_counts_the_control_step():
+    passed = np.zeros(1, np.int64)
+    clocks = Clocks(np.ones(1), 25, passed)
+    for step in (0, 1, 7, 10**6, 10**12):
+        clocks.tick(step)
+        assert passed == 25
+
+
+def test_phases_run_by_the_robots_own_clocks():
+    settings = ["timing.control_hz=40", "timing.physics_hz=120", "robots.0.controller=oscillator"]
+    scenario = {"robots": [{"count": 10, "controller": "oscillator"}], "spread": {"clock_rate": 0.05}, "noise": "off"}
+    simulation = Simulation(load_scenario(scenario, settings), 5)
+    simulation_of_ideal = Simulation(load_scenario({**scenario, "spread": {}}, settings), 5)
+    for steps, _ in zip(zip(simulation, simulation_of_ideal, strict=True), range(12), strict=False):
+        ahead = steps[0].phase_ms - steps[1].phase_ms
+    assert (np.abs(ahead) < 12 * 25 * 0.05 + 1).all()
+    assert np.ptp(ahead) > 5
+    np.testing.assert_array_equal(steps[0].poses, steps[1].poses)
+    assert steps[0].time_s == steps[1].time_s
+
+
+# --- getting stuck ----------------------------------------------------------------------------------
+
+
+def stuck_over(per_hour, mean_s, steps, robots=1, step_s=0.1):
+    """Return (steps, robots) whether stuck."""
+    gain = np.full((robots, 2), 0.75)
+    snags = Snags(StuckSection(per_hour=per_hour, mean_s=mean_s), step_s, streams_of(robots), gain)
+    found = np.empty((steps, robots), bool)
+    for step in range(steps):
+        snags.tick(step)
+        assert ((gain == 0.75) | (gain == 0)).all()
+        found[step] = gain[:, 0] == 0
+        np.testing.assert_array_equal(gain[:, 0], gain[:, 1])
+    return found
+
+
+def lengths(stuck):
+    """Return how many steps in a row robots are stuck, and how many free, without the first and the last of a row."""
+    runs = {False: [], True: []}
+    for robot in stuck.T:
+        edges = np.flatnonzero(np.diff(robot)) + 1
+        for begin, end in pairwise(edges):
+            runs[bool(robot[begin])].append(end - begin)
+    return np.array(runs[True]), np.array(runs[False])
+
+
+def test_robots_begin_free_and_the_share_of_time_stuck_is_that_of_the_means():
+    stuck = stuck_over(per_hour=360, mean_s=5, steps=20_000, robots=50)
+    assert not stuck[0].any()
+    share = 5 / (5 + 10)
+    cycles = stuck.size * 0.1 / 15
+    assert stuck.mean() == pytest.approx(share, abs=4 * share * (1 - share) * math.sqrt(2 / cycles))
+
+
+def test_times_stuck_and_free_are_exponential_with_their_means():
+    held, free = lengths(stuck_over(per_hour=360, mean_s=5, steps=20_000, robots=50))
+    for steps, mean_s in ((held, 5), (free, 10)):
+        assert len(steps) > 3000
+        assert 0.1 * steps.mean() == pytest.approx(mean_s, rel=0.06)
+        for quantile in (0.25, 0.5, 0.75):
+            assert 0.1 * np.quantile(steps, quantile) == pytest.approx(-mean_s * math.log(1 - quantile), rel=0.08)
+
+
+def test_times_stuck_do_not_depend_on_other_robots_nor_on_the_control_step():
+    few, many = (stuck_over(360, 5, 2000, robots) for robots in (3, 9))
+    np.testing.assert_array_equal(few, many[:, :3])
+    finer = stuck_over(360, 5, 20_000, 3, step_s=0.01)
+    np.testing.assert_array_equal(finer[::10], few)
+
+
+def test_a_robot_that_is_stuck_stands_still_with_its_wheels_turning_and_its_oscillator_running():
+    settings = ["stuck.per_hour=600", "stuck.mean_s=5", "arena.width_cm=400", "arena.height_cm=400", "noise=off"]
+    simulation = Simulation(load_scenario("thesis", settings), 2)
+    poses, wheels, phases = [], [], []
+    for step, _ in zip(simulation, range(600), strict=False):
+        poses.append(step.poses.copy())
+        wheels.append(step.wheels_cm_s.copy())
+        phases.append(step.phase_ms)
+    still = (np.diff(poses, axis=0) == 0).all(axis=2)
+    assert 0.2 < still.mean() < 0.7
+    assert (np.abs(wheels[:-1])[still] > 0).mean() > 0.95
+    assert (np.diff(phases, axis=0) != 0).all()
+
+
+def test_stuck_robots_change_nothing_before_the_first_is_stuck():
+    ideal, snagged = Simulation("thesis", 2), Simulation(load_scenario("thesis", ["stuck.per_hour=60"]), 2)
+    differ = [(one.poses != other.poses).any() for one, other, _ in zip(ideal, snagged, range(400), strict=False)]
+    first = differ.index(True)
+    assert first > 5
+    assert all(differ[first:])

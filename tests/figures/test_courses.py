@@ -1,0 +1,265 @@
+"""Claims about mean courses: which trials they are of, at which moments, and that figure and table hold them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib import colormaps, image
+from matplotlib.colors import to_hex
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.courses import MOST_MOMENTS, Courses, choose_moments, draw_courses, read_courses, save_courses
+from epuck_sim.particles.twin import follow
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.points import points
+from tests.runs.made_folders import SPEED as WHEELS
+from tests.runs.made_folders import censored, ended, in_memory, rows, six_digits, sweep
+
+SPEED, COUPLING, REORIENT = "agents.speed_cm_s", "response.coupling", "agents.reorient_on"
+DISPLACED = {"phases": "synchronised", "displacement": 0.01}
+
+
+def particles(grid: dict, trials: int = 3, cycles: int = 12, **changes):
+    """Return the scenario of a sweep of a few agents."""
+    sections = {
+        "agents": {"count": 5},
+        "start": DISPLACED,
+        "stop": {"order_parameter": None, "max_cycles": cycles},
+        **changes,
+    }
+    return sweep(grid, trials=trials, name="course", model="particles", **sections)
+
+
+def never(point):
+    return censored(point, point.scenario.trials)
+
+
+SCENARIO = particles({SPEED: [3, 30]})
+READ = read_courses(in_memory(SCENARIO, never))
+
+
+def course_of(order, deviation, cycle=None, is_displaced=True, **axes) -> Courses:
+    """Return a course that no trial had."""
+    cycle = np.arange(0.5, len(order)) if cycle is None else np.array(cycle, float)
+    return Courses(axes, is_displaced, cycle, np.array(order, float), np.array(deviation, float))
+
+
+# Moments
+
+
+@given(st.integers(1, MOST_MOMENTS))
+def test_up_to_a_limit_there_is_a_moment_in_the_middle_of_every_period(cycles: int) -> None:
+    assert choose_moments(cycles).tolist() == [number + 0.5 for number in range(cycles)]
+
+
+@given(st.integers(MOST_MOMENTS + 1, 10**9))
+def test_beyond_moments_are_fewer_in_the_middle_of_periods_from_the_first_to_the_last(cycles: int) -> None:
+    moments = choose_moments(cycles)
+    assert (moments[0], moments[-1]) == (0.5, cycles - 0.5)
+    assert len(moments) <= MOST_MOMENTS
+    assert (np.diff(moments) >= 1).all()
+    assert (moments % 1 == 0.5).all()
+
+
+def test_moments_of_a_long_course_are_farther_and_farther_apart() -> None:
+    steps = np.diff(choose_moments(10**6))
+    assert steps[0] == 1
+    assert steps[-1] > 10**4
+    assert (np.diff(steps) >= -1).all()
+
+
+# What is read
+
+
+def test_a_course_is_the_mean_of_all_agents_and_of_all_trials_with_the_seeds_they_have_in_the_sweep() -> None:
+    for read, point in zip(READ, points(SCENARIO), strict=True):
+        assert read.axes == point.axes
+        assert read.is_displaced
+        cycle = np.arange(0.5, 12)
+        assert read.cycle.tolist() == cycle.tolist()
+        courses = [follow(point.scenario, point.seed(trial), cycle) for trial in range(3)]
+        np.testing.assert_allclose(read.order_parameter, sum(each.order_parameter for each in courses) / 3, rtol=1e-14)
+        deviation = sum(each.deviation.sum(axis=1) for each in courses) / 15
+        np.testing.assert_allclose(read.deviation, deviation, rtol=1e-12)
+    assert not np.array_equal(READ[0].deviation, READ[1].deviation)
+
+
+def test_a_course_is_of_so_many_trials_as_have_a_result_and_there_is_none_without() -> None:
+    some = {3: 1, 30: 0}
+    (read,) = read_courses(in_memory(SCENARIO, lambda point: ended([12] * some[point.axes[SPEED]])))
+    point = points(SCENARIO)[0]
+    course = follow(point.scenario, point.seed(0), read.cycle)
+    assert read.axes == {SPEED: 3}
+    np.testing.assert_array_equal(read.order_parameter, course.order_parameter)
+
+
+def test_a_course_is_of_the_trials_that_have_a_result_also_where_one_before_has_none() -> None:
+    point = points(SCENARIO)[0]
+    trials = in_memory(SCENARIO, lambda _: ended([12, 12]))[0]._replace(seeds=(point.seed(0), point.seed(2)))
+    (read,) = read_courses([trials])
+    courses = [follow(point.scenario, point.seed(trial), read.cycle) for trial in (0, 2)]
+    expected = np.mean([course.order_parameter for course in courses], axis=0)
+    np.testing.assert_allclose(read.order_parameter, expected, rtol=1e-14)
+
+
+def test_moments_are_periods_whatever_their_length() -> None:
+    slow = particles({SPEED: [0.75]}, clocks={"period_s": 4.0})
+    (read,) = read_courses(in_memory(slow, never))
+    (point,) = points(slow)
+    assert read.cycle.tolist() == np.arange(0.5, 12).tolist()
+    course = follow(point.scenario, point.seed(0), 4 * read.cycle)
+    first = read_courses(in_memory(slow, lambda _: ended([12])))[0]
+    np.testing.assert_array_equal(first.deviation, course.deviation.mean(axis=1))
+
+
+@pytest.mark.parametrize(
+    ("start", "is_displaced"),
+    [(DISPLACED, True), ({"phases": "synchronised"}, False), ({"phases": "random"}, False)],
+)
+def test_a_course_tells_whether_an_agent_was_displaced(start: dict, is_displaced: bool) -> None:
+    (read,) = read_courses(in_memory(particles({SPEED: [3]}, cycles=3, start=start), never))
+    assert read.is_displaced is is_displaced
+
+
+def test_a_sweep_without_displacement_and_jitter_deviates_nowhere() -> None:
+    (read,) = read_courses(in_memory(particles({SPEED: [3]}, start={"phases": "random"}), never))
+    assert not read.deviation.any()
+
+
+def embodied() -> list[PointTrials]:
+    return in_memory(sweep({WHEELS: [1, 2]}, trials=2, name="robots"), lambda _: ended([3, 4]))
+
+
+def test_robots_with_bodies_have_no_course() -> None:
+    with pytest.raises(EpuckSimError) as caught:
+        read_courses(embodied())
+    words = "robots: the forms perturbation and course are for model: particles; this is embodied"
+    assert str(caught.value) == words
+
+
+# What is drawn
+
+
+def test_where_agents_are_displaced_the_deviation_is_below_the_order_parameter() -> None:
+    above, below = draw_courses("title", READ).axes
+    for number, read in enumerate(READ):
+        for panel, values in ((above, read.order_parameter), (below, read.deviation)):
+            line = panel.get_lines()[number]
+            np.testing.assert_array_equal(line.get_xdata(), read.cycle)
+            np.testing.assert_array_equal(line.get_ydata(), values)
+    assert (above.get_ylabel(), below.get_ylabel()) == ("order parameter r", "mean |Δϕ| [cycles]")
+    assert (above.get_xlabel(), below.get_xlabel()) == ("", "time [cycles]")
+    assert (above.get_yscale(), below.get_yscale(), below.get_xscale()) == ("linear", "log", "linear")
+    bottom, top = above.get_ylim()
+    assert (bottom < 0, top > 1) == (True, True)
+
+
+def test_where_none_is_displaced_there_is_one_panel() -> None:
+    (panel,) = draw_courses("title", [READ[0]._replace(is_displaced=False)]).axes
+    assert len(panel.get_lines()) == 1
+    assert (panel.get_ylabel(), panel.get_xlabel()) == ("order parameter r", "time [cycles]")
+    assert panel.get_yscale() == "linear"
+
+
+def test_one_course_of_many_with_a_displaced_agent_is_enough_for_two_panels() -> None:
+    mixed = [READ[0]._replace(is_displaced=False), READ[1]]
+    assert len(draw_courses("title", mixed).axes) == 2
+
+
+def test_each_course_has_a_colour_of_its_own_in_both_panels_and_its_values_in_the_legend() -> None:
+    figure = draw_courses("5 % of $x", READ)
+    above, below = figure.axes
+    expected = [to_hex(colormaps["viridis"](place)) for place in (0, 0.9)]
+    for panel in (above, below):
+        assert [to_hex(line.get_color()) for line in panel.get_lines()] == expected
+    assert [text.get_text() for text in above.get_legend().get_texts()] == ["V = 3 cm/s", "V = 30 cm/s"]
+    assert below.get_legend() is None
+    assert figure.get_suptitle() == "5 % of $x"
+
+
+def test_one_course_alone_needs_no_legend() -> None:
+    assert draw_courses("title", READ[:1]).axes[0].get_legend() is None
+
+
+def test_the_axis_that_all_courses_share_is_not_told() -> None:
+    both = [course_of([1, 1], [0.1, 0.1], **{SPEED: speed, COUPLING: 0.1}) for speed in (1, 2)]
+    texts = draw_courses("title", both).axes[0].get_legend().get_texts()
+    assert [text.get_text() for text in texts] == ["V = 1 cm/s", "V = 2 cm/s"]
+
+
+def test_where_nothing_deviates_the_line_has_a_gap() -> None:
+    _, below = draw_courses("title", [course_of([1, 1, 1], [0.01, 0, 0.1])]).axes
+    np.testing.assert_array_equal(below.get_lines()[0].get_ydata(), [0.01, math.nan, 0.1])
+
+
+def test_a_course_that_never_deviates_is_drawn_all_the_same(tmp_path) -> None:
+    save_courses(tmp_path / "flat", "title", [course_of([1, 1, 1], [0, 0, 0])])
+    assert image.imread(tmp_path / "flat.png").std() > 0.05
+
+
+@pytest.mark.parametrize(("cycles", "scale"), [(MOST_MOMENTS, "linear"), (MOST_MOMENTS + 1, "log")])
+@pytest.mark.parametrize("is_displaced", [True, False])
+def test_time_is_logarithmic_in_all_panels_once_moments_are_farther_and_farther_apart(
+    cycles: int, scale: str, is_displaced: bool
+) -> None:
+    moments = choose_moments(cycles)
+    flat = np.full(len(moments), 0.5)
+    figure = draw_courses("title", [course_of(flat, flat, moments, is_displaced)])
+    assert {panel.get_xscale() for panel in figure.axes} == {scale}
+
+
+# What is written
+
+
+def test_the_table_holds_every_moment_of_every_course(tmp_path) -> None:
+    files = save_courses(tmp_path / "fig", "title", READ)
+    assert [file.name for file in files] == ["fig.png", "fig.svg", "fig.csv"]
+    table = rows(files[2])
+    assert [*table[0]] == [SPEED, "cycle", "order_parameter", "deviation"]
+    expected = [
+        [str(read.axes[SPEED]), *map(six_digits, row)]
+        for read in READ
+        for row in zip(read.cycle, read.order_parameter, read.deviation, strict=True)
+    ]
+    assert [[*row.values()] for row in table] == expected
+    assert len(expected) == 24
+
+
+def test_the_table_is_exactly_this(tmp_path) -> None:
+    *_, table = save_courses(
+        tmp_path / "fig", "title", [course_of([1, 1 / 3], [0, 2e-7 / 3], **{SPEED: 0.5, COUPLING: 2})]
+    )
+    assert table.read_text() == (
+        f"{SPEED},{COUPLING},cycle,order_parameter,deviation\n0.5,2,0.5,1,0\n0.5,2,1.5,0.333333,6.66667e-08\n"
+    )
+
+
+def test_the_same_trials_give_the_same_files(tmp_path) -> None:
+    written = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        files = save_courses(tmp_path / name / "fig", "title", read_courses(in_memory(SCENARIO, never)))
+        written.append([file.read_bytes() for file in files])
+    assert written[0] == written[1]
+    assert image.imread(tmp_path / "one" / "fig.png").std() > 0.05
+
+
+def test_a_point_whose_axis_holds_lists_and_null_is_labelled_in_words(tmp_path) -> None:
+    grid = {REORIENT: [[], ["emitting"], ["emitting", "receiving"]]}
+    read = read_courses(in_memory(particles(grid, trials=1, cycles=2), never))
+    texts = draw_courses("title", read).axes[0].get_legend().get_texts()
+    assert [text.get_text() for text in texts] == [
+        "reorienting on = nothing",
+        "reorienting on = emitting",
+        "reorienting on = emitting and receiving",
+    ]
+    assert len(rows(save_courses(tmp_path / "fig", "title", read)[2])) == 6
+
+
+def test_a_figure_that_cannot_be_written_leaves_nothing(tmp_path) -> None:
+    (tmp_path / "fig.csv").mkdir()
+    with pytest.raises(EpuckSimError, match=r"fig\.csv: cannot be written"):
+        save_courses(tmp_path / "fig", "title", READ)
+    assert [path.name for path in tmp_path.iterdir()] == ["fig.csv"]

@@ -1,0 +1,481 @@
+"""Claims about the figures: what is drawn is what the curves hold, and the files are whole and the same again."""
+
+import errno
+import math
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib import image
+from matplotlib.axes import Axes
+from matplotlib.cbook import is_math_text
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.curves import BUMP_COLUMNS, draw, save_figure
+from epuck_sim.figures.labels import axis_label, key_name, values_told
+from epuck_sim.statistics.curves import Curve
+from epuck_sim.statistics.extrema import Bump, find_bump
+from tests.runs.made_folders import (
+    COUNT,
+    COUPLING,
+    HEIGHT,
+    MANY_SPEEDS,
+    PERIOD,
+    PIXELS,
+    SPEED,
+    WIDTH,
+    bumpy_mean,
+    extremes,
+    falling_mean,
+    rows,
+    six_digits,
+    sweep,
+)
+
+ENDINGS = (".png", ".svg", ".csv", "-regimes.csv")
+POINT_COLUMNS = ["trials", "censored", "mean", "mean_low", "mean_high"]
+SCENARIO = sweep(None)
+
+
+def curve_of(means, x=None, axes=None, censored=(), undetermined=(), seed=0) -> Curve:
+    """Return a curve: `censored` are places of points some of whose trials are, `undetermined` have no mean at all."""
+    random = np.random.default_rng(seed)
+    means = np.array(means, float)
+    x = np.array(MANY_SPEEDS[: len(means)] if x is None else x, float)
+    share = np.array([0.97 if n in undetermined else 0.25 if n in censored else 0.0 for n in range(len(means))])
+    resampled = means * np.exp(0.05 * random.standard_normal((200, len(means))))
+    is_undetermined = np.isin(np.arange(len(means)), list(undetermined))
+    resampled[:, is_undetermined] = math.inf
+    return Curve(
+        axes=axes or {},
+        scenario=SCENARIO,
+        x=x,
+        trials=np.full(len(means), 200),
+        censored=share,
+        means=np.where(is_undetermined, math.nan, means),
+        intervals=np.percentile(resampled, [2.5, 97.5], axis=0, method="nearest").T,
+        resampled=resampled,
+    )
+
+
+BUMPY = curve_of([bumpy_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.1}, censored=[0, 8, 9])
+MOVED = curve_of(
+    [bumpy_mean(speed, 2, 150) for speed in MANY_SPEEDS], axes={COUPLING: 0.2}, undetermined=[0, 1], seed=1
+)
+FALLING = curve_of([falling_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.4}, seed=2)
+CURVES = [BUMPY, MOVED, FALLING]
+BUMPS = [find_bump(curve.x, curve.means, curve.resampled) for curve in CURVES]
+FOUND = [True, True, False]
+
+
+def axes_of(curves, axis=SPEED, bumps=None) -> Axes:
+    return draw("title", axis, curves, [None] * len(curves) if bumps is None else bumps).axes[0]
+
+
+def marked(axes: Axes, marker: str, face: str | None = None) -> list[Line2D]:
+    """Return what is drawn with a marker, in the order of the curves; `face` is its colour where that matters."""
+    lines = [line for line in axes.get_lines() if line.get_marker() == marker]
+    return [line for line in lines if face is None or to_hex(line.get_markerfacecolor()) == face]
+
+
+def lines_of(axes: Axes) -> list[Line2D]:
+    return [line for line in axes.get_lines() if line.get_linestyle() == "-" and line.get_marker() == "None"]
+
+
+def drawn(lines: list[Line2D]) -> list[tuple[float, float]]:
+    """Return all points of some lines, without the gaps."""
+    points = [(float(x), float(y)) for line in lines for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)]
+    return [(x, y) for x, y in points if not math.isnan(y)]
+
+
+def seen(ticks) -> list[str]:
+    return [label.get_text() for label in ticks if label.get_text()]
+
+
+# What is drawn
+
+
+def test_the_curves_of_these_tests_have_bumps_where_they_should() -> None:
+    assert [bump is not None and bump.is_found for bump in BUMPS] == FOUND
+    assert BUMPS[0].v_m == pytest.approx(extremes()["v_m"], rel=0.2)
+
+
+def test_each_curve_is_one_line_of_its_own_colour_labelled_with_the_second_axis() -> None:
+    axes = axes_of(CURVES)
+    lines = lines_of(axes)
+    assert [line.get_label() for line in lines] == ["ε = 0.1", "ε = 0.2", "ε = 0.4"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["ε = 0.1", "ε = 0.2", "ε = 0.4"]
+    assert len({to_hex(line.get_color()) for line in lines}) == 3
+
+
+def test_the_lines_hold_the_means_with_gaps_where_they_are_undetermined() -> None:
+    for line, curve in zip(lines_of(axes_of(CURVES)), CURVES, strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), curve.x)
+        np.testing.assert_array_equal(line.get_ydata(), curve.means)
+
+
+def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> None:
+    curves = [curve_of([100 * n + 10 * eps, 50], axes={COUNT: n, COUPLING: eps}) for n in (5, 10) for eps in (0.1, 0.2)]
+    figure = draw("title", SPEED, curves, [None] * 4, COUNT)
+    assert [axes.get_title() for axes in figure.axes] == ["N = 5", "N = 10"]
+    for axes, n in zip(figure.axes, (5, 10), strict=True):
+        assert [(line.get_label(), line.get_ydata()[0]) for line in lines_of(axes)] == [
+            ("ε = 0.1", 100 * n + 1),
+            ("ε = 0.2", 100 * n + 2),
+        ]
+    first, second = (lines_of(axes) for axes in figure.axes)
+    assert [line.get_color().tolist() for line in first] == [line.get_color().tolist() for line in second]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ε = 0.1", "ε = 0.2"]
+
+
+def test_an_axis_to_split_by_that_is_not_there_is_refused(tmp_path) -> None:
+    with pytest.raises(EpuckSimError, match=r"--panels: unknown 'robots\.0\.cuont', did you mean"):
+        save_figure(tmp_path / "f", "t", SPEED, [curve_of([3, 2], axes={COUNT: 5})], "robots.0.cuont")
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_bands_span_the_intervals_in_the_colour_of_their_lines() -> None:
+    axes = axes_of(CURVES)
+    for band, line, curve in zip(axes.collections, lines_of(axes), CURVES, strict=True):
+        known = np.isfinite(curve.means)
+        x, (low, high) = curve.x[known], curve.intervals[known].T
+        corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
+        assert corners == {*zip(x, low, strict=True), *zip(x, high, strict=True)}
+        assert to_hex(band.get_facecolor()[0]) == to_hex(line.get_color())
+        assert 0 < band.get_alpha() < 1
+
+
+def test_markers_are_hollow_exactly_where_trials_are_censored() -> None:
+    axes = axes_of([BUMPY])
+    is_censored = BUMPY.censored > 0
+    assert is_censored.sum() == 3
+    hollow = marked(axes, "o", "#ffffff")
+    solid = [line for line in marked(axes, "o") if line not in hollow]
+    for lines, chosen in ((hollow, is_censored), (solid, ~is_censored)):
+        assert drawn(lines) == [*zip(BUMPY.x[chosen], BUMPY.means[chosen], strict=True)]
+
+
+def test_a_mean_that_is_undetermined_is_a_cross_above_all_means_and_has_no_other_marker() -> None:
+    axes = axes_of(CURVES)
+    crosses = drawn(marked(axes, "x"))
+    assert [x for x, _ in crosses] == MANY_SPEEDS[:2]
+    highest = max(np.nanmax(curve.means) for curve in CURVES)
+    bottom, top = axes.get_ylim()
+    assert all(highest < y < top for _, y in crosses)
+    assert len(drawn(marked(axes, "o"))) == 3 * len(MANY_SPEEDS) - 2
+    assert bottom < min(np.nanmin(curve.means) for curve in CURVES)
+
+
+def test_where_all_means_are_undetermined_there_are_but_crosses() -> None:
+    axes = axes_of([curve_of([50.0] * 3, undetermined=range(3))])
+    assert len(drawn(marked(axes, "x"))) == 3
+    assert drawn(lines_of(axes)) == drawn(marked(axes, "o")) == []
+    axes.figure.savefig(BytesIO())
+
+
+def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else() -> None:
+    axes = axes_of(CURVES, bumps=BUMPS)
+    assert drawn(marked(axes, "v")) == [(bump.v_m, bump.t_m) for bump in BUMPS[:2]]
+    assert drawn(marked(axes, "^")) == [(bump.v_p, bump.t_p) for bump in BUMPS[:2]]
+    colours = [to_hex(line.get_color()) for line in lines_of(axes)]
+    assert [to_hex(line.get_color()) for line in marked(axes, "v")] == colours[:2]
+
+
+def test_without_bumps_there_are_no_triangles() -> None:
+    axes = axes_of(CURVES)
+    assert marked(axes, "v") == marked(axes, "^") == []
+
+
+def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it() -> None:
+    open_ended = BUMPY._replace(intervals=np.column_stack([BUMPY.intervals[:, 0], np.full(len(BUMPY.x), math.inf)]))
+    axes = axes_of([open_ended])
+    bottom, top = axes.get_ylim()
+    assert max(y for _, y in axes.collections[0].get_paths()[0].vertices) > top
+    assert np.nanmax(BUMPY.means) < top < 10 * np.nanmax(BUMPY.means)
+    assert bottom > 0
+    axes.figure.savefig(BytesIO())
+
+
+def test_every_point_and_mark_is_within_the_figure() -> None:
+    axes = axes_of(CURVES, bumps=BUMPS)
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    for marker in "ox^v":
+        for x, y in drawn(marked(axes, marker)):
+            assert left < x < right
+            assert bottom < y < top
+
+
+# Axes and words
+
+
+def test_both_axes_are_logarithmic_with_plain_numbers() -> None:
+    axes = axes_of(CURVES)
+    axes.figure.savefig(BytesIO())
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    for axis in (axes.xaxis, axes.yaxis):
+        labels = seen(axis.get_ticklabels())
+        assert len(labels) > 3
+        for label, value in zip(labels, axis.get_majorticklocs(), strict=True):
+            assert float(label) == pytest.approx(value)
+            assert set(label) <= set("0123456789.")
+        assert seen(axis.get_ticklabels(minor=True)) == []
+
+
+def test_x_is_linear_where_a_value_is_0() -> None:
+    axes = axes_of([curve_of([30, 20, 10], x=[0, 1, 2])])
+    axes.figure.savefig(BytesIO())
+    assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
+    assert axes.get_xlim()[0] < 0
+    assert drawn(lines_of(axes)) == [(0, 30), (1, 20), (2, 10)]
+
+
+@pytest.mark.parametrize(
+    ("axis", "x", "scale"),
+    [
+        (SPEED, [1, 2, 3], "log"),
+        (SPEED, [0, 1, 20], "linear"),
+        (COUNT, [5, 20, 40], "linear"),
+        (COUNT, [5, 20, 50], "log"),
+        (COUNT, [5, 5, 5], "linear"),
+    ],
+)
+def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade(axis: str, x: list, scale: str) -> None:
+    axes = axes_of([curve_of([30, 20, 10], x=x)], axis=axis)
+    axes.figure.savefig(BytesIO())
+    assert axes.get_xscale() == scale
+
+
+def test_exponential_growth_with_the_number_of_robots_is_a_straight_line() -> None:
+    (line,) = lines_of(axes_of([curve_of([10, 100, 1000], x=[10, 20, 30])], axis=COUNT))
+    steps = np.diff(line.get_transform().transform(np.column_stack(line.get_data())), axis=0)
+    assert steps[0] == pytest.approx(steps[1])
+
+
+def test_many_decades_are_labelled_by_powers_of_ten_alone_and_do_not_overlap() -> None:
+    axes = axes_of([curve_of([10.0**n for n in range(1, 8)], x=[10.0**n for n in range(-4, 3)])])
+    axes.figure.savefig(BytesIO())
+    assert {"10", "1000", "$10^{6}$"} <= set(seen(axes.get_yticklabels()))
+    assert {"0.001", "1", "100"} <= set(seen(axes.get_xticklabels()))
+    for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):
+        boxes = [label.get_window_extent() for label in ticks if label.get_text()]
+        assert len(boxes) > 3
+        assert not any(one.overlaps(other) for one, other in pairwise(boxes))
+
+
+def test_a_narrow_range_has_labels_too() -> None:
+    axes = axes_of([curve_of([31, 30, 29], x=[60, 61, 62])], axis=WIDTH)
+    axes.figure.savefig(BytesIO())
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        labels = [float(label) for label in seen(axis.get_ticklabels())]
+        assert sum(low <= label <= high for label in labels) >= 2
+
+
+def test_without_a_second_axis_there_is_no_legend() -> None:
+    assert axes_of([BUMPY]).get_legend() is None
+    assert axes_of([BUMPY._replace(axes={})]).get_legend() is None
+
+
+def test_labels_leave_out_what_is_the_same_or_goes_along() -> None:
+    curves = [
+        curve_of([30, 20], x=[1, 2], axes={WIDTH: size, HEIGHT: size, COUNT: 10, SPEED: 1}) for size in (40, 60.5)
+    ]
+    assert [line.get_label() for line in lines_of(axes_of(curves, PERIOD))] == ["L = 40 cm", "L = 60.5 cm"]
+
+
+def test_title_and_axes_are_told_in_the_thesis_s_symbols() -> None:
+    figure = draw("fig-4-2a", SPEED, CURVES, BUMPS)
+    axes = figure.axes[0]
+    assert (figure.get_suptitle(), axes.get_xlabel(), axes.get_ylabel()) == ("fig-4-2a", "V [cm/s]", "T_sync [cycles]")
+    assert axes_of([curve_of([3, 2])], axis=COUPLING).get_xlabel() == "ε"
+    assert axes_of([curve_of([3, 2])], axis="stop.order_parameter").get_xlabel() == "stop.order_parameter"
+    assert [key_name(key) for key in (WIDTH, COUNT, PERIOD, PIXELS)] == ["L", "N", "τ", "pixels"]
+    assert values_told({PERIOD: 5, COUPLING: 0.1, "noise": "off"}) == "τ = 5 s, ε = 0.1, noise = off"
+
+
+def test_the_keys_of_particles_have_the_thesis_s_symbols() -> None:
+    values = {
+        "space.side_cm": 100,
+        "space.dimensions": 2,
+        "agents.count": 20,
+        "neighbourhood.radius_cm": 25,
+        "neighbourhood.angle_deg": 60,
+        "neighbourhood.k": 1,
+        "response.refractory": 0.1,
+        "clocks.jitter": 0.01,
+    }
+    told = "L = 100 cm, dimensions = 2, N = 20, R = 25 cm, θ = 60°, K = 1, D = 0.1, \N{GREEK SMALL LETTER SIGMA} = 0.01"
+    assert values_told(values) == told
+    assert axis_label("neighbourhood.angle_deg") == "θ [°]"
+    draw(
+        "all", PERIOD, [curve_of([3, 2], axes=values), curve_of([3, 2], axes=dict.fromkeys(values, 7))], [None] * 2
+    ).savefig(BytesIO())
+
+
+def test_every_symbol_can_be_drawn() -> None:
+    keys = (SPEED, WIDTH, COUNT, PERIOD, COUPLING, PIXELS)
+    curves = [curve_of([30, 20], x=[1, 2], axes={key: 1 + (key == own) for key in keys}) for own in keys]
+    figure = draw("all", PERIOD, curves, [None] * 6)
+    figure.savefig(BytesIO(), format="png")  # a missing glyph would warn, and warnings are errors here
+    figure.savefig(BytesIO(), format="svg")
+    first = figure.axes[0].get_legend().get_texts()[0].get_text()
+    assert first == "V = 2 cm/s, L = 1 cm, N = 1, τ = 1 s, ε = 1, pixels = 1"
+
+
+@pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$", "x_1^2 \\alpha & <b> {0} 50 %"])
+def test_a_name_is_no_formula(tmp_path, name: str) -> None:
+    title = draw(name, SPEED, [FALLING], [None]).axes[0].title
+    assert not (title.get_parse_math() and is_math_text(title.get_text()))
+    save_figure(tmp_path / "T", name, SPEED, [FALLING])
+
+
+# The files
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> Path:
+    """Return the stem of the figure's files."""
+    stem = tmp_path_factory.mktemp("figure") / "fig"
+    assert save_figure(stem, "fig-4-3b", SPEED, CURVES) == [stem.with_name(f"fig{ending}") for ending in ENDINGS]
+    return stem
+
+
+def test_nothing_but_the_four_files_is_written(saved) -> None:
+    assert sorted(path.name for path in saved.parent.iterdir()) == sorted(f"fig{ending}" for ending in ENDINGS)
+
+
+def test_a_stem_with_a_dot_keeps_it(tmp_path) -> None:
+    files = save_figure(tmp_path / "v0.5", "title", SPEED, [curve_of([3, 2], axes={})])
+    assert [path.name for path in files] == [f"v0.5{ending}" for ending in ENDINGS]
+    assert all(path.is_file() for path in files)
+
+
+def test_the_csv_has_the_numbers_of_the_curves(saved) -> None:
+    table = rows(saved.with_name("fig.csv"))
+    assert list(table[0]) == [COUPLING, SPEED, *POINT_COLUMNS]
+    expected = [
+        [str(curve.axes[COUPLING]), *map(six_digits, row)]
+        for curve in CURVES
+        for row in zip(curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T, strict=True)
+    ]
+    assert [[*row.values()] for row in table] == expected
+    assert [row["mean"] == row["mean_high"] == "" for row in table].count(True) == 2
+
+
+def test_six_digits_are_read_back_as_good_as_the_curves_are(saved) -> None:
+    table = rows(saved.with_name("fig.csv"))
+    means = [float(row["mean"] or "nan") for row in table]
+    np.testing.assert_allclose(means, np.concatenate([curve.means for curve in CURVES]), rtol=1e-5)
+
+
+def test_the_regimes_have_a_row_for_each_curve_with_its_bump_or_the_p_value_alone(saved) -> None:
+    found = rows(saved.with_name("fig-regimes.csv"))
+    assert list(found[0]) == [COUPLING, *BUMP_COLUMNS, "p_value"]
+    assert [row[COUPLING] for row in found] == ["0.1", "0.2", "0.4"]
+    for row, bump in zip(found, BUMPS, strict=True):
+        assert row["p_value"] == six_digits(bump.p_value)
+        for place, name in enumerate(("v_m", "t_m", "v_p", "t_p")):
+            numbers = [bump[place], *bump.intervals[place]] if bump.is_found else [math.nan] * 3
+            assert [row[name], row[f"{name}_low"], row[f"{name}_high"]] == [*map(six_digits, numbers)]
+    assert [row["v_m"] != "" for row in found] == FOUND
+
+
+def test_too_few_speeds_have_no_regimes(tmp_path) -> None:
+    few = curve_of(BUMPY.means[:5], axes={COUPLING: 0.1})
+    save_figure(tmp_path / "T", "title", SPEED, [few])
+    (row,) = rows(tmp_path / "T-regimes.csv")
+    assert [*row.values()] == ["0.1", *[""] * 13]
+
+
+def test_another_axis_than_the_speed_is_drawn_and_has_no_regimes(tmp_path) -> None:
+    curve = curve_of(BUMPY.means, x=np.arange(13) + 2, axes={SPEED: 1})
+    save_figure(tmp_path / "T", "title", COUNT, [curve])
+    (row,) = rows(tmp_path / "T-regimes.csv")
+    assert [*row.values()] == ["1", *[""] * 13]
+    assert [row[COUNT] for row in rows(tmp_path / "T.csv")] == [str(n) for n in range(2, 15)]
+    assert image.imread(tmp_path / "T.png").std() > 0.05
+
+
+def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep(tmp_path) -> None:
+    axes = {"noise": 'a "quoted", name', "arena.obstacles": [], "stop.max_time_s": None, COUNT: 10}
+    save_figure(tmp_path / "T", "title", SPEED, [curve_of([3, 2], axes=axes)])
+    for name in ("T.csv", "T-regimes.csv"):
+        row = rows(tmp_path / name)[0]
+        assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}
+
+
+def test_the_png_is_a_picture_and_not_blank(saved) -> None:
+    picture = image.imread(saved.with_name("fig.png"))
+    assert picture.shape[0] > 400
+    assert picture.shape[1] > 600
+    assert picture[..., :3].std() > 0.05
+    colours = np.unique((picture[..., :3] * 255).round().reshape(-1, 3), axis=0)
+    drawn_colours = {to_hex(line.get_color()) for line in lines_of(axes_of(CURVES))}
+    assert drawn_colours <= {to_hex(colour / 255) for colour in colours}
+
+
+def test_the_svg_is_well_formed(saved) -> None:
+    root = ElementTree.parse(saved.with_name("fig.svg")).getroot()
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert sum(1 for _ in root.iter("{http://www.w3.org/2000/svg}path")) > 50
+
+
+def test_the_same_results_give_the_same_files_byte_for_byte(saved, tmp_path) -> None:
+    for path in save_figure(tmp_path / "again", "fig-4-3b", SPEED, CURVES):
+        assert path.read_bytes() == saved.with_name(path.name.replace("again", "fig")).read_bytes()
+
+
+def test_other_results_give_other_files(saved, tmp_path) -> None:
+    moved = [BUMPY._replace(means=BUMPY.means * 1.1), MOVED, FALLING]
+    for path in save_figure(tmp_path / "other", "fig-4-3b", SPEED, moved):
+        assert path.read_bytes() != saved.with_name(path.name.replace("other", "fig")).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("problem", "raised"),
+    [(OSError(errno.ENOSPC, "No space left"), EpuckSimError), (KeyboardInterrupt(), KeyboardInterrupt)],
+    ids=["full disk", "Ctrl-C"],
+)
+def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
+    tmp_path, monkeypatch, problem: BaseException, raised: type[BaseException]
+) -> None:
+    for ending in ENDINGS:
+        (tmp_path / f"T{ending}").write_text("older")
+
+    def write_half(_: Figure, part: Path, **__) -> None:
+        part.write_text("half")
+        raise problem
+
+    monkeypatch.setattr(Figure, "savefig", write_half)
+    with pytest.raises(raised):
+        save_figure(tmp_path / "T", "title", SPEED, [curve_of([3, 2])])
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"T{end}": "older" for end in ENDINGS}
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_where_one_file_cannot_be_written_none_is(tmp_path, ending: str) -> None:
+    (tmp_path / f"T{ending}").mkdir()
+    with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
+        save_figure(tmp_path / "T", "title", SPEED, [curve_of([3, 2])])
+    assert [path.name for path in tmp_path.iterdir()] == [f"T{ending}"]
+
+
+@pytest.mark.parametrize("stem", [".", "/"])
+def test_a_stem_without_a_name_is_refused(monkeypatch, tmp_path, stem: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(EpuckSimError):
+        save_figure(Path(stem), "title", SPEED, [curve_of([3, 2])])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bump_that_may_be_noise_is_not_marked() -> None:
+    unsure = Bump(*BUMPS[0][:6], 0.2, BUMPS[0].resampled)
+    undone = BUMPS[0]._replace(resampled=np.full((200, 4), math.nan))
+    axes = axes_of([BUMPY, MOVED], bumps=[unsure, undone])
+    assert marked(axes, "v") == marked(axes, "^") == []

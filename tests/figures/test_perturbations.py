@@ -1,0 +1,220 @@
+"""Claims about maps of a perturbation: which trials they show, that colours hold the deviations, and zero is blank."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from matplotlib import colormaps, image
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, to_hex
+from matplotlib.ticker import NullLocator
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures import perturbations
+from epuck_sim.figures.perturbations import (
+    LEAST,
+    Perturbation,
+    draw_perturbations,
+    read_perturbations,
+    save_perturbations,
+)
+from epuck_sim.particles.twin import follow
+from epuck_sim.scenario.points import points
+from tests.runs.made_folders import SPEED as WHEELS
+from tests.runs.made_folders import censored, ended, in_memory, rows, six_digits, sweep
+
+SPEED, COUPLING = "agents.speed_cm_s", "response.coupling"
+
+
+def particles(grid: dict, cycles: int = 12, **changes):
+    """Return the scenario of a sweep of a few agents, one of which is displaced."""
+    sections = {
+        "agents": {"count": 5},
+        "start": {"phases": "synchronised", "displacement": 0.01},
+        "stop": {"order_parameter": None, "max_cycles": cycles},
+        **changes,
+    }
+    return sweep(grid, trials=2, name="map", model="particles", **sections)
+
+
+def never(point):
+    return censored(point, point.scenario.trials)
+
+
+SCENARIO = particles({SPEED: [3, 30, 90]})
+READ = read_perturbations(in_memory(SCENARIO, never))
+
+
+def made(deviation, **axes) -> Perturbation:
+    """Return a perturbation, (moments, agents), that no trial had."""
+    values = np.array(deviation, float)
+    return Perturbation(axes, np.arange(0.5, len(values)), values)
+
+
+# What is read
+
+
+def test_what_is_read_is_trial_0_of_each_point_with_the_seed_it_has_in_the_sweep() -> None:
+    for read, point in zip(READ, points(SCENARIO), strict=True):
+        assert read.axes == point.axes
+        assert read.cycle.tolist() == np.arange(0.5, 12).tolist()
+        course = follow(point.scenario, point.seed(0), read.cycle)
+        np.testing.assert_array_equal(read.deviation, course.deviation)
+        assert read.deviation.shape == (12, 5)
+        assert (read.deviation > 0).any()
+
+
+def test_of_a_point_without_its_trial_0_the_first_is_read_that_has_a_result_and_of_one_without_any_none() -> None:
+    trials = {3: 1, 30: 0, 90: 0}
+    found = in_memory(SCENARIO, lambda point: ended([12] * trials[point.axes[SPEED]]))
+    point = points(SCENARIO)[0]
+    (read,) = read_perturbations([found[0]._replace(seeds=(point.seed(1),)), *found[1:]])
+    assert read.axes == {SPEED: 3}
+    np.testing.assert_array_equal(read.deviation, follow(point.scenario, point.seed(1), read.cycle).deviation)
+
+
+def test_moments_are_the_middles_of_periods_whatever_their_length() -> None:
+    slow = particles({SPEED: [7.5]}, clocks={"period_s": 4.0})
+    (read,) = read_perturbations(in_memory(slow, never))
+    (point,) = points(slow)
+    assert read.cycle.tolist() == np.arange(0.5, 12).tolist()
+    np.testing.assert_array_equal(read.deviation, follow(point.scenario, point.seed(0), 4 * read.cycle).deviation)
+
+
+def test_of_a_long_trial_the_beginning_is_shown(monkeypatch) -> None:
+    monkeypatch.setattr(perturbations, "MOST_CYCLES", 7)
+    for read, whole in zip(read_perturbations(in_memory(SCENARIO, never)), READ, strict=True):
+        assert read.cycle.tolist() == np.arange(0.5, 7).tolist()
+        np.testing.assert_array_equal(read.deviation, whole.deviation[:7])
+
+
+def test_robots_with_bodies_have_no_such_map() -> None:
+    robots = in_memory(sweep({WHEELS: [1, 2]}, trials=2, name="robots"), lambda _: ended([3, 4]))
+    with pytest.raises(EpuckSimError) as caught:
+        read_perturbations(robots)
+    words = "robots: the forms perturbation and course are for model: particles; this is embodied"
+    assert str(caught.value) == words
+
+
+# What is drawn
+
+
+def panels_of(given: list[Perturbation]) -> list[Axes]:
+    """Return the panels of a figure, laid out; the last of its axes is the colour bar."""
+    figure = draw_perturbations("title", given)
+    figure.savefig(BytesIO())
+    return figure.axes[:-1]
+
+
+def painted(given: Perturbation) -> list[list[str]]:
+    """Return the colour of the page in the middle of each agent and moment, agents first."""
+    figure = draw_perturbations("title", [given])
+    panel = figure.axes[0]
+    for axis in (panel.xaxis, panel.yaxis):
+        axis.set_major_locator(NullLocator())
+    whole = BytesIO()
+    figure.savefig(whole, dpi=150)
+    whole.seek(0)
+    figure.set_dpi(150)
+    picture = image.imread(whole)[::-1]
+    agents = range(given.deviation.shape[1])
+    places = [[panel.transData.transform((x, agent)).astype(int) for x in given.cycle] for agent in agents]
+    return [[to_hex(picture[row, column, :3]) for column, row in line] for line in places]
+
+
+def test_there_is_a_panel_for_each_point_titled_with_its_values() -> None:
+    panels = panels_of(READ)
+    assert [panel.get_title() for panel in panels] == ["V = 3 cm/s", "V = 30 cm/s", "V = 90 cm/s"]
+    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("time [cycles]", "agent")
+
+
+def test_one_point_is_one_panel_without_words() -> None:
+    (panel,) = panels_of(READ[:1])
+    assert panel.get_title() == ""
+
+
+def test_each_panel_holds_the_deviation_of_every_agent_at_every_moment_with_nothing_where_it_is_zero() -> None:
+    for panel, read in zip(panels_of(READ), READ, strict=True):
+        (mesh,) = panel.collections
+        shown = mesh.get_array().reshape(5, 12)
+        np.testing.assert_array_equal(np.ma.getmaskarray(shown), read.deviation.T == 0)
+        np.testing.assert_array_equal(shown.filled(0), read.deviation.T)
+        corners = mesh.get_coordinates()
+        assert corners[0, :, 0].tolist() == list(range(13))
+        assert corners[:, 0, 1].tolist() == [agent - 0.5 for agent in range(6)]
+
+
+def test_all_panels_share_one_logarithmic_scale_up_to_half_a_cycle() -> None:
+    norms = [panel.collections[0].norm for panel in panels_of(READ)]
+    for norm in norms:
+        assert isinstance(norm, LogNorm)
+        assert (norm.vmin, norm.vmax) == (LEAST, 0.5)
+    figure = draw_perturbations("title", READ)
+    assert figure.axes[-1].get_ylabel() == "|Δϕ| [cycles]"
+
+
+def test_on_the_page_zero_is_blank_and_anything_else_has_the_colour_of_its_size() -> None:
+    def viridis(place: float) -> str:
+        return to_hex(colormaps["viridis"](place))
+
+    middle = float(np.sqrt(LEAST * 0.5))
+    colours = painted(made([[0.5, 0, LEAST], [middle, LEAST / 1000, 0]]))
+    assert colours == [[viridis(1.0), viridis(0.5)], ["#ffffff", viridis(0.0)], [viridis(0.0), "#ffffff"]]
+
+
+def test_where_nothing_deviates_the_whole_panel_is_blank() -> None:
+    assert painted(made(np.zeros((3, 4)))) == [["#ffffff"] * 3] * 4
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 4), (5, 1)])
+def test_the_smallest_trials_are_drawn_too(tmp_path, shape: tuple[int, int]) -> None:
+    save_perturbations(tmp_path / "fig", "title", [made(np.full(shape, 0.1))])
+    assert len(rows(tmp_path / "fig.csv")) == shape[0] * shape[1]
+
+
+@pytest.mark.parametrize("shape", [(1, 4), (5, 1)])
+def test_one_moment_or_one_agent_is_seen_too(shape: tuple[int, int]) -> None:
+    colours = {colour for line in painted(made(np.full(shape, 0.5))) for colour in line}
+    assert colours == {to_hex(colormaps["viridis"](1.0))}
+
+
+# What is written
+
+
+def test_the_table_holds_every_deviation_that_is_not_zero(tmp_path) -> None:
+    files = save_perturbations(tmp_path / "fig", "title", READ)
+    assert [file.name for file in files] == ["fig.png", "fig.svg", "fig.csv"]
+    table = rows(files[2])
+    assert [*table[0]] == [SPEED, "cycle", "agent", "deviation"]
+    expected = [
+        [str(read.axes[SPEED]), six_digits(cycle), str(agent), six_digits(read.deviation[moment, agent])]
+        for read in READ
+        for moment, cycle in enumerate(read.cycle)
+        for agent in range(5)
+        if read.deviation[moment, agent] > 0
+    ]
+    assert [[*row.values()] for row in table] == expected
+    assert 36 <= len(expected) < 180
+
+
+def test_the_table_is_exactly_this(tmp_path) -> None:
+    *_, table = save_perturbations(
+        tmp_path / "fig", "title", [made([[0, 0.25], [1 / 3, 2e-9 / 3]], **{SPEED: 0.5, COUPLING: 2})]
+    )
+    assert table.read_text() == (
+        f"{SPEED},{COUPLING},cycle,agent,deviation\n0.5,2,0.5,1,0.25\n0.5,2,1.5,0,0.333333\n0.5,2,1.5,1,6.66667e-10\n"
+    )
+
+
+def test_the_same_trials_give_the_same_files(tmp_path) -> None:
+    written = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        files = save_perturbations(tmp_path / name / "fig", "title", read_perturbations(in_memory(SCENARIO, never)))
+        written.append([file.read_bytes() for file in files])
+    assert written[0] == written[1]
+
+
+def test_more_points_than_a_page_holds_are_refused_in_words() -> None:
+    with pytest.raises(EpuckSimError, match=r"there would be 65 panels.*; allowed: up to 64"):
+        draw_perturbations("title", [made([[0.1]], **{SPEED: speed}) for speed in range(65)])

@@ -1,0 +1,322 @@
+"""Claims about violins: they hold the trials that synchronised, beside Appendix A's mean of trials censored early."""
+
+import math
+from io import BytesIO
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib import image
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.violins import LINE, VIOLIN, density, draw_violins, read_violins, save_violins
+from epuck_sim.statistics.mean_estimate import LEAST_UNCENSORED, estimate_mean
+from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, rows, six_digits, sweep, weibull
+
+ENDINGS = (".png", ".svg", ".csv")
+COUNTS = [7, 3, 5]
+CENSORED_AT = 60
+
+
+def law(point):
+    """Return trials around 100 cycles; of seven robots some are censored, and at two speeds all take one time."""
+    speed, count = point.axes[SPEED], point.axes.get(COUNT, 5)
+    if speed == 0.2:
+        return ended([30] * 5)
+    if speed == 0.5:
+        return ended([800])
+    drawn = weibull(point, 100)
+    return ended(drawn.times, drawn.times < 200) if count == 7 else drawn
+
+
+POINTS = in_memory(sweep({COUNT: COUNTS, SPEED: SPEEDS}), law)
+GROUPS = read_violins(POINTS, SPEED, CENSORED_AT)
+OPEN = read_violins(POINTS, SPEED)
+
+
+def panels_of(groups, censored_at: int | None = CENSORED_AT) -> list[Axes]:
+    """Return the panels of a figure, laid out."""
+    figure = draw_violins("title", SPEED, groups, censored_at)
+    figure.savefig(BytesIO())
+    return figure.axes
+
+
+def violins(panel: Axes) -> list[np.ndarray]:
+    """Return the corners of each violin, (n, 2)."""
+    found = [each for each in panel.collections if isinstance(each, PolyCollection)]
+    return [each.get_paths()[0].vertices for each in found if to_hex(each.get_facecolor()[0]) == VIOLIN]
+
+
+def lines(panel: Axes, label: str) -> list[Line2D]:
+    return [line for line in panel.get_lines() if str(line.get_label()).startswith(label)]
+
+
+# What is read
+
+
+def test_there_is_a_group_for_each_combination_of_the_other_axes_in_the_order_of_the_sweep() -> None:
+    assert [group.axes for group in GROUPS] == [{COUNT: count} for count in COUNTS]
+    assert all(group.x.tolist() == SPEEDS for group in GROUPS)
+
+
+def test_the_estimate_is_that_of_trials_clipped_at_the_censoring() -> None:
+    points = iter(POINTS)
+    for group in GROUPS:
+        for found, point in zip(group.estimates, points, strict=False):
+            clipped = [min(time, CENSORED_AT) for time in point.times]
+            observed = [seen and time <= CENSORED_AT for time, seen in zip(point.times, point.observed, strict=True)]
+            np.testing.assert_equal(found, estimate_mean(clipped, observed, point.seed)[:3])
+    assert all(np.isnan(group.estimates[1]).all() for group in GROUPS)
+
+
+def test_without_a_censoring_the_estimate_is_that_of_the_trials_themselves() -> None:
+    points = iter(POINTS)
+    for group in OPEN:
+        for found, point in zip(group.estimates, points, strict=False):
+            np.testing.assert_equal(found, estimate_mean(point.times, point.observed, point.seed)[:3])
+
+
+def test_a_trial_that_synchronises_at_the_censoring_is_not_censored_and_one_after_it_is() -> None:
+    times = [10, 20, 30, 40, 50]
+    (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(times))
+    (at_last,), (before,) = read_violins([made], SPEED, 50), read_violins([made], SPEED, 49)
+    assert at_last.estimates[0, 0] == estimate_mean(times, [True] * 5, 0).mean
+    assert before.estimates[0, 0] == estimate_mean([*times[:4], 49], [True] * 4 + [False], 0).mean
+    assert before.estimates[0, 0] != at_last.estimates[0, 0]
+
+
+def test_the_censoring_makes_the_estimate_undetermined_where_appendix_a_says() -> None:
+    (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(range(1, 101)))
+    last = round(100 * LEAST_UNCENSORED)
+    for limit, is_undetermined in ((last - 1, True), (last, False)):
+        (group,) = read_violins([made], SPEED, limit)
+        assert np.isnan(group.estimates[0, 0]) == is_undetermined
+
+
+def test_censored_trials_stay_censored_and_are_in_no_violin() -> None:
+    for group in GROUPS:
+        own = [point for point in POINTS if point.axes[COUNT] == group.axes[COUNT]]
+        for times, censored, plain, point in zip(
+            group.synchronised, group.censored, group.plain_means, own, strict=True
+        ):
+            assert times.tolist() == point.times[point.observed].tolist()
+            assert censored == (~point.observed).sum()
+            np.testing.assert_equal(plain, math.nan if censored else np.mean(point.times))
+    assert [bool(group.censored.any()) for group in GROUPS] == [True, False, False]
+
+
+def test_points_without_trials_are_left_out() -> None:
+    made = in_memory(sweep({SPEED: [1, 2, 3]}), lambda point: ended([] if point.axes[SPEED] == 2 else [5]))
+    (group,) = read_violins(made, SPEED)
+    assert group.x.tolist() == [1, 3]
+
+
+# The density
+
+
+@given(st.lists(st.integers(1, 10**7), min_size=1, max_size=30))
+def test_a_violin_spans_its_trials_and_is_1_where_it_is_widest(times: list[int]) -> None:
+    heights, widths = density(np.array(times, float))
+    assert heights[[0, -1]] == pytest.approx([min(times), max(times)])
+    assert (np.diff(heights) >= 0).all()
+    assert widths.max() == 1
+    assert widths.min() >= 0
+
+
+def test_the_density_is_that_of_the_logarithms() -> None:
+    """Of a lognormal distribution it is a bell around the median, and not around the mean."""
+    drawn = np.exp(5 + np.random.default_rng(1).standard_normal(20_000))
+    heights, widths = density(drawn)
+    expected = np.exp(-((np.log(heights) - 5) ** 2) / 2 / (1 + 20_000**-0.4))
+    np.testing.assert_allclose(widths, expected, atol=0.05)
+
+
+def test_two_groups_of_trials_make_two_humps() -> None:
+    heights, widths = density(np.array([10.0] * 10 + [11.0] * 10 + [1000.0] * 5 + [1100.0] * 5))
+    between = widths[(heights > 50) & (heights < 200)]
+    upper = widths[heights > 500]
+    assert between.min() < 0.2
+    assert 0.4 < upper.max() < 0.6
+
+
+# What is drawn
+
+
+def test_there_is_a_violin_at_each_point_as_wide_as_the_others_and_apart_from_them() -> None:
+    for panel, group in zip(panels_of(GROUPS), GROUPS, strict=True):
+        found = violins(panel)
+        assert len(found) == len(SPEEDS)
+        widths = []
+        for corners, x, times in zip(found, group.x, group.synchronised, strict=True):
+            left, right = np.log10([corners[:, 0].min(), corners[:, 0].max()])
+            assert (left + right) / 2 == pytest.approx(math.log10(x))
+            assert corners[:, 1].min() == pytest.approx(times.min())
+            assert corners[:, 1].max() == pytest.approx(times.max())
+            widths.append(right - left)
+        assert np.allclose(widths, widths[0])
+        assert 0.2 < widths[0] / np.diff(np.log10(SPEEDS)).min() < 1
+
+
+def test_a_violin_is_as_wide_as_the_density() -> None:
+    made = in_memory(sweep({SPEED: [0.1, 1]}), lambda point: weibull(point, 50))
+    (group,) = read_violins(made, SPEED)
+    (panel,) = panels_of([group], None)
+    for corners, x, times in zip(violins(panel), group.x, group.synchronised, strict=True):
+        widths = np.abs(np.log10(corners[:, 0] / x)) / 0.4  # a decade apart
+        heights, expected = density(times)
+        np.testing.assert_allclose(widths, np.interp(np.log(corners[:, 1]), np.log(heights), expected), atol=1e-6)
+
+
+def test_where_no_trial_synchronised_there_is_no_violin() -> None:
+    made = in_memory(sweep({SPEED: [1, 2]}), lambda _: ended([9, 9], [False, False]))
+    (panel,) = panels_of(read_violins(made, SPEED), None)
+    assert violins(panel) == []
+    (crosses,) = lines(panel, "undetermined")
+    assert crosses.get_xdata().tolist() == [1, 2]
+
+
+def test_the_line_is_the_estimate_and_the_band_its_interval() -> None:
+    for panel, group in zip(panels_of(GROUPS), GROUPS, strict=True):
+        (line,) = lines(panel, "mean by Appendix A")
+        np.testing.assert_array_equal(line.get_ydata(), group.estimates[:, 0])
+        (band,) = [each for each in panel.collections if to_hex(each.get_facecolor()[0]) == LINE]
+        corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
+        ends = np.isfinite(group.estimates[:, 2])
+        assert ends.sum() >= 3
+        for x, (_, low, high) in zip(group.x[ends], group.estimates[ends], strict=True):
+            assert {(x, low), (x, high)} <= corners
+
+
+def test_an_undetermined_estimate_is_a_cross_within_the_panel_above_all_trials() -> None:
+    for panel, group in zip(panels_of(GROUPS), GROUPS, strict=True):
+        (crosses,) = lines(panel, "undetermined")
+        assert crosses.get_xdata().tolist() == group.x[np.isnan(group.estimates[:, 0])].tolist()
+        assert 0.5 in crosses.get_xdata()
+        highest = max(times.max() for each in GROUPS for times in each.synchronised)
+        assert (crosses.get_ydata() > highest).all()
+        assert (crosses.get_ydata() < panel.get_ylim()[1]).all()
+
+
+def test_dots_are_the_plain_means_where_nothing_is_censored() -> None:
+    for panel, group in zip(panels_of(GROUPS), GROUPS, strict=True):
+        (dots,) = lines(panel, "plain mean")
+        assert dots.get_linestyle() == "None"
+        drawn = dict(zip(dots.get_xdata(), dots.get_ydata(), strict=True))
+        for x, plain, censored in zip(group.x, group.plain_means, group.censored, strict=True):
+            assert np.isnan(drawn[x]) if censored else drawn[x] == plain
+
+
+def test_a_dashed_line_marks_the_censoring_where_there_is_one() -> None:
+    for panel in panels_of(GROUPS):
+        (line,) = lines(panel, "T_cens of that mean: 60")
+        assert (line.get_linestyle(), *line.get_ydata()) == ("--", CENSORED_AT, CENSORED_AT)
+    assert all(lines(panel, "T_cens") == [] for panel in panels_of(OPEN, None))
+
+
+def test_a_censoring_above_all_trials_is_within_the_figure() -> None:
+    (panel, *_) = panels_of(read_violins(POINTS, SPEED, 10**7), 10**7)
+    assert panel.get_ylim()[1] > 10**7
+    assert lines(panel, "T_cens of that mean: $10^{7}$")
+
+
+def test_the_title_tells_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
+    censored = sum(int((~point.observed).sum()) for point in POINTS)
+    trials = sum(len(point.times) for point in POINTS)
+    assert censored > 10
+    title = draw_violins("fig-a-1", SPEED, GROUPS, CENSORED_AT).get_suptitle()
+    assert title == f"fig-a-1\n{censored} of {trials} trials censored, not in the violins"
+    assert draw_violins("fig-a-1", SPEED, GROUPS[1:], CENSORED_AT).get_suptitle() == "fig-a-1"
+
+
+def test_the_legend_names_each_mark_once() -> None:
+    (legend,) = draw_violins("title", SPEED, GROUPS, CENSORED_AT).legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "trials that synchronised",
+        "mean by Appendix A",
+        "undetermined",
+        "plain mean of all trials",
+        "T_cens of that mean: 60",
+    ]
+
+
+def test_panels_are_in_order_and_share_their_scales() -> None:
+    panels = panels_of(GROUPS)
+    assert [panel.get_title() for panel in panels] == [f"N = {count}" for count in COUNTS]
+    assert len({(panel.get_xlim(), panel.get_ylim()) for panel in panels}) == 1
+    assert (panels[0].get_xscale(), panels[0].get_yscale()) == ("log", "log")
+    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("V [cm/s]", "T_sync [cycles]")
+
+
+def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
+    made = in_memory(sweep({COUNT: [2, 3, 5]}), lambda point: weibull(point, 50))
+    figure = draw_violins("title", COUNT, read_violins(made, COUNT), None)
+    figure.savefig(BytesIO())
+    (panel,) = figure.axes
+    assert panel.get_xscale() == "linear"
+    assert [np.ptp(corners[:, 0]) for corners in violins(panel)] == pytest.approx([0.8] * 3)
+
+
+# The files
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> Path:
+    """Return the stem of the violins' files."""
+    stem = tmp_path_factory.mktemp("violins") / "fig"
+    expected = [stem.with_name(f"fig{ending}") for ending in ENDINGS]
+    assert save_violins(stem, "fig-a-1", SPEED, GROUPS, CENSORED_AT) == expected
+    assert sorted(path.name for path in stem.parent.iterdir()) == sorted(f"fig{ending}" for ending in ENDINGS)
+    return stem
+
+
+def test_the_csv_has_the_numbers_of_the_violins(saved) -> None:
+    table = rows(saved.with_name("fig.csv"))
+    assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "plain_mean", "estimate", "low", "high"]
+    expected = []
+    for point in POINTS:
+        share = 1 - point.observed.mean()
+        plain = math.nan if share else point.times.mean()
+        clipped = np.minimum(point.times, CENSORED_AT), point.observed & (point.times <= CENSORED_AT)
+        numbers = [len(point.times), share, plain, *estimate_mean(*clipped, point.seed)[:3]]
+        expected.append([str(point.axes[COUNT]), *map(six_digits, [point.axes[SPEED], *numbers])])
+    assert [[*row.values()] for row in table] == expected
+    assert [*table[0].values()] == ["7", "0.2", "5", "0", "30", "30", "30", "30"]
+    assert [*table[1].values()] == ["7", "0.5", "1", "0", "800", "", "", ""]
+
+
+def test_the_pictures_are_whole(saved) -> None:
+    picture = image.imread(saved.with_name("fig.png"))
+    assert picture[..., :3].std() > 0.05
+    assert ElementTree.parse(saved.with_name("fig.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_the_same_results_give_the_same_files_byte_for_byte_and_others_do_not(saved, tmp_path) -> None:
+    for path in save_violins(
+        tmp_path / "again", "fig-a-1", SPEED, read_violins(POINTS, SPEED, CENSORED_AT), CENSORED_AT
+    ):
+        assert path.read_bytes() == saved.with_name(path.name.replace("again", "fig")).read_bytes()
+    for path in save_violins(tmp_path / "other", "fig-a-1", SPEED, OPEN):
+        assert path.read_bytes() != saved.with_name(path.name.replace("other", "fig")).read_bytes()
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_where_one_file_cannot_be_written_none_is(tmp_path, ending: str) -> None:
+    (tmp_path / f"T{ending}").mkdir()
+    with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
+        save_violins(tmp_path / "T", "title", SPEED, GROUPS)
+    assert [path.name for path in tmp_path.iterdir()] == [f"T{ending}"]
+
+
+@pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$"])
+def test_a_name_is_no_formula(name: str) -> None:
+    named = [group._replace(axes={"noise": f"{name}{n}"}) for n, group in enumerate(GROUPS)]
+    figure = draw_violins(name, SPEED, named, None)
+    figure.savefig(BytesIO())
+    assert [panel.get_title() for panel in figure.axes] == [f"noise = {name}{n}" for n in range(3)]

@@ -1,0 +1,127 @@
+"""Films of robots that stand still and flash on schedule, painted frame by frame at any times: the truth is exact."""
+
+import csv
+from collections.abc import Iterable, Iterator, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arena import make_arena
+from epuck_sim.overhead.camera_model import Lens, overhead_lens
+from epuck_sim.overhead.film.frame import Frame
+from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.render.renderer import Instant, Painter
+from epuck_sim.overhead.track.ring_detection import Ring
+from epuck_sim.scenario.overhead import OverheadSection
+
+Floats = npt.NDArray[np.float64]
+Truths = npt.NDArray[np.bool_]
+
+PERIOD_S = 1.0
+FLASH_S = 0.1
+TOGETHER_S = 0.5
+"""When in each period they all flash, once they do so together."""
+
+PLACES = np.array([(10, 9), (49, 12), (51, 48), (12, 50), (30, 30), (37.4, 30)], float)
+"""The last two touch."""
+
+SMALL = {"width_px": 240, "height_px": 240, "frames_per_s": 30}
+FLOOR = make_arena(60, 60, [], [])
+
+
+def even(seconds: float, per_s: float = 30.0) -> Floats:
+    """Return the times of frames at an even rate."""
+    return np.arange(round(seconds * per_s)) / per_s
+
+
+def flashing(times_s: Floats, phases_s: Sequence[float] | Floats, period_s: float = PERIOD_S) -> Truths:
+    """Return (frames, robots) whose ring is lit, of robots that each flash at their phase of every period."""
+    return ((times_s[:, None] - np.asarray(phases_s) + 1e-9) % period_s) < FLASH_S
+
+
+def in_step(times_s: Floats, robots: int = len(PLACES), from_s: float = 2.0) -> Truths:
+    """Return (frames, robots) of robots that flash evenly spread over the period at first, and together later."""
+    spread = flashing(times_s, TOGETHER_S + np.arange(robots) * PERIOD_S / robots)
+    return np.where(times_s[:, None] < from_s, spread, flashing(times_s, [TOGETHER_S] * robots))
+
+
+def lens(**settings: Any) -> Lens:
+    return overhead_lens(OverheadSection(**SMALL | settings), 60, 60)
+
+
+def shoot(times_s: Floats, ring_on: Truths, lit_until_s: float = 0.0, **settings: Any) -> list[Frame]:
+    """Return frames at such times of robots at `PLACES`; until then the room is lit, and the rings are off."""
+    section = OverheadSection(**SMALL | settings)
+    painter = Painter(section, overhead_lens(section, 60, 60), FLOOR, 0)
+    poses = np.column_stack([PLACES, np.zeros(len(PLACES))])[: ring_on.shape[1]]
+    frames = []
+    for time_s, on in zip(times_s.tolist(), ring_on, strict=True):
+        is_lit = time_s < lit_until_s
+        instant = Instant(poses, on & (not is_lit))
+        frames.append(Frame(time_s, painter.paint([instant], is_lit_room=is_lit or section.light == "lit")))
+    return frames
+
+
+def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None = None) -> str:
+    """Write frames as a film, which says of itself what is given, and return its name."""
+    rows, columns, _ = frames[0].picture.shape
+    with film_file(path, columns, rows, description or {}) as writer:
+        for frame in frames:
+            writer.write(frame)
+    return str(path)
+
+
+def save_stamped(path: Path, frames: Iterable[Frame]) -> str:
+    """Write frames with the stamps they have, in whole ms, of which several may be the same; return the film's name."""
+    tick_s = Fraction(1, 1000)
+    with av.open(path, "w") as container:
+        stream = container.add_stream("mjpeg", rate=30, options={"qmin": "2", "qmax": "2"})
+        stream.width, stream.height, stream.pix_fmt = SMALL["width_px"], SMALL["height_px"], "yuvj444p"
+        stream.time_base = stream.codec_context.time_base = tick_s
+        for number, frame in enumerate(frames):
+            picture = av.VideoFrame.from_ndarray(frame.picture, format="rgb24")
+            picture.pts, picture.time_base = number, tick_s
+            for packet in stream.encode(picture):
+                packet.pts = packet.dts = round(1000 * frame.time_s)
+                container.mux(packet)
+    return str(path)
+
+
+def described(**overhead: Any) -> dict[str, Any]:
+    """Return what a film by `shoot` may say of itself."""
+    section = OverheadSection(**SMALL | overhead)
+    return {"epuck_sim": "0", "arena_cm": [60, 60], "robots": 6, "period_s": 1.0, "overhead": section.model_dump()}
+
+
+def passed(frames: Iterable[Frame], _: float | None) -> Iterable[Frame]:
+    """Pass frames on, and show nothing."""
+    return frames
+
+
+def read_rings(path: Path) -> list[dict[str, float]]:
+    """Return the rows of a table of rings."""
+    with path.open(newline="") as file:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+
+
+class Coded:
+    """Stands for a finder of rings: a picture's first pixel tells how many there are in it."""
+
+    def __init__(self, _: Lens) -> None:
+        pass
+
+    def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:
+        return [Ring(1, 1, 3.5, 10, 10, 5)] * int(picture[0, 0, 2])
+
+
+def coded(times_s: Iterable[float], counts: Iterable[int], is_lit: Iterable[bool]) -> Iterator[Frame]:
+    """Yield frames for `Coded`."""
+    for time_s, count, lit in zip(times_s, counts, is_lit, strict=True):
+        picture = np.zeros((16, 16, 3), np.uint8)
+        picture[..., 1] = 200 * lit
+        picture[0, 0, 2] = count
+        yield Frame(float(time_s), picture)

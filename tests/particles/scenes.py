@@ -1,0 +1,196 @@
+"""Swarms as tests of the particle model need them: of any kind, with state set by hand, beside their plain twin."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from hypothesis import strategies as st
+
+from epuck_sim.particles.motion import plan_all
+from epuck_sim.particles.simulation import Event, Swarm
+from tests.particles.oracle import Oracle
+
+UNSURE = 1e-11
+"""A decision that was closer than this may as well go the other way: rounding of the kernel's is another."""
+
+KINDS = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
+
+
+def scenario(**sections: Any) -> dict[str, Any]:
+    """Return a particle scenario's mapping that never synchronises, unless `stop` says so."""
+    stop = {"order_parameter": None, **sections.pop("stop", {})}
+    return {"model": "particles", "name": "test", "stop": stop, **sections}
+
+
+def swarm_of(seed: int = 0, **sections: Any) -> Swarm:
+    return Swarm(scenario(**sections), seed)
+
+
+def set_phases(swarm: Swarm, phases: Sequence[float]) -> None:
+    """Set the oscillators of a fresh swarm."""
+    clocks = swarm._clocks
+    clocks.due[:] = (1 - np.array(phases, float)) * clocks.period
+    clocks.is_stale[:] = True
+
+
+def set_flights(
+    swarm: Swarm, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
+) -> None:
+    """Set the agents of a fresh swarm, (agents, dimensions) both; unit vectors from headings of any length."""
+    flights = swarm._flights
+    flights.origin[:] = np.array(positions, float).T
+    if headings is not None:
+        given = np.array(headings, float)
+        flights.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
+    plan_all(flights)
+
+
+def hand_made(
+    phases: Sequence[float],
+    positions: Sequence[Sequence[float]] | None = None,
+    headings: Sequence[Sequence[float]] | None = None,
+    **sections: Any,
+) -> Swarm:
+    """Return agents that stand still, everybody's neighbours unless `neighbourhood` says otherwise."""
+    dimensions = len(positions[0]) if positions else 2
+    swarm = swarm_of(
+        **{
+            "space": {"dimensions": dimensions},
+            "agents": {"count": len(phases), "speed_cm_s": 0},
+            "neighbourhood": {"kind": "all"},
+            **sections,
+        }
+    )
+    set_phases(swarm, phases)
+    if positions:
+        set_flights(swarm, positions, headings)
+    return swarm
+
+
+def next_firing(swarm: Swarm) -> Event:
+    """Go on to the next instant at which somebody fires."""
+    return next(event for event in swarm if event.turned is None)
+
+
+def who(agents: npt.NDArray[np.int64]) -> set[int]:
+    """Return agents of an event as a set; nobody is named twice."""
+    assert len(set(agents.tolist())) == len(agents)
+    return set(agents.tolist())
+
+
+def agree(swarm: Swarm, twin: Oracle, cycles: float, tolerance: float = 1e-7) -> int:
+    """Compare a swarm with its twin, event by event, for so long; return how many firings were compared.
+
+    It ends early where a decision was so close that rounding makes it, and once rounding has grown to a hundredth of
+    the tolerance, as it does where somebody flies along a wall or phases amplify it: what is wrong does not grow.
+    """
+    firings, grown = 0, 0.0
+    side = swarm.scenario.space.side_cm
+    while twin.time < cycles and grown < tolerance / 100:
+        expected = twin.step()
+        if expected.margin < UNSURE:
+            break
+        event = next(swarm)
+        assert event.turned == expected.turned
+        assert who(event.fired) == expected.fired
+        assert who(event.heard) == expected.heard
+        late = abs(event.time_s / swarm.scenario.clocks.period_s - expected.time)
+        apart = np.abs(swarm.positions() - np.array(twin.positions)) / side
+        if swarm.scenario.space.boundary == "cyclic":
+            apart = np.minimum(apart, np.abs(1 - apart))  # 0 and the side are one place
+        out = off_round(swarm.phases(), twin.phases)
+        turned = np.abs(swarm.headings() - np.array(twin.headings)).max()
+        grown = max(late, out, apart.max(), turned)
+        assert grown < tolerance
+        assert swarm.cycles == twin.cycles
+        assert swarm.is_synchronised == twin.is_synchronised
+        assert (swarm.order_parameter is None) == (twin.order is None)
+        if twin.order is not None:
+            assert abs(swarm.order_parameter - twin.order) < tolerance
+        firings += len(expected.fired)
+    return firings
+
+
+def off_round(some: Sequence[float], others: Sequence[float]) -> float:
+    """Return the largest difference between phases, of which 0 and 1 are the same."""
+    difference = np.abs(np.asarray(some) - np.asarray(others))
+    return float(np.minimum(difference, 1 - difference).max())
+
+
+# --- any swarm --------------------------------------------------------------------------------------
+
+lengths = st.floats(0.05, 1.6).map(lambda share: round(share, 3))
+"""Radii, as a share of the side: from a few neighbours at most to everybody."""
+
+
+def neighbourhoods(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[Mapping[str, Any]]:
+    radii = lengths.map(lambda share: share * side_cm)
+    if kind == "nearest":
+        return st.fixed_dictionaries({"kind": st.just(kind), "k": st.integers(1, agents - 1)})
+    if kind == "range":
+        return st.fixed_dictionaries({"kind": st.just(kind), "radius_cm": radii})
+    if kind == "all":
+        return st.just({"kind": kind})
+    angles = st.sampled_from([3.0, 20.0, 77.0, 130.0, 179.0, 181.0, 250.0, 340.0, 359.0, 360.0])
+    return st.fixed_dictionaries({"kind": st.just(kind), "radius_cm": st.none() | radii, "angle_deg": angles})
+
+
+responses = st.one_of(
+    st.fixed_dictionaries(
+        {
+            "curve": st.just("multiplicative"),
+            "coupling": st.sampled_from([0.0, 0.02, 0.1, 0.1, 0.3, 2.0]),
+            "refractory": st.sampled_from([0.0, 0.1, 0.45]),
+        }
+    ),
+    st.fixed_dictionaries(
+        {
+            "curve": st.sampled_from(["sawtooth", "sine"]),
+            "coupling": st.sampled_from([0.0, 0.1, 0.5, 0.83, 1.0]),
+            "refractory": st.sampled_from([0.0, 0.2, 0.49]),
+        }
+    ),
+)
+
+speeds = st.sampled_from(
+    [
+        {},
+        {"speed_distribution": "uniform", "speed_spread": 0.5},
+        {"speed_distribution": "normal", "speed_spread": 0.4},
+        {"speed_distribution": "exponential"},
+    ]
+)
+
+
+@st.composite
+def any_sections(
+    draw: st.DrawFn, kind: str, most_agents: int = 7, fewest_agents: int = 2, **fixed: Any
+) -> dict[str, Any]:
+    """Return the sections of any scenario with this kind of neighbourhood, but for what is fixed."""
+    agents = draw(st.integers(fewest_agents, most_agents))
+    side_cm = draw(st.sampled_from([1.0, 17.0, 100.0]))
+    period_s = draw(st.sampled_from([1.0, 0.3, 4.0]))
+    pace = draw(st.sampled_from([0.0, 0.003, 0.03, 0.3, 1.1, 4.0]))  # sides in a cycle
+    sections = {
+        "space": {
+            "dimensions": draw(st.integers(1, 3)),
+            "side_cm": side_cm,
+            "boundary": draw(st.sampled_from(["bounded", "cyclic"])),
+        },
+        "agents": {
+            "count": agents,
+            "speed_cm_s": pace * side_cm / period_s,
+            "reorient_on": draw(st.sampled_from([[], [], ["emitting"], ["receiving"], ["emitting", "receiving"]])),
+            **draw(speeds),
+        },
+        "neighbourhood": draw(neighbourhoods(kind, agents, side_cm)),
+        "response": draw(responses),
+        "clocks": {"period_s": period_s, "jitter": draw(st.sampled_from([0.0, 0.0, 1e-3, 0.2]))},
+        "stop": {
+            "metric": draw(st.sampled_from(["complex", "reference"])),
+            "reference": draw(st.integers(0, agents - 1)),
+            "order_parameter": draw(st.sampled_from([None, 0.3, 0.9, 1 - 1e-9])),
+        },
+    }
+    return {**sections, **fixed}

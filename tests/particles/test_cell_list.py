@@ -1,0 +1,83 @@
+"""Cells find whom a look at all pairs finds, and trials come out alike to the bit."""
+
+import numpy as np
+import pytest
+
+from epuck_sim.particles.cell_list import look_around, make_lattice
+from epuck_sim.particles.simulation import Swarm
+
+NEIGHBOURHOODS = {
+    "nearest 1": {"kind": "nearest", "k": 1},
+    "nearest 7": {"kind": "nearest", "k": 7},
+    "range": {"kind": "range", "radius_cm": 12},
+    "vision": {"kind": "cone_of_vision", "radius_cm": 15, "angle_deg": 70},
+    "emission": {"kind": "cone_of_emission", "radius_cm": 15, "angle_deg": 250},
+}
+
+
+def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **keys) -> Swarm:
+    return Swarm(
+        {
+            "model": "particles",
+            "space": {"dimensions": dimensions, "boundary": boundary, "side_cm": 100},
+            "agents": {"count": 450, "speed_cm_s": speed, "speed_distribution": "exponential"},
+            **keys,
+        },
+        3,
+    )
+
+
+def without_cells(swarm: Swarm) -> Swarm:
+    flights, hood, *rest = swarm._state
+    assert hood.has_lattice
+    swarm._state = (flights, hood._replace(has_lattice=False), *rest)
+    return swarm
+
+
+@pytest.mark.parametrize("speed", [0, 0.3, 5, 200])
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+@pytest.mark.parametrize("neighbourhood", NEIGHBOURHOODS)
+def test_trials_with_and_without_cells_are_the_same_to_the_bit(neighbourhood, boundary, speed) -> None:
+    rule = {"neighbourhood": NEIGHBOURHOODS[neighbourhood]}
+    in_cells, all_pairs = swarm_of(speed, 2, boundary, **rule), without_cells(swarm_of(speed, 2, boundary, **rule))
+    for cycles in (1, 3, 6):
+        for swarm in (in_cells, all_pairs):
+            swarm.run(cycles)
+        assert in_cells.firings == all_pairs.firings > 0
+        assert in_cells.phases().tolist() == all_pairs.phases().tolist()
+        assert in_cells.positions().tolist() == all_pairs.positions().tolist()
+
+
+@pytest.mark.parametrize("dimensions", [1, 3])
+def test_so_are_those_in_a_segment_and_a_cube(dimensions: int) -> None:
+    rule = {"neighbourhood": {"kind": "range", "radius_cm": 9}, "response": {"refractory": 0.2}}
+    in_cells, all_pairs = swarm_of(3, dimensions, **rule), without_cells(swarm_of(3, dimensions, **rule))
+    for swarm in (in_cells, all_pairs):
+        swarm.run(8)
+    assert in_cells.phases().tolist() == all_pairs.phases().tolist()
+
+
+@pytest.mark.parametrize(("dimensions", "cell_cm"), [(1, 3), (2, 4), (2, 90), (3, 11)])
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+def test_nobody_within_reach_is_missed_and_nobody_found_twice(boundary, dimensions, cell_cm) -> None:
+    swarm = swarm_of(20, dimensions, boundary, neighbourhood={"kind": "all"})
+    flights = swarm._flights
+    lattice = make_lattice(dimensions, 100, 450, cell_cm, float(flights.speed.max()))
+    found = np.zeros(450, np.int64)
+    for time in (0.0, 0.01, 0.05, 0.4, 0.9):
+        for agent in (0, 17, 449):
+            for reach in (0.5, 7.0, 45.0, 300.0):
+                candidates = found[: look_around(lattice, flights, agent, time, reach, found)]
+                assert len(set(candidates)) == len(candidates)
+                where = np.array([position_at(flights, each, time) for each in range(450)])
+                apart = np.abs(where - where[agent])
+                apart = np.minimum(apart, 100 - apart) if boundary == "cyclic" else apart
+                near = np.flatnonzero(np.sqrt((apart**2).sum(axis=1)) <= reach)
+                assert set(near) <= set(candidates)
+
+
+def position_at(flights, agent: int, time: float) -> np.ndarray:
+    """Return where an agent is; one whose flight has ended is where that was, which may be a little behind."""
+    time = min(time, flights.end_cycle[agent] + flights.ends[agent])
+    lasts = time - flights.began_cycle[agent] - flights.began[agent]
+    return flights.origin[:, agent] + flights.heading[:, agent] * flights.speed[agent] * lasts

@@ -1,0 +1,145 @@
+"""Response curves: their shapes, their caps, and what they do to the order of two."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift, shifted
+
+MULTIPLICATIVE, SAWTOOTH, SINE = range(3)
+PHASES = np.linspace(0, 1, 2001)
+unit = st.floats(0, 1)
+
+
+def test_curves_are_numbered_in_their_order():
+    assert CURVES == ("multiplicative", "sawtooth", "sine")
+
+
+@pytest.mark.parametrize(
+    ("curve", "coupling", "phase", "shift"),
+    [
+        (MULTIPLICATIVE, 0.1, 0.0, 0.0),
+        (MULTIPLICATIVE, 0.1, 0.5, 0.05),
+        (MULTIPLICATIVE, 0.1, 0.9, 0.09),
+        (MULTIPLICATIVE, 0.1, 10 / 11, 1 / 11),  # to 1 exactly
+        (MULTIPLICATIVE, 0.1, 0.95, 0.05),  # no farther
+        (MULTIPLICATIVE, 0.1, 1.0, 0.0),
+        (SAWTOOTH, 0.5, 0.2, -0.1),
+        (SAWTOOTH, 0.5, 0.5, -0.25),
+        (SAWTOOTH, 0.5, 0.5000001, 0.25),
+        (SAWTOOTH, 0.5, 0.8, 0.1),
+        (SAWTOOTH, 0.5, 1.0, 0.0),
+        (SAWTOOTH, 1.0, 0.4, -0.4),
+        (SAWTOOTH, 1.0, 0.7, 0.3),
+        (SINE, 0.08, 0.25, -0.08),
+        (SINE, 0.08, 0.5, 0.0),
+        (SINE, 0.08, 0.75, 0.08),
+        (SINE, 1.0, 0.25, -0.25),  # no farther
+        (SINE, 1.0, 0.75, 0.25),
+    ],
+)
+def test_a_pulse_shifts_a_phase_by_the_curve(curve, coupling, phase, shift):
+    assert phase_shift(Response(curve, coupling, 0.0), [phase])[0] == pytest.approx(shift, abs=1e-7)
+    assert shifted(Response(curve, coupling, 0.0), phase) == pytest.approx(phase + shift, abs=1e-7)
+
+
+@given(st.sampled_from([0, 1, 2]), unit, st.floats(0, 0.499), unit)
+def test_phases_stay_between_0_and_1(curve, coupling, refractory, phase):
+    assert 0 <= shifted(Response(curve, coupling, refractory), phase) <= 1
+
+
+@given(st.sampled_from([0, 1, 2]), unit, st.floats(0, 0.499), unit)
+def test_in_the_refractory_period_and_at_its_end_nothing_is_shifted(curve, coupling, refractory, phase):
+    response = Response(curve, coupling, refractory)
+    assert shifted(response, refractory) == refractory
+    assert shifted(response, phase * refractory) == phase * refractory
+    free = Response(curve, coupling, 0.0)
+    if phase > refractory:
+        assert shifted(response, phase) == shifted(free, phase)
+
+
+@given(st.floats(0, 100), unit)
+def test_the_multiplicative_curve_multiplies(epsilon, phase):
+    expected = min((1 + epsilon) * phase, 1)
+    assert shifted(Response(MULTIPLICATIVE, epsilon, 0.0), phase) == pytest.approx(expected)
+
+
+@given(unit, unit)
+def test_delay_advance_curves_are_odd_about_a_half(kappa, phase):
+    for curve in (SAWTOOTH, SINE):
+        if phase != 0.5:
+            early = phase_shift(Response(curve, kappa, 0.0), [phase])[0]
+            late = phase_shift(Response(curve, kappa, 0.0), [1 - phase])[0]
+            assert early == pytest.approx(-late, abs=1e-12)
+
+
+@given(st.sampled_from([1, 2]), unit, unit)
+def test_a_delay_advance_curve_brings_phases_nearer_to_the_pulse_never_past_it(curve, kappa, phase):
+    after = shifted(Response(curve, kappa, 0.0), phase)
+    assert min(after, 1 - after) <= min(phase, 1 - phase) + 1e-12
+    assert (after <= 0.5) == (phase <= 0.5) or phase == pytest.approx(0.5)
+
+
+# --- the order of two (eq. 5.8) ---------------------------------------------------------------------
+
+
+@given(st.floats(0.01, 5), unit)
+def test_the_multiplicative_curve_drives_two_apart_exactly_below_one_over_two_plus_epsilon(epsilon, phase):
+    change = order_change(Response(MULTIPLICATIVE, epsilon, 0.0), [phase])[0]
+    limit = 1 / (2 + epsilon)  # where phi and (1 + epsilon) phi are as far from 0 as from 1
+    if 1e-4 < phase < limit - 1e-6:
+        assert change < 0
+    elif limit + 1e-6 < phase < 1 - 1e-4:
+        assert change > 0
+    else:
+        assert change == pytest.approx(0, abs=1e-4)
+
+
+@pytest.mark.parametrize("epsilon", [0.02, 0.1, 1.0])
+def test_at_the_limit_the_order_of_two_stays(epsilon):
+    response = Response(MULTIPLICATIVE, epsilon, 0.0)
+    assert order_change(response, [0.0, 1 / (2 + epsilon), 1.0]) == pytest.approx(0, abs=1e-12)
+
+
+def test_a_refractory_period_takes_the_harm_of_the_multiplicative_curve_away():
+    assert (order_change(Response(MULTIPLICATIVE, 0.1, 0.4), PHASES) < -1e-9).any()
+    assert (order_change(Response(MULTIPLICATIVE, 0.1, 1 / 2.1), PHASES) >= -1e-12).all()
+
+
+@given(st.sampled_from([1, 2]), unit, st.floats(0, 0.499), unit)
+def test_delay_advance_curves_never_drive_two_apart(curve, kappa, refractory, phase):
+    assert order_change(Response(curve, kappa, refractory), [phase])[0] >= -1e-12
+
+
+@given(st.sampled_from([0, 1, 2]), unit, st.floats(0, 0.499), unit)
+def test_the_change_is_that_of_the_complex_order_parameter_of_two(curve, coupling, refractory, phase):
+    def order(other):
+        return abs(1 + np.exp(2j * math.pi * other)) / 2  # of the one that fires, at 1 or 0, and the other
+
+    response = Response(curve, coupling, refractory)
+    expected = order(shifted(response, phase)) - order(phase)
+    assert order_change(response, [phase])[0] == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 3), (1, 1, 4), (0,)])
+def test_shapes_are_kept(shape):
+    phases = np.full(shape, 0.3)
+    response = Response(MULTIPLICATIVE, 0.1, 0.0)
+    assert phase_shift(response, phases).shape == shape
+    assert order_change(response, phases).shape == shape
+    assert phase_shift(response, phases) == pytest.approx(np.full(shape, 0.03))
+    assert (phases == 0.3).all()
+
+
+def test_arrays_that_are_no_block_are_taken_as_they_look():
+    phases = np.arange(12).reshape(3, 4).T / 20
+    expected = [[order_change(Response(1, 0.5, 0.0), [phase])[0] for phase in row] for row in phases]
+    assert order_change(Response(1, 0.5, 0.0), phases) == pytest.approx(np.array(expected))
+
+
+def test_a_number_gives_a_number():
+    assert np.shape(phase_shift(Response(MULTIPLICATIVE, 0.1, 0.0), 0.5)) == ()
+    assert np.shape(order_change(Response(MULTIPLICATIVE, 0.1, 0.0), 0.5)) == ()

@@ -1,0 +1,121 @@
+"""Viewers for tests: what is drawn in a picture, who listens, and programs that stand in for rerun's."""
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.request import ProxyHandler, build_opener
+
+import numpy as np
+import numpy.typing as npt
+import psutil
+import pytest
+from PIL import Image
+from scipy import ndimage
+from scipy.spatial import ConvexHull
+
+from epuck_sim.recording.viewer import process
+from tests.sweep.short_sweeps import processes_marked, wait_until
+
+Floats = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+# as `scene.RINGS` has them
+LIT, DARK = (230, 40, 40), (120, 125, 135)
+
+ARENA = np.s_[60:660, :955]
+"""In a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1."""
+
+NOTHING_STARTS = ("/nonexistent/rerun",)
+
+TELL = """
+import json, os, pathlib, socket, sys, time
+told = {"arguments": sys.argv[1:], "analytics": os.environ.get("RERUN_ANALYTICS")}
+pathlib.Path(__file__).with_suffix(".json").write_text(json.dumps(told))
+"""
+
+ANSWER_AND_BREAK_DOWN = """
+ports = [int(sys.argv[sys.argv.index(name) + 1]) for name in ("--port", "--web-viewer-port") if name in sys.argv]
+servers = [socket.create_server(("127.0.0.1", port)) for port in ports]
+callers = [server.accept() for server in servers]
+print(SAID, file=sys.stderr, flush=True)
+sys.exit(1)
+"""
+
+
+@contextmanager
+def nothing_left(mark: Path) -> Iterator[None]:
+    """Fail if a process that the block starts outlives it by seconds."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("EPUCK_SIM_TEST", str(mark))
+        yield
+        wait_until(lambda: not processes_marked(str(mark)), limit_s=5)
+
+
+def pixels(png: Path | BytesIO) -> Floats:
+    with Image.open(png) as picture:
+        assert picture.format == "PNG"
+        return np.asarray(picture.convert("RGB"), float)
+
+
+def alike(picture: Floats, colour: Sequence[int]) -> Bools:
+    """Return where a picture has a colour, in the light or in the shade."""
+    pure = np.array(colour, float)
+    shade = picture @ pure / (pure @ pure)
+    return (abs(picture - shade[..., None] * pure).max(axis=-1) < 25) & (shade > 0.4) & (shade < 1.2)
+
+
+def discs(picture: Floats, colour: Sequence[int]) -> Floats:
+    """Return (discs, 3) x, y and radius from left to right, in pixels, of what is thick and round.
+
+    Arrows and labels lie on them: a circle is put around what is left.
+    """
+    found, count = ndimage.label(ndimage.binary_opening(alike(picture, colour), iterations=8))
+    circles = []
+    for disc in range(1, count + 1):
+        points = np.argwhere(found == disc)[:, ::-1]
+        rim = points[ConvexHull(points).vertices].astype(float)
+        equations = np.column_stack([2 * rim, np.ones(len(rim))])
+        (x, y, rest), *_ = np.linalg.lstsq(equations, (rim**2).sum(axis=1), rcond=None)
+        circles.append((x, y, np.sqrt(rest + x**2 + y**2)))
+    return np.array(sorted(circles)).reshape(-1, 3)
+
+
+class Stand(NamedTuple):
+    """Stands for rerun's program."""
+
+    script: Path
+
+    def acts(self, *lines: str) -> None:
+        self.script.write_text("\n".join([TELL, *lines]))
+
+    def answers_and_says(self, said: str) -> None:
+        """Have it answer at its ports, and fail then."""
+        self.acts(f"SAID = {said!r}", ANSWER_AND_BREAK_DOWN)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        return json.loads(self.script.with_suffix(".json").read_text())
+
+
+def replace_rerun(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
+    """Return a program that stands for rerun's, and ends at once if it is not told otherwise."""
+    folder.mkdir()
+    monkeypatch.setattr(process, "PROGRAM", (sys.executable, str(folder / "rerun.py")))
+    stand = Stand(folder / "rerun.py")
+    stand.acts()
+    return stand
+
+
+def answer(address: str) -> str:
+    with build_opener(ProxyHandler({})).open(address, timeout=30) as page:
+        assert page.status == 200
+        return page.read().decode()
+
+
+def listening(processes: list[int]) -> set[tuple[str, int]]:
+    found = [each for process in processes for each in psutil.Process(process).net_connections("tcp")]
+    return {tuple(each.laddr) for each in found if each.status == psutil.CONN_LISTEN}

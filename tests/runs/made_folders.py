@@ -1,0 +1,145 @@
+"""What the tests of results share: run folders, made without simulating, whose T_sync follow known laws."""
+
+import csv
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.sweep.worker import Outcome
+from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.util.provenance import versions
+
+SPEED, COUPLING, PERIOD = (f"robots.0.parameters.{name}" for name in ("speed_cm_s", "coupling", "period_s"))
+WIDTH, HEIGHT, COUNT = "arena.width_cm", "arena.height_cm", "robots.0.count"
+PIXELS, LIMIT, SECONDS = "robots.0.camera.central_pixels", "stop.max_cycles", "stop.max_time_s"
+
+MANY_SPEEDS = [0.05, 0.08, 0.13, 0.2, 0.32, 0.5, 0.8, 1.3, 2.0, 3.2, 5.0, 8.0, 12.8]
+SPEEDS = [0.2, 0.5, 1.0, 2.0, 5.0]
+
+SHAPE = 1.35
+"""Of the Weibull distributions that trials are drawn from."""
+
+LOW, PEAK, STEEPNESS = -0.6, 0.3, 4.0
+
+
+class Trials(NamedTuple):
+    """How the trials of a point end."""
+
+    times: np.ndarray
+    observed: np.ndarray
+
+
+Law = Callable[[Point], Trials]
+
+
+def sweep(grid: dict[str, Sequence] | None = None, trials: int = 120, name: str = "demo", **changes: Any) -> Scenario:
+    """Return the scenario of a sweep; `changes` may be of any section."""
+    axes = {"sweep": {"grid": {key: list(values) for key, values in grid.items()}}} if grid else {}
+    return load_scenario({"name": name, "trials": trials, "stop": {"max_cycles": 5000}, **axes, **changes})
+
+
+def bumpy_mean(speed: float, unit_cm_s: float = 1.0, unit_cycles: float = 90.0) -> float:
+    """Return a mean T_sync with a minimum at 10 ^ LOW and a peak at 10 ^ PEAK, in units of speed and time."""
+    x = math.log10(speed / unit_cm_s)
+    return unit_cycles * math.exp(-STEEPNESS * (x**3 / 3 - (LOW + PEAK) / 2 * x**2 + LOW * PEAK * x))
+
+
+def extremes(unit_cm_s: float = 1.0, unit_cycles: float = 90.0) -> dict[str, float]:
+    """Return where `bumpy_mean` has its minimum and its peak."""
+    v_m, v_p = unit_cm_s * 10**LOW, unit_cm_s * 10**PEAK
+    times = [bumpy_mean(speed, unit_cm_s, unit_cycles) for speed in (v_m, v_p)]
+    return {"v_m": v_m, "t_m": times[0], "v_p": v_p, "t_p": times[1]}
+
+
+def falling_mean(speed: float) -> float:
+    return 60 * speed**-0.5
+
+
+def weibull(point: Point, mean: float, trials: int | None = None, shape: float = SHAPE) -> Trials:
+    """Return the trials of a point, in whole cycles, as a Weibull distribution of this mean gives them."""
+    limit = point.scenario.stop.max_cycles
+    random = np.random.default_rng(point.seed(0))
+    drawn = random.weibull(shape, point.scenario.trials if trials is None else trials)
+    times = np.maximum(1, np.rint(drawn * mean / math.gamma(1 + 1 / shape)))
+    return Trials(np.minimum(times, limit), times < limit)
+
+
+def ended(times: Sequence[float], observed: Sequence[bool] | None = None) -> Trials:
+    """Return trials that ended so; all of them synchronised by default."""
+    return Trials(np.array(times, float), np.array([True] * len(times) if observed is None else observed, bool))
+
+
+def censored(point: Point, trials: int) -> Trials:
+    """Return trials none of which has synchronised."""
+    return ended([point.scenario.stop.max_cycles] * trials, [False] * trials)
+
+
+def bumpy(point: Point) -> Trials:
+    return weibull(point, bumpy_mean(point.axes[SPEED]))
+
+
+def falling(point: Point) -> Trials:
+    return weibull(point, falling_mean(point.axes[SPEED]))
+
+
+def in_memory(scenario: Scenario, law: Law) -> list[PointTrials]:
+    """Return what `read_points` gives of a folder that `store` has filled."""
+    return [of_point(point, law(point)) for point in points(scenario)]
+
+
+def of_point(point: Point, trials: Trials) -> PointTrials:
+    """Return a point's trials as `read_points` gives them."""
+    return PointTrials(
+        number=point.number,
+        key=point.key,
+        axes=point.axes,
+        scenario=point.scenario,
+        times=trials.times,
+        observed=trials.observed,
+        seeds=tuple(point.seed(trial) for trial in range(len(trials.times))),
+    )
+
+
+def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
+    """Make a run folder, of which the first `failed` trials that are left at point 0 have failed."""
+    found = points(scenario)
+    made = {**versions(), "host": "here"}
+    with Store(folder, scenario, found) as opened:
+        for point in found:
+            times, observed = law(point)
+            for trial, (time, is_observed) in enumerate(zip(times.astype(int).tolist(), observed, strict=True)):
+                result = TrialResult(
+                    scenario=scenario.name,
+                    seed=point.seed(trial),
+                    t_sync_cycles=time if is_observed else None,
+                    censored=not is_observed,
+                    cycles=time,
+                    order_parameter=0.97 if is_observed else 0.5,
+                    steps=50 * time,
+                    simulated_s=5.0 * time,
+                    wall_s=0.001,
+                )
+                opened.add(Outcome(point.number, trial, result.seed, result, None, made))
+            if point.number == 0:
+                for trial in range(len(times), len(times) + failed):
+                    opened.add(Outcome(0, trial, point.seed(trial), None, f"gone {trial}", made))
+    return folder
+
+
+def rows(file: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file, each value as it is written."""
+    with file.open(newline="", encoding="utf-8") as text:
+        return list(csv.DictReader(text))
+
+
+def six_digits(number: float) -> str:
+    """Return a number as the tables of figures have it; nothing for what is not finite."""
+    return f"{number:.6g}" if math.isfinite(number) else ""

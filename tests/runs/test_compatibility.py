@@ -1,0 +1,66 @@
+"""A run folder that is older than some keys of scenarios still belongs to its sweep."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.errors import StoreError
+from epuck_sim.runs.compatibility import StoredPoint, describe, refuse_another_sweep
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+
+FOLDER = Path("runs/old")
+
+
+def described(*settings: str, scenario: str = "thesis") -> StoredPoint:
+    return describe(points(load_scenario(scenario, settings))[0])._replace(trials=1)
+
+
+def without(point: StoredPoint, *keys: str) -> StoredPoint:
+    """Return a stored point as it was before there were these dotted keys."""
+    scenario = json.loads(point.scenario)
+    for key in keys:
+        *path, last = key.split(".")
+        section = scenario
+        for part in path:
+            section = section[int(part) if part.isdigit() else part]
+        del section[last]
+    return point._replace(scenario=json.dumps(scenario))
+
+
+NEW = ("spread", "stuck", "stop.further_cycles", "robots.0.camera.frames_per_s", "robots.0.camera.latency_ms")
+
+
+def test_a_folder_that_lacks_newer_keys_belongs_to_the_scenario_with_their_defaults():
+    old = without(described(), *NEW, "overhead")
+    refuse_another_sweep(FOLDER, [old], [described()])
+
+
+def test_a_folder_of_particles_does_so_too():
+    now = described(scenario="particles")
+    refuse_another_sweep(FOLDER, [without(now, "clocks.jitter")], [now])
+
+
+@pytest.mark.parametrize(
+    ("setting", "difference"),
+    [
+        ("spread.clock_rate=0.01", "spread.clock_rate: 0.0 in the folder, 0.01 now"),
+        ("stuck.per_hour=2", "stuck.per_hour: 0.0 in the folder, 2.0 now"),
+        ("robots.0.camera.frames_per_s=8", "robots.0.camera.frames_per_s: None in the folder, 8.0 now"),
+        ("arena.width_cm=70", "arena.width_cm: 60.0 in the folder, 70.0 now"),
+    ],
+)
+def test_it_is_refused_to_a_scenario_in_which_they_differ_with_that_alone(setting, difference):
+    with pytest.raises(StoreError) as caught:
+        refuse_another_sweep(FOLDER, [without(described(), *NEW)], [described(setting)])
+    assert str(caught.value).splitlines()[1:] == [f"  {difference}"]
+
+
+def test_a_stored_scenario_that_today_s_keys_do_not_fit_is_compared_as_it_is():
+    scenario = json.loads(described().scenario)
+    scenario["contact"]["bounce"] = 0.5
+    old = described()._replace(scenario=json.dumps(scenario))
+    with pytest.raises(StoreError) as caught:
+        refuse_another_sweep(FOLDER, [old], [described()])
+    assert str(caught.value).splitlines()[1:] == ["  contact.bounce: 0.5 in the folder, 'nothing' now"]

@@ -1,0 +1,308 @@
+"""The exported table: every result once, in order, under the right names and types, exact, and never half of it."""
+
+import csv
+import errno
+import json
+import math
+import random
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
+
+from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.runs import export as export_module
+from epuck_sim.runs.export import export
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.util.provenance import host, versions
+
+RESULT = {
+    "seed": pa.int64(),
+    "t_sync_cycles": pa.int64(),
+    "censored": pa.bool_(),
+    "order_parameter": pa.float64(),
+    "simulated_s": pa.float64(),
+    "wall_s": pa.float64(),
+    "steps": pa.int64(),
+    "cycles": pa.int64(),
+    "point": pa.int64(),
+    "trial": pa.int64(),
+}
+MAKING = ["epuck_sim", "pymunk", "numba", "numpy", "python", "host"]
+
+
+def parquet_of(folder: Path) -> pa.Table:
+    target = folder.with_name("results.parquet")
+    export(folder, target)
+    return pq.read_table(target)
+
+
+def csv_of(folder: Path) -> list[dict[str, str]]:
+    """Return the rows of the exported CSV, each value as it is written."""
+    target = folder.with_name("results.csv")
+    export(folder, target)
+    with target.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "run"
+
+
+def test_columns_are_the_axes_then_the_result_then_its_making(folder) -> None:
+    fill(folder)
+    table = parquet_of(folder)
+    expected = [COUNT, SPEED, *RESULT, *MAKING]
+    assert table.column_names == expected
+    assert list(csv_of(folder)[0]) == expected
+    kinds = {**RESULT, **dict.fromkeys(MAKING, pa.string())}
+    assert {name: table.schema.field(name).type for name in kinds} == kinds
+    assert table.schema.field(COUNT).type == pa.int64()
+    assert table.schema.field(SPEED).type == pa.float64()
+
+
+def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folder) -> None:
+    found = points(DEMO)
+    ended = [outcome(point, trial) for point in found for trial in range(3)]
+    with Store(folder, DEMO, found) as store:
+        for each in random.Random(1).sample(ended, len(ended)):
+            store.add(each)
+    expected = []
+    for each in ended:
+        result = each.result._asdict()
+        expected.append(
+            found[each.point].axes
+            | {name: result[name] for name in RESULT if name in result}
+            | {"point": each.point, "trial": each.trial, **versions(), "host": host()}
+        )
+    assert parquet_of(folder).to_pylist() == expected
+
+
+def test_csv_and_parquet_hold_the_same(folder) -> None:
+    fill(folder)
+    read = [
+        {name: row[name] if name in MAKING else json.loads(row[name]) for name in row} for row in csv_of(folder)
+    ]  # JSON's numbers, true and false are those of the CSV
+    assert read == parquet_of(folder).to_pylist()
+
+
+def test_floats_are_read_back_exactly(folder) -> None:
+    chance = random.Random(2)
+    floats = [0.1 + 0.2, 1 / 3, 5e-324, 1.7976931348623157e308, math.nextafter(1, 0), 123456789.123456789, 1e22]
+    floats += [chance.uniform(0, 1) * 10 ** chance.uniform(-12, 12) for _ in range(100)]
+    scenario = load_scenario(DEMO, ["trials=200"])
+    found = points(scenario)
+    with Store(folder, scenario, found) as store:
+        for trial, value in enumerate(floats):
+            store.add(outcome(found[0], trial, wall_s=value, order_parameter=-value, simulated_s=value))
+    table, rows = parquet_of(folder), csv_of(folder)
+    for name, expected in (("wall_s", floats), ("simulated_s", floats), ("order_parameter", [-x for x in floats])):
+        assert list(map(repr, table[name].to_pylist())) == list(map(repr, expected))
+        assert [repr(float(row[name])) for row in rows] == list(map(repr, expected))
+
+
+def test_a_float_axis_is_read_back_exactly(folder) -> None:
+    speeds = [0.067, 1 / 3, 12.799999999999999]
+    fill(folder, scenario_of({"grid": {SPEED: speeds}}, trials=1))
+    assert parquet_of(folder)[SPEED].to_pylist() == speeds
+    assert [float(row[SPEED]) for row in csv_of(folder)] == speeds
+
+
+def test_seeds_are_read_back_exactly(folder) -> None:
+    found = fill(folder)
+    expected = [point.seed(trial) for point in found for trial in range(3)]
+    assert parquet_of(folder)["seed"].to_pylist() == expected
+    assert [int(row["seed"]) for row in csv_of(folder)] == expected
+
+
+def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
+    found = points(DEMO)
+    with Store(folder, DEMO, found) as store:
+        store.add(outcome(found[0], 0, t_sync_cycles=0, cycles=0))
+        store.add(outcome(found[0], 1, t_sync_cycles=None, censored=True, cycles=9))
+    table = parquet_of(folder)
+    assert table["t_sync_cycles"].to_pylist() == [0, None]
+    assert table["censored"].to_pylist() == [False, True]
+    assert table["cycles"].to_pylist() == [0, 9]
+    assert [(row["t_sync_cycles"], row["censored"]) for row in csv_of(folder)] == [("0", "false"), ("", "true")]
+
+
+def test_columns_keep_their_types_where_all_trials_are_censored(folder) -> None:
+    fill(folder, t_sync_cycles=None, censored=True, order_parameter=None)
+    table = parquet_of(folder)
+    assert {name: table.schema.field(name).type for name in RESULT} == RESULT
+    assert table["t_sync_cycles"].null_count == table["order_parameter"].null_count == table.num_rows == 12
+
+
+def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -> None:
+    with Store(folder, DEMO, points(DEMO)):
+        pass
+    table = parquet_of(folder)
+    assert table.num_rows == 0
+    assert table.column_names == [COUNT, SPEED, *RESULT, *MAKING]
+    assert {name: table.schema.field(name).type for name in RESULT} == RESULT
+    assert csv_of(folder) == []
+    assert folder.with_name("results.csv").read_text().startswith(f'"{COUNT}","{SPEED}","seed"')
+
+
+def test_failed_trials_are_left_out_and_counted(folder, tmp_path) -> None:
+    found = points(DEMO)
+    with Store(folder, DEMO, found) as store:
+        store.add(outcome(found[0], 0))
+        store.add(outcome(found[0], 1, error="gone"))
+        store.add(outcome(found[2], 0, error="gone, too"))
+        store.add(outcome(found[3], 2))
+    assert export(folder, tmp_path / "some.csv") == 2
+    table = parquet_of(folder)
+    assert list(zip(table["point"].to_pylist(), table["trial"].to_pylist(), strict=True)) == [(0, 0), (3, 2)]
+
+
+def test_where_none_has_failed_none_is_counted(folder, tmp_path) -> None:
+    fill(folder)
+    assert export(folder, tmp_path / "all.parquet") == 0
+
+
+def exported_axis(folder: Path, key: str, values: list) -> list:
+    """Return the column of an axis in the Parquet file; that of the CSV holds the same, as text."""
+    fill(folder, scenario_of({"grid": {key: values}}, trials=1))
+    column = parquet_of(folder)[key].to_pylist()
+    written = [row[key] for row in csv_of(folder)]
+    assert written == ["" if value is None else value if isinstance(value, str) else f"{value:g}" for value in column]
+    return column
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "expected"),
+    [
+        (COUNT, [2, 3], [2, 3]),
+        (SPEED, [1, 0.5], [1.0, 0.5]),
+        ("stop.max_time_s", [None, 5], [None, 5]),
+        ("stop.max_time_s", [None], [None]),
+        ("stop.metric", ["complex", "reference"], ["complex", "reference"]),
+        ("noise", ["off", {"wheel_speed": 0.5}], ["off", '{"wheel_speed": 0.5}']),
+        ("robots.0.camera.range_cm", [7, None, 8.5], [7.0, None, 8.5]),
+        ("arena.obstacles", [[]], ["[]"]),
+    ],
+    ids=str,
+)
+def test_axis_values_keep_their_kinds(folder, key: str, values: list, expected: list) -> None:
+    assert exported_axis(folder, key, values) == expected
+
+
+def test_where_some_axis_values_are_text_all_are(folder) -> None:
+    sweep = {"grid": {"noise": [False, "on", {"wheel_speed": 0.5}]}}
+    fill(folder, scenario_of(sweep, trials=1))
+    column = parquet_of(folder)["noise"]
+    assert column.type == pa.string()
+    assert column.to_pylist()[1:] == ["on", '{"wheel_speed": 0.5}']
+
+
+def test_a_structured_axis_value_is_json(folder) -> None:
+    ring = {"shape": "circle", "x_cm": 30, "y_cm": 30.5, "radius_cm": 3}
+    column = exported_axis(folder, "arena.obstacles", [[ring], []])
+    assert [json.loads(value) for value in column] == [[ring], []]
+
+
+def test_true_and_false_on_an_axis_stay_apart(folder) -> None:
+    sweep = {"grid": {"robots.0.parameters.ring_on": [True, False]}}
+    fill(folder, scenario_of(sweep, robots=[{"controller": "constant"}], trials=1))
+    assert parquet_of(folder)["robots.0.parameters.ring_on"].to_pylist() == [True, False]
+
+
+def test_values_are_under_their_own_keys_however_the_points_list_them(folder) -> None:
+    fill(folder, scenario_of({"points": [{COUNT: 2, WIDTH: 50}, {WIDTH: 60, COUNT: 3}]}, trials=1))
+    table = parquet_of(folder)
+    assert (table[COUNT].to_pylist(), table[WIDTH].to_pylist()) == ([2, 3], [50, 60])
+
+
+def test_a_scenario_without_a_sweep_has_no_axes(folder) -> None:
+    fill(folder, scenario_of(None))
+    assert parquet_of(folder).column_names == [*RESULT, *MAKING]
+
+
+def test_after_the_sweep_has_grown_rows_are_in_its_new_order(folder) -> None:
+    fill(folder, scenario_of({"grid": {COUNT: [2, 3]}}, trials=1))
+    fill(folder, scenario_of({"grid": {COUNT: [4, 3, 2]}}, trials=2))
+    table = parquet_of(folder)
+    assert table[COUNT].to_pylist() == [4, 4, 3, 3, 2, 2]
+    assert table["point"].to_pylist() == [0, 0, 1, 1, 2, 2]
+    assert table["trial"].to_pylist() == [0, 1] * 3
+
+
+def test_a_run_at_work_can_be_exported(folder) -> None:
+    found = points(DEMO)
+    with Store(folder, DEMO, found) as store:
+        store.add(outcome(found[0], 0))
+        assert parquet_of(folder).num_rows == 1
+        store.add(outcome(found[0], 1))
+        assert parquet_of(folder).num_rows == 2
+
+
+# Mistakes
+
+
+@pytest.mark.parametrize("name", ["results.xlsx", "results", "results.csv.gz", ".csv"])
+def test_a_file_of_another_format_is_refused(folder, tmp_path, name: str) -> None:
+    fill(folder)
+    target = tmp_path / name
+    with pytest.raises(EpuckSimError) as caught:
+        export(folder, target)
+    assert str(caught.value) == f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv"
+    assert not target.exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"), [("gone/results.csv", "there is no directory"), ("dir.csv", "is a directory")]
+)
+def test_a_path_that_cannot_be_written_is_refused(folder, tmp_path, name: str, reason: str) -> None:
+    fill(folder)
+    (tmp_path / "dir.csv").mkdir()
+    with pytest.raises(EpuckSimError, match=f"cannot be written: {reason}"):
+        export(folder, tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["gone", "empty", "file"])
+def test_what_is_no_run_folder_is_refused(tmp_path, name: str) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(StoreError, match=f"{name}: is no run folder: there is no {DATABASE} in it"):
+        export(tmp_path / name, tmp_path / "results.csv")
+    assert not (tmp_path / "results.csv").exists()
+
+
+@pytest.mark.parametrize("name", ["results.csv", "results.parquet"])
+@pytest.mark.parametrize(
+    ("problem", "raised", "message"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), EpuckSimError, "cannot be written: No space left on device"),
+        (KeyboardInterrupt(), KeyboardInterrupt, None),
+    ],
+    ids=["full disk", "Ctrl-C"],
+)
+def test_where_writing_fails_the_older_file_stays_and_nothing_is_left_beside_it(
+    tmp_path, monkeypatch, name: str, problem: BaseException, raised: type[BaseException], message: str | None
+) -> None:
+    fill(tmp_path / "run")
+    target = tmp_path / name
+    target.write_text("older")
+
+    def write_half(_: pa.Table, part: Path) -> None:
+        Path(part).write_text("half")
+        raise problem
+
+    monkeypatch.setitem(export_module.WRITERS, target.suffix, write_half)
+    with pytest.raises(raised, match=message):
+        export(tmp_path / "run", target)
+    assert target.read_text() == "older"
+    assert {path.name for path in tmp_path.iterdir()} == {"run", name}
+
+
+def test_an_older_file_is_replaced(folder) -> None:
+    folder.with_name("results.csv").write_text("older")
+    fill(folder)
+    assert len(csv_of(folder)) == 12

@@ -1,0 +1,176 @@
+"""What is read from a run folder: every result of each point, how far the run is, and nothing written by reading."""
+
+import os
+
+import numpy as np
+import pytest
+from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, outcome, scenario_of
+
+from epuck_sim.errors import StoreError
+from epuck_sim.runs.compatibility import describe
+from epuck_sim.runs.database import create_database
+from epuck_sim.runs.reader import Failure, Status, read_points, read_status
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.util.provenance import host, versions
+
+MADE_BY = ", ".join(f"{name} {value}" for name, value in {**versions(), "host": host()}.items())
+
+
+def test_every_point_has_its_axes_and_scenario_in_the_sweep_s_order(tmp_path) -> None:
+    found = fill(tmp_path)
+    read = read_points(tmp_path)
+    assert [(each.number, each.axes) for each in read] == [(point.number, point.axes) for point in found]
+    assert [each.scenario for each in read] == [point.scenario for point in found]
+
+
+def test_times_are_the_cycles_at_which_trials_ended_and_say_whether_synchrony_was_observed(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[1], 2, t_sync_cycles=7, cycles=7))
+        store.add(outcome(found[1], 0, t_sync_cycles=None, censored=True, cycles=40))
+        store.add(outcome(found[1], 1, error="gone"))
+        store.add(outcome(found[3], 0, t_sync_cycles=0, cycles=0))
+    none, some, still_none, one = read_points(tmp_path)
+    assert some.times.tolist() == [40.0, 7.0]
+    assert some.observed.tolist() == [False, True]
+    assert (one.times.tolist(), one.observed.tolist()) == ([0.0], [True])
+    for empty in (none, still_none):
+        assert empty.times.shape == empty.observed.shape == (0,)
+    for each in (none, some, still_none, one):
+        assert (each.times.dtype, each.observed.dtype) == (np.float64, np.bool_)
+
+
+def test_after_the_sweep_has_grown_points_are_read_in_its_new_order(tmp_path) -> None:
+    fill(tmp_path)
+    grown = scenario_of({"grid": {COUNT: [3, 1, 2], SPEED: [1, 0.5]}})
+    with Store(tmp_path, grown, points(grown)):
+        pass
+    read = read_points(tmp_path)
+    assert [each.axes for each in read] == [point.axes for point in points(grown)]
+    assert [len(each.times) for each in read] == [3, 3, 0, 0, 3, 3]
+    assert read[4].times.tolist() == [0, 1, 2]
+    assert read[0].times.tolist() == [2000, 2001, 2002]
+
+
+def test_a_scenario_without_a_sweep_is_read_as_one_point(tmp_path) -> None:
+    fill(tmp_path, scenario_of(None))
+    (read,) = read_points(tmp_path)
+    assert (read.number, read.axes, read.scenario) == (0, {}, scenario_of(None))
+    assert read.times.tolist() == [0, 1, 2]
+
+
+def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[3], 1, error="RuntimeError: second"))
+        store.add(outcome(found[0], 0, wall_s=0.5))
+        store.add(outcome(found[0], 1, wall_s=0.25, t_sync_cycles=None, censored=True))
+        store.add(outcome(found[1], 2, error="RuntimeError: first"))
+    assert read_status(tmp_path) == Status(
+        scenario="demo",
+        points=4,
+        trials=12,
+        stored=2,
+        censored=1,
+        failed=[
+            Failure(1, 2, found[1].seed(2), "RuntimeError: first"),
+            Failure(3, 1, found[3].seed(1), "RuntimeError: second"),
+        ],
+        wall_s=0.75,
+        versions={MADE_BY: 4},
+        at_work=None,
+    )
+
+
+def test_the_status_of_a_folder_without_trials_is_that_none_is_stored(tmp_path) -> None:
+    with Store(tmp_path, DEMO, points(DEMO)):
+        pass
+    assert read_status(tmp_path) == Status("demo", 4, 12, 0, 0, [], 0.0, {}, None)
+
+
+def test_the_status_tells_trials_apart_by_the_versions_and_hosts_that_made_them(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        for trial, changed in enumerate(({}, {}, {"host": "elsewhere"})):
+            ended = outcome(found[0], trial)
+            store.add(ended._replace(provenance={**ended.provenance, **changed}))
+    assert read_status(tmp_path).versions == {MADE_BY: 2, MADE_BY.replace(f"host {host()}", "host elsewhere"): 1}
+
+
+def test_the_status_follows_the_scenario_that_was_run_last(tmp_path) -> None:
+    fill(tmp_path)
+    grown = load_scenario(DEMO, ["name=grown", "trials=7"])
+    with Store(tmp_path, grown, points(grown)):
+        pass
+    status = read_status(tmp_path)
+    assert (status.trials, status.stored) == (28, 12)
+
+
+def test_the_status_has_the_name_of_the_scenario_that_was_run_last(tmp_path) -> None:
+    fill(tmp_path)
+    fill(tmp_path, load_scenario(DEMO, ["name=renamed"]))
+    assert read_status(tmp_path).scenario == "renamed"
+
+
+def test_while_a_run_is_at_work_its_committed_trials_are_read_and_it_is_named(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        for trial in range(3):
+            store.add(outcome(found[0], trial))
+            assert read_points(tmp_path)[0].times.tolist() == [*range(trial + 1)]
+            assert read_status(tmp_path).stored == trial + 1
+        assert read_status(tmp_path).at_work == f"process {os.getpid()} on {host()}"
+    assert read_status(tmp_path).at_work is None
+
+
+def test_reading_writes_nothing_while_a_run_is_at_work(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[0], 0))
+        before = contents(tmp_path)
+        read_points(tmp_path)
+        read_status(tmp_path)
+        after = contents(tmp_path)
+        assert after.keys() == before.keys()
+        assert {name for name in before if after[name] != before[name]} <= {f"{DATABASE}-shm"}  # readers' marks
+        store.add(outcome(found[0], 1))
+    assert read_status(tmp_path).stored == 2
+
+
+@pytest.mark.parametrize("read", [read_points, read_status])
+def test_reading_leaves_what_a_run_has_left_as_it_was(tmp_path, read) -> None:
+    fill(tmp_path)
+    before = contents(tmp_path)
+    read(tmp_path)
+    after = contents(tmp_path)
+    assert {name: after.get(name) for name in before} == before
+
+
+@pytest.mark.parametrize("read", [read_points, read_status])
+def test_reading_puts_nothing_beside_what_a_run_has_left(tmp_path, read) -> None:
+    fill(tmp_path)
+    before = set(contents(tmp_path))
+    read(tmp_path)
+    assert set(contents(tmp_path)) == before
+
+
+@pytest.mark.parametrize("name", ["gone", "empty", "file", "file/deeper"])
+@pytest.mark.parametrize("read", [read_points, read_status])
+def test_what_is_no_run_folder_is_refused(tmp_path, read, name: str) -> None:
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(StoreError) as caught:
+        read(tmp_path / name)
+    assert str(caught.value) == f"{tmp_path / name}: is no run folder: there is no {DATABASE} in it"
+    assert {path.name for path in tmp_path.iterdir()} == {"empty", "file"}
+    assert list((tmp_path / "empty").iterdir()) == []
+
+
+def test_a_database_has_its_points_as_soon_as_it_is_there(tmp_path) -> None:
+    rows = [describe(point) for point in points(DEMO)]
+    create_database(tmp_path / DATABASE, [COUNT, SPEED], rows)
+    status = read_status(tmp_path)
+    assert (status.points, status.trials, status.stored) == (len(rows), DEMO.trials * len(rows), 0)
+    assert [point.number for point in read_points(tmp_path)] == [point.number for point in points(DEMO)]

@@ -1,0 +1,734 @@
+"""A run folder: what it holds, takes in and refuses, and that nothing of it is ever lost or half-written."""
+
+import json
+import os
+import random
+import resource
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.runs.database import check_database
+from epuck_sim.runs.export import export
+from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.run_lock import holder
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.sweep.worker import Outcome
+from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.util.provenance import host, versions
+
+COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
+CONTROLLER = "robots.0.controller"
+DATABASE = "results.sqlite"
+
+MINE = """
+PARAMETERS = {"pace": 2.0, "loud": True}
+MEMORY = {}
+
+def start(memory, parameters, random):
+    pass
+
+def step(sensors, memory, actuators, parameters, random):
+    actuators.left_cm_s = parameters.pace
+"""
+
+
+def scenario_of(sweep: dict | None, **changes) -> Scenario:
+    return load_scenario({"name": "demo", "trials": 3, "sweep": sweep, **changes})
+
+
+DEMO = scenario_of({"grid": {COUNT: [2, 3], SPEED: [1, 0.5]}})
+
+
+def outcome(point: Point, trial: int, error: str | None = None, **changes) -> Outcome:
+    """Return how a trial might have ended: failed, or with a result in which some fields are as `changes` says."""
+    seed, number = point.seed(trial), 1000 * point.number + trial
+    result = TrialResult(
+        scenario=point.scenario.name,
+        seed=seed,
+        t_sync_cycles=number,
+        censored=False,
+        cycles=number,
+        order_parameter=0.96 + number / 1e6,
+        steps=50 * number,
+        simulated_s=5.0 * number,
+        wall_s=0.001 * number,
+    )._replace(**changes)
+    return Outcome(point.number, trial, seed, None if error else result, error, {**versions(), "host": host()})
+
+
+def fill(folder: Path, scenario: Scenario = DEMO, **changes) -> tuple[Point, ...]:
+    """Have every trial of a sweep stored in the folder; return its points."""
+    found = points(scenario)
+    with Store(folder, scenario, found) as store:
+        for point in found:
+            for trial in range(scenario.trials):
+                store.add(outcome(point, trial, **changes))
+    return found
+
+
+def stored(folder: Path) -> list[dict]:
+    """Return every row of the trials, in order of point and trial, of a database that is whole."""
+    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+        connection.row_factory = sqlite3.Row
+        assert connection.execute("PRAGMA integrity_check").fetchall()[0][0] == "ok"
+        assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
+        query = "SELECT number, trials.* FROM trials JOIN points ON point = key ORDER BY number, trial"
+        rows = [dict(row) for row in connection.execute(query)]
+        assert len(rows) == connection.execute("SELECT count(*) FROM trials").fetchone()[0]
+    return rows
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+# What a folder holds
+
+
+def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path) -> None:
+    folder = tmp_path / "runs" / "new"
+    with Store(folder, DEMO, points(DEMO)) as store:
+        assert store.finished() == set()
+        assert store.censored() == 0
+    assert stored(folder) == []
+    assert {path.name for path in folder.iterdir()} - {".lock"} == {DATABASE, "scenario.yaml"}
+    assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
+
+
+def test_the_database_is_marked_as_ours_with_its_format(tmp_path) -> None:
+    fill(tmp_path)
+    with closing(sqlite3.connect(tmp_path / DATABASE)) as connection:
+        assert connection.execute("PRAGMA application_id").fetchone() == (int.from_bytes(b"epck"),)
+        assert connection.execute("PRAGMA user_version").fetchone() == (1,)
+
+
+def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_host(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[1], 2))
+    (row,) = stored(tmp_path)
+    assert row == {
+        "number": 1,
+        "point": found[1].key,
+        "trial": 2,
+        COUNT: 2,
+        SPEED: 0.5,
+        "seed": found[1].seed(2),
+        "t_sync_cycles": 1002,
+        "censored": 0,
+        "order_parameter": 0.96 + 1002 / 1e6,
+        "simulated_s": 5010.0,
+        "wall_s": 0.001 * 1002,
+        "steps": 50_100,
+        "cycles": 1002,
+        **versions(),
+        "host": host(),
+        "error": None,
+    }
+    assert [*row][3:7] == [COUNT, SPEED, "seed", "t_sync_cycles"]
+
+
+def test_a_censored_trial_has_no_time_of_synchrony_and_a_failed_one_no_result(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[0], 0, t_sync_cycles=None, censored=True, cycles=9, order_parameter=None))
+        store.add(outcome(found[0], 1, error="RuntimeError: gone"))
+        assert store.censored() == 1
+    censored, failed = stored(tmp_path)
+    assert (censored["t_sync_cycles"], censored["censored"], censored["cycles"], censored["error"]) == (
+        None,
+        1,
+        9,
+        None,
+    )
+    assert censored["order_parameter"] is None
+    assert (failed["error"], failed["seed"]) == ("RuntimeError: gone", found[0].seed(1))
+    assert {failed[name] for name in ("t_sync_cycles", "censored", "cycles", "steps", "wall_s")} == {None}
+
+
+def test_axis_values_are_stored_as_numbers_and_words_and_others_as_json(tmp_path) -> None:
+    ring = {"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 3}
+    (tmp_path / "mine.py").write_text(MINE)
+    plain = {COUNT: 2, WIDTH: 60.5, "stop.metric": "reference", "stop.max_time_s": None, "noise": "off"}
+    row = {
+        **plain,
+        "arena.obstacles": [ring],
+        CONTROLLER: str(tmp_path / "mine.py"),
+        "robots.0.parameters": {"pace": 3},
+    }
+    fill(tmp_path / "r", scenario_of({"points": [row]}, trials=1))
+    (found,) = stored(tmp_path / "r")
+    assert json.loads(found.pop("arena.obstacles")) == [ring]
+    assert json.loads(found.pop("robots.0.parameters")) == {"pace": 3}
+    assert {key: found[key] for key in plain} == plain
+    assert found[CONTROLLER] == "mine.py"
+
+
+def test_a_scenario_without_a_sweep_is_stored_as_one_point(tmp_path) -> None:
+    scenario = scenario_of(None)
+    (point,) = fill(tmp_path, scenario)
+    assert [(row["number"], row["trial"], row["seed"]) for row in stored(tmp_path)] == [
+        (0, trial, point.seed(trial)) for trial in range(3)
+    ]
+    assert load_scenario(tmp_path) == scenario
+
+
+# What a folder takes in
+
+
+def test_a_trial_that_has_a_result_is_never_overwritten(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[0], 0))
+        before = stored(tmp_path)
+        for change in ({}, {"t_sync_cycles": 99}, {"error": "too late"}):
+            store.add(outcome(found[0], 0, **change))
+            assert stored(tmp_path) == before
+
+
+def test_a_failed_trial_is_replaced_by_its_next_outcome(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[0], 0, error="first"))
+        store.add(outcome(found[0], 0, error="second"))
+        assert [row["error"] for row in stored(tmp_path)] == ["second"]
+        assert store.finished() == set()
+        ended = outcome(found[0], 0)
+        store.add(ended._replace(provenance={**ended.provenance, "host": "elsewhere"}))
+        assert store.finished() == {(0, 0)}
+    (row,) = stored(tmp_path)
+    assert (row["error"], row["t_sync_cycles"], row["steps"], row["host"]) == (None, 0, 0, "elsewhere")
+
+
+def test_finished_are_the_trials_that_have_a_result_by_number_of_point_and_trial(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        store.add(outcome(found[3], 2))
+        store.add(outcome(found[1], 0, t_sync_cycles=None, censored=True))
+        store.add(outcome(found[1], 1, error="no"))
+        assert store.finished() == {(3, 2), (1, 0)}
+    with Store(tmp_path, DEMO, found) as store:
+        assert store.finished() == {(3, 2), (1, 0)}
+
+
+def test_a_trial_is_on_disk_as_soon_as_it_is_added(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        for trial in range(3):
+            store.add(outcome(found[0], trial))
+            assert len(stored(tmp_path)) == trial + 1
+
+
+def test_what_a_killed_run_had_stored_is_there_and_the_next_run_goes_on(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path / "run", DEMO, found) as store:
+        for trial in range(2):
+            store.add(outcome(found[2], trial))
+        shutil.copytree(tmp_path / "run", tmp_path / "killed")
+    assert (tmp_path / "killed" / f"{DATABASE}-wal").stat().st_size > 0
+    with Store(tmp_path / "killed", DEMO, found) as store:
+        assert store.finished() == {(2, 0), (2, 1)}
+        store.add(outcome(found[2], 2))
+    assert [row["trial"] for row in stored(tmp_path / "killed")] == [0, 1, 2]
+
+
+def test_a_folder_grows_by_points_and_trials_and_numbers_follow_the_new_sweep(tmp_path) -> None:
+    fill(tmp_path)
+    before = {(row["point"], row["trial"]): row for row in stored(tmp_path)}
+    grown = scenario_of({"grid": {COUNT: [1, 2, 3], SPEED: [0.25, 0.5, 1]}}, trials=5)
+    found = points(grown)
+    numbers = {point.key: point.number for point in found}
+    assert numbers.keys() > {key for key, _ in before}
+    with Store(tmp_path, grown, found) as store:
+        assert store.finished() == {(numbers[key], trial) for key, trial in before}
+        store.add(outcome(found[0], 4))
+    after = {(row["point"], row["trial"]): row for row in stored(tmp_path)}
+    new = after.pop((found[0].key, 4))
+    assert (new["number"], new[COUNT], new[SPEED], new["seed"]) == (0, 1, 0.25, found[0].seed(4))
+    assert after == {place: {**row, "number": numbers[place[0]]} for place, row in before.items()}
+    assert load_scenario(tmp_path) == grown
+
+
+def test_axes_may_change_places_and_values_their_writing(tmp_path) -> None:
+    with Store(tmp_path, DEMO, points(DEMO)) as store:
+        store.add(outcome(points(DEMO)[0], 0))
+    turned = scenario_of({"grid": {SPEED: [0.5, 1.0], COUNT: [2.0, 3]}})
+    with Store(tmp_path, turned, points(turned)) as store:
+        assert store.finished() == {(2, 0)}
+        store.add(outcome(points(turned)[1], 0))
+    assert [(row[COUNT], row[SPEED]) for row in stored(tmp_path)] == [(3, 0.5), (2, 1)]
+
+
+def test_listed_points_may_name_their_keys_in_any_order(tmp_path) -> None:
+    scenario = scenario_of({"points": [{COUNT: 2, WIDTH: 50}, {WIDTH: 60, COUNT: 3}]}, trials=1)
+    fill(tmp_path, scenario)
+    assert [(row[COUNT], row[WIDTH]) for row in stored(tmp_path)] == [(2, 50), (3, 60)]
+
+
+@pytest.mark.parametrize("change", ["name=other", "description=other", "trials=4", "trials=3000"])
+def test_what_has_no_effect_on_a_trial_may_change(tmp_path, change: str) -> None:
+    fill(tmp_path)
+    before = stored(tmp_path)
+    changed = load_scenario(DEMO, [change])
+    with Store(tmp_path, changed, points(changed)) as store:
+        assert len(store.finished()) == 12
+    assert stored(tmp_path) == before
+    assert load_scenario(tmp_path) == changed
+
+
+def test_trials_that_have_not_been_run_may_be_given_up(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        for trial in range(2):
+            store.add(outcome(found[0], trial))
+    fewer = load_scenario(DEMO, ["trials=2"])
+    with Store(tmp_path, fewer, points(fewer)) as store:
+        assert store.finished() == {(0, 0), (0, 1)}
+    assert read_status(tmp_path).trials == 8
+
+
+def test_the_scenario_s_file_is_written_anew_where_it_is_missing_or_changed(tmp_path) -> None:
+    fill(tmp_path)
+    for spoil in (lambda path: path.unlink(), lambda path: path.write_text("spoilt")):
+        spoil(tmp_path / "scenario.yaml")
+        with Store(tmp_path, DEMO, points(DEMO)):
+            assert load_scenario(tmp_path) == DEMO
+
+
+@pytest.mark.parametrize(
+    "left", [{}, {".lock": b""}, {".lock": b"process 1 on x", f"{DATABASE}.part": b"SQLite format"}]
+)
+def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path, left: dict[str, bytes]) -> None:
+    for name, data in left.items():
+        (tmp_path / name).write_bytes(data)
+    assert len(fill(tmp_path)) == 4
+    assert len(stored(tmp_path)) == 12
+    assert set(contents(tmp_path)) == {".lock", DATABASE, "scenario.yaml"}
+
+
+def test_half_files_that_a_killed_run_left_in_a_run_folder_do_no_harm(tmp_path) -> None:
+    fill(tmp_path)
+    before = stored(tmp_path)
+    for name in (f"{DATABASE}.part", "scenario.yaml.part"):
+        (tmp_path / name).write_bytes(b"half")
+    fill(tmp_path)
+    assert stored(tmp_path) == before
+    assert load_scenario(tmp_path) == DEMO
+
+
+# What a folder refuses
+
+
+def refused(folder: Path, scenario: Scenario) -> str:
+    """Return the message of the StoreError with which the folder is refused, nothing in it being touched."""
+    before = contents(folder)
+    with pytest.raises(StoreError) as caught, Store(folder, scenario, points(scenario)):
+        pass
+    after = contents(folder)
+    assert {name: after.get(name) for name in before} == before
+    assert str(caught.value).startswith(f"{folder}: ")
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "lines"),
+    [
+        (["arena.height_cm=70"], ["arena.height_cm: 60.0 in the folder, 70.0 now"]),
+        (["seed=1"], ["seed: 0 in the folder, 1 now"]),
+        (["stop.max_time_s=9"], ["stop.max_time_s: None in the folder, 9.0 now"]),
+        (["robots.0.parameters.coupling=0.2"], ["robots.0.parameters.coupling: 0.1 in the folder, 0.2 now"]),
+        (["robots.0.camera.pixels=20"], ["robots.0.camera.pixels: 60 in the folder, 20 now"]),
+        (
+            ["noise=off", "timing.physics_hz=200"],
+            [
+                "noise.wheel_speed: 0.05 in the folder, 0.0 now",
+                "noise.infrared_counts: 10.0 in the folder, 0.0 now",
+                "timing.physics_hz: 100 in the folder, 200 now",
+            ],
+        ),
+    ],
+    ids=" ".join,
+)
+def test_another_scenario_is_refused_with_every_difference(tmp_path, changes: list[str], lines: list[str]) -> None:
+    fill(tmp_path)
+    message = refused(tmp_path, load_scenario(DEMO, changes))
+    assert message.splitlines() == [
+        f"{tmp_path}: holds results of another scenario; give another folder:",
+        *(f"  {line}" for line in lines),
+    ]
+    assert len(stored(tmp_path)) == 12
+
+
+def test_another_controller_is_refused_with_both_names(tmp_path) -> None:
+    sweep = {"grid": {COUNT: [2]}}
+    fill(tmp_path, scenario_of(sweep))
+    message = refused(tmp_path, scenario_of(sweep, robots=[{"controller": "oscillator"}]))
+    assert "\n  robots.0.controller: 'firefly' in the folder, 'oscillator' now" in message
+
+
+def test_what_was_not_there_is_shown_as_nothing(tmp_path) -> None:
+    ring = {"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 3}
+    fill(tmp_path)
+    message = refused(tmp_path, load_scenario(DEMO, [f"arena.obstacles={json.dumps([ring])}"]))
+    assert "arena.obstacles.0.shape: 'nothing' in the folder, 'circle' now" in message
+
+
+def test_of_many_differences_eight_are_shown(tmp_path) -> None:
+    fill(tmp_path)
+    other = [
+        "arena={width_cm: 70, height_cm: 70}",
+        "noise=off",
+        "contact.friction=1",
+        "seed=1",
+        "timing.physics_hz=200",
+    ]
+    more = ["stop={order_parameter: 0.9, max_cycles: 9, max_time_s: 9}"]
+    lines = refused(tmp_path, load_scenario(DEMO, other + more)).splitlines()
+    assert len(lines) == 1 + 8 + 1
+    assert lines[-1].strip() == "..."
+
+
+def test_a_sweep_that_lacks_a_stored_point_is_refused(tmp_path) -> None:
+    found = fill(tmp_path)
+    message = refused(tmp_path, scenario_of({"grid": {COUNT: [2, 4], SPEED: [1, 0.5]}}))
+    assert "holds a point that this sweep lacks: " in message
+    assert any(point.key in message for point in found if point.axes[COUNT] == 3)
+
+
+def test_a_sweep_with_fewer_trials_than_are_stored_is_refused(tmp_path) -> None:
+    fill(tmp_path)
+    message = refused(tmp_path, load_scenario(DEMO, ["trials=2"]))
+    assert "holds 3 trials at " in message
+    assert message.endswith("trials is 2; allowed: 3 or more, or another folder")
+
+
+def test_a_sweep_that_lacks_a_stored_trial_is_refused_however_few_are_stored(tmp_path) -> None:
+    with Store(tmp_path, DEMO, points(DEMO)) as store:
+        store.add(outcome(points(DEMO)[0], 2))
+    refused(tmp_path, load_scenario(DEMO, ["trials=1"]))
+
+
+@pytest.mark.parametrize(
+    ("sweep", "axes"),
+    [
+        ({"grid": {COUNT: [2, 3]}}, f"{COUNT}, {SPEED} and {COUNT}"),
+        ({"grid": {COUNT: [2, 3], WIDTH: [60]}}, f"{COUNT}, {SPEED} and {COUNT}, {WIDTH}"),
+        (None, f"{COUNT}, {SPEED} and none"),
+    ],
+    ids=["fewer", "others", "none"],
+)
+def test_other_axes_are_refused(tmp_path, sweep: dict | None, axes: str) -> None:
+    fill(tmp_path)
+    message = refused(tmp_path, scenario_of(sweep))
+    assert message == f"{tmp_path}: holds another sweep; axes in the folder and now: {axes}; give another folder"
+
+
+def rewrite(path: Path, text: str) -> None:
+    """Write a file so that its time of change differs, however quickly it is done."""
+    later = path.stat().st_mtime_ns + 10**9
+    path.write_text(text)
+    os.utime(path, ns=(later, later))
+
+
+@pytest.mark.parametrize("axis", [False, True], ids=["the same at all points", "an axis"])
+def test_a_user_s_controller_that_has_changed_is_refused(tmp_path, axis: bool) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(MINE)
+    robots = [{} if axis else {"controller": str(path)}]
+    sweep = {"grid": {CONTROLLER: [str(path), "firefly"]} if axis else {COUNT: [2, 3]}}
+    fill(tmp_path / "r", scenario_of(sweep, robots=robots))
+    rewrite(path, MINE.replace("parameters.pace", "2 * parameters.pace"))
+    message = refused(tmp_path / "r", scenario_of(sweep, robots=robots))
+    assert "\n  robots.0.controller: 'mine.py with digest " in message
+    there, here = (part.split()[0] for part in message.split("digest ")[1:])
+    assert there != here
+    rewrite(path, MINE)
+    assert len(fill(tmp_path / "r", scenario_of(sweep, robots=robots))) == 2
+
+
+def test_a_user_s_controller_whose_helper_has_changed_is_refused(tmp_path) -> None:
+    (tmp_path / "helper.py").write_text("PACE = 2.0\n")
+    (tmp_path / "mine.py").write_text(MINE.replace("PARAMETERS", "from helper import PACE\nPARAMETERS"))
+    given = {"robots": [{"controller": str(tmp_path / "mine.py")}]}
+    fill(tmp_path / "r", scenario_of(None, **given))
+    rewrite(tmp_path / "helper.py", "PACE = 3.0\n")
+    assert "robots.0.controller: 'mine.py with digest " in refused(tmp_path / "r", scenario_of(None, **given))
+
+
+def test_a_user_s_controller_may_move_to_another_folder(tmp_path) -> None:
+    for name in ("here", "there"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "mine.py").write_text(MINE)
+        robots = [{"controller": str(tmp_path / name / "mine.py")}]
+        fill(tmp_path / "r", scenario_of(None, robots=robots))
+    assert len(stored(tmp_path / "r")) == 3
+
+
+def test_a_folder_that_was_refused_is_not_held_open(tmp_path) -> None:
+    fill(tmp_path)
+    before = contents(tmp_path)
+    other = load_scenario(DEMO, ["seed=1"])
+    with pytest.raises(StoreError) as caught:
+        Store(tmp_path, other, points(other))
+    assert contents(tmp_path) == before, caught
+
+
+def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:
+    (tmp_path / "mine.py").write_text(MINE)
+    robots = [{"controller": str(tmp_path / "mine.py")}]
+    scenario = scenario_of({"grid": {"robots.0.parameters.pace": [10**30]}}, robots=robots, trials=1)
+    fill(tmp_path / "r", scenario)
+    assert float(stored(tmp_path / "r")[0]["robots.0.parameters.pace"]) == 1e30
+
+
+# One at a time
+
+
+def test_a_second_command_is_refused_and_told_who_is_at_work(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store:
+        with pytest.raises(StoreError) as caught:
+            Store(tmp_path, DEMO, found)
+        expected = f"{tmp_path}: process {os.getpid()} on {host()} is at work on it; wait until it ends, or stop it"
+        assert str(caught.value) == expected
+        store.add(outcome(found[0], 0))
+    assert len(stored(tmp_path)) == 1
+
+
+HOLD = """
+import fcntl, sys
+lock = open(sys.argv[1], "a+")
+fcntl.flock(lock, fcntl.LOCK_EX)
+lock.write("process 7 on elsewhere")
+lock.flush()
+print("held", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_a_lock_ends_with_the_process_that_held_it_even_where_it_was_killed(tmp_path) -> None:
+    command = [sys.executable, "-I", "-S", "-c", HOLD, str(tmp_path / ".lock")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"held\n"
+        assert "process 7 on elsewhere is at work on it" in refused(tmp_path, DEMO)
+        assert holder(tmp_path) == "process 7 on elsewhere"
+        process.kill()
+    assert (tmp_path / ".lock").read_text() == "process 7 on elsewhere"
+    assert holder(tmp_path) is None
+    with Store(tmp_path, DEMO, points(DEMO)):
+        assert holder(tmp_path) == f"process {os.getpid()} on {host()}"
+
+
+def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found):
+        assert holder(tmp_path) is not None
+    assert holder(tmp_path) is None
+    with pytest.raises(ZeroDivisionError), Store(tmp_path, DEMO, found):
+        1 / 0  # noqa: B018
+    assert holder(tmp_path) is None
+    fill(tmp_path)
+    refused(tmp_path, load_scenario(DEMO, ["trials=3", "seed=1"]))
+    assert holder(tmp_path) is None
+
+
+def test_a_sweep_of_which_nothing_was_run_gives_its_folder_up(tmp_path) -> None:
+    with Store(tmp_path, DEMO, points(DEMO)):
+        pass
+    mended = load_scenario(DEMO, ["seed=1"], [f"{COUNT}=4,5"])
+    fill(tmp_path, mended)
+    assert [point.axes for point in read_points(tmp_path)] == [point.axes for point in points(mended)]
+
+
+def test_a_database_that_another_program_has_locked_is_told_and_stays_whole(tmp_path) -> None:
+    found = points(DEMO)
+    with Store(tmp_path, DEMO, found) as store, closing(sqlite3.connect(tmp_path / DATABASE)) as other:
+        store.add(outcome(found[0], 0))
+        store._connection.execute("PRAGMA busy_timeout = 1")
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(StoreError, match="database is locked; what is stored is whole"):
+            store.add(outcome(found[0], 1))
+        other.rollback()
+        store.add(outcome(found[0], 2))
+    assert [row["trial"] for row in stored(tmp_path)] == [0, 2]
+
+
+# Foreign and damaged databases
+
+
+@pytest.fixture(scope="module")
+def big(tmp_path_factory) -> bytes:
+    """Return the database of four thousand trials."""
+    folder = tmp_path_factory.mktemp("big")
+    fill(folder, load_scenario(DEMO, ["trials=1000"]))
+    assert len(stored(folder)) == 4000
+    return (folder / DATABASE).read_bytes()
+
+
+def garbage(size: int) -> bytes:
+    return random.Random(4).randbytes(size)
+
+
+def pages_overwritten(database: bytes) -> bytes:
+    start = len(database) // 2 // 4096 * 4096
+    return database[:start] + garbage(5 * 4096) + database[start + 5 * 4096 :]
+
+
+def foreign_database(_: bytes) -> bytes:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.execute("CREATE TABLE trials (point, trial)")
+        connection.execute("CREATE TABLE points (key, number)")
+        return connection.serialize()
+
+
+SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
+    "empty": (lambda _: b"", "is no database of epuck-sim"),
+    "text": (lambda _: b"seed,t_sync_cycles\n" * 1000, "is no database of epuck-sim"),
+    "foreign": (foreign_database, "is no database of epuck-sim"),
+    "cut within its header": (lambda whole: whole[:50], "is no database of epuck-sim"),
+    "cut after its header": (lambda whole: whole[:100], "is damaged"),
+    "cut in half": (lambda whole: whole[: len(whole) // 2], "is damaged"),
+    "cut within its last page": (lambda whole: whole[:-2000], "is damaged"),
+    "overwritten in the middle": (pages_overwritten, "is damaged"),
+    "without its tables' definitions": (lambda whole: whole[:100] + garbage(3996) + whole[4096:], "is damaged"),
+    "of another format": (
+        lambda whole: whole[:60] + (2).to_bytes(4) + whole[64:],
+        "has format 2, this version of epuck-sim reads 1",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", SPOILT)
+def test_a_database_that_is_not_ours_or_is_damaged_is_refused_by_all_and_untouched(tmp_path, big, kind: str) -> None:
+    spoil, message = SPOILT[kind]
+    folder = tmp_path / "r"
+    folder.mkdir()
+    (folder / DATABASE).write_bytes(spoil(big))
+    (folder / "scenario.yaml").write_text("older")
+    before = contents(folder)
+    for use in (
+        lambda: Store(folder, DEMO, points(DEMO)),
+        lambda: read_status(folder),
+        lambda: read_points(folder),
+        lambda: export(folder, tmp_path / "results.csv"),
+    ):
+        with pytest.raises(StoreError) as caught:
+            use()
+        assert str(caught.value).startswith(f"{folder / DATABASE}: ")
+        assert message in str(caught.value)
+        after = contents(folder)
+        assert {name: after.get(name) for name in before} == before
+    assert not (tmp_path / "results.csv").exists()
+
+
+def test_a_database_cut_by_a_few_bytes_is_found(tmp_path, big) -> None:
+    (tmp_path / DATABASE).write_bytes(big[:-10])
+    with pytest.raises(StoreError, match="is damaged"):
+        check_database(tmp_path / DATABASE)
+
+
+def test_garbage_in_any_page_is_found(tmp_path) -> None:
+    fill(tmp_path, load_scenario(DEMO, ["trials=50"]))
+    path = tmp_path / DATABASE
+    check_database(path)
+    whole = path.read_bytes()
+    places = range(4096, len(whole), 4096)
+    assert len(places) > 10
+    for place in places:
+        path.write_bytes(whole[:place] + garbage(4096) + whole[place + 4096 :])
+        with pytest.raises(StoreError, match="is damaged"):
+            check_database(path)
+
+
+@pytest.mark.parametrize("name", ["thesis.pdf", "scenario.yaml", "results.sqlite-wal"])
+def test_a_folder_with_other_files_is_refused(tmp_path, name: str) -> None:
+    (tmp_path / name).write_text("mine")
+    message = refused(tmp_path, DEMO)
+    assert f"is no run folder: it holds {name!r} but no {DATABASE}; give a new or empty one" in message
+    assert set(contents(tmp_path)) == {name}
+
+
+def test_a_folder_with_another_folder_in_it_is_refused(tmp_path) -> None:
+    fill(tmp_path / "fig-4-2a")
+    with pytest.raises(StoreError, match="is no run folder: it holds 'fig-4-2a'"):
+        Store(tmp_path, DEMO, points(DEMO))
+    assert [path.name for path in tmp_path.iterdir()] == ["fig-4-2a"]
+
+
+@pytest.mark.parametrize("below", ["", "run", "run/deep"])
+def test_a_path_where_no_folder_can_be_is_refused(tmp_path, below: str) -> None:
+    (tmp_path / "file").write_text("mine")
+    folder = tmp_path / "file" / below
+    with pytest.raises(StoreError, match=r"cannot be used as a run folder: (File exists|Not a directory)"):
+        Store(folder, DEMO, points(DEMO))
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+# A full disk
+
+
+def test_where_the_disk_is_full_what_is_stored_stays_whole_and_the_next_run_goes_on(tmp_path) -> None:
+    scenario = load_scenario(DEMO, ["trials=500"])
+    found = points(scenario)
+    with Store(tmp_path, scenario, found) as store:
+        store.add(outcome(found[0], 0))
+        (pages,) = store._connection.execute("PRAGMA page_count").fetchone()
+        store._connection.execute(f"PRAGMA max_page_count = {pages + 3}")
+        kept = 1
+        with pytest.raises(StoreError) as caught:  # noqa: PT012 how many it takes is not known
+            for trial in range(1, 500):
+                store.add(outcome(found[0], trial))
+                kept += 1
+        expected = f"{tmp_path / DATABASE}: database or disk is full; what is stored is whole: go on once mended"
+        assert str(caught.value) == expected
+        assert kept > 10
+    assert [(row["number"], row["trial"]) for row in stored(tmp_path)] == [(0, trial) for trial in range(kept)]
+    with Store(tmp_path, scenario, found) as store:
+        assert len(store.finished()) == kept
+        for trial in range(500):
+            store.add(outcome(found[0], trial))
+    assert len(stored(tmp_path)) == 500
+
+
+@contextmanager
+def no_file_larger_than(size: int) -> Iterator[None]:
+    """Have this process write no file beyond so many bytes, as if the disk were full there."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_where_the_disk_is_full_no_half_database_is_made(tmp_path) -> None:
+    found = points(DEMO)
+    with no_file_larger_than(5000), pytest.raises(EpuckSimError, match=DATABASE):
+        Store(tmp_path, DEMO, found)
+    assert set(contents(tmp_path)) <= {".lock"}
+    fill(tmp_path)
+    assert len(stored(tmp_path)) == 12
+
+
+def test_where_a_write_fails_in_mid_run_what_is_stored_stays_whole(tmp_path) -> None:
+    found = points(load_scenario(DEMO, ["trials=50"]))
+    with Store(tmp_path, DEMO, found) as store:
+        for trial in range(5):
+            store.add(outcome(found[1], trial))
+        size = (tmp_path / f"{DATABASE}-wal").stat().st_size
+        with no_file_larger_than(size + 100), pytest.raises(StoreError, match="what is stored is whole"):
+            store.add(outcome(found[1], 5))
+        assert len(store.finished()) == 5
+        store.add(outcome(found[1], 6))
+    assert [row["trial"] for row in stored(tmp_path)] == [0, 1, 2, 3, 4, 6]

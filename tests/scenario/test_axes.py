@@ -1,0 +1,248 @@
+"""Axes of a sweep: which values meet, in which order, how the command line adds them, and what is refused."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.axes import MAX_POINTS, Axes
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.overrides import apply_axis
+
+COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
+
+
+def rows(**given):
+    return Axes.model_validate(given).rows()
+
+
+def test_the_values_of_a_grid_meet_in_every_combination_and_the_last_axis_changes_fastest() -> None:
+    assert rows(grid={"a": [1, 2], "b": ["x", "y", "z"]}) == [
+        *({"a": 1, "b": "x"}, {"a": 1, "b": "y"}, {"a": 1, "b": "z"}),
+        *({"a": 2, "b": "x"}, {"a": 2, "b": "y"}, {"a": 2, "b": "z"}),
+    ]
+
+
+def test_the_values_of_a_zip_go_together() -> None:
+    assert rows(zip={"a": [1, 2, 3], "b": [4, 5, 6]}) == [{"a": 1, "b": 4}, {"a": 2, "b": 5}, {"a": 3, "b": 6}]
+
+
+def test_points_are_taken_as_they_are_listed() -> None:
+    listed = [{"a": 3, "b": 1}, {"a": 1, "b": 1}, {"a": 2, "b": 7}]
+    assert rows(points=listed) == listed
+
+
+def test_points_change_slowest_then_the_zip_then_the_grid() -> None:
+    given = {"points": [{"p": 0}, {"p": 1}], "zip": {"z": [0, 1], "y": [5, 6]}, "grid": {"g": [0, 1]}}
+    assert [(row["p"], row["z"], row["y"], row["g"]) for row in rows(**given)] == [
+        *((0, 0, 5, 0), (0, 0, 5, 1), (0, 1, 6, 0), (0, 1, 6, 1)),
+        *((1, 0, 5, 0), (1, 0, 5, 1), (1, 1, 6, 0), (1, 1, 6, 1)),
+    ]
+    assert Axes.model_validate(given).keys == ["p", "z", "y", "g"]
+
+
+VALUES = st.integers(0, 9) | st.sampled_from(["on", None, 0.5, [1, 2], {"x": 1}])
+
+
+@st.composite
+def sweeps(draw):
+    """Return the points, zip and grid of some sweep; together they have an axis at least."""
+    names = draw(st.permutations("abcdefg"))
+    listed, zipped = names[: draw(st.integers(0, 2))], names[2 : 2 + draw(st.integers(0, 2))]
+    gridded = names[4 : 4 + draw(st.integers(0 if listed or zipped else 1, 3))]
+    together = draw(st.integers(1, 4))
+    row = st.fixed_dictionaries(dict.fromkeys(listed, VALUES))
+    given = {
+        "zip": {name: draw(st.lists(VALUES, min_size=together, max_size=together)) for name in zipped},
+        "grid": {name: draw(st.lists(VALUES, min_size=1, max_size=3)) for name in gridded},
+    }
+    return {**given, "points": draw(st.lists(row, min_size=1, max_size=3))} if listed else given
+
+
+def rows_one_by_one(given):
+    """Return the rows, each axis of the grid in turn splitting every row into one for each of its values."""
+    found = [dict(row) for row in given.get("points", [{}])]
+    if given["zip"]:
+        together = len(next(iter(given["zip"].values())))
+        found = [
+            {**row, **{name: values[place] for name, values in given["zip"].items()}}
+            for row in found
+            for place in range(together)
+        ]
+    for name, values in given["grid"].items():
+        found = [{**row, name: value} for row in found for value in values]
+    return found
+
+
+@given(sweeps())
+def test_rows_are_those_found_by_splitting_one_axis_after_the_other(given: dict) -> None:
+    assert rows(**given) == rows_one_by_one(given)
+
+
+def test_every_row_has_its_keys_in_the_order_of_the_axes() -> None:
+    axes = Axes.model_validate({"points": [{"a": 1, "b": 2}, {"b": 3, "a": 4}]})
+    assert [list(row) for row in axes.rows()] == [axes.keys, axes.keys]
+
+
+def test_axes_cannot_be_changed() -> None:
+    axes = Axes.model_validate({"grid": {"a": [1]}})
+    with pytest.raises(ValidationError, match="frozen"):
+        axes.grid = {"a": (2,)}
+
+
+REFUSED = [
+    ({}, "sweep: has no axis; give grid: {key: [value, ...]}, zip: {...} or points: [{...}, ...]"),
+    ({"grid": {}, "zip": {}}, "sweep: has no axis"),
+    ({"points": [{}, {}]}, "sweep: has no axis"),
+    ({"points": []}, "sweep.points: is []; allowed: at least one value"),
+    ({"points": {COUNT: [1]}}, "sweep.points: is {'robots.0.count': [1]}; allowed: a list"),
+    ({"points": [COUNT]}, "sweep.points.0: is 'robots.0.count'; allowed: a mapping of keys to values"),
+    (
+        {"points": [{COUNT: 1, WIDTH: 50}, {WIDTH: 50}]},
+        "sweep: points.1 has the keys ['arena.width_cm'], points.0 has ['arena.width_cm', 'robots.0.count']",
+    ),
+    ({"grid": {COUNT: []}}, "sweep.grid.robots.0.count: is []; allowed: at least one value"),
+    ({"zip": {COUNT: []}}, "sweep.zip.robots.0.count: is []; allowed: at least one value"),
+    ({"grid": {COUNT: 3}}, "sweep.grid.robots.0.count: is 3; allowed: a list"),
+    ({"grid": {COUNT: None}}, "sweep.grid.robots.0.count: is None; allowed: a list"),
+    ({"grid": {COUNT: {"from": 1}}}, "sweep.grid.robots.0.count: is {'from': 1}; allowed: a list"),
+    ({"zip": {COUNT: "12"}}, "sweep.zip.robots.0.count: is '12'; allowed: a list"),
+    ({"grid": [COUNT]}, "sweep.grid: is ['robots.0.count']; allowed: a mapping of keys to values"),
+    (
+        {"zip": {COUNT: [1, 2, 3], WIDTH: [50, 60]}},
+        "sweep: zip: all keys need equally many values, but robots.0.count has 3, arena.width_cm has 2",
+    ),
+    (
+        {"zip": {COUNT: [1]}, "grid": {COUNT: [2]}},
+        "sweep: robots.0.count is in more than one of points, zip and grid",
+    ),
+    ({"points": [{COUNT: 1}], "grid": {COUNT: [2]}}, "robots.0.count is in more than one of points, zip and grid"),
+    ({"points": [{COUNT: 1}], "zip": {COUNT: [2]}}, "robots.0.count is in more than one of points, zip and grid"),
+    ({"grd": {COUNT: [1]}}, "sweep.grd: unknown 'grd', did you mean 'grid'?; allowed: points, zip, grid"),
+    *(
+        ({"grid": {COUNT: [1], key: [1, 2]}}, f"sweep: {key} cannot be an axis; allowed: a key that a trial depends on")
+        for key in ("seed", "trials", "name", "description", "sweep", "sweep.grid")
+    ),
+    ({"points": [{"seed": 1}]}, "sweep: seed cannot be an axis"),
+    ({"zip": {"trials": [1]}}, "sweep: trials cannot be an axis"),
+]
+
+
+@pytest.mark.parametrize(("given", "message"), REFUSED, ids=lambda case: case[:50] if isinstance(case, str) else "")
+def test_a_mistake_is_named_with_what_is_allowed(given: dict, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"sweep": given})
+    assert message in str(caught.value)
+    assert str(caught.value).startswith("scenario: sweep")
+
+
+def test_a_sweep_that_is_no_mapping_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"^scenario: sweep: is \[1\]; allowed: a mapping of keys to values$"):
+        load_scenario({"sweep": [1]})
+
+
+def test_too_many_points_are_refused_and_as_many_as_allowed_are_not() -> None:
+    given = {"points": [{"p": 0}, {"p": 1}], "zip": {"z": [*range(50)]}, "grid": {"g": [*range(1000)]}}
+    assert len(Axes.model_validate(given).rows()) == MAX_POINTS == 100_000
+    given["grid"]["g"].append(1000)
+    with pytest.raises(ScenarioError, match=r"^scenario: sweep: has 100100 points; allowed: up to 100000$"):
+        load_scenario({"sweep": given})
+
+
+def test_too_many_points_are_refused_at_once_however_many() -> None:
+    given = {"grid": {f"x{number}": [*range(10)] for number in range(30)}}
+    with pytest.raises(ScenarioError, match=f"has {10**30} points"):
+        load_scenario({"sweep": given})
+
+
+def grid_of(source, *axes: str, settings=()):
+    sweep = load_scenario(source, settings, axes).sweep
+    assert sweep is not None
+    return list(sweep.grid.items())
+
+
+def test_sweep_on_the_command_line_makes_axes_in_the_order_in_which_they_are_given() -> None:
+    expected = [(COUNT, (2, 3)), (WIDTH, (50.5, 60))]
+    for source in ("pair", load_scenario("pair"), {}):
+        assert grid_of(source, f"{COUNT}=2,3", f"{WIDTH}=50.5, 60") == expected
+
+
+def test_sweep_on_the_command_line_adds_to_a_file_s_grid_or_replaces_in_its_place(tmp_path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"sweep: {{zip: {{arena.height_cm: [50, 60]}}, grid: {{{COUNT}: [2, 3], {WIDTH}: [50]}}}}")
+    given = grid_of(path, f"{SPEED}=1,2", f"{COUNT}=7")
+    assert given == [(COUNT, (7,)), (WIDTH, (50,)), (SPEED, (1, 2))]
+    assert load_scenario(path, axes=[f"{SPEED}=1"]).sweep.zip == {"arena.height_cm": (50, 60)}
+    assert grid_of(load_scenario(path), f"{SPEED}=1,2", f"{COUNT}=7") == given
+
+
+def test_of_two_axes_on_the_command_line_with_one_key_the_later_wins() -> None:
+    assert grid_of("pair", f"{COUNT}=2,3", f"{COUNT}=4") == [(COUNT, (4,))]
+
+
+def test_sweep_on_the_command_line_takes_words_nothing_lists_and_mappings() -> None:
+    ring = "{shape: circle, x_cm: 30, y_cm: 30, radius_cm: 3}"
+    assert grid_of({}, "noise=on,off", "stop.max_time_s=null,5", f"arena.obstacles=[],[{ring}]") == [
+        ("noise", ("on", "off")),
+        ("stop.max_time_s", (None, 5)),
+        ("arena.obstacles", ([], [{"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 3}])),
+    ]
+
+
+def test_an_axis_leaves_the_mapping_to_which_it_is_applied_as_it_was() -> None:
+    given = {"sweep": {"grid": {"a": [1]}}}
+    assert apply_axis(given, "b=2") == {"sweep": {"grid": {"a": [1], "b": [2]}}}
+    assert given == {"sweep": {"grid": {"a": [1]}}}
+
+
+@pytest.mark.parametrize(
+    ("axis", "message"),
+    [
+        (COUNT, "give it as key=value,value,..., such as robots.0.count=5,10,20"),
+        ("=1,2", "give it as key=value,value,..."),
+        (f"{COUNT}=", "sweep.grid.robots.0.count: is []; allowed: at least one value"),
+        (f"{COUNT}=1,,2", "cannot be read as YAML"),
+        (f"{COUNT}=[1", "cannot be read as YAML"),
+        (f"{COUNT}=1],[2", "cannot be read as YAML"),
+        ("seed=1,2", "sweep: seed cannot be an axis"),
+        ("sweep.grid=1", "sweep: sweep.grid cannot be an axis"),
+    ],
+)
+def test_a_mistake_in_sweep_on_the_command_line_is_named(axis: str, message: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario("pair", axes=[axis])
+    assert message in str(caught.value)
+    assert f"--sweep {axis}: " in str(caught.value)
+
+
+def test_an_axis_of_the_file_s_zip_cannot_be_one_of_the_grid_too() -> None:
+    with pytest.raises(ScenarioError, match=r"arena\.width_cm is in more than one of points, zip and grid"):
+        load_scenario({"sweep": {"zip": {WIDTH: [50]}}}, axes=[f"{WIDTH}=60"])
+
+
+@pytest.mark.parametrize("sweep", [3, [1], {"grid": [1]}, {"grid": None}], ids=str)
+def test_an_axis_for_a_sweep_that_is_no_mapping_is_refused(sweep) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"sweep": sweep}, axes=[f"{COUNT}=1"])
+    assert str(caught.value) == f"--sweep {COUNT}=1: the scenario's own sweep is {sweep!r}; allowed: a mapping"
+
+
+@pytest.mark.parametrize(
+    ("axis", "setting"),
+    [
+        (COUNT, f"{COUNT}=3"),
+        ("robots.0", f"{COUNT}=3"),
+        ("robots.0.camera", "robots.0.camera.pixels=20"),
+    ],
+)
+def test_a_setting_that_no_point_would_heed_is_refused(axis: str, setting: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"sweep": {"points": [{axis: 1}]}}, [setting])
+    assert str(caught.value) == f"--set {setting}: {axis} is an axis of the sweep; use --sweep {axis}=... instead"
+
+
+def test_a_setting_beside_an_axis_is_taken() -> None:
+    scenario = load_scenario({}, ["robots.0.camera.pixels=20", f"{WIDTH}=70"], ["robots.0.camera.range_cm=30,40"])
+    assert scenario.robots[0].camera.pixels == 20
+    assert scenario.arena.width_cm == 70

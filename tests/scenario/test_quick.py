@@ -1,0 +1,236 @@
+"""Claims about quick versions: what they change, where they are refused, and that those that are shipped fit."""
+
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.overrides import choose_version
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
+from epuck_sim.util.builtin import ARENAS, SWEEPS, shipped_files
+from tests.cli.commands import call, refused
+
+SHIPPED = shipped_files(SWEEPS)
+WITH_QUICK = [name for name, path in SHIPPED.items() if "quick" in read_yaml(path)]
+WITHOUT = [name for name, path in {**SHIPPED, **shipped_files(ARENAS)}.items() if "quick" not in read_yaml(path)]
+
+TINY = """
+name: tiny
+model: particles
+agents: {count: 5, speed_cm_s: 30}
+stop: {max_cycles: 40}
+trials: 3
+sweep: {grid: {agents.speed_cm_s: [3, 30, 90]}}
+quick:
+  trials: 2
+  stop: {max_cycles: 20}
+  sweep: {grid: {agents.speed_cm_s: [3, 90]}}
+"""
+
+
+@pytest.fixture
+def tiny(tmp_path) -> Path:
+    path = tmp_path / "tiny.yaml"
+    path.write_text(TINY)
+    return path
+
+
+# What is merged
+
+
+GIVEN = {
+    "name": "full",
+    "trials": 100,
+    "agents": {"count": 20, "speed_cm_s": 3},
+    "stop": {"max_cycles": 1000},
+    "sweep": {"grid": {"a": [1, 2, 3], "b": [4, 5]}},
+}
+
+
+@pytest.mark.parametrize(
+    ("quick", "changed"),
+    [
+        ({}, {}),
+        ({"trials": 5}, {"trials": 5}),
+        ({"stop": {"max_cycles": 9}}, {"stop": {"max_cycles": 9}}),
+        ({"stop": {"order_parameter": None}}, {"stop": {"max_cycles": 1000, "order_parameter": None}}),
+        ({"agents": {"count": 6}}, {"agents": {"count": 6, "speed_cm_s": 3}}),
+        ({"sweep": {"grid": {"a": [1]}}}, {"sweep": {"grid": {"a": [1], "b": [4, 5]}}}),
+        ({"sweep": {"zip": {"c": [1]}}}, {"sweep": {"grid": {"a": [1, 2, 3], "b": [4, 5]}, "zip": {"c": [1]}}}),
+        ({"sweep": None}, {"sweep": None}),
+        ({"agents": None}, {"agents": None}),
+        ({"agents": [1]}, {"agents": [1]}),
+        ({"trials": {"x": 1}}, {"trials": {"x": 1}}),
+        ({"figure": {"form": "map"}}, {"figure": {"form": "map"}}),
+    ],
+)
+def test_sections_are_merged_key_by_key_and_everything_else_is_replaced(quick: dict, changed: dict) -> None:
+    given = {**GIVEN, "quick": quick}
+    assert choose_version(given, True, "here") == {**GIVEN, **changed}
+    assert given == {**GIVEN, "quick": quick}
+
+
+def test_nothing_of_what_was_given_is_changed() -> None:
+    given = {"sweep": {"grid": {"a": [1, 2, 3]}}, "quick": {"sweep": {"grid": {"a": [1]}}}}
+    choose_version(given, True, "here")
+    assert given == {"sweep": {"grid": {"a": [1, 2, 3]}}, "quick": {"sweep": {"grid": {"a": [1]}}}}
+
+
+@pytest.mark.parametrize("quick", [{"trials": 5}, {"nothing": 1}, {}, None, 3, "yes", ["trials"]])
+def test_without_the_option_the_quick_version_is_left_alone_whatever_it_is(quick: object) -> None:
+    assert choose_version({**GIVEN, "quick": quick}, False, "here") == GIVEN
+    loaded = load_scenario({"model": "particles", "trials": 7, "quick": quick})
+    assert loaded == load_scenario({"model": "particles", "trials": 7})
+
+
+@pytest.mark.parametrize("given", [GIVEN, {**GIVEN, "quick": None}])
+def test_a_scenario_that_has_none_is_refused(given: dict) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        choose_version(given, True, "here")
+    assert str(caught.value) == "here: has no quick version; leave --quick out"
+
+
+@pytest.mark.parametrize(
+    ("quick", "shown"), [(3, "3"), ("yes", "'yes'"), (False, "False"), (0, "0"), ([], "[]"), (["trials"], "['trials']")]
+)
+def test_a_quick_version_that_is_no_mapping_is_refused(quick: object, shown: str) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        choose_version({**GIVEN, "quick": quick}, True, "here")
+    assert str(caught.value) == f"here: quick: is {shown}; allowed: a mapping of keys to values"
+
+
+def test_a_key_of_the_quick_version_that_is_none_is_named() -> None:
+    with pytest.raises(ScenarioError, match=r"scenario: stop\.max_cyles: unknown 'max_cyles', did you mean"):
+        load_scenario({"model": "particles", "quick": {"stop": {"max_cyles": 3}}}, quick=True)
+
+
+def test_changes_by_key_and_axes_count_beside_the_quick_version() -> None:
+    given = {"model": "particles", "trials": 9, "quick": {"trials": 2, "stop": {"max_cycles": 5}}}
+    scenario = load_scenario(given, ["trials=4"], ["agents.count=3,4"], quick=True)
+    assert (scenario.trials, scenario.stop.max_cycles) == (4, 5)
+    assert list(scenario.sweep.rows()) == [{"agents.count": 3}, {"agents.count": 4}]
+
+
+def test_the_quick_version_cannot_be_changed_by_key() -> None:
+    with pytest.raises(ScenarioError, match="quick: unknown 'quick'"):
+        load_scenario("fig-5-3", ["quick.trials=3"])
+
+
+def test_a_scenario_that_is_loaded_has_forgotten_its_quick_version() -> None:
+    for quick in (False, True):
+        with pytest.raises(ScenarioError, match="fig-5-3: has no quick version"):
+            load_scenario(load_scenario("fig-5-3", quick=quick), quick=True)
+
+
+def test_a_scenario_of_robots_may_have_a_quick_version_too() -> None:
+    given = {"arena": {"width_cm": 50, "height_cm": 40}, "quick": {"arena": {"width_cm": 40}}}
+    arena = load_scenario(given, quick=True).arena
+    assert (arena.width_cm, arena.height_cm) == (40, 40)
+
+
+# What is shipped
+
+
+def test_all_sweeps_of_particles_have_a_quick_version() -> None:
+    lacking = [name for name in SHIPPED if name not in WITH_QUICK and load_scenario(name).model == "particles"]
+    assert len(WITH_QUICK) >= 15
+    assert lacking == []
+
+
+@pytest.mark.parametrize("name", WITH_QUICK)
+def test_a_shipped_quick_version_is_less_of_the_same_figure(name: str) -> None:
+    full, quick = load_scenario(name), load_scenario(name, quick=True)
+    assert full != quick
+    assert (quick.name, quick.description, quick.seed) == (full.name, full.description, full.seed)
+    assert quick.sweep.keys == full.sweep.keys
+    assert len(list(quick.sweep.rows())) <= len(list(full.sweep.rows()))
+    assert quick.trials <= full.trials
+    assert quick.stop.max_cycles <= full.stop.max_cycles
+    assert quick.figure.model_copy(update={"censored_at_cycles": full.figure.censored_at_cycles}) == full.figure
+    assert len(points(quick)) == len(list(quick.sweep.rows()))
+
+
+@pytest.mark.parametrize("quick", [False, True])
+@pytest.mark.parametrize("name", WITH_QUICK)
+def test_the_figure_of_a_shipped_sweep_is_of_its_axes(name: str, quick: bool) -> None:
+    scenario = load_scenario(name, quick=quick)
+    figure, axes = scenario.figure, scenario.sweep.keys
+    named = [key for key in (figure.x, figure.y, figure.panels) if key is not None]
+    assert set(named) <= set(axes)
+    assert len(set(named)) == len(named)
+    assert (figure.y is not None) <= (figure.form == "map")
+    assert (figure.panels is not None) <= (figure.form == "curves")
+    assert (figure.censored_at_cycles is not None) <= (figure.form == "violins")
+    if figure.form in ("perturbation", "course"):
+        assert isinstance(scenario, ParticleScenario)
+        assert scenario.start.phases == "synchronised"
+        assert scenario.stop.order_parameter is None
+
+
+@pytest.mark.parametrize("name", WITH_QUICK)
+def test_points_that_both_versions_have_are_the_same_but_for_what_ends_their_trials(name: str) -> None:
+    full, quick = (
+        {point.key: point.scenario for point in points(load_scenario(name, quick=version))[:40]}
+        for version in (False, True)
+    )
+    for key in full.keys() & quick.keys():
+        there, here = (each[key].model_dump(exclude={"stop", "trials", "figure"}) for each in (full, quick))
+        assert {part for part in there if there[part] != here[part]} <= {"agents"}
+
+
+# The command
+
+
+@pytest.mark.parametrize("name", WITH_QUICK)
+def test_check_prints_the_quick_version_without_telling_that_it_is_one(name: str) -> None:
+    for options, quick in (((), False), (("--quick",), True)):
+        result = call("check", name, *options)
+        assert (result.exit_code, result.stderr) == (0, "")
+        written = parse_yaml(result.stdout, "stdout")
+        assert "quick" not in written
+        assert load_scenario(written) == load_scenario(name, quick=quick)
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+@pytest.mark.parametrize("name", WITHOUT[:2] + WITHOUT[-2:])
+def test_a_shipped_scenario_without_one_is_refused(command: str, name: str) -> None:
+    path = {**SHIPPED, **shipped_files(ARENAS)}[name]
+    assert refused(command, name, "--quick") == f"error: {path}: has no quick version; leave --quick out\n"
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_a_quick_version_that_is_no_mapping_is_refused_with_its_file(tmp_path, command: str) -> None:
+    path = tmp_path / "odd.yaml"
+    path.write_text("model: particles\nquick: 3")
+    expected = f"error: {path}: quick: is 3; allowed: a mapping of keys to values\n"
+    assert refused(command, path, "--quick") == expected
+
+
+def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tiny, tmp_path) -> None:
+    folder = tmp_path / "run"
+    result = call("run", tiny, "--quick", "--out", folder, "--workers", 1)
+    assert result.exit_code == 0, result.stderr
+    assert "tiny: 2 points, 4 of 4 trials have a result" in result.stdout
+    written = (folder / "scenario.yaml").read_text()
+    assert "quick" not in written
+    assert written == write_scenario(load_scenario(tiny, quick=True))
+    assert load_scenario(folder) == load_scenario(tiny, quick=True)
+    assert refused("run", folder, "--status", "--quick") == (
+        "error: --status shows what is in the run folder; give no other option but --json\n"
+    )
+    assert refused("run", folder, "--quick").endswith("scenario.yaml: has no quick version; leave --quick out\n")
+    full = call("run", tiny, "--out", folder)
+    assert full.exit_code == 2
+    assert "stop.max_cycles: 20 in the folder, 40 now" in full.stderr
+
+
+def test_run_takes_the_quick_version_of_one_trial(tiny) -> None:
+    result = call("run", tiny, "--quick", "--point", 1, "--trial", 1, "--json")
+    assert result.exit_code == 0
+    point = points(load_scenario(tiny, quick=True))[1]
+    assert point.axes == {"agents.speed_cm_s": 90}
+    assert f'"seed": {point.seed(1)},' in result.stdout
+    assert "allowed: 0 to 1" in refused("run", tiny, "--quick", "--point", 2, "--trial", 0)

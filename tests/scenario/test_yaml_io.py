@@ -1,0 +1,88 @@
+"""YAML is read as people mean it, and what no scenario is gets refused."""
+
+import time
+
+import pytest
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.yaml_io import MAX_BYTES, parse_yaml, read_yaml
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1e-3", 0.001),
+        ("1E3", 1000.0),
+        (".5", 0.5),
+        ("-2.", -2.0),
+        ("12", 12),
+        ("010", 10),
+        ("+3", 3),
+        ("true", True),
+        ("False", False),
+        ("no", "no"),
+        ("off", "off"),
+        ("12:30", "12:30"),
+        ("0x10", "0x10"),
+        ("null", None),
+        ("~", None),
+        ("", None),
+        ("[1, 2.5, a]", [1, 2.5, "a"]),
+        ("{a: {b: 1}}", {"a": {"b": 1}}),
+    ],
+)
+def test_plain_words_and_numbers_mean_what_they_look_like(text: str, value: object) -> None:
+    result = parse_yaml(text, "here")
+    assert result == value
+    assert type(result) is type(value)
+
+
+def test_aliases_and_merge_keys_work() -> None:
+    text = "base: &base {x: 1, y: 2}\nother: {<<: *base, y: 3}"
+    assert parse_yaml(text, "here")["other"] == {"x": 1, "y": 3}
+
+
+def bomb(depth: int = 12, width: int = 9) -> str:
+    lines = ["a0: &a0 [lol]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * width)}]" for k in range(1, depth)]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: 1\na: 2", "'a' is given twice, again in line 2"),
+        ("a: [1, 2", "cannot be read as YAML"),
+        ("a: !!python/object:os.system {}", "cannot be read as YAML"),
+        ("a: &a [*a]", "holds itself"),
+        ("- 1\n--- \n- 2", "cannot be read as YAML"),
+        ("[" * 3000 + "]" * 3000, "nested too deeply"),
+        ("a: " + "9" * 5000, "cannot be read"),
+        (bomb(), "unfolds to more than"),
+    ],
+)
+def test_what_no_scenario_is_gets_refused_at_once(text: str, message: str) -> None:
+    began = time.perf_counter()
+    with pytest.raises(ScenarioError, match=message) as caught:
+        parse_yaml(text, "here.yaml")
+    assert str(caught.value).startswith("here.yaml: ")
+    assert time.perf_counter() - began < 5
+
+
+def test_a_hundred_megabytes_are_refused_unread(tmp_path) -> None:
+    path = tmp_path / "huge.yaml"
+    with path.open("wb") as file:
+        file.truncate(100 * MAX_BYTES)
+    with pytest.raises(ScenarioError, match="larger than 1 MB"):
+        read_yaml(path)
+
+
+def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
+    with pytest.raises(ScenarioError, match=r"gone\.yaml: cannot be read: No such file"):
+        read_yaml(tmp_path / "gone.yaml")
+    with pytest.raises(ScenarioError, match="cannot be read: Is a directory"):
+        read_yaml(tmp_path)
+    path = tmp_path / "latin.yaml"
+    path.write_bytes(b"name: caf\xe9")
+    with pytest.raises(ScenarioError, match="is no UTF-8 text"):
+        read_yaml(path)

@@ -1,0 +1,346 @@
+"""Claims about curves: which points make one, in which order, against which axis, and by what they are told apart."""
+
+import math
+from collections.abc import Collection
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.statistics.curves import choose_axis, choose_second_axis, read_curves, told_apart
+from epuck_sim.statistics.summary import summarize
+from tests.runs.made_folders import (
+    COUNT,
+    COUPLING,
+    HEIGHT,
+    PIXELS,
+    SECONDS,
+    SPEED,
+    SPEEDS,
+    WIDTH,
+    censored,
+    ended,
+    in_memory,
+    of_point,
+    sweep,
+    weibull,
+)
+
+METRIC = "stop.metric"
+OTHER_SPEED = SPEED.replace(".0.", ".1.")
+
+
+def with_axes(scenario_sweep: dict, trials: int = 5, **changes) -> list[PointTrials]:
+    """Return the points of a sweep, each with trials."""
+    return in_memory(sweep(None, trials=trials, sweep=scenario_sweep, **changes), lambda point: weibull(point, 30))
+
+
+def rows_of(*rows: dict, empty: Collection[int] = ()) -> list[PointTrials]:
+    """Return points with these axis values, whether a scenario has such keys or not, and one trial each, or none."""
+    (point,) = points(sweep(None))
+    numbered = (point._replace(number=number, axes=row) for number, row in enumerate(rows))
+    return [of_point(each, ended([] if each.number in empty else [each.number + 1])) for each in numbered]
+
+
+# Curves
+
+
+def test_there_is_a_curve_for_each_combination_of_the_other_axes_in_the_order_of_the_sweep() -> None:
+    curves = read_curves(with_axes({"grid": {COUPLING: [0.2, 0.1], SPEED: SPEEDS, COUNT: [5, 3]}}), SPEED)
+    expected = [(0.2, 5), (0.2, 3), (0.1, 5), (0.1, 3)]
+    assert [curve.axes for curve in curves] == [{COUPLING: epsilon, COUNT: n} for epsilon, n in expected]
+    assert all(curve.x.tolist() == SPEEDS for curve in curves)
+
+
+def test_without_another_axis_there_is_one_curve() -> None:
+    (curve,) = read_curves(with_axes({"grid": {SPEED: SPEEDS}}), SPEED)
+    assert curve.axes == {}
+
+
+def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
+    scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]}, trials=60, stop={"max_cycles": 60})
+    made = in_memory(scenario, lambda point: weibull(point, 30))
+    summaries = summarize(made)
+    for curve in read_curves(made, SPEED):
+        own = [each for each in summaries if each.axes[COUPLING] == curve.axes[COUPLING]]
+        assert curve.means.tolist() == [each.mean for each in own]
+        assert curve.intervals.tolist() == [[each.mean_low, each.mean_high] for each in own]
+        assert curve.censored.tolist() == pytest.approx([each.censored for each in own])
+        assert curve.trials.tolist() == [60] * 5
+        assert curve.resampled.shape == (1000, 5)
+
+
+def test_a_curve_is_sorted_by_x_even_if_the_sweep_is_not() -> None:
+    shuffled = [2.0, 0.5, 5.0, 0.2, 1.0]
+    scenario = sweep({SPEED: shuffled, COUPLING: [0.1, 0.2]})
+    made = in_memory(scenario, lambda point: ended([10 * point.axes[SPEED]] * 3))
+    for curve in read_curves(made, SPEED):
+        assert curve.x.tolist() == SPEEDS
+        assert curve.means.tolist() == [10 * speed for speed in SPEEDS]
+        assert curve.intervals.tolist() == [[10 * speed] * 2 for speed in SPEEDS]
+        np.testing.assert_array_equal(curve.resampled, np.tile(10 * np.array(SPEEDS), (1000, 1)))
+
+
+def test_points_and_curves_without_trials_are_left_out() -> None:
+    def law(point):
+        is_there = point.axes[COUPLING] == 0.1 and point.axes[SPEED] != 1.0
+        return ended([7] * 4 if is_there else [])
+
+    (curve,) = read_curves(in_memory(sweep({COUPLING: [0.2, 0.1], SPEED: SPEEDS}), law), SPEED)
+    assert curve.axes == {COUPLING: 0.1}
+    assert curve.x.tolist() == [0.2, 0.5, 2.0, 5.0]
+    assert curve.trials.tolist() == [4] * 4
+
+
+def test_without_any_trial_there_is_no_curve() -> None:
+    assert read_curves(in_memory(sweep({SPEED: SPEEDS}), lambda _: ended([])), SPEED) == []
+
+
+def test_an_undetermined_mean_is_nan_and_so_is_its_interval() -> None:
+    def law(point):
+        return censored(point, 20) if point.axes[SPEED] < 0.3 else weibull(point, 30)
+
+    (curve,) = read_curves(in_memory(sweep({SPEED: SPEEDS}, trials=20), law), SPEED)
+    assert np.isnan(curve.means).tolist() == [True, False, False, False, False]
+    assert np.isnan(curve.intervals[0]).all()
+    assert curve.censored[0] == 1
+    assert np.isinf(curve.resampled[:, 0]).all()
+    assert np.isfinite(curve.resampled[:, 1:]).all()
+
+
+def test_the_resamples_of_the_points_are_independent() -> None:
+    scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]})
+    trials = weibull(points(scenario)[0], 30)
+    made = in_memory(scenario, lambda _: trials)
+    resampled = np.hstack([curve.resampled for curve in read_curves(made, SPEED)])
+    correlations = np.corrcoef(resampled.T)[np.triu_indices(10, 1)]
+    assert np.abs(correlations).max() < 4 / math.sqrt(1000)
+
+
+def test_a_curve_has_the_scenario_of_its_first_point() -> None:
+    made = with_axes({"grid": {COUPLING: [0.1, 0.2], SPEED: [2, 1]}})
+    for curve, first in zip(read_curves(made, SPEED), (made[1], made[3]), strict=True):
+        assert isinstance(curve.scenario, Scenario)
+        assert curve.scenario == first.scenario
+
+
+@given(
+    st.permutations([(x, y, z) for x in (1, 2.5, 4) for y in ("a", None) for z in ([1], {"k": 0.5})]),
+    st.sets(st.integers(0, 11)),
+)
+@settings(max_examples=15)
+def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, empty) -> None:
+    made = rows_of(*({"x": x, "y": y, "z": z} for x, y, z in order), empty=empty)
+    expected: list[tuple[dict, dict]] = []
+    for each in made:
+        others = {"y": each.axes["y"], "z": each.axes["z"]}
+        if others not in [axes for axes, _ in expected]:
+            expected.append((others, {}))
+        if len(each.times):
+            next(ends for axes, ends in expected if axes == others)[each.axes["x"]] = each.times[0]
+    curves = read_curves(made, "x")
+    assert [(curve.axes, list(zip(curve.x, curve.means, strict=True))) for curve in curves] == [
+        (axes, sorted(ends.items())) for axes, ends in expected if ends
+    ]
+
+
+def test_an_axis_that_goes_along_with_x_makes_no_curves_of_its_own() -> None:
+    (curve,) = read_curves(with_axes({"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}}), WIDTH)
+    assert curve.x.tolist() == [40, 60, 80]
+
+
+def test_speeds_of_two_groups_that_go_together_make_one_curve() -> None:
+    both = [{"count": 2}, {"count": 2}]
+    made = with_axes({"zip": {SPEED: [1, 2, 3], OTHER_SPEED: [2, 4, 6]}}, robots=both)
+    (curve,) = read_curves(made, choose_axis(made))
+    assert curve.x.tolist() == [1, 2, 3]
+
+
+def test_speeds_that_differ_from_curve_to_curve_do_not_make_one_of_two() -> None:
+    rows = [{COUPLING: 0.1, SPEED: 1}, {COUPLING: 0.1, SPEED: 3}, {COUPLING: 0.2, SPEED: 2}, {COUPLING: 0.2, SPEED: 4}]
+    curves = read_curves(with_axes({"points": rows}), SPEED)
+    assert [(curve.axes, curve.x.tolist()) for curve in curves] == [
+        ({COUPLING: 0.1}, [1, 3]),
+        ({COUPLING: 0.2}, [2, 4]),
+    ]
+
+
+def test_whole_sections_may_be_an_axis_beside_the_speed() -> None:
+    obstacles = [[], [{"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 5}]]
+    made = with_axes({"grid": {"arena.obstacles": obstacles, SPEED: [1, 2]}})
+    assert choose_axis(made) == SPEED
+    assert [curve.axes["arena.obstacles"] for curve in read_curves(made, SPEED)] == obstacles
+
+
+def test_values_that_are_equal_make_one_curve_however_they_are_written() -> None:
+    (curve,) = read_curves(with_axes({"points": [{WIDTH: 60, SPEED: 1}, {WIDTH: 60.0, SPEED: 2}]}), SPEED)
+    assert curve.x.tolist() == [1, 2]
+
+
+def test_the_order_in_which_points_list_their_axes_does_not_matter() -> None:
+    made = with_axes({"points": [{WIDTH: 60, COUNT: 3, SPEED: 1}, {SPEED: 2, COUNT: 3, WIDTH: 60}]})
+    (curve,) = read_curves(made, SPEED)
+    assert curve.x.tolist() == [1, 2]
+
+
+# The axis
+
+
+@pytest.mark.parametrize(
+    ("grid", "expected"),
+    [
+        ({COUPLING: [0.1, 0.2, 0.3], SPEED: [1, 2]}, SPEED),
+        ({SPEED: [1], COUPLING: [0.1, 0.2, 0.3]}, SPEED),
+        ({COUNT: [2, 3], COUPLING: [0.1, 0.2, 0.3]}, COUPLING),
+        ({METRIC: ["complex", "reference"], COUNT: [3]}, COUNT),
+        ({SECONDS: [None, 5, 6], COUNT: [2, 3]}, COUNT),
+        ({"robots.0.parameters.once_per_sighting": [True, False], COUNT: [3]}, COUNT),
+    ],
+)
+def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers(grid: dict, expected: str) -> None:
+    assert choose_axis(with_axes({"grid": grid})) == expected
+
+
+@pytest.mark.parametrize("wanted", [COUNT, COUPLING, SPEED])
+def test_the_axis_wanted_is_taken(wanted: str) -> None:
+    assert choose_axis(with_axes({"grid": {COUNT: [2, 3], COUPLING: [0.1], SPEED: [1, 2]}}), wanted) == wanted
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        ("robots.0.parameters.sped_cm_s", f"did you mean '{SPEED}'"),
+        ("", "unknown ''"),
+        (METRIC, METRIC),
+    ],
+)
+def test_an_axis_wanted_that_has_no_numbers_or_is_none_is_refused(wanted: str, message: str) -> None:
+    made = with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2], COUNT: [2]}})
+    with pytest.raises(EpuckSimError) as caught:
+        choose_axis(made, wanted)
+    assert str(caught.value).startswith("--x: ")
+    assert message in str(caught.value)
+    assert str(caught.value).endswith(f"axes with numbers: {SPEED}, {COUNT}")
+
+
+@pytest.mark.parametrize("scenario_sweep", [None, {"grid": {METRIC: ["complex", "reference"]}}])
+def test_where_no_axis_has_numbers_that_is_said(scenario_sweep: dict | None) -> None:
+    made = with_axes(scenario_sweep)
+    with pytest.raises(EpuckSimError, match="no axis with numbers"):
+        choose_axis(made)
+    with pytest.raises(EpuckSimError, match="axes with numbers: none"):
+        choose_axis(made, SPEED)
+
+
+def test_messages_name_who_wants_the_axis() -> None:
+    made = with_axes({"grid": {SPEED: [1, 2]}})
+    with pytest.raises(EpuckSimError, match=r"^run: figure\.x: unknown 'speed'"):
+        choose_axis(made, "speed", "run: figure.x")
+
+
+# The second axis
+
+
+@pytest.mark.parametrize(
+    "grid",
+    [
+        {SPEED: [1, 2], COUPLING: [0.1, 0.2]},
+        {SPEED: [1, 2], COUPLING: [0.1, 0.2], COUNT: [5]},
+        {SPEED: [1, 2], METRIC: ["complex", "reference"], COUPLING: [0.1, 0.2]},
+    ],
+)
+def test_the_second_axis_is_the_only_other_one_whose_numbers_differ(grid: dict) -> None:
+    assert choose_second_axis(with_axes({"grid": grid}), SPEED) == COUPLING
+
+
+def test_axes_that_go_along_count_as_one_and_those_with_x_as_none() -> None:
+    both = [{"count": 2}, {"count": 2}]
+    scenario_sweep = {
+        "points": [{SPEED: 1, OTHER_SPEED: 2}, {SPEED: 2, OTHER_SPEED: 4}],
+        "zip": {WIDTH: [40, 60], HEIGHT: [40, 60]},
+    }
+    made = with_axes(scenario_sweep, robots=both)
+    assert choose_second_axis(made, SPEED) == WIDTH
+    assert choose_second_axis(made, HEIGHT) == SPEED
+
+
+@pytest.mark.parametrize("wanted", [COUPLING, COUNT])
+def test_the_second_axis_wanted_is_taken_even_if_it_has_one_value(wanted: str) -> None:
+    made = with_axes({"grid": {COUNT: [2], COUPLING: [0.1, 0.2], WIDTH: [40, 60], SPEED: [1, 2]}})
+    assert choose_second_axis(made, SPEED, wanted) == wanted
+
+
+def test_where_there_are_several_to_choose_from_or_none_that_is_said() -> None:
+    made = with_axes({"grid": {COUNT: [2, 3], COUPLING: [0.1, 0.2], SPEED: [1, 2]}})
+    with pytest.raises(
+        EpuckSimError, match=f"a map needs a second axis, beside {SPEED}: give --y one of {COUNT}, {COUPLING}$"
+    ):
+        choose_second_axis(made, SPEED)
+    with pytest.raises(EpuckSimError, match="there is no other axis whose numbers differ"):
+        choose_second_axis(with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2]}}), SPEED)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [
+        (SPEED, f"--y: {SPEED} goes along with {SPEED}"),
+        (PIXELS, f"--y: {PIXELS} goes along with {SPEED}, which goes to the right; give --y one of {COUNT}"),
+        (METRIC, f"--y: unknown '{METRIC}'"),
+        ("robots.0.cuont", f"did you mean '{COUNT}'?"),
+    ],
+)
+def test_a_second_axis_that_is_none_is_refused(wanted: str, message: str) -> None:
+    grid = {COUNT: [2, 3], METRIC: ["complex", "reference"]}
+    made = with_axes({"zip": {SPEED: [1, 2], PIXELS: [4, 8]}, "grid": grid})
+    with pytest.raises(EpuckSimError) as caught:
+        choose_second_axis(made, SPEED, wanted)
+    assert message in str(caught.value)
+
+
+# What tells curves apart
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        ([{WIDTH: 40, HEIGHT: 40}, {WIDTH: 60, HEIGHT: 60}], [{WIDTH: 40}, {WIDTH: 60}]),
+        ([{WIDTH: 40, HEIGHT: 80}, {WIDTH: 60, HEIGHT: 70}], [{WIDTH: 40}, {WIDTH: 60}]),
+        ([{COUNT: 5, PIXELS: 4}, {COUNT: 5, PIXELS: 8}], [{PIXELS: 4}, {PIXELS: 8}]),
+        ([{WIDTH: 40, HEIGHT: 40}, {WIDTH: 60, HEIGHT: 60}, {WIDTH: 60, HEIGHT: 70}], None),
+        ([{COUNT: 5, PIXELS: 4}], [{}]),
+        ([{}], [{}]),
+        ([{"noise": "off"}, {"noise": {"wheel_speed": 0.5}}], None),
+    ],
+)
+def test_axes_that_are_constant_or_go_along_with_others_are_dropped(rows: list, expected: list | None) -> None:
+    assert told_apart(rows) == (rows if expected is None else expected)
+
+
+def partition(values: list) -> frozenset:
+    """Return which places hold equal values."""
+    return frozenset(frozenset(n for n, other in enumerate(values) if other == value) for value in values)
+
+
+TABLES = st.integers(1, 6).flatmap(
+    lambda count: st.lists(st.tuples(*[st.integers(0, 2)] * count), min_size=1, max_size=5)
+)
+
+
+@given(TABLES)
+def test_what_is_kept_tells_as_much_apart_as_all_axes_and_no_axis_tells_the_same_twice(columns: list[tuple]) -> None:
+    rows = [dict(zip("abcde", row, strict=False)) for row in zip(*columns, strict=True)]
+    told = told_apart(rows)
+    kept = list(told[0])
+    assert all(each == {key: row[key] for key in kept} for each, row in zip(told, rows, strict=True))
+    assert partition(told) == partition(rows)
+    partitions = [partition([row[key] for row in rows]) for key in kept]
+    assert len(set(partitions)) == len(partitions)
+    assert all(len(each) > 1 for each in partitions)
+    for key in set(rows[0]) - set(kept):
+        own = partition([row[key] for row in rows])
+        assert len(own) == 1 or own in partitions

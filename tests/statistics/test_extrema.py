@@ -1,0 +1,241 @@
+"""Claims about the regimes: where a curve's minimum and peak lie, how sure that is, and when there is no such pair."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.statistics.extrema import GRID_POINTS, MIN_SPEEDS, SIGNIFICANCE, falling_fit, find_bump, smooth_curve
+
+SPEEDS = np.geomspace(0.05, 12.8, 20)
+X = np.log10(SPEEDS)
+GRID_STEP = (X[-1] - X[0]) / (GRID_POINTS - 1)
+
+# the base case of the thesis, measured by 1000 trials a point
+BASE_SPEEDS = np.array([0.05, 0.083, 0.137, 0.227, 0.376, 0.622, 1.029, 1.704, 2.821, 4.67, 7.732, 12.8])
+BASE_MEANS = np.array([110.8, 78.0, 58.5, 52.5, 52.3, 56.7, 61.4, 56.6, 42.1, 32.2, 25.3, 22.0])
+
+
+def cubic(x, low=-0.5, peak=0.3, steepness=2.0):
+    """Return log T with a local minimum at log10 V = low and a peak at log10 V = peak."""
+    return 4 - steepness * (x**3 / 3 - (low + peak) / 2 * x**2 + low * peak * x)
+
+
+def certain(logs):
+    """Return means without noise, and their resamples."""
+    return np.exp(logs), np.tile(np.exp(logs), (50, 1))
+
+
+def trials(logs, count, seed, resamples=200):
+    """Return the means of Weibull trials, a spread of 0.75 of the mean as T_sync has, and their bootstrap."""
+    rng, shape = np.random.default_rng(seed), 1.35
+    times = rng.weibull(shape, (len(logs), count)) / math.gamma(1 + 1 / shape) * np.exp(logs)[:, None]
+    drawn = [of_one[rng.integers(count, size=(resamples, count))].mean(axis=1) for of_one in times]
+    return times.mean(axis=1), np.column_stack(drawn)
+
+
+def share_found(logs, count, curves=100, speeds=SPEEDS):
+    """Return the share of curves, each measured anew, in which a bump is found."""
+    return np.mean([find_bump(speeds, *trials(logs, count, seed)).is_found for seed in range(curves)])
+
+
+# --- closed forms -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("low", "peak"), [(-0.5, 0.3), (-0.8, 0.0), (-0.2, 0.6), (-0.1, 0.2)])
+@pytest.mark.parametrize("steepness", [0.5, 2.0, 5.0])
+def test_a_cubics_extremes_are_found_where_they_are(low, peak, steepness):
+    bump = find_bump(SPEEDS, *certain(cubic(X, low, peak, steepness)))
+    assert np.log10([bump.v_m, bump.v_p]) == pytest.approx([low, peak], abs=1.5 * GRID_STEP)
+    at_extremes = cubic(np.array([low, peak]), low, peak, steepness)
+    assert np.log([bump.t_m, bump.t_p]) == pytest.approx(at_extremes, abs=2e-3)
+    assert bump.rise == pytest.approx(steepness * (peak - low) ** 3 / 6, abs=2e-3)
+    assert bump.p_value == pytest.approx(1 / 51)  # no resample of a certain curve looks like a bump
+
+
+def test_the_pair_is_the_one_with_the_largest_rise():
+    waves = np.cos(2 * math.pi * X) * np.where(X < 0, 0.2, 0.4) - X  # rises towards -1, 0 and 1; the last is largest
+    bump = find_bump(SPEEDS, *certain(waves))
+    slope = math.asin(1 / (0.4 * 2 * math.pi)) / (2 * math.pi)  # how far the slope moves extremes
+    assert np.log10([bump.v_m, bump.v_p]) == pytest.approx([0.5 + slope, 1 - slope], abs=0.03)
+
+
+@given(st.lists(st.floats(-1, 1), min_size=3, max_size=3), st.integers(0, 99))
+@settings(max_examples=25)
+def test_a_parabola_in_logs_is_smoothed_to_itself_whatever_the_noise(coefficients, seed):
+    _, resampled = trials(np.polyval(coefficients, X), 30, seed, 100)
+    curve = smooth_curve(SPEEDS, np.exp(np.polyval(coefficients, X)), resampled)
+    assert np.log(curve.means) == pytest.approx(np.polyval(coefficients, np.log10(curve.speeds)), abs=1e-6)
+
+
+def test_smoothing_takes_most_of_the_noise_away():
+    curves = [smooth_curve(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(40)]
+    errors = [np.log(curve.means) - cubic(np.log10(curve.speeds)) for curve in curves]
+    assert np.std(errors) < 0.7 * 0.75 / math.sqrt(200)
+
+
+def test_the_resamples_are_smoothed_as_the_curve_is():
+    _, resampled = trials(cubic(X), 30, 1)
+    curve = smooth_curve(SPEEDS, resampled[7], resampled)
+    assert curve.resampled[7] == pytest.approx(curve.means)
+    assert curve.resampled.shape == (len(resampled), GRID_POINTS)
+
+
+def test_points_count_by_their_certainty():
+    logs = cubic(X)
+    means, resampled = trials(logs, 200, 3)
+    means[8] *= 1.5
+    unsure = resampled.copy()
+    unsure[:, 8] = means[8] * (resampled[:, 8] / resampled[:, 8].mean()) ** 10
+    resampled[:, 8] *= 1.5
+
+    def error(of_point):
+        curve = smooth_curve(SPEEDS, means, of_point)
+        return abs(np.interp(X[8], np.log10(curve.speeds), np.log(curve.means)) - logs[8])
+
+    assert error(unsure) < 0.3 * error(resampled)
+
+
+# --- units ------------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.01, 100), st.floats(0.01, 100), st.integers(0, 99))
+@settings(max_examples=25)
+def test_the_bump_moves_with_the_units_of_time_and_speed(cycles, speed, seed):
+    means, resampled = trials(cubic(X), 200, seed, 100)
+    bump = find_bump(SPEEDS, means, resampled)
+    scaled = find_bump(speed * SPEEDS, cycles * means, cycles * resampled)
+    units = np.array([speed, cycles, speed, cycles])
+    assert np.array(scaled[:4]) == pytest.approx(units * bump[:4])
+    assert scaled.intervals == pytest.approx(units[:, None] * bump.intervals)
+    assert scaled.resampled == pytest.approx(units * bump.resampled, nan_ok=True)
+    assert (scaled.rise, scaled.p_value) == pytest.approx((bump.rise, bump.p_value), abs=1e-9)
+
+
+# --- what is undetermined ---------------------------------------------------------------------------
+
+
+def assert_same(bump, other):
+    for one, two in zip(bump, other, strict=True):
+        assert np.array_equal(one, two, equal_nan=True)
+
+
+@pytest.mark.parametrize("missing", [np.nan, np.inf])
+def test_a_speed_is_left_out_where_its_mean_or_many_of_its_resamples_are_undetermined(missing):
+    means, resampled = trials(cubic(X), 200, 4)
+    without = find_bump(SPEEDS[2:], means[2:], resampled[:, 2:])
+    means[0] = missing
+    resampled[: len(resampled) // 15, 1] = missing
+    assert_same(find_bump(SPEEDS, means, resampled), without)
+
+
+@pytest.mark.parametrize("missing", [np.nan, np.inf])
+def test_a_few_undetermined_resamples_count_as_the_longest(missing):
+    means, resampled = trials(cubic(X), 200, 4)
+    worst = np.argsort(resampled[:, 0])[-10:]
+    resampled[worst[:9], 0] = resampled[worst[9], 0]
+    full = find_bump(SPEEDS, means, resampled)
+    resampled[worst[:9], 0] = missing
+    assert_same(find_bump(SPEEDS, means, resampled), full)
+
+
+def test_robots_that_stand_still_have_no_place_on_a_log_axis():
+    means, resampled = trials(cubic(X), 200, 4)
+    without = find_bump(SPEEDS[1:], means[1:], resampled[:, 1:])
+    assert_same(find_bump(np.concatenate([[0.0], SPEEDS[1:]]), means, resampled), without)
+
+
+@pytest.mark.parametrize("determined", [0, MIN_SPEEDS - 1, MIN_SPEEDS])
+def test_a_bump_takes_six_determined_speeds(determined):
+    means, resampled = certain(cubic(X))
+    means[determined:] = np.nan
+    is_none = determined < 6
+    assert (find_bump(SPEEDS, means, resampled) is None) == is_none
+    assert (smooth_curve(SPEEDS, means, resampled) is None) == is_none
+
+
+# --- the falling curve ------------------------------------------------------------------------------
+
+points = st.lists(st.tuples(st.floats(-9, 9), st.floats(0.1, 9)), min_size=1, max_size=8)
+
+
+@given(points)
+def test_the_falling_fit_is_the_least_over_beginnings_of_the_largest_average_over_ends(some):
+    values, weights = np.array(some).T
+
+    def average(begin, end):
+        return np.average(values[begin : end + 1], weights=weights[begin : end + 1])
+
+    count = len(values)
+    fit = [min(max(average(a, b) for b in range(i, count)) for a in range(i + 1)) for i in range(count)]
+    assert falling_fit(values, weights) == pytest.approx(fit)
+
+
+# --- when there is a bump ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("logs", [-X, -(X**3), X, 0.3 * X**2, -0.3 * X**2])
+def test_a_certain_curve_without_both_extremes_has_no_bump(logs):
+    bump = find_bump(SPEEDS, *certain(logs))
+    assert np.isnan(bump[:4]).all()
+    assert np.isnan(bump.intervals).all()
+    assert (bump.rise, bump.p_value, bump.is_found) == (0, 1, False)
+
+
+PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)
+
+
+@pytest.mark.parametrize("count", [30, 200])
+@pytest.mark.parametrize("logs", [PLATEAU, 4 - 0.8 * X, np.full(20, 4.0)], ids=["plateau", "power law", "flat"])
+def test_noise_on_a_falling_curve_is_rarely_taken_for_a_bump(logs, count):
+    assert share_found(logs, count) <= 2 * SIGNIFICANCE  # 100 curves: 5 % are within it but for one seed in 80
+
+
+@pytest.mark.parametrize(("kept", "is_found"), [(1.0, True), (0.96, True), (0.94, False), (0.5, False)])
+def test_a_bump_that_noise_would_undo_is_none(kept, is_found):
+    bump = find_bump(SPEEDS, *trials(cubic(X), 1000, 1))
+    assert bump.is_found
+    lost = bump.resampled.copy()
+    lost[round(kept * len(lost)) :] = np.nan
+    assert bump._replace(resampled=lost).is_found == is_found
+
+
+def base_case(speeds):
+    return np.interp(np.log10(speeds), np.log10(BASE_SPEEDS), np.log(BASE_MEANS))
+
+
+NEVER_FALLS_AGAIN = base_case(np.minimum(SPEEDS, 1.029))
+RISES_FROM_THE_START = base_case(np.maximum(SPEEDS, 0.3))
+
+
+@pytest.mark.parametrize("logs", [NEVER_FALLS_AGAIN, RISES_FROM_THE_START, 4 + 0.5 * X**2, 4 - 0.5 * X**2])
+def test_a_rise_is_no_bump_without_a_fall_before_it_and_after_it(logs):
+    assert share_found(logs, 200) <= 2 * SIGNIFICANCE
+
+
+@pytest.mark.parametrize(
+    ("count", "curves", "least", "most"), [(30, 50, 0.2, 0.6), (200, 50, 0.85, 1), (1000, 20, 1, 1)]
+)
+def test_the_base_case_is_found_mostly_at_200_trials_and_always_at_1000(count, curves, least, most):
+    assert least <= share_found(base_case(SPEEDS), count, curves) <= most
+
+
+def test_the_intervals_hold_the_truth_about_as_often_as_they_say():
+    truth = np.array([10**-0.5, math.exp(cubic(-0.5)), 10**0.3, math.exp(cubic(0.3))])
+    bumps = [find_bump(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(100)]
+    low, high = np.array([bump.intervals for bump in bumps]).transpose(2, 0, 1)
+    held = ((low <= truth) & (truth <= high)).mean(axis=0)
+    assert ((held >= 0.85) & (held <= 1)).all()
+    assert (np.median(high / low, axis=0) < [2.0, 1.2, 2.0, 1.2]).all()
+
+
+def test_intervals_are_percentiles_of_the_resamples_that_have_a_pair():
+    bump = find_bump(SPEEDS, *trials(base_case(SPEEDS), 30, 11))
+    without = np.isnan(bump.resampled).any(axis=1)
+    assert 0 < np.count_nonzero(without) < len(without)
+    low, high = np.nanpercentile(bump.resampled, [2.5, 97.5], axis=0)
+    assert bump.intervals == pytest.approx(np.column_stack([low, high]))
+    slow, fast = bump.resampled[~without, 0], bump.resampled[~without, 2]
+    assert (slow < fast).all()

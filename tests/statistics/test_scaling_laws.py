@@ -1,0 +1,258 @@
+"""Claims about scaling: what the fits recover, how sure they are, and when curves cannot tell."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.statistics.extrema import Bump
+from epuck_sim.statistics.scaling_laws import LAWS, compare_laws, fit_offset_law, fit_power_law
+
+PARAMETERS = {
+    "epsilon": np.array([0.1, 0.05, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]),
+    "L": np.array([60.0, 60, 60, 40, 90, 60, 60, 60, 60]),
+    "N": np.array([10, 10, 10, 10, 10, 5, 15, 10, 10]),
+    "tau": np.array([5.0, 5, 5, 5, 5, 5, 5, 3, 8]),
+}
+CURVES = 9
+
+
+def lawful(law, prefactor, exponents, parameters=PARAMETERS):
+    """Return the values of a law with these exponents."""
+    values = np.full(len(parameters["L"]), prefactor)
+    for name, exponent in exponents.items():
+        is_power = law[name].form == "power"
+        values = values * (parameters[name] ** exponent if is_power else np.exp(exponent * parameters[name]))
+    return values
+
+
+def noisy(values, spread, seed, resamples=200):
+    """Return values with log-normal noise of these spreads of their logs, and resamples about them."""
+    rng = np.random.default_rng(seed)
+    measured = values * np.exp(spread * rng.standard_normal(len(values)))
+    return measured, measured * np.exp(spread * rng.standard_normal((resamples, len(values))))
+
+
+def thesis(law):
+    return {name: term.exponent for name, term in law.items()}
+
+
+def held(estimate, truth):
+    return estimate.low <= truth <= estimate.high
+
+
+# --- power laws -------------------------------------------------------------------------------------
+
+
+def test_the_laws_are_those_of_the_thesis():
+    base, other = {"epsilon": 0.1, "L": 60, "N": 10, "tau": 5}, {"epsilon": 0.2, "L": 90, "N": 12, "tau": 4}
+
+    def ratio(quantity):
+        ends = {name: np.array([base[name], other[name]], float) for name in base}
+        first, second = lawful(LAWS[quantity], 1.0, thesis(LAWS[quantity]), ends)
+        return second / first
+
+    assert ratio("V_m") == pytest.approx(2 * 1.5 / 1.2**1.5)
+    assert ratio("V_p") == pytest.approx(2 * 1.5 / 1.2**0.5)
+    assert ratio("T_m") == ratio("T_p") == pytest.approx(1.5 * math.exp(2) / 0.8**2)
+    assert list(LAWS) == ["V_m", "T_m", "V_p", "T_p"]  # a bump's order
+
+
+@pytest.mark.parametrize("quantity", LAWS)
+@given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.floats(1e-3, 1e3))
+def test_a_power_law_without_noise_is_recovered(quantity, exponents, prefactor):
+    law = LAWS[quantity]
+    truth = dict(zip(PARAMETERS, exponents, strict=True))
+    values = lawful(law, prefactor, truth)
+    fit = fit_power_law(law, PARAMETERS, values, np.tile(values, (20, 1)))
+    assert {name: estimate.value for name, estimate in fit.exponents.items()} == pytest.approx(truth, abs=1e-9)
+    for name, estimate in fit.exponents.items():
+        assert tuple(estimate) == pytest.approx((truth[name],) * 3, abs=1e-9)
+    assert tuple(fit.prefactor) == pytest.approx((prefactor,) * 3, rel=1e-8)
+
+
+@given(st.floats(0.01, 100), st.sampled_from(["epsilon", "L", "tau"]))
+def test_the_unit_of_a_parameter_changes_the_prefactor_alone(unit, name):
+    law = LAWS["V_m"]
+    values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 1)
+    fit = fit_power_law(law, PARAMETERS, values, resampled)
+    scaled = fit_power_law(law, PARAMETERS | {name: unit * PARAMETERS[name]}, values, resampled)
+    for parameter, estimate in fit.exponents.items():
+        assert tuple(scaled.exponents[parameter]) == pytest.approx(tuple(estimate), abs=1e-9)
+    assert scaled.prefactor.value == pytest.approx(fit.prefactor.value * unit ** -fit.exponents[name].value)
+    assert scaled.misfit == pytest.approx(fit.misfit)
+
+
+def test_parameters_that_do_not_vary_among_the_known_curves_are_left_out():
+    law = LAWS["V_p"]
+    values = lawful(law, 2.0, thesis(law))
+    resampled = np.tile(values, (20, 1))
+    values[[5, 6]] = np.nan  # the curves at other N
+    fit = fit_power_law(law, PARAMETERS, values, resampled)
+    assert list(fit.exponents) == ["epsilon", "L", "tau"]
+    assert fit.prefactor.value == pytest.approx(2 * 10**-0.5)
+
+
+def test_curves_count_by_their_certainty():
+    law = LAWS["V_m"]
+    spread = np.full(CURVES, 0.01)
+    values, resampled = noisy(lawful(law, 0.1, thesis(law)), spread, 2)
+    spread[4] = 0.5
+    values[4] *= 1.5
+    unsure = resampled.copy()
+    unsure[:, 4] = noisy(values, spread, 3)[1][:, 4]
+    resampled[:, 4] *= 1.5
+    as_sure = fit_power_law(law, PARAMETERS, values, resampled).exponents["L"].value
+    weighted = fit_power_law(law, PARAMETERS, values, unsure).exponents["L"].value
+    assert abs(weighted - 1) < 0.1
+    assert abs(as_sure - 1) > 0.3
+
+
+@pytest.mark.parametrize("quantity", ["V_m", "T_p"])
+def test_the_intervals_hold_the_truth_as_often_as_they_say_and_the_misfit_is_about_1(quantity):
+    law = LAWS[quantity]
+    values = lawful(law, 0.1, thesis(law))
+    spread = np.linspace(0.05, 0.3, CURVES)
+    fits = [fit_power_law(law, PARAMETERS, *noisy(values, spread, seed)) for seed in range(200)]
+    for name, term in law.items():
+        assert 0.9 <= np.mean([held(fit.exponents[name], term.exponent) for fit in fits]) <= 0.99
+    assert 0.9 <= np.mean([held(fit.prefactor, 0.1) for fit in fits]) <= 0.99
+    assert np.mean([fit.misfit**2 for fit in fits]) == pytest.approx(1, abs=0.15)
+
+
+def test_the_misfit_tells_where_the_law_is_another():
+    law = LAWS["T_m"]
+    values = lawful(law, 1e-3, thesis(law)) + 20
+    assert fit_power_law(law, PARAMETERS, *noisy(values, 0.05, 4)).misfit > 5
+
+
+def test_nothing_is_left_for_a_misfit_where_curves_are_as_many_as_unknowns():
+    law = LAWS["V_m"]
+    sizes = {"L": np.array([40.0, 80.0])}
+    assert math.isnan(fit_power_law(law, sizes, *noisy(np.array([1.0, 2.0]), 0.1, 5)).misfit)
+
+
+# --- gaps -------------------------------------------------------------------------------------------
+
+
+def test_curves_of_which_nothing_is_known_are_left_out():
+    law = LAWS["V_m"]
+    values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 6)
+    left = {name: array[2:] for name, array in PARAMETERS.items()}
+    without = fit_power_law(law, left, values[2:], resampled[:, 2:])
+    values[0] = np.nan
+    resampled[1:, 1] = np.nan
+    assert fit_power_law(law, PARAMETERS, values, resampled) == without
+
+
+def test_gaps_in_the_resamples_cost_no_certainty():
+    law = LAWS["V_m"]
+    values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 7, 2000)
+    full = fit_power_law(law, PARAMETERS, values, resampled)
+    resampled[np.random.default_rng(0).random(resampled.shape) < 0.3] = np.nan  # of 2000, 80 are without
+    gappy = fit_power_law(law, PARAMETERS, values, resampled)
+    for name, estimate in full.exponents.items():
+        width = estimate.high - estimate.low
+        assert gappy.exponents[name].high - gappy.exponents[name].low == pytest.approx(width, rel=0.1)
+    assert np.isnan(resampled).any()  # the caller's are as they were
+
+
+# --- what cannot be told ----------------------------------------------------------------------------
+
+
+def test_too_few_curves_are_refused():
+    law, few = LAWS["V_m"], {name: array[[0, 1, 3, 5]] for name, array in PARAMETERS.items()}
+    values = lawful(law, 0.1, thesis(law), few)
+    assert len(fit_power_law(law, few, values, np.tile(values, (9, 1))).exponents) == 3
+    few["tau"] = np.array([5.0, 5, 5, 8])
+    with pytest.raises(ValueError, match="4 curves cannot tell 5 unknowns: a prefactor and epsilon, L, N, tau"):
+        fit_power_law(law, few, values, np.tile(values, (9, 1)))
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1, 1e6])
+def test_parameters_that_vary_together_are_refused(unit):
+    together = {"epsilon": np.array([0.1, 0.2, 0.3, 0.4]), "L": unit * np.array([1.0, 4, 9, 16])}
+    with pytest.raises(ValueError, match="cannot tell epsilon, L apart"):
+        fit_power_law(LAWS["V_m"], together, *noisy(np.ones(4), 0.1, 0))
+    with pytest.raises(ValueError, match="cannot tell L e"):
+        fit_offset_law({"L": np.full(4, unit), "N": np.full(4, 9), "tau": np.full(4, 5.0)}, *noisy(np.ones(4), 0.1, 0))
+
+
+def test_no_curve_is_too_few():
+    nothing = np.full(CURVES, np.nan)
+    with pytest.raises(ValueError, match="no curve is known"):
+        fit_power_law(LAWS["V_m"], PARAMETERS, nothing, np.ones((9, CURVES)))
+    with pytest.raises(ValueError, match="no curve is known"):
+        fit_offset_law(PARAMETERS, nothing, np.ones((9, CURVES)))
+    with pytest.raises(ValueError, match="no curve has a bump"):
+        compare_laws(PARAMETERS, [None] * CURVES)
+
+
+# --- the offset law ---------------------------------------------------------------------------------
+
+TERM = PARAMETERS["L"] * np.exp(PARAMETERS["N"]) / PARAMETERS["tau"] ** 2
+
+
+@given(st.floats(1e-6, 1e-2), st.floats(5, 100))
+def test_an_offset_law_without_noise_is_recovered(factor, offset):
+    values = factor * TERM + offset
+    fit = fit_offset_law(PARAMETERS, values, np.tile(values, (20, 1)))
+    assert tuple(fit.factor) == pytest.approx((factor,) * 3, rel=1e-6)
+    assert tuple(fit.offset) == pytest.approx((offset,) * 3, rel=1e-6)
+    assert fit.r_squared == pytest.approx(1)
+
+
+def test_large_swarms_do_not_swamp_the_offset():
+    parameters = PARAMETERS | {"N": np.array([10, 10, 10, 10, 10, 5, 30, 10, 10])}
+    term = PARAMETERS["L"] * np.exp(parameters["N"]) / PARAMETERS["tau"] ** 2
+    values = 1e-12 * term + 40
+    fit = fit_offset_law(parameters, values, np.tile(values, (20, 1)))
+    assert (fit.factor.value, fit.offset.value) == pytest.approx((1e-12, 40))
+
+
+def test_the_intervals_of_an_offset_law_hold_the_truth_as_often_as_they_say():
+    fits = [fit_offset_law(PARAMETERS, *noisy(1e-3 * TERM + 40, 0.05, seed)) for seed in range(200)]
+    assert 0.88 <= np.mean([held(fit.factor, 1e-3) for fit in fits]) <= 0.99
+    assert 0.88 <= np.mean([held(fit.offset, 40) for fit in fits]) <= 0.99
+
+
+def test_curves_count_by_their_certainty_in_an_offset_law():
+    values, resampled = noisy(1e-3 * TERM + 40, 0.05, 9)
+    values[6] *= 3  # at the largest N
+    resampled[:, 6] = values[6] * noisy(np.ones(CURVES), 1.0, 10)[1][:, 6]
+    assert fit_offset_law(PARAMETERS, values, resampled).offset.value == pytest.approx(40, rel=0.1)
+
+
+def test_r_squared_is_the_share_explained():
+    against = fit_offset_law(PARAMETERS, *noisy(np.full(CURVES, 40.0), 0.1, 8))
+    assert 0 <= against.r_squared < 0.5
+    assert 0.9 < fit_offset_law(PARAMETERS, *noisy(1e-2 * TERM + 40, 0.05, 8)).r_squared < 1
+
+
+# --- the table --------------------------------------------------------------------------------------
+
+
+def bumps(p_values):
+    """Return bumps that obey the thesis's laws without noise, one for each curve."""
+    columns = np.column_stack([lawful(law, 0.1, thesis(law)) for law in LAWS.values()])
+    nothing = np.full((4, 2), np.nan)
+    return [Bump(*row, nothing, 1.0, p, np.tile(row, (20, 1))) for row, p in zip(columns, p_values, strict=True)]
+
+
+def test_every_law_is_compared_with_the_thesis():
+    rows = compare_laws(PARAMETERS, bumps([0.01] * CURVES))
+    assert [(row.quantity, row.parameter) for row in rows] == [(q, p) for q in LAWS for p in PARAMETERS]
+    for row in rows:
+        assert row.exponent.value == pytest.approx(row.thesis, abs=1e-9)
+        assert row.thesis == LAWS[row.quantity][row.parameter].exponent
+        assert row.form == ("exponential" if row.parameter == "N" and row.quantity[0] == "T" else "power")
+
+
+def test_curves_without_a_bump_are_not_compared():
+    some = bumps([0.01, 0.01, 0.5, *[0.01] * 6])
+    some[2] = some[2]._replace(v_m=1e9)
+    some[0] = None
+    rows = compare_laws({name: list(array) for name, array in PARAMETERS.items()}, some)
+    assert [row.exponent.value for row in rows] == pytest.approx([row.thesis for row in rows], abs=1e-9)

@@ -1,0 +1,297 @@
+"""Claims about the statistics of a sweep's points: whose numbers they are, and what is told where there are none."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from epuck_sim.cli.app import app
+from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.scenario.points import points
+from epuck_sim.statistics.mean_estimate import bootstrap_means, confidence_interval, mean_time
+from epuck_sim.statistics.summary import PointSummary, summarize
+from epuck_sim.statistics.survival import median_time, restricted_mean
+from tests.runs.made_folders import (
+    COUPLING,
+    LIMIT,
+    PERIOD,
+    PIXELS,
+    SECONDS,
+    SPEED,
+    SPEEDS,
+    censored,
+    ended,
+    in_memory,
+    of_point,
+    store,
+    sweep,
+    weibull,
+)
+
+COMMAND = [sys.executable, "-m", "epuck_sim"]
+
+# how the trials of the five points end: all, most, few, none synchronised; no trial
+MIXED = sweep({SPEED: SPEEDS}, trials=60, stop={"max_cycles": 100})
+
+
+def mixed(point):
+    match point.number:
+        case 0:
+            return weibull(point, 20)
+        case 1:
+            return weibull(point, 90)
+        case 2:
+            return ended([*range(40, 45), *[100] * 55], [True] * 5 + [False] * 55)
+        case 3:
+            return censored(point, 60)
+    return ended([])
+
+
+def one_point(times, observed=None, **changes) -> PointTrials:
+    (point,) = points(sweep(None, **changes))
+    return of_point(point, ended(times, observed))
+
+
+def one_summary(times, observed=None, **changes) -> PointSummary:
+    return summarize([one_point(times, observed, **changes)])[0]
+
+
+def no_constant(name: str) -> None:
+    raise AssertionError(f"{name} is no JSON")
+
+
+def summarized(*arguments: str | Path):
+    result = CliRunner().invoke(app, ["summarize", *map(str, arguments)])
+    assert result.exit_code == 0, result.stderr
+    return result
+
+
+def cells(stdout: str) -> list[list[str]]:
+    """Return the cells of a table's rows."""
+    return [[cell.strip() for cell in line.split("│")[1:-1]] for line in stdout.splitlines() if line.startswith("│")]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    return store(tmp_path_factory.mktemp("mixed"), MIXED, mixed)
+
+
+# Whose numbers they are
+
+
+def test_the_folders_of_these_tests_hold_what_is_summarized_in_memory(folder) -> None:
+    for read, made in zip(read_points(folder), in_memory(MIXED, mixed), strict=True):
+        assert read[:4] == made[:4]
+        assert (read.times.tolist(), read.observed.tolist()) == (made.times.tolist(), made.observed.tolist())
+
+
+def test_the_numbers_are_those_of_the_survival_functions_on_the_same_trials() -> None:
+    given_points = in_memory(MIXED, mixed)[:2]
+    assert not given_points[1].observed.all()
+    for point, summary in zip(given_points, summarize(given_points), strict=True):
+        trials = point.times, point.observed
+        expected = [
+            mean_time(*trials),
+            *confidence_interval(bootstrap_means(*trials, seed=point.seed)),
+            *median_time(*trials),
+            restricted_mean(*trials, 100),
+        ]
+        assert list(summary[4:11]) == [number if math.isfinite(number) else None for number in expected]
+        assert (summary.point, summary.axes, summary.trials, summary.horizon) == (point.number, point.axes, 60, 100)
+        assert summary.censored == pytest.approx((~point.observed).mean())
+
+
+def test_points_stay_in_the_order_of_the_sweep() -> None:
+    scenario = sweep({SPEED: [3, 1, 2]})
+    summaries = summarize(in_memory(scenario, lambda point: ended([point.number + 1])))
+    assert [(each.point, each.axes[SPEED], each.mean) for each in summaries] == [(0, 3, 1), (1, 1, 2), (2, 2, 3)]
+
+
+def test_where_all_trials_synchronised_the_restricted_mean_is_the_plain_one_and_nothing_is_censored() -> None:
+    summary = one_summary([3, 8, 8, 20], stop={"max_cycles": 50})
+    assert (summary.restricted_mean, summary.censored, summary.horizon) == (pytest.approx(39 / 4), 0, 50)
+
+
+def test_the_share_censored_is_that_of_the_trials_with_a_result() -> None:
+    assert one_summary([3, 8, 20, 50], [True, True, True, False]).censored == 0.25
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 50), st.booleans()), max_size=25),
+    st.randoms(use_true_random=False),
+)
+@settings(max_examples=30)
+def test_every_number_is_known_or_none_and_the_order_of_the_trials_does_not_matter(trials, random) -> None:
+    times, observed = [time for time, _ in trials], [is_observed for _, is_observed in trials]
+    summary = one_summary(times, observed)
+    shuffled = random.sample(trials, len(trials))
+    assert one_summary([time for time, _ in shuffled], [seen for _, seen in shuffled]) == summary
+    numbers = [number for number in summary[2:] if number is not None]
+    assert np.isfinite(numbers).all()
+    assert summary.trials == len(trials)
+    for low, high in (summary[5:7], summary[8:10]):
+        assert high is None or low <= high
+    if summary.restricted_mean is not None:
+        assert min(times) <= summary.restricted_mean <= summary.horizon
+    assert (summary.mean is None) <= (summary.mean_low is None)
+
+
+# Where there is no number
+
+
+def test_under_10_percent_uncensored_the_mean_is_none_and_the_restricted_mean_is_not() -> None:
+    few = summarize(in_memory(MIXED, mixed))[2]
+    assert few.censored == pytest.approx(55 / 60)
+    assert (few.mean, few.mean_low, few.mean_high, few.median, few.median_high) == (None,) * 5
+    assert few.restricted_mean == pytest.approx((40 + 41 + 42 + 43 + 44 + 55 * 100) / 60)
+
+
+def test_where_no_trial_synchronised_all_is_none_but_the_restricted_mean_which_is_the_limit() -> None:
+    none = summarize(in_memory(MIXED, mixed))[3]
+    assert (none.trials, none.censored, none.restricted_mean, none.horizon) == (60, 1, 100, 100)
+    assert none[4:10] == (None,) * 6
+
+
+def test_a_point_without_trials_has_no_numbers() -> None:
+    without = summarize(in_memory(MIXED, mixed))[4]
+    assert without == PointSummary(4, {SPEED: 5.0}, 0, 0, *[None] * 7, 100)
+
+
+def test_an_end_that_the_resamples_do_not_reach_is_none() -> None:
+    at_the_edge = one_summary([*range(40, 47), *[100] * 53], [True] * 7 + [False] * 53, stop={"max_cycles": 100})
+    assert at_the_edge.mean > at_the_edge.mean_low > 0
+    assert at_the_edge.mean_high is None
+
+
+# The horizon
+
+
+def test_the_horizon_is_the_longest_follow_up_where_trials_ran_out_of_time_before() -> None:
+    summary = one_summary([10, 20, 30, 30], [True, True, False, False], stop={"max_cycles": 5000, "max_time_s": 150})
+    assert summary.horizon == 30
+    assert summary.restricted_mean == pytest.approx((10 + 20 + 30 + 30) / 4)
+
+
+def test_the_horizon_reaches_as_far_as_a_trial_was_followed_that_synchronised_after_others_were_censored() -> None:
+    summary = one_summary([10, 20, 40], [True, False, True])
+    assert summary.horizon == 40
+    assert summary.restricted_mean == restricted_mean([10, 20, 40], [True, False, True], 40)
+
+
+def test_the_horizon_is_each_point_s_own_limit() -> None:
+    scenario = sweep({LIMIT: [50, 80]}, stop={})
+    summaries = summarize(in_memory(scenario, lambda point: censored(point, 5)))
+    assert [(each.horizon, each.restricted_mean) for each in summaries] == [(50, 50), (80, 80)]
+
+
+# The same numbers again, and independent ones at each point
+
+
+def test_the_same_results_give_the_same_numbers_in_any_process(folder) -> None:
+    environment = {**os.environ, "PYTHONHASHSEED": "17"}
+    first, second = (
+        subprocess.run(
+            [*COMMAND, "summarize", str(folder), "--json"], capture_output=True, text=True, check=True, env=each
+        ).stdout
+        for each in (environment, {**environment, "PYTHONHASHSEED": "18"})
+    )
+    assert first == second == summarized(folder, "--json").stdout
+
+
+def test_every_point_has_a_seed_of_its_own() -> None:
+    scenario = sweep({SPEED: SPEEDS, LIMIT: range(10, 60)}, stop={})
+    seeds = {point.seed for point in in_memory(scenario, lambda _: ended([]))}
+    assert len(seeds) == 5 * 50
+
+
+def test_a_point_s_seed_is_not_changed_by_trials_points_or_places_added() -> None:
+    few = in_memory(sweep({SPEED: [2, 1]}), lambda _: ended([5]))
+    more = in_memory(sweep({SPEED: [0.5, 1, 2]}, trials=300), lambda _: ended([5, 6]))
+    assert [point.seed for point in few] == [more[2].seed, more[1].seed]
+
+
+def test_the_resamples_of_two_points_are_uncorrelated_even_if_their_trials_are_the_same() -> None:
+    trials = weibull(points(MIXED)[0], 20)
+    means = [bootstrap_means(*trials, seed=point.seed) for point in in_memory(MIXED, mixed)]
+    correlations = np.corrcoef(means)[np.triu_indices(5, 1)]
+    assert np.abs(correlations).max() < 4 / math.sqrt(1000)
+
+
+def test_the_same_axis_values_of_another_scenario_are_resampled_otherwise() -> None:
+    one, other = (in_memory(sweep({SPEED: [1]}, noise=noise), lambda _: ended([5])) for noise in ("on", "off"))
+    assert one[0].seed != other[0].seed
+
+
+# What is printed
+
+
+def test_json_is_one_array_with_all_fields_of_each_point_and_no_nan(folder) -> None:
+    stdout = summarized(folder, "--json").stdout
+    read = json.loads(stdout, parse_constant=no_constant)
+    assert read == [each._asdict() for each in summarize(read_points(folder))]
+    assert len(stdout.splitlines()) == 1
+    assert all(list(each) == list(PointSummary._fields) for each in read)
+    assert [each["mean"] is None for each in read] == [False, False, True, True, True]
+    assert [each["trials"] for each in read] == [60, 60, 60, 60, 0]
+
+
+def test_the_table_has_a_row_for_each_point(folder) -> None:
+    stdout = summarized(folder).stdout
+    table = cells(stdout)
+    assert [row[:3] for row in table] == [[str(n), str(speed), "60"] for n, speed in enumerate(SPEEDS[:4])] + [
+        ["4", "5.0", "0"]
+    ]
+    for row, point in zip(table[:2], summarize(read_points(folder)), strict=False):
+        assert row[3] == f"{point.censored:.0%}"
+        assert row[4] == f"{point.mean:.4g} ({point.mean_low:.4g} to {point.mean_high:.4g})"
+        assert row[5].startswith(f"{point.median:.4g}")
+        assert row[6] == f"{point.restricted_mean:.4g}"
+    assert "V" in stdout
+    assert str(folder) in "".join(stdout.splitlines()[:2])
+
+
+def test_in_the_table_what_is_undetermined_is_a_dash(folder) -> None:
+    few, none, without = cells(summarized(folder).stdout)[2:]
+    assert few[4:] == ["-", "-", "95.17"]
+    assert none[3:] == ["100%", "-", "-", "100"]
+    assert without[3:] == ["0%", "-", "-", "-"]
+
+
+def test_in_the_table_an_open_end_is_a_question_mark(tmp_path) -> None:
+    scenario = sweep({SPEED: [1]}, trials=60, stop={"max_cycles": 100})
+    store(tmp_path, scenario, lambda _: ended([*range(40, 47), *[100] * 53], [True] * 7 + [False] * 53))
+    ((*_, mean, median, _),) = cells(summarized(tmp_path).stdout)
+    assert mean.endswith(" to ?)")
+    assert float(mean.partition(" (")[2].removesuffix(" to ?)")) > 40
+    assert median == "-"
+
+
+def test_a_scenario_without_a_sweep_is_one_row(tmp_path) -> None:
+    store(tmp_path, sweep(None, trials=3), lambda _: ended([5, 5, 5]))
+    assert cells(summarized(tmp_path).stdout) == [["0", "3", "0%", "5 (5 to 5)", "5 (5 to 5)", "5"]]
+
+
+def test_no_number_is_cut_in_a_sweep_over_many_axes(tmp_path) -> None:
+    axes = {SPEED: 0.067, SECONDS: 123456.5, LIMIT: 20000, PIXELS: 58, COUPLING: 0.1, PERIOD: 5}
+    scenario = sweep({key: [value] for key, value in axes.items()}, trials=20, stop={})
+    store(tmp_path, scenario, lambda point: weibull(point, 12345))
+    assert "…" not in summarized(tmp_path).stdout
+
+
+def test_axis_values_are_no_markup(tmp_path) -> None:
+    (tmp_path / "[red]x.py").write_text(
+        "PARAMETERS = {}\nMEMORY = {}\n\ndef start(memory, parameters, random):\n    pass\n\n"
+        "def step(sensors, memory, actuators, parameters, random):\n    pass\n"
+    )
+    controllers = [str(tmp_path / "[red]x.py"), "constant"]
+    scenario = sweep({"robots.0.controller": controllers}, trials=1, robots=[{"parameters": {}}])
+    store(tmp_path / "run", scenario, lambda _: ended([5]))
+    assert cells(summarized(tmp_path / "run").stdout)[0][1] == "[red]x.py"

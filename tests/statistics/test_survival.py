@@ -1,0 +1,501 @@
+"""Claims about censored synchronisation times: Appendix A step by step, lifelines, scipy and known distributions."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lifelines import KaplanMeierFitter, WeibullFitter
+from lifelines.utils import median_survival_times, restricted_mean_survival_time
+from scipy.optimize import curve_fit
+from scipy.stats import CensoredData, ecdf
+
+from epuck_sim.statistics.mean_estimate import LEAST_UNCENSORED, bootstrap_means, confidence_interval, mean_time
+from epuck_sim.statistics.survival import kaplan_meier, median_time, restricted_mean
+from epuck_sim.statistics.weibull import Weibull, fit_weibull
+
+whole_cycles = st.integers(1, 12) | st.integers(0, 10**7)
+trials = st.lists(st.tuples(whole_cycles, st.booleans()), min_size=1, max_size=40).map(
+    lambda pairs: (np.array([t for t, _ in pairs], float), np.array([o for _, o in pairs]))
+)
+uncensored = st.lists(whole_cycles, min_size=1, max_size=40).map(lambda times: np.array(times, float))
+
+
+def appendix_a(times, observed):
+    """Return steps 1 to 5: each uncensored trial's time and R, as a fraction, events before censorings."""
+    points, r, running = [], Fraction(1), len(times)
+    for time, is_censored in sorted(zip(times.tolist(), (~observed).tolist(), strict=True)):
+        if not is_censored:
+            r *= Fraction(running - 1, running)
+            points.append((time, r))
+        running -= 1
+    return points
+
+
+def weibull_trials(seed, n=200, scale=50.0, shape=1.2, censored=0.0, whole=False):
+    """Return trials of a Weibull distribution, all censored at the time that this part of them would outlast."""
+    limit = scale * (-math.log(censored)) ** (1 / shape) if censored else math.inf
+    times = scale * np.random.default_rng(seed).weibull(shape, n)
+    if whole:
+        times, limit = np.ceil(times), np.ceil(limit)
+    return np.minimum(times, limit), times <= limit
+
+
+def messy_trials(seed, n=80):
+    """Return whole cycles with ties, censored at random times and at a limit."""
+    random = np.random.default_rng(seed)
+    times, limits = np.ceil(30 * random.weibull(1.3, n)), np.minimum(random.integers(1, 80, n), 50)
+    return np.minimum(times, limits).astype(float), times <= limits
+
+
+# --- the Kaplan-Meier estimate ----------------------------------------------------------------------
+
+
+@given(trials)
+def test_the_estimate_is_appendix_a_done_trial_by_trial(given_trials):
+    times, survival = kaplan_meier(*given_trials)
+    expected = dict(appendix_a(*given_trials))  # of tied trials the last one's R
+    assert times.tolist() == list(expected)
+    assert survival == pytest.approx([float(r) for r in expected.values()], abs=1e-12)
+
+
+def test_an_event_and_a_censoring_at_one_time_are_an_event_first():
+    _, survival = kaplan_meier([5, 5, 9], [False, True, True])
+    assert survival == pytest.approx([2 / 3, 0])
+
+
+@given(uncensored)
+def test_without_censoring_the_estimate_is_the_part_of_trials_that_take_longer(times):
+    moments, survival = kaplan_meier(times, np.ones(len(times), bool))
+    assert survival == pytest.approx([(times > moment).mean() for moment in moments], abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_estimate_is_lifelines_and_scipys(seed):
+    times, observed = messy_trials(seed)
+    assert len(np.unique(times)) < len(times)
+    assert 5 < observed.sum() < len(times) - 5
+    moments, survival = kaplan_meier(times, observed)
+    with np.errstate():  # lifelines sets numpy's for good
+        theirs = KaplanMeierFitter().fit(times, observed).survival_function_at_times(moments)
+    assert survival == pytest.approx(theirs.to_numpy(), abs=1e-12)
+    scipys = ecdf(CensoredData(times[observed], right=times[~observed])).sf
+    assert survival == pytest.approx(scipys.evaluate(moments), abs=1e-12)
+
+
+def test_without_an_event_the_estimate_is_empty():
+    times, survival = kaplan_meier([3, 4], [False, False])
+    assert (len(times), len(survival)) == (0, 0)
+
+
+# --- median and restricted mean ---------------------------------------------------------------------
+
+
+@given(trials)
+def test_the_median_is_the_first_time_when_at_most_half_of_the_trials_are_left(given_trials):
+    halved = [time for time, r in dict(appendix_a(*given_trials)).items() if r <= Fraction(1, 2)]
+    median, lower, upper = median_time(*given_trials)
+    assert median == (halved[0] if halved else math.inf)
+    assert lower <= median <= upper
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9, 0.95, 0.99])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_median_and_its_interval_are_lifelines(seed, level):
+    times, observed = messy_trials(seed, n=[21, 41, 81][seed % 3])
+    with np.errstate():
+        fitter = KaplanMeierFitter(alpha=1 - level).fit(times, observed)
+        interval = median_survival_times(fitter.confidence_interval_).to_numpy().ravel()
+    assert median_time(times, observed, level) == pytest.approx((fitter.median_survival_time_, *interval))
+
+
+@pytest.mark.parametrize("n", range(2, 200, 2))
+def test_half_of_the_trials_is_half_however_r_is_rounded(n):
+    assert median_time(np.arange(n) + 1, np.ones(n, bool))[0] == n / 2
+
+
+def test_what_is_not_reached_is_infinite():
+    times, observed = np.array([10, 20, 30, 99, 99, 99, 99.0]), np.arange(7) < 3
+    assert median_time(times, observed) == (math.inf, 10, math.inf)
+    assert median_time(times, ~observed)[0] == 99
+    assert median_time([99], [False]) == (math.inf, math.inf, math.inf)
+
+
+@given(trials, st.integers(0, 60))
+def test_the_restricted_mean_is_the_sum_of_what_is_left_in_each_cycle(given_trials, horizon):
+    times, observed = given_trials
+    curve, ends_early = appendix_a(times, observed), times.max() < horizon and not observed[times == times.max()].all()
+    left = [min([r for time, r in curve if time <= cycle], default=1) for cycle in range(horizon)]
+    expected = math.nan if ends_early else float(sum(left))
+    assert restricted_mean(times, observed, horizon) == pytest.approx(expected, rel=1e-12, nan_ok=True)
+
+
+@given(uncensored)
+def test_without_censoring_the_restricted_mean_up_to_the_longest_trial_is_the_sample_mean(times):
+    everything = np.ones(len(times), bool)
+    for horizon in (times.max(), 2 * times.max()):
+        assert restricted_mean(times, everything, horizon) == pytest.approx(times.mean(), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("horizon", [1, 17.5, 40])
+def test_the_restricted_mean_is_lifelines(seed, horizon):
+    times, observed = messy_trials(seed)
+    with np.errstate():
+        theirs = restricted_mean_survival_time(KaplanMeierFitter().fit(times, observed), t=horizon)
+    assert restricted_mean(times, observed, horizon) == pytest.approx(theirs, rel=1e-9)
+
+
+def test_beyond_a_censored_longest_trial_the_restricted_mean_is_undetermined():
+    times, observed = np.array([10, 20, 20.0]), np.array([True, True, False])
+    assert restricted_mean(times, observed, 20) == pytest.approx(10 + 10 * 2 / 3)
+    assert math.isnan(restricted_mean(times, observed, 20.5))
+    assert restricted_mean(times, [True, False, True], 0) == 0
+
+
+# --- the fit ----------------------------------------------------------------------------------------
+
+
+def squares(scale, shape, times, observed):
+    """Return the sums of squares of distributions over all uncensored trials, one point each."""
+    time, r = np.array(appendix_a(times, observed), float).T
+    with np.errstate(over="ignore"):
+        return ((np.exp(-((time / scale[..., None]) ** shape[..., None])) - r) ** 2).sum(axis=-1)
+
+
+@pytest.mark.parametrize("censored", [0, 0.3, 0.8])
+@pytest.mark.parametrize("shape", [0.4, 1.2, 6])
+@pytest.mark.parametrize("whole", [False, True])
+def test_the_fit_is_scipys_on_every_uncensored_trials_point(censored, shape, whole):
+    times, observed = weibull_trials(1, 150, 50, shape, censored, whole)
+    time, r = np.array(appendix_a(times, observed), float).T
+    assert (len(np.unique(time)) < len(time)) == whole  # tied trials are several points
+
+    def cdf(t, log_scale, log_shape):
+        return 1 - np.exp(-((t / math.exp(log_scale)) ** math.exp(log_shape)))
+
+    precise = {"ftol": 1e-14, "xtol": 1e-14, "gtol": 1e-14}
+    logs, _ = curve_fit(cdf, time, 1 - r, p0=(math.log(50), math.log(shape)), **precise)
+    assert fit_weibull(times, observed) == pytest.approx(np.exp(logs), rel=1e-5)
+
+
+@pytest.mark.parametrize("shape", [0.7, 1.2, 4])
+@pytest.mark.parametrize("censored", [0, 0.3])
+def test_of_many_trials_least_squares_and_lifelines_maximum_likelihood_have_one_mean(shape, censored):
+    # of these 20,000 trials the two means differ by 0.03 to 0.12 %, and theirs from the true one by 0.2 to 1.8 %
+    times, observed = weibull_trials(2, 20_000, 50, shape, censored)
+    with np.errstate():
+        theirs = WeibullFitter().fit(times, observed)
+    mean = Weibull(theirs.lambda_, theirs.rho_).mean
+    assert mean_time(times, observed) == pytest.approx(mean, rel=0.003)
+    assert mean == pytest.approx(50 * math.gamma(1 + 1 / shape), rel=0.03)
+
+
+@pytest.mark.parametrize(("scale", "shape"), [(50, 1.2), (3e6, 0.3), (1, 40), (1e-3, 2)])
+def test_the_fit_finds_the_distribution_whose_quantiles_the_times_are(scale, shape):
+    n = 100
+    times = scale * (-np.log1p(-(np.arange(n) + 1) / (n + 1))) ** (1 / shape)
+    fit = fit_weibull(times, np.ones(n, bool))
+    assert fit.scale == pytest.approx(scale, rel=0.03 / shape)
+    assert fit.shape == pytest.approx(shape, rel=0.05)
+
+
+@given(st.integers(1, 10**7), st.integers(1, 10**6), st.integers(1, 9), st.integers(2, 9), st.integers(0, 9))
+def test_with_two_event_times_the_fit_goes_through_both(first, later, d1, d2, c):
+    n = d1 + d2 + c
+    times = np.repeat([first, first + later, first + later], [d1, d2, c]).astype(float)
+    fit = fit_weibull(times, np.arange(n) < d1 + d2)
+    middles = [1 - (d1 + 1) / 2 / n, (d2 + c - (d2 + 1) / 2) / n]  # R in the middle of each step
+    assert np.exp(-((times[[0, -1]] / fit.scale) ** fit.shape)) == pytest.approx(middles, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "times",
+    [
+        [4, *range(1020, 1070, 3)],
+        [2, 9, 1009, 1041, 1057, 1061, 1078],
+        [25, *[38] * 5, 55, 58],
+        [1, 1, 2, 2, 2, 3, 10**5, 10**6, 10**7],
+        [10**6, 10**6 + 1, 10**6 + 1, 10**6 + 2, 10**6 + 2, 10**6 + 3],
+        [1, 3, 3, 3, 4],  # in a flat valley, which Gauss and Newton's steps do not get out of
+        [1024, 1042, 1048, 1048, 1061, 1061, 1063, 1063, 1092, 1092, 1095],
+    ],
+)
+@pytest.mark.parametrize("censored", [0, 3])
+def test_no_distribution_of_a_wide_grid_is_nearer_than_the_fit(times, censored):
+    # one or a few trials far from all others make local minima, which a single start may end in
+    times = np.sort(np.array(times, float))
+    observed = np.arange(len(times)) < len(times) - censored
+    fit = fit_weibull(times, observed)
+    gaps = np.diff(np.unique(times[observed]))
+    scales = (np.unique(times)[:, None] * np.exp(np.linspace(-1, 1, 41) * gaps.min() / times.max())).ravel()
+    scales = np.concatenate([scales, np.geomspace(times.min() / 3, times.max() * 10, 100)])
+    shapes = np.geomspace(0.02, 20 * times.max() / gaps.min(), 60)
+    grid = squares(scales[:, None], shapes, times, observed)
+    assert squares(*np.array(fit), times, observed) <= grid.min()
+
+
+@given(trials)
+def test_there_is_a_fit_just_if_two_event_times_leave_some_trials(given_trials):
+    times, observed = given_trials
+    n, events = len(times), np.unique(times[observed & (times > 0)])
+    if len(events) and (times == events[-1]).sum() == 1 and times.max() == events[-1]:
+        events = events[:-1]  # a lone last trial: F = 1, which no Weibull distribution reaches
+    with np.errstate(all="raise", under="ignore"):
+        fit, mean = fit_weibull(times, observed), mean_time(times, observed)
+    assert (fit is not None) == (len(events) >= 2)
+    if fit is not None:
+        assert 0 < fit.scale < math.inf
+        assert 0 < fit.shape < math.inf
+    if fit is None or observed.mean() < LEAST_UNCENSORED:
+        assert math.isnan(mean) or (observed.all() and np.ptp(times) == 0 and mean == times[0]), n
+    else:
+        assert mean == pytest.approx(fit.mean, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("times", "observed"),
+    [
+        ([7], [True]),
+        ([7], [False]),
+        ([7, 7, 7], [True, True, True]),
+        ([7, 7, 9], [True, True, False]),
+        ([7, 9], [False, False]),
+        ([7, 9], [True, True]),
+        ([7, 7, 7, 9], [True, True, True, True]),
+        ([0, 7, 9], [True, True, False]),
+    ],
+)
+def test_one_point_above_r_0_has_no_fit(times, observed):
+    assert fit_weibull(times, observed) is None
+
+
+def test_trials_of_0_cycles_count_but_are_not_fitted():
+    fit = fit_weibull([0, 0, 10, 20, 30], [True, True, True, True, False])
+    assert 1 - np.exp(-((np.array([10, 20]) / fit.scale) ** fit.shape)) == pytest.approx([0.6, 0.8])
+
+
+# --- the mean ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("shape", "factor"), [(1, 1), (2, math.sqrt(math.pi) / 2), (0.5, 2), (1e9, 1), (0.01, 9.33262e157)]
+)
+def test_a_weibull_mean_is_alpha_times_gamma_of_1_plus_1_over_gamma(shape, factor):
+    assert Weibull(50.0, shape).mean == pytest.approx(50 * factor, rel=1e-6)
+
+
+def test_a_weibull_mean_that_no_float_can_hold_is_infinite():
+    assert Weibull(50.0, 0.001).mean == math.inf
+
+
+@pytest.mark.parametrize("tens", [2, 3, 7, 10, 29, 100])
+def test_the_mean_is_determined_with_a_tenth_of_the_trials_uncensored_and_not_with_fewer(tens):
+    n = 10 * tens
+    times = np.minimum(np.arange(n) + 1.0, tens)
+    assert math.isfinite(mean_time(times, np.arange(n) < tens))
+    assert math.isnan(mean_time(times, np.arange(n) < tens - 1))
+    assert math.isnan(mean_time(np.append(times, tens), np.arange(n + 1) < tens))
+
+
+@pytest.mark.parametrize("time", [0, 1, 7, 10**7])
+@pytest.mark.parametrize("n", [1, 2, 30])
+def test_if_all_trials_end_at_one_time_it_is_the_mean_unless_any_is_censored(time, n):
+    times = np.full(n, float(time))
+    assert mean_time(times, np.ones(n, bool)) == time
+    assert math.isnan(mean_time(times, np.arange(n) > 0))
+
+
+def test_the_mean_can_exceed_the_time_of_censoring():
+    times, observed = weibull_trials(3, censored=0.8)
+    assert mean_time(times, observed) > 2 * times.max()
+
+
+@given(trials, st.sampled_from([0.001, 0.5, 3.0, 4096.0]))
+def test_means_and_medians_scale_with_the_times(given_trials, factor):
+    times, observed = given_trials
+    assert median_time(factor * times, observed) == tuple(factor * np.array(median_time(times, observed)))
+    area = restricted_mean(times, observed, 20)
+    assert restricted_mean(factor * times, observed, factor * 20) == pytest.approx(factor * area, nan_ok=True)
+    mean, scaled = mean_time(times, observed), mean_time(factor * times, observed)
+    assert scaled == pytest.approx(factor * mean, rel=1e-4, nan_ok=True)
+
+
+@given(trials, st.randoms(use_true_random=False))
+def test_the_order_of_the_trials_does_not_matter(given_trials, random):
+    times, observed = given_trials
+    order = random.sample(range(len(times)), len(times))
+    for statistic in (kaplan_meier, fit_weibull, mean_time, median_time, lambda t, o: bootstrap_means(t, o, 5)):
+        np.testing.assert_equal(statistic(times[order], observed[order]), statistic(times, observed))
+
+
+# --- the bootstrap ----------------------------------------------------------------------------------
+
+
+def means_one_by_one(times, observed, resamples, seed):
+    """Return what bootstrap_means should, by a fit with many starts of each resample."""
+    n, order = len(times), np.lexsort((~observed, times))
+    draws = order[np.random.Generator(np.random.PCG64(seed)).integers(n, size=(resamples, n))]
+    means = np.array([mean_time(times[draw], observed[draw]) for draw in draws])
+    means[np.isnan(means) & ~observed[draws].all(axis=1)] = math.inf
+    return means
+
+
+@pytest.mark.parametrize("censored", [0, 0.6, 0.9])
+def test_bootstrap_means_are_the_means_of_trials_drawn_with_replacement(censored):
+    given_trials = weibull_trials(4, 200, censored=censored, whole=True)
+    expected = means_one_by_one(*given_trials, 600, seed=11)  # several blocks
+    assert np.isinf(expected).any() == (censored == 0.9)
+    np.testing.assert_allclose(bootstrap_means(*given_trials, 600, seed=11), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("times", "censored"),
+    [
+        ([2, 3, 4, 9, *range(1009, 1100, 7)], 0),
+        ([2, 3, 4, 9, *range(1009, 1200, 7)], 3),
+        ([21, 49, 18211, 25530, 16369, 65775], 2),
+        ([7, 7, 9], 0),
+    ],
+)
+def test_resamples_that_little_resemble_the_sample_are_fitted_as_well(times, censored):
+    given_trials = np.array(times, float), np.arange(len(times)) >= censored
+    expected = means_one_by_one(*given_trials, 200, seed=0)
+    np.testing.assert_allclose(bootstrap_means(*given_trials, 200), expected, rtol=1e-5)
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
+    times, observed = weibull_trials(5, censored=0.3)
+    means = bootstrap_means(times, observed, 300, seed=8)
+    assert means.shape == (300,)
+    assert means.tobytes() == bootstrap_means(times, observed, 300, seed=8).tobytes()
+    assert not np.isin(means, bootstrap_means(times, observed, 300, seed=9)).any()
+
+
+@pytest.mark.parametrize(
+    ("times", "observed", "expected"),
+    [
+        ([7], [True], {7}),
+        ([7, 7, 7], [True, True, True], {7}),
+        ([7], [False], {math.inf}),
+        ([7, 9, 9], [False, False, False], {math.inf}),
+        ([7, 9], [True, True], {7, 9, "nan"}),  # a resample with both has no fit, but is not long
+        ([7, 9], [True, False], {7, math.inf}),
+        ([0, 0, 9], [True, True, False], {0, math.inf}),
+    ],
+)
+def test_resamples_without_a_fit_are_infinite_if_any_of_their_trials_is_censored(times, observed, expected):
+    means = bootstrap_means(times, observed, 200)
+    assert {"nan" if math.isnan(mean) else mean for mean in means.tolist()} == expected
+
+
+@given(trials)
+def test_bootstrap_means_of_any_trials_are_not_negative_and_raise_no_warning(given_trials):
+    times, observed = given_trials
+    with np.errstate(all="raise", under="ignore"):
+        means = bootstrap_means(times, observed, 20)
+    assert (np.isnan(means) | (means >= 0)).all()
+    assert not (observed.all() and np.isinf(means).any())
+
+
+def test_an_interval_lies_between_two_of_the_means():
+    means = np.arange(1000.0)[::-1]
+    assert confidence_interval(means) == (24, 975)
+    assert confidence_interval(means, 0.5) == (249, 750)
+    assert confidence_interval([5]) == (5, 5)
+
+
+def test_an_interval_ends_at_infinity_if_enough_means_are_infinite():
+    means = np.arange(1000.0)
+    means[976:] = math.inf
+    assert confidence_interval(means) == (24, 975)
+    means[975] = math.inf
+    assert confidence_interval(means) == (24, math.inf)
+    assert confidence_interval(np.full(10, math.inf)) == (math.inf, math.inf)
+
+
+def test_an_interval_leaves_out_what_is_not_a_number():
+    assert confidence_interval([math.nan, 3, 1, math.nan, 2]) == (1, 3)
+    assert all(math.isnan(end) for end in confidence_interval([math.nan]))
+
+
+# --- known distributions ----------------------------------------------------------------------------
+#
+# Trials of alpha = 50 and gamma = 1.2, n = 200: mean 47.03 and median 36.84 cycles. Measured on 2,000 samples with 200
+# resamples each, in % of the true value (mean's standard error: 0.14, 0.2, 1.0; coverage's: 0.5):
+#
+#   censored  rounded up    bias of the mean (its spread)    coverage    bias of the median    coverage
+#       0 %           no      -0.7 (6.4)                         94.2       -0.5                   95.9
+#       0 %          yes       0.0 (6.4)                         94.8        0.9                   95.6
+#      30 %           no      -0.1 (8.5)                         94.3       -0.5                   95.9
+#      80 %           no      12.2 (45.7); its median 1.3        95.8       undetermined
+#      95 %           no      undetermined in 99.8 % of samples             undetermined
+
+
+@pytest.mark.parametrize(
+    ("censored", "whole", "bias", "spread"),
+    [(0, False, -0.007, 0.064), (0, True, 0.0, 0.064), (0.3, False, -0.001, 0.085), (0.8, False, 0.122, 0.457)],
+)
+def test_the_mean_of_known_distributions_and_its_interval_are_as_in_the_table(censored, whole, bias, spread):
+    truth, samples = 50 * math.gamma(1 + 1 / 1.2), 400
+    means, covered = np.empty(samples), np.empty(samples, bool)
+    for k in range(samples):
+        trials_k = weibull_trials([6, k], censored=censored, whole=whole)
+        means[k] = mean_time(*trials_k)
+        lower, upper = confidence_interval(bootstrap_means(*trials_k, 150, seed=k))
+        covered[k] = lower <= truth <= upper
+    error = spread / math.sqrt(samples)
+    assert means.mean() / truth - 1 == pytest.approx(bias, abs=3 * error)
+    assert means.std() / truth == pytest.approx(spread, rel=0.3)
+    assert np.median(means) / truth == pytest.approx(1, abs=4 * error)
+    assert 0.91 <= covered.mean() <= 0.99
+
+
+@pytest.mark.parametrize("censored", [0, 0.3])
+def test_the_median_of_known_distributions_and_its_interval_are_as_in_the_table(censored):
+    truth = 50 * math.log(2) ** (1 / 1.2)
+    medians, lower, upper = np.transpose([median_time(*weibull_trials([7, k], censored=censored)) for k in range(500)])
+    assert medians.mean() / truth - 1 == pytest.approx(-0.005, abs=0.015)
+    assert 0.92 <= ((lower <= truth) & (truth <= upper)).mean() <= 0.98
+
+
+def test_with_80_percent_censored_the_median_is_undetermined_and_with_95_the_mean_is_too():
+    most = [weibull_trials([8, k], censored=0.8) for k in range(300)]
+    nearly_all = [weibull_trials([9, k], censored=0.95) for k in range(300)]
+    assert all(median_time(*sample)[0] == math.inf for sample in most)
+    assert not any(math.isnan(mean_time(*sample)) for sample in most)
+    assert np.mean([math.isnan(mean_time(*sample)) for sample in nearly_all]) > 0.98
+    # of a sample that is just determined, most resamples are not
+    assert confidence_interval(bootstrap_means(np.minimum(np.arange(200) + 1, 21), np.arange(200) < 20))[1] == math.inf
+
+
+# --- what is refused --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("times", "observed", "reason"),
+    [
+        ([1, 2], [True], r"\(2,\) and \(1,\)"),
+        ([[1, 2]], [[True, True]], r"\(1, 2\)"),
+        (1, True, r"\(\)"),
+        ([], [], "no trials"),
+        ([1, -1], [True, True], "negative"),
+        ([1, math.nan], [True, True], "finite"),
+        ([1, math.inf], [True, False], "finite"),
+    ],
+)
+@pytest.mark.parametrize(
+    "statistic",
+    [kaplan_meier, fit_weibull, mean_time, bootstrap_means, median_time, lambda t, o: restricted_mean(t, o, 1)],
+)
+def test_what_are_no_trials_is_refused_with_the_reason(statistic, times, observed, reason):
+    with pytest.raises(ValueError, match=reason):
+        statistic(times, observed)
+
+
+@pytest.mark.parametrize("horizon", [-1, math.inf, math.nan])
+def test_a_horizon_that_is_no_time_is_refused(horizon):
+    with pytest.raises(ValueError, match="horizon"):
+        restricted_mean([1], [True], horizon)

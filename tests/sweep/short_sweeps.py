@@ -1,0 +1,79 @@
+"""What the tests of sweeps share: a sweep of short trials, and a run folder's table without what may differ."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from epuck_sim.runs.database import DATABASE, reading
+
+COMMAND = [sys.executable, "-m", "epuck_sim"]
+
+
+def short_sweep(folder: Path, trials: int = 30) -> Path:
+    """Write a sweep of 8 points whose trials take some milliseconds; some of them are censored."""
+    path = folder / "short.yaml"
+    path.write_text(
+        f"""
+arena: {{width_cm: 40, height_cm: 40}}
+robots: [{{count: 3, controller: firefly}}]
+stop: {{max_cycles: 12}}
+trials: {trials}
+sweep:
+  zip: {{robots.0.parameters.coupling: [0.1, 0.3], robots.0.parameters.period_s: [5, 2.5]}}
+  grid: {{robots.0.parameters.speed_cm_s: [1, 4, 8, 12]}}
+"""
+    )
+    return path
+
+
+def table(folder: Path) -> list[tuple]:
+    """Return every trial's row, without wall time and host, and check that the database is intact."""
+    with reading(folder / DATABASE) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        names = [row[1] for row in connection.execute("PRAGMA table_info(trials)")]
+        columns = ", ".join(f'"{name}"' for name in names if name not in ("wall_s", "host"))
+        return connection.execute(f"SELECT {columns} FROM trials ORDER BY point, trial").fetchall()
+
+
+def stored(folder: Path) -> int:
+    """Return how many trials a run folder holds; 0 while there is none."""
+    if not (folder / DATABASE).exists():
+        return 0
+    with reading(folder / DATABASE) as connection:
+        return connection.execute("SELECT count(*) FROM trials").fetchone()[0]
+
+
+def begin(*arguments: str | Path, folder: Path, mark: str = "") -> subprocess.Popen:
+    """Start `epuck-sim run` in a process group of its own; `mark` is in the environment of all its processes."""
+    environment = {**os.environ, "EPUCK_SIM_TEST": mark}
+    return subprocess.Popen(
+        [*COMMAND, "run", *map(str, arguments)],
+        cwd=folder,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def wait_until(condition, limit_s: float = 60.0) -> None:
+    """Wait until `condition()` holds; fail after `limit_s`."""
+    end = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end, "it never came to that"
+        time.sleep(0.01)
+
+
+def processes_marked(mark: str) -> list[int]:
+    """Return the processes that carry `mark` in their environment."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        try:
+            if folder.name.isdecimal() and f"EPUCK_SIM_TEST={mark}".encode() in (folder / "environ").read_bytes():
+                found.append(int(folder.name))
+        except OSError:  # it has ended, or is not ours
+            continue
+    return found

@@ -1,0 +1,157 @@
+"""Workers: what they load, how they end, and a cluster of them."""
+
+import ast
+import json
+import multiprocessing
+import os
+import socket
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from epuck_sim.errors import ClusterError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.sweep import executors
+from epuck_sim.sweep.executors import ONE_THREAD, dask_pool, local_pool
+from epuck_sim.sweep.run import run_sweep
+from tests.sweep.short_sweeps import begin, short_sweep, stored, table, wait_until
+
+UNNEEDED = {
+    "matplotlib",
+    "rerun",
+    "scipy.stats",
+    "scipy.optimize",
+    "pandas",
+    "pyarrow",
+    "rich",
+    "typer",
+    "cv2",
+    "distributed",
+}
+
+ASKED_OF_A_WORKER = """
+import sys
+from epuck_sim.__main__ import main
+from epuck_sim.sweep.executors import local_pool
+if __name__ == "__main__":
+    with local_pool(1) as pool:
+        print(pool.executor.submit(eval, "[*__import__('sys').modules]").result())
+        print(pool.executor.submit(eval, "dict(__import__('os').environ)").result())
+"""
+
+
+def test_workers_load_what_a_simulation_needs_and_run_one_thread_each(tmp_path) -> None:
+    script = tmp_path / "ask.py"
+    script.write_text(ASKED_OF_A_WORKER)
+    answer = subprocess.run([sys.executable, script], check=True, capture_output=True, text=True)
+    modules, environment = map(ast.literal_eval, answer.stdout.splitlines())
+    assert {"numba", "pymunk", "epuck_sim.embodied.simulation"} <= set(modules)
+    assert not UNNEEDED & set(modules)
+    assert {environment[name] for name in ONE_THREAD} == {"1"}
+
+
+def test_the_environment_is_as_it_was_after_a_pool() -> None:
+    before = dict(os.environ)
+    with local_pool(1) as pool:
+        assert pool.executor.submit(abs, -1).result() == 1
+    assert dict(os.environ) == before
+
+
+def test_an_error_in_the_block_ends_the_workers_at_once() -> None:
+    def fail_while_they_sleep() -> None:
+        with local_pool(2) as pool:
+            pool.executor.submit(time.sleep, 600)
+            raise RuntimeError("enough")
+
+    before = set(multiprocessing.active_children())
+    with pytest.raises(RuntimeError, match="enough"):
+        fail_while_they_sleep()
+    wait_until(lambda: set(multiprocessing.active_children()) <= before)
+
+
+def cluster_process(stack: ExitStack, *arguments: str, folder: Path) -> subprocess.Popen:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dask", *arguments], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    stack.callback(process.wait)
+    stack.callback(process.kill)
+    return process
+
+
+def test_a_cluster_that_loses_a_worker_gives_the_same_table_as_processes_here(tmp_path) -> None:
+    path, folder = short_sweep(tmp_path, 40), tmp_path / "run"
+    contact = tmp_path / "scheduler.json"
+    with ExitStack() as stack:
+        cluster_process(
+            stack,
+            *("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(contact)),
+            folder=tmp_path,
+        )
+        wait_until(lambda: contact.exists() and contact.read_text().endswith("}"))
+        address = json.loads(contact.read_text())["address"]
+        one, other = (
+            cluster_process(
+                stack,
+                *("worker", address, "--host", "127.0.0.1", "--nthreads", "1", "--no-nanny", "--no-dashboard"),
+                folder=tmp_path,
+            )
+            for _ in range(2)
+        )
+        run = begin(path, "--out", folder, "--dask", address, folder=tmp_path)
+        wait_until(lambda: stored(folder) >= 20)
+        one.kill()
+        assert stored(folder) < 8 * 40
+        _, err = run.communicate(timeout=120)
+        assert run.returncode == 0, err
+        assert other.poll() is None
+    run_sweep(load_scenario(path), tmp_path / "here", partial(local_pool, 2))
+    assert table(folder) == table(tmp_path / "here")
+
+
+def test_a_scheduler_that_does_not_answer_is_named_within_ten_seconds(tmp_path) -> None:
+    assert executors.CONNECT_S < 10
+    path, folder = short_sweep(tmp_path), tmp_path / "run"
+    run = begin(path, "--out", folder, "--dask", "tcp://127.0.0.1:9", folder=tmp_path)
+    _, err = run.communicate(timeout=60)
+    assert run.returncode == 2
+    assert "error: --dask tcp://127.0.0.1:9: no Dask scheduler answers there" in err
+    assert "Traceback" not in err
+
+
+def greet(server: socket.socket, greeting: bytes) -> None:
+    connection, _ = server.accept()
+    with connection:
+        connection.sendall(greeting)
+        connection.recv(1)
+        time.sleep(8)
+
+
+@pytest.mark.parametrize("greeting", [b"", b"SSH-2.0-OpenSSH_9.6\r\n", b"HTTP/1.1 400 Bad Request\r\n\r\n"])
+def test_what_listens_but_is_no_scheduler_is_named_and_leaves_nothing_behind(greeting: bytes, tmp_path) -> None:
+    path = short_sweep(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        Thread(target=greet, args=(server, greeting), daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        run = begin(path, "--out", tmp_path / "run", "--dask", address, folder=tmp_path)
+        _, err = run.communicate(timeout=60)
+    assert run.returncode == 2
+    assert f"error: --dask {address}: no Dask scheduler answers there" in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "ftp://x:1"])
+def test_what_is_no_address_is_refused(address: str) -> None:
+    with pytest.raises(ClusterError, match="no Dask scheduler answers there"), dask_pool(address):
+        pass
+
+
+def test_without_distributed_the_extra_is_named(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ClusterError, match=r"pip install 'epuck-sim\[cluster\]'"), dask_pool("tcp://127.0.0.1:9"):
+        pass

@@ -1,0 +1,256 @@
+"""Sweeps from end to end: the same table however they are run, interrupted, or shared out."""
+
+import json
+import os
+import re
+import signal
+import sqlite3
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from random import Random
+from subprocess import TimeoutExpired
+
+import pytest
+from typer.testing import CliRunner
+
+from epuck_sim.cli.app import app
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.runs.database import DATABASE
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep.run import Tally, missing_tasks, run_sweep
+from epuck_sim.sweep.worker import carry_out
+from epuck_sim.trial.embodied import run_trial
+from tests.sweep.short_sweeps import begin, processes_marked, short_sweep, stored, table, wait_until
+
+TRIALS = 30
+POINTS = 8
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory) -> list[tuple]:
+    """Return the table that every run of the short sweep must give: of one worker, never stopped."""
+    folder = tmp_path_factory.mktemp("uninterrupted")
+    scenario = load_scenario(short_sweep(folder, TRIALS))
+    run_sweep(scenario, folder / "run", partial(local_pool, 1))
+    rows = table(folder / "run")
+    assert len(rows) == POINTS * TRIALS
+    return rows
+
+
+@pytest.mark.parametrize("workers", [2, 4])
+def test_more_workers_give_the_same_table_bit_for_bit(tmp_path, uninterrupted, workers: int) -> None:
+    scenario = load_scenario(short_sweep(tmp_path, TRIALS))
+    tallies: list[Tally] = []
+    run_sweep(scenario, tmp_path / "run", partial(local_pool, workers), tallies.append)
+    assert table(tmp_path / "run") == uninterrupted
+    assert [tally.ended for tally in tallies] == list(range(POINTS * TRIALS + 1))
+    assert tallies[-1].stored == tallies[-1].trials == POINTS * TRIALS
+    assert tallies[-1].censored > 0
+
+
+def test_a_row_is_what_its_trial_gives_alone(tmp_path, uninterrupted) -> None:
+    places = points(load_scenario(short_sweep(tmp_path, TRIALS)))
+    by_seed = {row[5]: row for row in uninterrupted}
+    for place in places:
+        result = run_trial(Simulation(place.scenario, place.seed(7)))
+        row = by_seed[result.seed]
+        assert row[1:5] == (7, *place.axes.values())
+        assert row[6:11] == (
+            *(result.t_sync_cycles, int(result.censored), result.order_parameter, result.simulated_s, result.steps),
+        )
+
+
+def test_added_trials_and_points_leave_the_others_as_they_were(tmp_path, uninterrupted) -> None:
+    path = short_sweep(tmp_path, TRIALS)
+    fewer = load_scenario(path, ["trials=11"], ["robots.0.parameters.speed_cm_s=12,4"])
+    run_sweep(fewer, tmp_path / "run", partial(local_pool, 2))
+    first = table(tmp_path / "run")
+    assert len(first) == 2 * 2 * 11
+    assert set(first) < set(uninterrupted)
+    tally = run_sweep(load_scenario(path), tmp_path / "run", partial(local_pool, 2))
+    assert tally.ended == POINTS * TRIALS - len(first)
+    assert table(tmp_path / "run") == uninterrupted
+
+
+def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
+    scenario = load_scenario(short_sweep(tmp_path, 1))
+    run_sweep(scenario, tmp_path / "run", partial(local_pool, 1))
+
+    def no_pool():
+        raise AssertionError("a pool was opened")
+
+    assert run_sweep(scenario, tmp_path / "run", no_pool).ended == 0
+
+
+def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
+    places = points(load_scenario(short_sweep(tmp_path, 3)))
+    tasks = missing_tasks(places, {(2, 0), (0, 2)}, interpret=False)
+    assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
+    assert len(tasks) == POINTS * 3 - 2
+
+
+def test_a_run_killed_at_ten_random_moments_and_resumed_gives_the_same_table(tmp_path, uninterrupted) -> None:
+    path, folder, random = short_sweep(tmp_path, TRIALS), tmp_path / "run", Random(4)
+    everything = POINTS * TRIALS
+    while_starting = [random.uniform(0.05, 1.5) for _ in range(4)]
+    while_running = sorted(random.sample(range(1, everything - 20), 6))
+    kept = 0
+    for number, moment in enumerate([*while_starting, *while_running]):
+        run = begin(path, "--out", folder, "--workers", 2, folder=tmp_path, mark=f"{tmp_path.name}-{number}")
+        if isinstance(moment, float):
+            with pytest.raises(TimeoutExpired):
+                run.wait(moment)
+        else:
+            wait_until(lambda moment=moment: stored(folder) >= moment)
+        assert run.poll() is None
+        run.kill()
+        run.communicate()
+        assert stored(folder) >= kept
+        kept = stored(folder)
+        if kept:
+            assert set(table(folder)) <= set(uninterrupted)
+        wait_until(lambda number=number: not processes_marked(f"{tmp_path.name}-{number}"))
+    assert 0 < kept < everything
+    last = begin(path, "--out", folder, "--workers", 2, folder=tmp_path)
+    last.communicate(timeout=120)
+    assert last.returncode == 0
+    assert table(folder) == uninterrupted
+
+
+@pytest.mark.parametrize("sign", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_ends_cleanly_and_says_how_to_go_on(tmp_path, uninterrupted, sign: signal.Signals) -> None:
+    path, folder = short_sweep(tmp_path, TRIALS), tmp_path / "run"
+    run = begin(path, "--out", folder, "--workers", 2, folder=tmp_path, mark=tmp_path.name)
+    wait_until(lambda: stored(folder) > 5)
+    if sign == signal.SIGINT:
+        os.killpg(run.pid, sign)  # a terminal sends it to all processes
+    else:
+        run.send_signal(sign)
+    out, err = run.communicate(timeout=20)
+    assert run.returncode == 130
+    assert f"go on with: epuck-sim run {folder}/" in err
+    assert "Traceback" not in out + err
+    wait_until(lambda: not processes_marked(tmp_path.name))
+    kept = stored(folder)
+    assert f"{kept} of {POINTS * TRIALS} trials are stored" in err
+    again = begin(f"{folder}/", folder=tmp_path)
+    again.communicate(timeout=120)
+    assert again.returncode == 0
+    assert table(folder) == uninterrupted
+
+
+def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path) -> None:
+    path, random = short_sweep(tmp_path, TRIALS), Random(1)
+    for number in range(6):
+        mark = f"{tmp_path.name}-{number}"
+        run = begin(path, "--out", tmp_path / f"run-{number}", "--workers", 2, folder=tmp_path, mark=mark)
+        with pytest.raises(TimeoutExpired):
+            run.wait(random.uniform(0.8, 2.2))
+        os.killpg(run.pid, signal.SIGINT)
+        out, err = run.communicate(timeout=30)
+        assert run.returncode == 130, err
+        assert "Traceback" not in out + err
+        wait_until(lambda mark=mark: not processes_marked(mark))
+
+
+POISONED = """
+import os
+from pathlib import Path
+
+PARAMETERS = {"deadly": 0, "raising": 0}
+MEMORY = {"fate": int}
+POISON = Path(__file__).with_name("poison")
+
+
+def start(memory, parameters, random):
+    memory.fate = int(random[0] % 3)
+
+
+def step(sensors, memory, actuators, parameters, random):
+    if memory.fate == 0 and POISON.exists():
+        if parameters.raising:
+            raise ValueError("not today")
+        if parameters.deadly:
+            os.kill(os.getpid(), 9)
+"""
+
+
+@pytest.mark.parametrize(("axis", "message"), [("raising", "ValueError: not today"), ("deadly", "its worker died")])
+def test_a_trial_that_fails_is_named_and_run_again_alone(tmp_path, axis: str, message: str) -> None:
+    (tmp_path / "poisoned.py").write_text(POISONED)
+    (tmp_path / "poison").touch()
+    path, folder = tmp_path / "sweep.yaml", tmp_path / "run"
+    path.write_text(
+        f"""
+robots: [{{count: 1, controller: poisoned.py}}]
+stop: {{max_time_s: 1}}
+trials: 8
+sweep: {{grid: {{robots.0.parameters.{axis}: [0, 1]}}}}
+"""
+    )
+    run = begin(path, "--out", folder, "--workers", 2, "--interpret", folder=tmp_path)
+    out, err = run.communicate(timeout=100)
+    assert run.returncode == 1, err
+    failed = [row for row in table(folder) if row[-1] is not None]
+    assert 0 < len(failed) < 8
+    assert stored(folder) == 16
+    for row in failed:
+        assert message in row[-1]
+        assert row[2:4] == (1, row[3])
+        assert row[4] is None
+        assert f"--point 1 --trial {row[1]}: " in out
+    assert f"{len(failed)} trials failed; run again to retry them: epuck-sim run {folder}/" in err
+    before = set(table(folder)) - set(failed)
+    (tmp_path / "poison").unlink()
+    again = begin(f"{folder}/", "--interpret", "--json", folder=tmp_path)
+    out, err = again.communicate(timeout=100)
+    assert again.returncode == 0, err
+    assert json.loads(out)["failed"] == []
+    assert before < set(table(folder))
+    assert len(set(table(folder)) - before) == len(failed)
+
+
+def test_a_second_command_on_the_folder_is_refused_while_the_first_is_at_work(tmp_path) -> None:
+    path, folder = short_sweep(tmp_path, 1000), tmp_path / "run"
+    first = begin(path, "--out", folder, "--workers", 1, folder=tmp_path)
+    try:
+        wait_until(lambda: stored(folder) > 0)
+        second = begin(path, "--out", folder, folder=tmp_path)
+        _, err = second.communicate(timeout=60)
+        assert second.returncode == 2
+        assert f"process {first.pid} on " in err
+        status = begin(f"{folder}/", "--status", folder=tmp_path)
+        out, _ = status.communicate(timeout=60)
+        assert f"process {first.pid} on " in out
+        assert status.returncode == 0
+    finally:
+        first.terminate()
+        first.communicate()
+
+
+def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
+    tasks = missing_tasks(points(load_scenario(short_sweep(tmp_path, 125))), set(), interpret=False)
+
+    def resident_kb() -> int:
+        (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)
+        return int(line.split()[1])
+
+    carry_out(tasks[:200])
+    before = resident_kb()
+    carry_out(tasks[200:1000])
+    assert resident_kb() <= 1.05 * before
+
+
+def test_other_versions_that_made_trials_are_told(tmp_path) -> None:
+    path, folder = short_sweep(tmp_path, 2), tmp_path / "run"
+    run_sweep(load_scenario(path), folder, partial(local_pool, 1))
+    quiet = CliRunner().invoke(app, ["run", str(folder)])
+    assert (quiet.exit_code, "note: " in quiet.stderr) == (0, False)
+    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
+        connection.execute("UPDATE trials SET pymunk = '6.0' WHERE trial = 1")
+    noisy = CliRunner().invoke(app, ["run", str(folder)])
+    assert noisy.exit_code == 0
+    assert re.search(r"note: 8 trials were made by epuck_sim .*, pymunk 6.0, .*; this is epuck_sim ", noisy.stderr)

@@ -1,0 +1,119 @@
+"""Handing out trials: every one gets an outcome, whatever becomes of workers."""
+
+from concurrent.futures import BrokenExecutor, CancelledError, Future
+from contextlib import contextmanager
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.errors import ClusterError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.scheduler import CHUNK_S, Pace, run_tasks
+from epuck_sim.sweep.worker import Outcome, Task, carry_out, outcome
+from epuck_sim.trial.embodied import TrialResult
+
+SCENARIO = load_scenario("pair")
+
+
+def task(trial: int) -> Task:
+    return Task(0, trial, trial, SCENARIO, False)
+
+
+def outcomes_of_length(wall_s: float, count: int) -> list[Outcome]:
+    result = TrialResult("x", 0, 1, False, 1, 1.0, 1, 0.1, wall_s)
+    return [Outcome(0, trial, 0, result, None, {}) for trial in range(count)]
+
+
+class FakeExecutor:
+    """Answers at once; a task in `deadly` breaks it for ever, as a worker's death does."""
+
+    def __init__(self, deadly: set[int], raises: Exception | None = None) -> None:
+        self.deadly, self.raises, self.broken = deadly, raises, False
+
+    def submit(self, function, tasks) -> Future:
+        if self.broken:
+            raise BrokenExecutor("broken before")
+        future: Future = Future()
+        if function is not carry_out:
+            future.set_result(None)
+        elif self.raises is not None:
+            future.set_exception(self.raises)
+        elif self.deadly & {each.trial for each in tasks}:
+            self.broken = True
+            future.set_exception(BrokenExecutor("killed"))
+        else:
+            future.set_result([outcome(each, *outcomes_of_length(0.01, 1)[0][3:5]) for each in tasks])
+        return future
+
+
+def opened(deadly: set[int], slots: int, raises: Exception | None = None):
+    @contextmanager
+    def open_pool():
+        yield Pool(FakeExecutor(deadly, raises), lambda: slots, (BrokenExecutor,))
+
+    return open_pool
+
+
+@given(st.sets(st.integers(0, 59), max_size=12), st.integers(1, 9), st.integers(0, 60))
+def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(deadly, slots: int, count: int) -> None:
+    found = list(run_tasks([task(trial) for trial in range(count)], opened(deadly, slots)))
+    assert sorted(each.trial for each in found) == list(range(count))
+    assert {each.trial for each in found if each.error} == {trial for trial in deadly if trial < count}
+    assert all((each.result is None) == (each.error is not None) for each in found)
+    assert all("its worker died" in each.error for each in found if each.error)
+
+
+@pytest.mark.parametrize(
+    ("raised", "message"),
+    [
+        (CancelledError(), "the cluster has given up this run"),
+        (ModuleNotFoundError("no epuck_sim"), "a worker cannot run trials: ModuleNotFoundError: no epuck_sim"),
+    ],
+)
+def test_a_cluster_that_cannot_run_trials_ends_the_run_and_no_trial_is_blamed(raised, message: str) -> None:
+    with pytest.raises(ClusterError, match=message):
+        list(run_tasks([task(0), task(1)], opened(set(), 2, raised)))
+
+
+def test_the_first_chunks_hold_one_trial_as_nobody_knows_how_long_they_take() -> None:
+    assert Pace().chunk(1000, 4) == 1
+
+
+def test_a_chunk_is_half_a_second_of_work() -> None:
+    for wall_s, size in ((0.01, 50), (0.1, 5), (0.4, 1), (30.0, 1)):
+        pace = Pace()
+        pace.note(outcomes_of_length(wall_s, 7))
+        assert pace.chunk(100_000, 4) == pytest.approx(size, abs=1)
+    assert CHUNK_S == 0.5
+
+
+@given(st.integers(1, 10_000), st.integers(2, 64), st.floats(1e-4, 10))
+def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, slots: int, wall_s: float) -> None:
+    pace = Pace()
+    pace.note(outcomes_of_length(wall_s, 3))
+    size = pace.chunk(waiting, slots)
+    assert 1 <= size <= waiting
+    assert size == 1 or size <= waiting / (2 * slots) + 1
+
+
+@given(st.floats(0.001, 0.1), st.floats(1, 100), st.integers(1, 16), st.integers(0, 10**6))
+def test_no_worker_is_left_with_the_slow_points(fastest_s: float, spread: float, workers: int, seed: int) -> None:
+    """On a simulated clock: 20 points, the slowest `spread` times as slow as the fastest, 30 random trials each."""
+    random = Random(seed)
+    means = [fastest_s * spread ** (point / 19) for point in range(20)]
+    waiting = [random.expovariate(1 / mean) for _ in range(30) for mean in means]
+    even, longest = sum(waiting) / workers, max(waiting)
+    pace, free, handed_over = Pace(), [0.0] * workers, []
+    while waiting or handed_over:
+        while waiting and len(handed_over) < 2 * workers:
+            size = pace.chunk(len(waiting), 2 * workers)
+            handed_over.append(waiting[:size])
+            del waiting[:size]
+        chunk = handed_over.pop(0)
+        free[free.index(min(free))] += sum(chunk)
+        for wall_s in chunk:
+            pace.note(outcomes_of_length(wall_s, 1))
+    assert max(free) <= 1.02 * even + 2 * longest

@@ -1,0 +1,120 @@
+"""A trace holds what the simulation's arrays held, and never half of it."""
+
+import json
+import os
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial import trace as trace_module
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.trace import Trace
+from epuck_sim.util.provenance import versions
+
+COLUMNS = [
+    *("time_s", "robot", "x_cm", "y_cm", "heading_rad", "left_cm_s", "right_cm_s"),
+    *("ring_on", "phase_ms", "flash_seen"),
+    *(f"distance_mm_{sensor}" for sensor in range(8)),
+    *(f"infrared_{sensor}" for sensor in range(8)),
+    "camera",
+]
+
+
+def traced(path, scenario, seed=0):
+    with Trace(path, scenario, seed) as trace:
+        result = run_trial(Simulation(scenario, seed), [trace])
+    return result, pq.read_table(path)
+
+
+@pytest.fixture
+def small_chunks(monkeypatch) -> None:
+    monkeypatch.setattr(trace_module, "CHUNK_ROWS", 35)  # three steps of ten robots, and no whole number of chunks
+
+
+@pytest.mark.usefixtures("small_chunks")
+@pytest.mark.parametrize("arena", ["thesis", "spotlight"])
+def test_every_value_is_that_of_the_simulation(tmp_path, arena: str) -> None:
+    scenario = load_scenario(arena)
+    result, table = traced(tmp_path / "t.parquet", scenario)
+    assert table.column_names == COLUMNS
+    assert table.num_rows == result.steps * scenario.robot_count
+    columns = {name: table[name].to_numpy() for name in COLUMNS[:-1]}
+    camera = np.array(table["camera"].to_pylist())
+    simulation = Simulation(scenario, 0)
+    for number, step in zip(range(result.steps), simulation, strict=False):
+        rows = slice(number * scenario.robot_count, (number + 1) * scenario.robot_count)
+        expected = {
+            "time_s": np.full(scenario.robot_count, number / 10),
+            "robot": np.arange(scenario.robot_count),
+            "x_cm": step.poses[:, 0],
+            "y_cm": step.poses[:, 1],
+            "heading_rad": step.poses[:, 2],
+            "left_cm_s": step.wheels_cm_s[:, 0],
+            "right_cm_s": step.wheels_cm_s[:, 1],
+            "ring_on": step.ring_on,
+            "phase_ms": step.phase_ms,
+            "flash_seen": step.flash_seen,
+            **{f"distance_mm_{sensor}": step.distance_mm[:, sensor] for sensor in range(8)},
+            **{f"infrared_{sensor}": step.infrared[:, sensor] for sensor in range(8)},
+        }
+        for name, values in expected.items():
+            np.testing.assert_array_equal(columns[name][rows].astype(float), values.astype(float), err_msg=name)
+        np.testing.assert_array_equal(camera[rows], step.camera)
+
+
+def test_it_names_scenario_seed_and_versions(tmp_path) -> None:
+    scenario = load_scenario("pair")
+    _, table = traced(tmp_path / "t.parquet", scenario, seed=3)
+    metadata = table.schema.metadata
+    assert load_scenario(parse_yaml(metadata[b"scenario"].decode(), "metadata")) == scenario
+    assert metadata[b"seed"] == b"3"
+    assert json.loads(metadata[b"versions"]) == versions()
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_it_is_written_in_chunks(tmp_path) -> None:
+    result, _ = traced(tmp_path / "t.parquet", load_scenario("thesis"))
+    assert pq.ParquetFile(tmp_path / "t.parquet").num_row_groups == -(-result.steps // 3)
+
+
+def test_a_trial_with_a_trace_is_the_same_trial(tmp_path) -> None:
+    scenario = load_scenario("thesis")
+    result, _ = traced(tmp_path / "t.parquet", scenario)
+    assert result._replace(wall_s=0) == run_trial(Simulation(scenario, 0))._replace(wall_s=0)
+
+
+def test_where_the_trial_fails_nothing_is_left(tmp_path) -> None:
+    scenario = load_scenario("thesis")
+    with pytest.raises(ZeroDivisionError), Trace(tmp_path / "t.parquet", scenario, 0):
+        1 / 0  # noqa: B018
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_older_trace_stays_until_the_new_one_is_whole(tmp_path) -> None:
+    path = tmp_path / "t.parquet"
+    path.write_text("older")
+    with pytest.raises(ZeroDivisionError), Trace(path, load_scenario("thesis"), 0):
+        1 / 0  # noqa: B018
+    assert path.read_text() == "older"
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("gone/t.parquet", "there is no directory"), (".", "is a directory"), ("pipe", "is no regular file")],
+)
+def test_a_path_that_cannot_be_written_is_refused_before_anything_runs(tmp_path, name: str, reason: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(EpuckSimError, match=f"cannot be written: {reason}"):
+        Trace(tmp_path / name, load_scenario("thesis"), 0)
+
+
+def test_a_link_is_followed(tmp_path) -> None:
+    (tmp_path / "link.parquet").symlink_to(tmp_path / "real.parquet")
+    traced(tmp_path / "link.parquet", load_scenario("pair"))
+    assert (tmp_path / "link.parquet").is_symlink()
+    assert pq.read_table(tmp_path / "real.parquet").num_rows > 0

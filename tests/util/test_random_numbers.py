@@ -1,0 +1,132 @@
+"""Seeds and streams of random numbers: the published generator, uniform draws, and trials apart from each other."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.util.rng import below, next_word, robot_streams, trial_seed, uniform
+
+MASK = 2**64 - 1
+WORDS = st.integers(0, MASK)
+STATES = st.tuples(WORDS, WORDS, WORDS, WORDS)
+ZERO, LARGEST = (0, 5, 7, 0), (0, 5, 7, MASK)
+"""States whose next word is 0, and 2**64 - 1."""
+
+
+def stream(*state):
+    return np.array(state, np.uint64)
+
+
+def seeded(seed):
+    return robot_streams(np.random.SeedSequence(seed), 1)[0]
+
+
+def xoshiro256pp(state):
+    """Return the next word and state, by the algorithm as published (Blackman and Vigna 2019)."""
+    s0, s1, s2, s3 = state
+
+    def rotated(word, left):
+        return (word << left | word >> (64 - left)) & MASK
+
+    result = (rotated((s0 + s3) & MASK, 23) + s0) & MASK
+    t = (s1 << 17) & MASK
+    s2 ^= s0
+    s3 ^= s1
+    s1 ^= s2
+    s0 ^= s3
+    s2 ^= t
+    return result, (s0, s1, s2, rotated(s3, 45))
+
+
+def test_next_word_gives_the_published_reference_output():
+    random = stream(1, 2, 3, 4)
+    assert [int(next_word(random)) for _ in range(10)] == [
+        *(41943041, 58720359, 3588806011781223, 3591011842654386, 9228616714210784205),
+        *(9973669472204895162, 14011001112246962877, 12406186145184390807, 15849039046786891736),
+        10450023813501588000,
+    ]
+
+
+@given(state=STATES)
+def test_next_word_is_xoshiro256pp_from_every_state(state):
+    random = stream(*state)
+    for _ in range(5):
+        word, state = xoshiro256pp(state)
+        assert int(next_word(random)) == word
+        assert random.tolist() == list(state)
+
+
+@given(state=STATES)
+def test_uniform_is_the_word_s_upper_53_bits(state):
+    assert uniform(stream(*state)) == (xoshiro256pp(state)[0] >> 11) / 2**53
+
+
+def test_uniform_reaches_0_and_never_1():
+    assert uniform(stream(*ZERO)) == 0
+    assert uniform(stream(*LARGEST)) == 1 - 2**-53
+
+
+@pytest.mark.parametrize("limit", [1, 2, 25, 5000, 86_400_000, 2**31 - 1, 2**31])
+def test_below_reaches_0_and_the_last_number_below_its_limit(limit):
+    assert below(stream(*ZERO), limit) == 0
+    assert below(stream(*LARGEST), limit) == limit - 1
+
+
+@given(state=STATES, limit=st.integers(1, 2**31))
+def test_below_stays_in_its_range(state, limit):
+    assert 0 <= below(stream(*state), limit) < limit
+
+
+@pytest.mark.parametrize(("limit", "quantile"), [(2, 10.8), (3, 13.8), (10, 27.9), (25, 51.2), (100, 148.2)], ids=str)
+def test_below_is_uniform(limit, quantile):
+    """Chi-square with limit - 1 degrees of freedom, 0.1 %."""
+    random, draws = seeded(2016), 20_000
+    counts = np.bincount([below(random, limit) for _ in range(draws)], minlength=limit)
+    expected = draws / limit
+    assert ((counts - expected) ** 2 / expected).sum() < quantile
+
+
+MASTERS = st.integers(0, 2**53) | st.integers(0, 10**100)
+
+
+@given(master=MASTERS)
+def test_trial_0_has_the_master_seed_itself(master):
+    assert trial_seed(master, 0) == master
+
+
+@given(master=MASTERS, trial=st.integers(1, 10**7))
+def test_a_derived_seed_has_at_most_53_bits_and_is_always_the_same(master, trial):
+    seed = trial_seed(master, trial)
+    assert type(seed) is int
+    assert 0 <= seed < 2**53
+    assert seed == trial_seed(master, trial)
+
+
+def test_seeds_use_all_53_bits():
+    assert max(trial_seed(0, trial) for trial in range(1, 100)) > 2**52
+
+
+def test_seeds_are_distinct_over_trials_and_masters():
+    masters = [*range(20), 2**32, 2**53, 2**64, 10**100]
+    seeds = [trial_seed(master, trial) for master in masters for trial in range(200)]
+    assert len(set(seeds)) == len(seeds)
+
+
+@given(seed=st.integers(0, 10**30), few=st.integers(0, 20), more=st.integers(0, 20))
+def test_further_robots_leave_the_streams_of_the_others_as_they_were(seed, few, more):
+    streams = robot_streams(np.random.SeedSequence(seed), few + more)
+    assert streams.shape == (few + more, 4)
+    assert (streams[:few] == robot_streams(np.random.SeedSequence(seed), few)).all()
+
+
+def test_every_robot_has_a_stream_of_its_own():
+    streams = robot_streams(np.random.SeedSequence(1), 1000)
+    assert len({next_word(random) for random in streams}) == 1000
+
+
+def test_neighbours_streams_are_not_correlated():
+    """Each robot's draws against the next robot's, beyond 4 standard deviations of chance."""
+    draws = np.array([[uniform(random) for _ in range(200)] for random in robot_streams(np.random.SeedSequence(1), 50)])
+    products = (draws[:-1] - 0.5) * (draws[1:] - 0.5)
+    assert abs(products.mean()) < 4 / 12 / np.sqrt(products.size)
