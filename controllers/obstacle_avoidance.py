@@ -3,7 +3,7 @@
 Whole numbers and C's truncation toward zero, as on the robot; speeds in mm/s.
 """
 
-from epuck_sim.util.rng import below
+from epuck_sim.util.rng import randint
 
 PARAMETERS = {
     "speed_cm_s": 12.8,  # V, straight ahead
@@ -82,7 +82,7 @@ def choose_speeds(x, y, memory, parameters, random):
     if memory.proximity_count > parameters.proximity_count_threshold:
         memory.left_mm_s = -turn * direction
         memory.right_mm_s = turn * direction
-        memory.rotation_time += 1 + below(random, parameters.rotation_max)
+        memory.rotation_time += 1 + randint(random, parameters.rotation_max)
         memory.proximity_count = 0
 
     if x > threshold:

@@ -5,7 +5,7 @@ All in whole milliseconds, as the e-puck has no floating-point unit; results are
 
 import numpy as np
 
-from epuck_sim.util.rng import below
+from epuck_sim.util.rng import randint
 
 PARAMETERS = {
     "period_s": 5.0,  # tau
@@ -53,7 +53,7 @@ def whole_ms(seconds):
 
 def start(memory, parameters, random):
     """Phases begin uniform in [0, tau)."""
-    memory.phase_ms = below(random, whole_ms(parameters.period_s))
+    memory.phase_ms = randint(random, whole_ms(parameters.period_s))
     memory.flash_seen = 0
 
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.arena import box_corners, clearance_cm, is_convex, make_arena
+from epuck_sim.arena import clearance_cm, make_arena
+from epuck_sim.geometry import box_corners, is_convex
 
 SQUARE = np.array([(40, 40), (60, 40), (60, 60), (40, 60)], float)
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation, load_scenario, run_trial
-from epuck_sim.util.rng import trial_seed
+from epuck_sim.util.seeds import trial_seed
 
 SPEEDS_CM_S = (0.05, 0.083, 0.137, 0.227, 0.376, 0.622, 1.029, 1.704, 2.821, 4.67, 7.732, 12.8)
 TRIALS = 1000

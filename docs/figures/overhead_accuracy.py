@@ -31,7 +31,7 @@ from epuck_sim.overhead.track.ring_detection import RingFinder
 from epuck_sim.overhead.track.spread import SpreadWatch, first_synchronised, is_synchronised
 from epuck_sim.overhead.truth import Score, compare
 from epuck_sim.trial.synchrony import SynchronyWatch
-from epuck_sim.util.rng import trial_seed
+from epuck_sim.util.seeds import trial_seed
 
 OUT = Path(__file__).parent
 TRIALS = 100

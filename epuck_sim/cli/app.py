@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from epuck_sim import __version__
-from epuck_sim.cli.errors import naming, readable_errors, refuse
+from epuck_sim.cli.errors import exit_on_error, prefix_scenario, reject_first
 from epuck_sim.cli.film import films
 from epuck_sim.cli.replay import WEB_PORT, replays
 from epuck_sim.cli.results import results
@@ -103,13 +103,13 @@ def run(
     trial: Annotated[int | None, typer.Option(min=0, help="And its trial, from 0.")] = None,
 ) -> None:
     """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep of thousands into a run folder."""
-    with readable_errors():
+    with exit_on_error():
         from epuck_sim.scenario.loader import find_scenario, load_scenario
 
         single = point is not None or trial is not None
         found = find_scenario(scenario)
         folder = out or (found.parent if found.parent == Path(scenario) and not single else None)
-        refuse(
+        reject_first(
             (
                 single and (point is None or trial is None or out is not None),
                 "--point and --trial go together, and without --out",
@@ -135,19 +135,19 @@ def run(
         if folder is not None and status:
             if any((seed is not None, trials, settings, axes, quick, interpret, workers, dask)):
                 raise EpuckSimError("--status shows what is in the run folder; give no other option but --json")
-            from epuck_sim.cli.sweep_tables import print_status
+            from epuck_sim.cli.tables import print_status
             from epuck_sim.runs.reader import read_status
 
             print_status(read_status(folder), as_json)
             return
-        from epuck_sim.cli.observers import Output, Showing
+        from epuck_sim.cli.observers import LiveView, RunOptions
         from epuck_sim.cli.run import run_into, run_one, run_some
 
         loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
-        showing = Showing(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
-        output = Output(as_json, trace, record, showing, film, level or Level.FULL, interpret)
+        showing = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
+        output = RunOptions(as_json, trace, record, showing, film, level or Level.FULL, interpret)
         if point is not None and trial is not None:
             run_one(scenario, loaded, point, trial, output)
         elif folder is not None:
@@ -161,12 +161,13 @@ def check(
     scenario: ScenarioArgument, settings: SetOption = None, axes: AxesOption = None, quick: QuickOption = False
 ) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out."""
-    with readable_errors():
+    with exit_on_error():
         from epuck_sim.scenario.loader import load_scenario, write_scenario
-        from epuck_sim.scenario.points import check_room, points
+        from epuck_sim.scenario.points import points
+        from epuck_sim.sweep.checks import check_room
 
         loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
-        with naming(scenario):
+        with prefix_scenario(scenario):
             check_room(points(loaded))
         sys.stdout.write(write_scenario(loaded))
 
@@ -174,8 +175,9 @@ def check(
 @app.command("list")
 def list_shipped() -> None:
     """List the shipped arenas, sweeps and controllers."""
-    with readable_errors():
-        from epuck_sim.util.builtin import ARENAS, SWEEPS, describe_controllers, describe_scenarios
+    with exit_on_error():
+        from epuck_sim.cli.listing import describe_controllers, describe_scenarios
+        from epuck_sim.util.builtin import ARENAS, SWEEPS
 
         shipped = {"arenas": describe_scenarios(ARENAS), "sweeps": describe_scenarios(SWEEPS)}
         for heading, entries in {**shipped, "controllers": describe_controllers()}.items():

@@ -10,7 +10,7 @@ from epuck_sim.errors import EpuckSimError, ScenarioError
 
 
 @contextmanager
-def readable_errors() -> Iterator[None]:
+def exit_on_error() -> Iterator[None]:
     """Turn a user's mistake into one message and exit code 2, Ctrl-C into exit code 130."""
     try:
         yield
@@ -28,7 +28,7 @@ def readable_errors() -> Iterator[None]:
         raise typer.Exit(130) from interrupt
 
 
-def refuse(*mistakes: tuple[bool, str]) -> None:
+def reject_first(*mistakes: tuple[bool, str]) -> None:
     """Raise EpuckSimError for the first of these that was made: whether it was, and what to say of it."""
     for made, message in mistakes:
         if made:
@@ -36,7 +36,7 @@ def refuse(*mistakes: tuple[bool, str]) -> None:
 
 
 @contextmanager
-def naming(scenario: str) -> Iterator[None]:
+def prefix_scenario(scenario: str) -> Iterator[None]:
     """Have errors of a scenario that is loaded already name its file, too."""
     try:
         yield

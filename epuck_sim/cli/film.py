@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from epuck_sim.cli.errors import readable_errors, refuse
+from epuck_sim.cli.errors import exit_on_error, reject_first
 
 films = typer.Typer()
 
@@ -20,11 +20,11 @@ def film(
     ] = None,
 ) -> None:
     """Film a recorded trial as the webcam above the arena saw it: lit rings in the dark, or all in the light."""
-    with readable_errors():
-        from epuck_sim.cli.film_progress import passing
+    with exit_on_error():
+        from epuck_sim.cli.progress import progress_bar
         from epuck_sim.overhead.render.film_trial import film_recording
 
-        film_recording(recording, settings or (), to, passing("filming"))
+        film_recording(recording, settings or (), to, progress_bar("filming"))
 
 
 @films.command()
@@ -91,8 +91,8 @@ def track(
     ] = None,
 ) -> None:
     """Count lit rings in FILM, frame by frame, and tell when the swarm was synchronised (thesis 4.3.1)."""
-    with readable_errors():
-        refuse(
+    with exit_on_error():
+        reject_first(
             ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
             (threshold is not None and order is not None, "--threshold-ms and --order-parameter exclude each other"),
             (
@@ -100,9 +100,9 @@ def track(
                 "--camera needs --period-s: while it runs, the film that would tell the period is not there yet",
             ),
         )
-        from epuck_sim.cli.film_progress import passing
-        from epuck_sim.cli.progress import tell
-        from epuck_sim.cli.track_tables import check_outputs, parse_arena, parse_corners, print_json, print_table
+        from epuck_sim.cli.parsing import check_outputs, parse_arena, parse_corners
+        from epuck_sim.cli.progress import print_stderr, progress_bar
+        from epuck_sim.cli.track_tables import print_track, print_track_json
         from epuck_sim.overhead.track.result import Known
         from epuck_sim.overhead.track.track_film import annotate_film, snapshot, track_camera, track_film
 
@@ -117,15 +117,15 @@ def track(
         )
         check_outputs(film, plot, rings, annotate)
         if camera is not None and period is not None:
-            found = track_camera(camera, known, period, rings, annotate, passing("tracking"))
+            found = track_camera(camera, known, period, rings, annotate, progress_bar("tracking"))
         else:
             assert film is not None  # or it was refused
-            found = track_film(film, known, rings, passing("tracking"))
+            found = track_film(film, known, rings, progress_bar("tracking"))
         for warning in found.warnings:
-            tell(f"warning: {warning}")
-        (print_json if as_json else print_table)(found)
+            print_stderr(f"warning: {warning}")
+        (print_track_json if as_json else print_track)(found)
         if annotate is not None and camera is None:
-            annotate_film(found, annotate, passing("annotating"))
+            annotate_film(found, annotate, progress_bar("annotating"))
         if plot is not None:
             from epuck_sim.figures.film_tracking import save_track_figure
 

@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.sweep_tables import WIDE
-from epuck_sim.figures.labels import values_told
-from epuck_sim.statistics.curves import told_apart
-from epuck_sim.statistics.extrema import Bump
+from epuck_sim.cli.tables import WIDE
+from epuck_sim.figures.labels import format_axis_values
+from epuck_sim.statistics.curves import distinguishing_axes
+from epuck_sim.statistics.extrema import SpeedExtrema
 from epuck_sim.statistics.scaling_fit import FittedCurve, Laws
 from epuck_sim.statistics.scaling_laws import Estimate
 
@@ -31,8 +31,8 @@ def print_fit(curves: Sequence[FittedCurve], laws: Laws, as_json: bool) -> None:
         table.add_column(Text(heading))
     for run in dict.fromkeys(curve.run for curve in curves):
         group = [curve for curve in curves if curve.run == run]
-        for curve, axes in zip(group, told_apart([curve.axes for curve in group]), strict=True):
-            table.add_row(Text(run), Text(values_told(axes)), *_bump_cells(curve.bump))
+        for curve, axes in zip(group, distinguishing_axes([curve.axes for curve in group]), strict=True):
+            table.add_row(Text(run), Text(format_axis_values(axes)), *_bump_cells(curve.bump))
     console.print(table)
     print("-: no rise that noise would not make, or undo.")
     if laws.reason:
@@ -57,7 +57,7 @@ def print_fit(curves: Sequence[FittedCurve], laws: Laws, as_json: bool) -> None:
         print(f"{laws.left_out} curves with both are left out: they differ in more than V, epsilon, L, N and tau.")
 
 
-def _bump_cells(bump: Bump | None) -> list[str]:
+def _bump_cells(bump: SpeedExtrema | None) -> list[str]:
     if bump is None:
         return ["too few speeds"]
     if not bump.is_found:
@@ -65,7 +65,7 @@ def _bump_cells(bump: Bump | None) -> list[str]:
     return [*map(_told, _estimates(bump).values()), f"{bump.p_value:.3f}"]
 
 
-def _estimates(bump: Bump) -> dict[str, Estimate]:
+def _estimates(bump: SpeedExtrema) -> dict[str, Estimate]:
     values = {"v_m": bump.v_m, "t_m": bump.t_m, "v_p": bump.v_p, "t_p": bump.t_p}
     return {name: Estimate(values[name], *ends) for name, ends in zip(values, bump.intervals.tolist(), strict=True)}
 

@@ -1,22 +1,21 @@
 """What people see of a run: progress while it lasts, a table or JSON when it is done."""
 
-import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator
 from types import TracebackType
 from typing import Self
 
 from rich.console import Console
+from rich.progress import BarColumn, TextColumn
+from rich.progress import Progress as Bars
 from rich.status import Status
-from rich.table import Table
-from rich.text import Text
 
 from epuck_sim.embodied.step import Step
-from epuck_sim.particles.simulation import Swarm
-from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.overhead.film.frame import Passing, Timed
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.synchrony import SynchronyWatch
-from epuck_sim.util.provenance import versions
 
 REFRESH_S = 0.2
 """How often a terminal shows how far a trial is."""
@@ -49,7 +48,7 @@ class Progress:
         if time.perf_counter() >= self._next:
             self._show(step.time_s, watch.cycles, watch.order_parameter)
 
-    def of_swarm(self, swarm: Swarm) -> None:
+    def of_swarm(self, swarm: ParticleSimulation) -> None:
         """Show a swarm of point-like agents, if it is time to."""
         if time.perf_counter() >= self._next:
             self._show(swarm.time_s, swarm.cycles, swarm.order_parameter)
@@ -79,31 +78,85 @@ class Progress:
             self._status.stop()
 
 
-def tell(line: str) -> None:
+def print_stderr(line: str) -> None:
     """Print a line on stderr, at once."""
     print(line, file=sys.stderr, flush=True)
 
 
-def print_table(results: Sequence[TrialResult]) -> None:
-    """Print a readable table of trials of one scenario on stdout."""
-    if not results:
-        return
-    table = Table(title=Text(results[0].scenario), title_justify="left")
-    for heading in ("seed", "T_sync [cycles]", "censored", "order par.", "simulated [s]", "wall [s]", "x real time"):
-        table.add_column(heading, justify="right")
-    for result in results:
-        table.add_row(
-            str(result.seed),
-            "-" if result.t_sync_cycles is None else str(result.t_sync_cycles),
-            f"yes, at {result.cycles}" if result.censored else "no",
-            "-" if result.order_parameter is None else f"{result.order_parameter:.3f}",
-            f"{result.simulated_s:.1f}",
-            f"{result.wall_s:.2f}",
-            f"{result.real_time_factor:.0f}",
-        )
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+class SweepProgressBar:
+    """An onlooker of a sweep that shows on stderr how far it is; to be used in a `with` block."""
+
+    def __init__(self) -> None:
+        console = Console(stderr=True)
+        columns = (BarColumn(), TextColumn("{task.description}"))
+        self._bar = Bars(*columns, console=console, auto_refresh=False) if console.is_terminal else None
+        self._pause_s = REFRESH_S if self._bar else LINE_S
+        self._next = 0.0
+        self._began: float | None = None
+        self.tally: SweepProgress | None = None
+
+    def __call__(self, tally: SweepProgress) -> None:
+        """Show the tally, if it is time to."""
+        self.tally = tally
+        now = time.monotonic()
+        if tally.ended and self._began is None:
+            self._began = now  # the first trial waits for workers to start: no measure of the others
+        if now < self._next and tally.stored + tally.failed < tally.trials:
+            return
+        self._next = now + self._pause_s
+        self._show(tally, self._words(tally, now))
+
+    def _words(self, tally: SweepProgress, now: float) -> str:
+        failed = f", {tally.failed} failed" if tally.failed else ""
+        words = f"{tally.stored} of {tally.trials} trials, {tally.censored} censored{failed}"
+        left = tally.trials - tally.stored - tally.failed
+        if self._began is None or tally.ended < 2:
+            return f"{words}; starting workers" if left else words
+        a_minute = (tally.ended - 1) / max(now - self._began, 1e-9) * 60
+        return f"{words}, {a_minute:.0f} a minute, {in_words(left / a_minute * 60)} left"
+
+    def _show(self, tally: SweepProgress, words: str) -> None:
+        if self._bar is None:
+            print(words, file=sys.stderr, flush=True)
+            return
+        if not self._bar.task_ids:
+            self._bar.add_task("", total=tally.trials)
+        self._bar.update(self._bar.task_ids[0], completed=tally.stored + tally.failed, description=words)
+        self._bar.refresh()
+
+    def __enter__(self) -> Self:
+        if self._bar:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self._bar:
+            self._bar.stop()
 
 
-def print_json(result: TrialResult) -> None:
-    """Print a trial as one JSON object on a line of stdout, at once."""
-    print(json.dumps({**result._asdict(), "versions": versions()}), flush=True)
+def in_words(seconds: float) -> str:
+    """Return a time as people say it.
+
+    >>> in_words(42), in_words(200), in_words(20000)
+    ('42 s', '3 min', '5.6 h')
+    """
+    if seconds < 90:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def progress_bar(doing: str) -> Passing:
+    """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
+
+    def show(timed: Iterable[Timed], duration_s: float | None) -> Iterator[Timed]:
+        console = Console(stderr=True)
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} s of film"))
+        with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+            task = progress.add_task(doing, total=duration_s)
+            for each in timed:
+                progress.update(task, completed=each[0])
+                yield each
+
+    return show

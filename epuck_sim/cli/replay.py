@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from epuck_sim.cli.errors import readable_errors, refuse
+from epuck_sim.cli.errors import exit_on_error, reject_first
 
 replays = typer.Typer()
 
@@ -34,9 +34,9 @@ def replay(
     ] = None,
 ) -> None:
     """Open a recording in rerun's viewer; of a sweep, which keeps none, simulate one of the trials again."""
-    with readable_errors():
+    with exit_on_error():
         again = point is not None and trial is not None
-        refuse(
+        reject_first(
             (web and screenshot is not None, "--web and --screenshot exclude each other"),
             (port is not None and not web, "--port is for --web"),
             (at is not None and screenshot is None, "--at is for --screenshot"),
@@ -59,15 +59,15 @@ def replay(
             check_target(screenshot)
         file = source
         if point is not None and trial is not None:
-            from epuck_sim.cli.observers import Output
+            from epuck_sim.cli.observers import RunOptions
             from epuck_sim.cli.run import record_again
 
             file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
-            record_again(source, point, trial, Output(record=file, interpret=interpret))
+            record_again(source, point, trial, RunOptions(record=file, interpret=interpret))
             typer.echo(file)
         end_s = last_moment_s(file)
         if screenshot is not None:
-            refuse(
+            reject_first(
                 (at is not None and at > end_s, f"--at is {at or 0:.9g}; allowed: 0 to {end_s:.9g}, where {file} ends")
             )
             draw_screenshot(file, end_s if at is None else at, screenshot)

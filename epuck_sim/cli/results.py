@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from epuck_sim.cli.errors import readable_errors, refuse
+from epuck_sim.cli.errors import exit_on_error, reject_first
 from epuck_sim.errors import StoreError
 
 if TYPE_CHECKING:  # or --help would wait for numpy
@@ -25,7 +25,7 @@ def export_results(
     to: Annotated[Path, typer.Option(metavar="FILE", help="A .parquet or .csv file; a row for each trial.")],
 ) -> None:
     """Write the results of a sweep as one table."""
-    with readable_errors():
+    with exit_on_error():
         from epuck_sim.runs.export import export
 
         failed = export(folder, to)
@@ -36,8 +36,8 @@ def export_results(
 @results.command()
 def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
     """Print the statistics of T_sync at each point of a sweep, censored trials taken into account."""
-    with readable_errors():
-        from epuck_sim.cli.sweep_tables import print_summary
+    with exit_on_error():
+        from epuck_sim.cli.tables import print_summary
         from epuck_sim.runs.reader import read_points
         from epuck_sim.statistics.summary import summarize as statistics
 
@@ -87,7 +87,7 @@ def plot(
     ] = None,
 ) -> None:
     """Draw a sweep's T_sync as curves, a map or violins, or what its trials do over time; or a recorded trial."""
-    with readable_errors():
+    with exit_on_error():
         wanted = Wanted(form, x, y, panels, censored_at)
         for file in _plot_sweep(results, to, wanted) if results.is_dir() else _plot_trial(results, to, wanted):
             typer.echo(file)
@@ -98,7 +98,7 @@ def _plot_trial(recording: Path, to: Path | None, wanted: Wanted) -> list[Path]:
     from epuck_sim.recording.reader import read_recording
 
     options = zip(("--form", "--x", "--y", "--panels", "--censored-at"), wanted, strict=True)
-    refuse(*((value is not None, f"{name} is for run folders; {recording} is none") for name, value in options))
+    reject_first(*((value is not None, f"{name} is for run folders; {recording} is none") for name, value in options))
     return save_page(read_recording(recording), str(recording), to or recording.with_suffix(""))
 
 
@@ -113,7 +113,7 @@ def _plot_sweep(folder: Path, to: Path | None, wanted: Wanted) -> list[Path]:
     figure = points[0].scenario.figure
     form = wanted.form or Form(figure.form)
     over_time = form in (Form.PERTURBATION, Form.COURSE)
-    refuse(
+    reject_first(
         (wanted.x is not None and over_time, f"--x is for figures of T_sync, but this is {form}, over time"),
         (wanted.y is not None and form != Form.MAP, f"--y is for --form map, but this is {form}"),
         (wanted.panels is not None and form != Form.CURVES, f"--panels is for --form curves, but this is {form}"),
@@ -160,7 +160,7 @@ def fit(
     as_json: JsonOption = False,
 ) -> None:
     """Print where T_sync has its local minimum and peak against speed, and the laws by which they scale."""
-    with readable_errors():
+    with exit_on_error():
         from epuck_sim.cli.fit_tables import print_fit
         from epuck_sim.statistics.scaling_fit import fit_curves, fit_laws
 

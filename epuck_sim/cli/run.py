@@ -7,10 +7,10 @@ from pathlib import Path
 
 import typer
 
-from epuck_sim.cli.errors import naming
-from epuck_sim.cli.observers import Output, watching
-from epuck_sim.cli.progress import Progress, print_json, print_table, tell
-from epuck_sim.cli.sweep_tables import SweepProgress, print_status
+from epuck_sim.cli.errors import prefix_scenario
+from epuck_sim.cli.observers import RunOptions, open_observers
+from epuck_sim.cli.progress import Progress, SweepProgressBar, print_stderr
+from epuck_sim.cli.tables import print_status, print_trial_json, print_trials
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import read_outcome, read_status
@@ -19,13 +19,13 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.executors import dask_pool, local_pool
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.trial.embodied import TrialResult
 from epuck_sim.trial.model import make_model, run_model
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import in_text, versions
-from epuck_sim.util.rng import trial_seed
+from epuck_sim.util.seeds import trial_seed
 
 
-def run_some(origin: str, scenario: Scenario, output: Output) -> None:
+def run_some(origin: str, scenario: Scenario, output: RunOptions) -> None:
     """Run the scenario's trials one after the other, and print them."""
     if scenario.sweep is not None:
         raise ScenarioError(
@@ -35,7 +35,7 @@ def run_some(origin: str, scenario: Scenario, output: Output) -> None:
     _run(origin, [(scenario, trial_seed(scenario.seed, trial)) for trial in range(scenario.trials)], output)
 
 
-def run_one(origin: str, scenario: Scenario, point: int, trial: int, output: Output) -> TrialResult:
+def run_one(origin: str, scenario: Scenario, point: int, trial: int, output: RunOptions) -> TrialResult:
     """Run one trial of a sweep, with the outcome that it has there, and return that."""
     places = points(scenario)
     if point >= len(places):
@@ -47,23 +47,23 @@ def run_one(origin: str, scenario: Scenario, point: int, trial: int, output: Out
     return result
 
 
-def record_again(folder: Path, point: int, trial: int, output: Output) -> None:
+def record_again(folder: Path, point: int, trial: int, output: RunOptions) -> None:
     """Simulate a trial of a run folder again, and tell if it does not come out as it is stored."""
     stored = read_outcome(folder, point, trial)
     result = run_one(str(folder), load_scenario(folder / RUN_SCENARIO), point, trial, output)
     if stored is not None and stored != (result.cycles, result.censored):
         made = "; ".join(read_status(folder).versions)
-        tell(
+        print_stderr(
             f"note: this is not the trial that is stored, which lasted {stored[0]} cycles; its controller or the "
             f"versions may have changed: the folder was made by {made}, this is {in_text(versions())}"
         )
 
 
-def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: Output) -> list[TrialResult]:
+def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: RunOptions) -> list[TrialResult]:
     results: list[TrialResult] = []
-    with watching(output, [scenario for scenario, _ in trials]) as watchers:
+    with open_observers(output, [scenario for scenario, _ in trials]) as watchers:
         try:
-            with Progress(len(trials)) as progress, naming(origin):
+            with Progress(len(trials)) as progress, prefix_scenario(origin):
                 for trial, (scenario, seed) in enumerate(trials):
                     with ExitStack() as stack:
                         onlookers = [stack.enter_context(watch(trial, scenario, seed)) for watch in watchers]
@@ -71,15 +71,15 @@ def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: Output) ->
                         progress.begin(trial)
                         results.append(run_model(model, onlookers, progress))
                         if output.as_json:
-                            print_json(results[-1])
+                            print_trial_json(results[-1])
         finally:
             if not output.as_json:
-                print_table(results)
+                print_trials(results)
     return results
 
 
 def run_into(
-    origin: str, scenario: Scenario, folder: Path, workers: int | None, dask: str | None, output: Output
+    origin: str, scenario: Scenario, folder: Path, workers: int | None, dask: str | None, output: RunOptions
 ) -> None:
     """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
     _tell_of_other_versions(folder)
@@ -87,19 +87,19 @@ def run_into(
     told = [f" {name} {value}".rstrip() for name, value in options.items() if value is not None]
     again = f"epuck-sim run {folder}/{''.join(told)}"
     open_pool = partial(local_pool, workers) if dask is None else partial(dask_pool, dask)
-    with SweepProgress() as progress, naming(origin):
+    with SweepProgressBar() as progress, prefix_scenario(origin):
         try:
             run_sweep(scenario, folder, open_pool, progress, interpret=output.interpret)
         except KeyboardInterrupt:
             tally = progress.tally
             # the tally may lack a trial that was just stored
             stored = f"{read_status(folder).stored} of {tally.trials} trials are stored" if tally else "nothing is lost"
-            tell(f"stopped; {stored}; go on with: {again}")
+            print_stderr(f"stopped; {stored}; go on with: {again}")
             raise typer.Exit(130) from None
     status = read_status(folder)
     print_status(status, output.as_json)
     if status.failed:
-        tell(f"{len(status.failed)} trials failed; run again to retry them: {again}")
+        print_stderr(f"{len(status.failed)} trials failed; run again to retry them: {again}")
         raise typer.Exit(1)
 
 
@@ -109,4 +109,4 @@ def _tell_of_other_versions(folder: Path) -> None:
     now = in_text(versions())
     for made, count in read_status(folder).versions.items():
         if not made.startswith(f"{now}, "):
-            tell(f"note: {count} trials were made by {made}; this is {now}: last digits may differ")
+            print_stderr(f"note: {count} trials were made by {made}; this is {now}: last digits may differ")

@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.util.messages import listed, shown, unknown
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 Value = bool | int | float
 
@@ -36,11 +37,11 @@ class Sensors(NamedTuple):
 
     step_ms: int
     """Whole milliseconds that have passed on the robot's own clock since its last control step."""
-    infrared: npt.NDArray[np.float64]
+    infrared: FloatArray
     """(8,) counts: raw readings of the proximity sensors."""
-    distance_mm: npt.NDArray[np.int64]
+    distance_mm: IntArray
     """(8,) mm: distances that belong to the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
-    camera: npt.NDArray[np.int64]
+    camera: IntArray
     """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture."""
     new_picture: bool = True
     """Whether `camera` holds a picture that the controller has not had before; where cameras take fewer pictures than
@@ -80,7 +81,9 @@ class Controller:
         """
         for name in given:
             if name not in self.parameters:
-                raise ValueError(f"{unknown(name, self.parameters)}; {self.name} has {listed(self.parameters)}")
+                raise ValueError(
+                    f"{did_you_mean(name, self.parameters)}; {self.name} has {comma_list(self.parameters)}"
+                )
         values = {
             name: typed(name, given[name], default) if name in given else default
             for name, default in self.parameters.items()
@@ -114,7 +117,7 @@ def typed(name: str, given: object, default: Value) -> Value:
         if isinstance(default, int) and abs(given) < MAX_WHOLE and given == int(given):
             return int(given)
     wanted = "a whole number" if isinstance(default, int) else "a number"
-    raise ValueError(f"{name} is {shown(given)}; allowed: {wanted}")
+    raise ValueError(f"{name} is {short_repr(given)}; allowed: {wanted}")
 
 
 def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:

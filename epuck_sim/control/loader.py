@@ -12,8 +12,8 @@ from typing import Any
 
 from epuck_sim.control.interface import Controller, record_type, typed
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.builtin import CONTROLLERS, shipped_files, shipped_folder
-from epuck_sim.util.messages import listed, unknown
+from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
+from epuck_sim.util.messages import comma_list, did_you_mean
 
 PARTS = {
     "PARAMETERS": "a mapping of names to default values",
@@ -31,10 +31,11 @@ def find_controller(name: str, folder: Path | None = None) -> Controller:
     Raises ControllerError where there is none, or where its file is no controller.
     """
     if not name.endswith(".py") and "/" not in name and "\\" not in name:
-        shipped = shipped_files(CONTROLLERS)
+        shipped = builtin_files(CONTROLLERS)
         if name not in shipped:
             raise ControllerError(
-                f"{unknown(name, shipped)}; shipped controllers: {listed(shipped)}; or give a file that ends in .py"
+                f"{did_you_mean(name, shipped)}; shipped controllers: {comma_list(shipped)}; "
+                "or give a file that ends in .py"
             )
         return load_controller(shipped[name])
     folders = dict.fromkeys([folder or Path(), Path()])
@@ -111,7 +112,7 @@ class _Beside(MetaPathFinder):
     """Finds files by name in some folders, but for the one that imports them."""
 
     def __init__(self, path: Path, sources: dict[Path, bytes]) -> None:
-        folders = (path.parent, shipped_folder(CONTROLLERS))
+        folders = (path.parent, builtin_folder(CONTROLLERS))
         files = [file for folder in reversed(folders) for file in folder.glob("*.py") if file != path]
         self.files: Mapping[str, Path] = {file.stem: file.resolve() for file in files}
         self._sources = sources

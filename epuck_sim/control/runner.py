@@ -1,6 +1,6 @@
 """Runs a controller for a group of robots: compiled by numba, or interpreted for breakpoints and any library.
 
-Both run the same source, the controller's file and `_serve` below, with equal results bit for bit.
+Both run the same source, the controller's file and `_step_all` below, with equal results bit for bit.
 """
 
 import pickle
@@ -16,9 +16,10 @@ import numpy as np
 import numpy.typing as npt
 from numba.extending import register_jitable
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.interface import Controller, Sensors
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.jit import compile_cached, digest, package_digest
+from epuck_sim.util.jit import compile_cached, digest, kernel_digest
 
 Records = npt.NDArray[np.void]
 
@@ -30,25 +31,23 @@ if TYPE_CHECKING:  # bound to a controller's own by `_bound`
     step: Callable[..., None]
 
 
-def _begin(
-    memory: Records, parameters: Records, random: npt.NDArray[np.uint64], serving: npt.NDArray[np.int64]
-) -> None:
+def _start_all(memory: Records, parameters: Records, random: StreamArray, serving: IntArray) -> None:
     for robot in range(len(memory)):
         serving[0] = robot
         start(memory[robot], parameters[robot], random[robot])  # noqa: F821 see `_bound`
 
 
-def _serve(
-    step_ms: npt.NDArray[np.int64],
-    infrared: npt.NDArray[np.float64],
-    distance_mm: npt.NDArray[np.int64],
-    camera: npt.NDArray[np.int64],
-    new_picture: npt.NDArray[np.bool_],
+def _step_all(
+    step_ms: IntArray,
+    infrared: FloatArray,
+    distance_mm: IntArray,
+    camera: IntArray,
+    new_picture: BoolArray,
     actuators: Records,
     memory: Records,
     parameters: Records,
-    random: npt.NDArray[np.uint64],
-    serving: npt.NDArray[np.int64],
+    random: StreamArray,
+    serving: IntArray,
 ) -> None:
     for robot in range(len(memory)):
         serving[0] = robot
@@ -57,27 +56,29 @@ def _serve(
         step(sensors, memory[robot], actuators[robot], parameters[robot], random[robot])  # noqa: F821
 
 
-class Senses(NamedTuple):
+class SensorArrays(NamedTuple):
     """What a group of robots senses: `controller.Sensors`, with a row a robot."""
 
-    step_ms: npt.NDArray[np.int64]
+    step_ms: IntArray
     """(robots,)"""
-    infrared: npt.NDArray[np.float64]
+    infrared: FloatArray
     """(robots, 8)"""
-    distance_mm: npt.NDArray[np.int64]
+    distance_mm: IntArray
     """(robots, 8)"""
-    camera: npt.NDArray[np.int64]
+    camera: IntArray
     """(robots, pixels)"""
-    new_picture: npt.NDArray[np.bool_]
+    new_picture: BoolArray
     """(robots,)"""
 
-    def of(self, rows: slice, pixels: int) -> "Senses":
+    def of(self, rows: slice, pixels: int) -> "SensorArrays":
         """Return what some of the robots sense, those whose cameras have so many pixels."""
         camera = self.camera[rows, :pixels]
-        return Senses(self.step_ms[rows], self.infrared[rows], self.distance_mm[rows], camera, self.new_picture[rows])
+        return SensorArrays(
+            self.step_ms[rows], self.infrared[rows], self.distance_mm[rows], camera, self.new_picture[rows]
+        )
 
 
-class Control:
+class ControllerRunner:
     """The controllers of one group of robots: what they remember, and what they command."""
 
     memory: Records
@@ -87,8 +88,8 @@ class Control:
         self,
         controller: Controller,
         parameters: Records,
-        random: npt.NDArray[np.uint64],
-        senses: Senses,
+        random: StreamArray,
+        senses: SensorArrays,
         actuators: Records,
         interpret: bool = False,
     ) -> None:
@@ -130,9 +131,9 @@ class RobotError(ControllerError):
 
 
 def _bound(controller: Controller) -> tuple[Any, Any]:
-    """Return `_begin` and `_serve` that call the controller's `start` and `step`."""
+    """Return `_start_all` and `_step_all` that call the controller's `start` and `step`."""
     own = {**globals(), "start": controller.start, "step": controller.step}
-    return FunctionType(_begin.__code__, own), FunctionType(_serve.__code__, own)
+    return FunctionType(_start_all.__code__, own), FunctionType(_step_all.__code__, own)
 
 
 def _interpreted(controller: Controller) -> tuple[Any, Any]:
@@ -146,7 +147,7 @@ def _interpreted(controller: Controller) -> tuple[Any, Any]:
 def _compiled(controller: Controller) -> tuple[Any, Any]:
     """Return `_bound`'s functions compiled, cached under all that they are made of: sources, and values they name."""
     functions = _callees(controller.start, controller.sources) | _callees(controller.step, controller.sources)
-    contents = [package_digest().encode(), *controller.sources.values()]
+    contents = [kernel_digest().encode(), *controller.sources.values()]
     for function in sorted(functions, key=lambda function: (function.__code__.co_filename, function.__qualname__)):
         # numba's cache imports the module that a function names; a controller's own is not importable
         function.__module__ = __name__

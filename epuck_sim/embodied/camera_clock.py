@@ -6,31 +6,28 @@ control steps.
 """
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.util.jit import kernel
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
+from epuck_sim.util.jit import jit
 from epuck_sim.util.rng import uniform
-
-Floats = npt.NDArray[np.float64]
-Pixels = npt.NDArray[np.int64]
 
 _NONE = -2
 """The step in which a picture arrives that was never taken."""
 
 
-class Shutter:
+class CameraClock:
     """The cameras of a group of robots: what they look at becomes the pictures that controllers have."""
 
-    seen: Pixels
+    seen: IntArray
     """(robots, pixels) what is in view; to be written in each control step, before `tick`."""
 
     def __init__(
         self,
         interval: float,
         latency: float,
-        streams: npt.NDArray[np.uint64],
-        camera: Pixels,
-        new_picture: npt.NDArray[np.bool_],
+        streams: StreamArray,
+        camera: IntArray,
+        new_picture: BoolArray,
     ) -> None:
         """Begin with no picture taken.
 
@@ -49,21 +46,21 @@ class Shutter:
         _take_pictures(step, *self._arguments)
 
 
-@kernel
+@jit
 def _take_pictures(
     step: int,
     interval: float,
     latency: float,
-    streams: npt.NDArray[np.uint64],
-    first: Floats,
-    taken: npt.NDArray[np.int64],
-    arrival: npt.NDArray[np.int64],
-    seen: Pixels,
-    waiting: Pixels,
-    camera: Pixels,
-    new_picture: npt.NDArray[np.bool_],
+    streams: StreamArray,
+    first: FloatArray,
+    taken: IntArray,
+    arrival: IntArray,
+    seen: IntArray,
+    waiting: IntArray,
+    camera: IntArray,
+    new_picture: BoolArray,
 ) -> None:
-    """Carry out `Shutter.tick`.
+    """Carry out `CameraClock.tick`.
 
     first: (robots,) instants of the first pictures; taken: (robots,) pictures so far; arrival: (robots,) the step in
     which the last of them, (robots, pixels) waiting, arrives: in which the next is taken at the latest.

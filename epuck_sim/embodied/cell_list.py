@@ -4,16 +4,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.util.jit import kernel
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.util.jit import jit
 
 REACH_CM = float(np.hypot(*epuck.INFRARED_POSITIONS_CM.T).max()) + epuck.INFRARED_RANGE_CM + epuck.RADIUS_CM
 """No infrared ray of a robot meets another one whose centre is farther than this."""
 
 
-class Cells(NamedTuple):
+class CellList(NamedTuple):
     """Which robots stand in which cell; cell (column, row) has the number row * columns + column."""
 
     columns: int
@@ -21,18 +21,18 @@ class Cells(NamedTuple):
     width_cm: float
     """Width of a cell, at least `REACH_CM` unless there is but one column."""
     height_cm: float
-    first: npt.NDArray[np.int64]
+    first: IntArray
     """(cells + 1,) where in `members` each cell's robots begin."""
-    members: npt.NDArray[np.int64]
+    members: IntArray
     """(robots,) robots' numbers, cell by cell."""
 
 
-def make_cells(width_cm: float, height_cm: float, robots: int) -> Cells:
+def make_cell_list(width_cm: float, height_cm: float, robots: int) -> CellList:
     """Return empty cells for an arena: as wide as infrared reaches, or wider, so that there is about one a robot."""
     side = max(REACH_CM, math.sqrt(width_cm * height_cm / robots))
     columns = max(1, int(width_cm / side))
     rows = max(1, int(height_cm / side))
-    return Cells(
+    return CellList(
         columns,
         rows,
         width_cm / columns,
@@ -42,28 +42,28 @@ def make_cells(width_cm: float, height_cm: float, robots: int) -> Cells:
     )
 
 
-@kernel
-def slot(position: float, size: float, slots: int) -> int:
+@jit
+def cell_index(position: float, size: float, slots: int) -> int:
     """Return the column (or row) of a position; one that lies beyond a wall belongs to the last one there."""
     return min(max(int(position / size), 0), slots - 1)
 
 
-@kernel
-def sort_into_cells(poses: npt.NDArray[np.float64], cells: Cells) -> None:
+@jit
+def sort_into_cells(poses: FloatArray, cells: CellList) -> None:
     """Fill `cells` with robots by their (robots, 3) poses; within a cell in the order of their numbers."""
     first = cells.first
     first[:] = 0
     for robot in range(len(poses)):
-        column = slot(poses[robot, 0], cells.width_cm, cells.columns)
-        row = slot(poses[robot, 1], cells.height_cm, cells.rows)
+        column = cell_index(poses[robot, 0], cells.width_cm, cells.columns)
+        row = cell_index(poses[robot, 1], cells.height_cm, cells.rows)
         first[row * cells.columns + column] += 1
     total = 0
     for cell in range(len(first)):  # from counts to ends
         total += first[cell]
         first[cell] = total
     for robot in range(len(poses) - 1, -1, -1):  # backwards, so that ends become beginnings
-        column = slot(poses[robot, 0], cells.width_cm, cells.columns)
-        row = slot(poses[robot, 1], cells.height_cm, cells.rows)
+        column = cell_index(poses[robot, 0], cells.width_cm, cells.columns)
+        row = cell_index(poses[robot, 1], cells.height_cm, cells.rows)
         cell = row * cells.columns + column
         first[cell] -= 1
         cells.members[first[cell]] = robot

@@ -10,25 +10,24 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.util.jit import lean_kernel
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.util.jit import jit_no_alloc
 
 _LIMIT = epuck.WHEEL_LIMIT_CM_S
 _BASE = epuck.WHEEL_BASE_CM
 
 
-@lean_kernel
-def act(
+@jit_no_alloc
+def apply_commands(
     actuators: npt.NDArray[np.void],
-    wheels_cm_s: Floats,
-    ring_on: npt.NDArray[np.bool_],
-    poses: Floats,
-    gain: Floats,
-    noise: Floats,
+    wheels_cm_s: FloatArray,
+    ring_on: BoolArray,
+    poses: FloatArray,
+    gain: FloatArray,
+    noise: FloatArray,
     slip: float,
     step_s: float,
-    velocities: Floats,
+    velocities: FloatArray,
 ) -> int:
     """Carry out what controllers command; return the first robot with a wheel speed that is no number, or -1.
 
@@ -46,9 +45,15 @@ def act(
     return -1
 
 
-@lean_kernel
+@jit_no_alloc
 def chord_velocities(
-    poses: Floats, wheels_cm_s: Floats, gain: Floats, noise: Floats, slip: float, step_s: float, velocities: Floats
+    poses: FloatArray,
+    wheels_cm_s: FloatArray,
+    gain: FloatArray,
+    noise: FloatArray,
+    slip: float,
+    step_s: float,
+    velocities: FloatArray,
 ) -> None:
     """Write (robots, 3) velocities, cm/s, cm/s, rad/s, that take each robot to the end of its arc in `step_s`.
 

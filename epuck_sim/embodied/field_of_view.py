@@ -7,13 +7,13 @@ import math
 from typing import NamedTuple
 
 from epuck_sim import epuck
-from epuck_sim.embodied.cell_list import Cells
-from epuck_sim.util.jit import kernel
+from epuck_sim.embodied.cell_list import CellList
+from epuck_sim.util.jit import jit
 
 _RADIUS = epuck.RADIUS_CM
 
 
-class View(NamedTuple):
+class FieldOfView(NamedTuple):
     """The part of the floor between the rays of two pixels, as seen from (x, y)."""
 
     x: float
@@ -27,16 +27,16 @@ class View(NamedTuple):
     """Whether they are half a turn apart or more; then nothing is ruled out."""
 
 
-@kernel
-def may_hold(view: View, dx: float, dy: float, radius: float) -> bool:
+@jit
+def may_contain_disc(view: FieldOfView, dx: float, dy: float, radius: float) -> bool:
     """Whether a disc at (dx, dy) from the camera may reach into the view; never False for one that does."""
     beyond_left = dy * view.left_x - dx * view.left_y
     beyond_right = dx * view.right_y - dy * view.right_x
     return view.wide or max(beyond_left, beyond_right) <= radius
 
 
-@kernel
-def span(left: float, right: float, wide: bool, here: int, ring: int, slots: int) -> tuple[int, int]:
+@jit
+def visible_cells(left: float, right: float, wide: bool, here: int, ring: int, slots: int) -> tuple[int, int]:
     """Return the first column (or row) up to `ring` away that the view may hold, and the one after the last.
 
     left, right: the components of the view's outermost rays along the columns. Where neither points backwards, a robot
@@ -47,8 +47,8 @@ def span(left: float, right: float, wide: bool, here: int, ring: int, slots: int
     return max(low, 0), min(high + 1, slots)
 
 
-@kernel
-def distance_beyond(x: float, y: float, column: int, line: int, ring: int, cells: Cells) -> float:
+@jit
+def distance_outside(x: float, y: float, column: int, line: int, ring: int, cells: CellList) -> float:
     """Return how far, at least, a point of the arena outside the square of cells up to `ring` is from (x, y)."""
     distance = math.inf
     if column - ring > 0:
@@ -62,8 +62,8 @@ def distance_beyond(x: float, y: float, column: int, line: int, ring: int, cells
     return distance
 
 
-@kernel
-def half_width(distance: float) -> float:
+@jit
+def angular_radius_bound(distance: float) -> float:
     """Return an angle no smaller than half of what a robot at `distance` covers, asin(radius / distance)."""
     if distance <= _RADIUS:
         return math.pi
@@ -71,8 +71,8 @@ def half_width(distance: float) -> float:
     return share + (0.5 * math.pi - 1.0) * share * share * share
 
 
-@kernel
-def bearing(ahead: float, aside: float) -> float:
+@jit
+def fast_atan2(ahead: float, aside: float) -> float:
     """Return atan2(aside, ahead) to 1e-5 in a fifth of its time (Abramowitz and Stegun 4.4.49)."""
     x, y = abs(ahead), abs(aside)
     longer = max(x, y)

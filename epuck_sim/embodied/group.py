@@ -7,58 +7,58 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, FloatArray, StreamArray
 from epuck_sim.control.loader import find_controller
-from epuck_sim.control.runner import Control, Senses
-from epuck_sim.embodied.camera_clock import Shutter
-from epuck_sim.embodied.cell_list import Cells
+from epuck_sim.control.runner import ControllerRunner, SensorArrays
+from epuck_sim.embodied.camera_clock import CameraClock
+from epuck_sim.embodied.cell_list import CellList
 from epuck_sim.embodied.sensing import build_camera, gather
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
-
-Floats = npt.NDArray[np.float64]
-Streams = npt.NDArray[np.uint64]
 
 NOISE_STEPS = 16
 """Noise is drawn for so many steps at once: asking for numbers costs as much as 80 of them."""
 
 
-class Everybody(NamedTuple):
+class SwarmArrays(NamedTuple):
     """What there is of all robots; a group has some of the rows."""
 
-    poses: Floats
+    poses: FloatArray
     """(robots, 3) cm, cm, rad: x, y, heading."""
-    ring_on: npt.NDArray[np.bool_]
+    ring_on: BoolArray
     """(robots,)"""
     arena: Arena
-    cells: Cells
-    senses: Senses
-    infrared_noise: Floats
+    cells: CellList
+    senses: SensorArrays
+    infrared_noise: FloatArray
     """(NOISE_STEPS, robots, 8) standard normal numbers."""
-    infrared_gain: Floats
+    infrared_gain: FloatArray
     """(robots, 8)"""
     actuators: npt.NDArray[np.void]
     """(robots,) records."""
-    thinking: Streams
+    thinking: StreamArray
     """(robots, 4) what controllers draw from."""
-    filming: Streams
+    filming: StreamArray
     """(robots, 4) what cameras draw from."""
 
 
-class Team(NamedTuple):
+class RobotGroupState(NamedTuple):
     """A group of robots at work."""
 
     first: int
     """The number of its first robot."""
     period_ms: float
     """Of its oscillators; NaN if they are none."""
-    control: Control
+    control: ControllerRunner
     sensing: list[tuple[Any, ...]]
     """The arguments of `sense`, with the noise of each of `NOISE_STEPS` steps."""
     ticks: list[Callable[[int], None]]
     """What is to be called with each step's number between sensing and control."""
 
 
-def make_team(scenario: EmbodiedScenario, group: RobotGroup, first: int, of: Everybody, *, interpret: bool) -> Team:
+def start_group(
+    scenario: EmbodiedScenario, group: RobotGroup, first: int, of: SwarmArrays, *, interpret: bool
+) -> RobotGroupState:
     """Start the controllers of a group, the robots from number `first` on.
 
     Raises ControllerError where they cannot be compiled, RobotError where one raises.
@@ -68,10 +68,10 @@ def make_team(scenario: EmbodiedScenario, group: RobotGroup, first: int, of: Eve
     parameters = np.repeat(controller.parameter_record(group.parameters), group.count)
     period_ms = float(parameters["period_s"][0]) * 1000 if controller.is_oscillator else np.nan
     senses = of.senses.of(rows, group.camera.pixels)
-    control = Control(controller, parameters, of.thinking[rows], senses, of.actuators[rows], interpret)
+    control = ControllerRunner(controller, parameters, of.thinking[rows], senses, of.actuators[rows], interpret)
     seen, ticks = senses.camera, list[Callable[[int], None]]()
     if group.camera.frames_per_s is not None:
-        shutter = Shutter(
+        shutter = CameraClock(
             scenario.timing.control_hz / group.camera.frames_per_s,
             group.camera.latency_ms * scenario.timing.control_hz / 1000,
             *(of.filming[rows], senses.camera, senses.new_picture),
@@ -86,4 +86,4 @@ def make_team(scenario: EmbodiedScenario, group: RobotGroup, first: int, of: Eve
         )
         for noise in of.infrared_noise
     ]
-    return Team(first, period_ms, control, sensing, ticks)
+    return RobotGroupState(first, period_ms, control, sensing, ticks)

@@ -7,14 +7,12 @@ the centre ray alone would: F(left) + F(centre) + F(right) - 2 F(centre / cos 15
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.embodied.cell_list import REACH_CM, Cells, slot
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.embodied.cell_list import REACH_CM, CellList, cell_index
 from epuck_sim.embodied.ray_casting import to_disc, to_segment
-from epuck_sim.util.jit import kernel
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.util.jit import jit
 
 SENSORS = len(epuck.INFRARED_POSITIONS_CM)
 RAYS = 3
@@ -37,7 +35,7 @@ _NOTHING_MM = epuck.OUT_OF_RANGE_MM
 _ROUNDING_MM = 1e-6  # what is cut off to whole mm: a wall 40 mm away must not read 39
 
 
-@kernel
+@jit
 def response(distance_cm: float) -> float:
     """Return the reading in counts for a surface at `distance_cm`: F of Enki's e-puck, 0 beyond the range."""
     if distance_cm > _RANGE:
@@ -47,7 +45,7 @@ def response(distance_cm: float) -> float:
     return _PEAK * (_WIDTH - _PEAK_CM**2) / (distance_cm**2 - 2.0 * _PEAK_CM * distance_cm + _WIDTH)
 
 
-@kernel
+@jit
 def inverse_response_mm(reading: float) -> int:
     """Return the distance in whole mm at which `response` gives `reading`; OUT_OF_RANGE_MM where none does."""
     if reading < response(_RANGE):
@@ -56,7 +54,7 @@ def inverse_response_mm(reading: float) -> int:
     return int(10.0 * (_PEAK_CM + math.sqrt((_PEAK_CM**2 - _WIDTH) * share)) + _ROUNDING_MM)
 
 
-@kernel
+@jit
 def firmware_table_mm(reading: float) -> int:
     """Return the distance in whole mm by the firmware's table; OUT_OF_RANGE_MM below its last entry."""
     if reading >= _TABLE_COUNTS[0]:
@@ -69,16 +67,16 @@ def firmware_table_mm(reading: float) -> int:
     return _NOTHING_MM
 
 
-@kernel
+@jit
 def sense_infrared(
-    poses: Floats,
+    poses: FloatArray,
     width_cm: float,
     height_cm: float,
-    circles: Floats,
-    edges: Floats,
-    cells: Cells,
+    circles: FloatArray,
+    edges: FloatArray,
+    cells: CellList,
     observer: int,
-    readings: Floats,
+    readings: FloatArray,
 ) -> None:
     """Write the noiseless readings, (observers, 8) in counts, of the robots from number `observer` on.
 
@@ -105,9 +103,9 @@ def sense_infrared(
             readings[row, sensor] = min(max(total, 0.0), _PEAK)
 
 
-@kernel
+@jit
 def _meet_walls(
-    x: float, y: float, cos: float, sin: float, width_cm: float, height_cm: float, distances: Floats
+    x: float, y: float, cos: float, sin: float, width_cm: float, height_cm: float, distances: FloatArray
 ) -> None:
     """Shorten the rays that meet a wall; `distances` (8, 3) are those of a robot at (x, y)."""
     if x <= _REACH:
@@ -120,8 +118,8 @@ def _meet_walls(
         _meet_wall(height_cm - y, sin, cos, distances)
 
 
-@kernel
-def _meet_wall(away: float, ahead: float, aside: float, distances: Floats) -> None:
+@jit
+def _meet_wall(away: float, ahead: float, aside: float, distances: FloatArray) -> None:
     """Shorten the rays that meet the wall `away` from the body's centre towards (ahead, aside), a unit vector."""
     for sensor in range(SENSORS):
         gap = max(away - ahead * _X[sensor] - aside * _Y[sensor], 0.0)
@@ -133,12 +131,12 @@ def _meet_wall(away: float, ahead: float, aside: float, distances: Floats) -> No
                 distances[sensor, ray] = min(distances[sensor, ray], gap / approach)
 
 
-@kernel
-def _meet_robots(poses: Floats, robot: int, cos: float, sin: float, cells: Cells, distances: Floats) -> None:
+@jit
+def _meet_robots(poses: FloatArray, robot: int, cos: float, sin: float, cells: CellList, distances: FloatArray) -> None:
     """Shorten the rays that meet another robot, one of those in the cells around."""
     x, y = poses[robot, 0], poses[robot, 1]
-    column = slot(x, cells.width_cm, cells.columns)
-    line = slot(y, cells.height_cm, cells.rows)
+    column = cell_index(x, cells.width_cm, cells.columns)
+    line = cell_index(y, cells.height_cm, cells.rows)
     for r in range(max(line - 1, 0), min(line + 2, cells.rows)):
         start = cells.first[r * cells.columns + max(column - 1, 0)]
         end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
@@ -149,8 +147,8 @@ def _meet_robots(poses: Floats, robot: int, cos: float, sin: float, cells: Cells
                 _meet_disc(dx * cos + dy * sin, dy * cos - dx * sin, _RADIUS, distances)
 
 
-@kernel
-def _meet_disc(ahead: float, aside: float, radius: float, distances: Floats) -> None:
+@jit
+def _meet_disc(ahead: float, aside: float, radius: float, distances: FloatArray) -> None:
     """Shorten the rays that meet the disc centred at (ahead, aside) of the body."""
     for sensor in range(SENSORS):
         fx, fy = ahead - _X[sensor], aside - _Y[sensor]
@@ -163,8 +161,8 @@ def _meet_disc(ahead: float, aside: float, radius: float, distances: Floats) -> 
             distances[sensor, ray] = min(distances[sensor, ray], reach)
 
 
-@kernel
-def _meet_edge(ax: float, ay: float, bx: float, by: float, distances: Floats) -> None:
+@jit
+def _meet_edge(ax: float, ay: float, bx: float, by: float, distances: FloatArray) -> None:
     """Shorten the rays that meet an obstacle's edge, given by its ends in the body's frame."""
     if min(ax, bx) > _REACH or max(ax, bx) < -_REACH or min(ay, by) > _REACH or max(ay, by) < -_REACH:
         return
@@ -174,14 +172,14 @@ def _meet_edge(ax: float, ay: float, bx: float, by: float, distances: Floats) ->
             distances[sensor, ray] = min(distances[sensor, ray], reach)
 
 
-@kernel
+@jit
 def to_distances(
-    readings: Floats,
-    gain: Floats,
-    noise: Floats,
+    readings: FloatArray,
+    gain: FloatArray,
+    noise: FloatArray,
     noise_counts: float,
     by_table: bool,
-    distances_mm: npt.NDArray[np.int64],
+    distances_mm: IntArray,
 ) -> None:
     """Amplify (robots, 8) readings in counts, add noise, and write the (robots, 8) distances in whole mm.
 

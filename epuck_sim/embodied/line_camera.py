@@ -9,17 +9,22 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.embodied.cell_list import Cells, slot
-from epuck_sim.embodied.field_of_view import View, bearing, distance_beyond, half_width, may_hold, span
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.cell_list import CellList, cell_index
+from epuck_sim.embodied.field_of_view import (
+    FieldOfView,
+    angular_radius_bound,
+    distance_outside,
+    fast_atan2,
+    may_contain_disc,
+    visible_cells,
+)
 from epuck_sim.embodied.ray_casting import to_disc, to_segment
-from epuck_sim.util.jit import kernel
+from epuck_sim.util.jit import jit
 
-Floats = npt.NDArray[np.float64]
-Shown = npt.NDArray[np.bool_] | npt.NDArray[np.int64]
-Pixels = npt.NDArray[np.int64]
+Shown = BoolArray | IntArray
 
 _RADIUS = epuck.RADIUS_CM
 _FORWARD = epuck.CAMERA_FORWARD_CM
@@ -39,9 +44,9 @@ class Camera(NamedTuple):
     """No pixel that is looked at is farther from straight ahead."""
     range_cm: float
     """Surfaces beyond it are not seen."""
-    cos: Floats
+    cos: FloatArray
     """(pixels,) the pixels' directions in the body's frame."""
-    sin: Floats
+    sin: FloatArray
 
 
 def make_camera(pixels: int, field_of_view_rad: float, central_pixels: int, range_cm: float = math.inf) -> Camera:
@@ -61,16 +66,16 @@ def make_camera(pixels: int, field_of_view_rad: float, central_pixels: int, rang
     )
 
 
-@kernel
+@jit
 def see(
-    poses: Floats,
+    poses: FloatArray,
     shown: Shown,
-    circles: Floats,
-    edges: Floats,
-    cells: Cells,
+    circles: FloatArray,
+    edges: FloatArray,
+    cells: CellList,
     camera: Camera,
     observer: int,
-    rows: Pixels,
+    rows: IntArray,
 ) -> None:
     """Write the rows that the robots from number `observer` on see, one a row of (observers, pixels) `rows`.
 
@@ -91,10 +96,10 @@ def see(
             _hide_behind_obstacles(poses[robot], circles, edges, camera, rows[row], depth)
 
 
-@kernel
-def _view(pose: Floats, cos: float, sin: float, camera: Camera, left: int, right: int) -> View:
+@jit
+def _view(pose: FloatArray, cos: float, sin: float, camera: Camera, left: int, right: int) -> FieldOfView:
     """Return what a robot's camera views from pixel `left` to pixel `right`; cos, sin: of its heading."""
-    return View(
+    return FieldOfView(
         pose[0] + _FORWARD * cos,
         pose[1] + _FORWARD * sin,
         cos * camera.cos[left] - sin * camera.sin[left],
@@ -105,20 +110,20 @@ def _view(pose: Floats, cos: float, sin: float, camera: Camera, left: int, right
     )
 
 
-@kernel
-def _is_any_in_view(poses: Floats, others: npt.NDArray[np.int64], camera: Camera, robot: int) -> bool:
+@jit
+def _is_any_in_view(poses: FloatArray, others: IntArray, camera: Camera, robot: int) -> bool:
     """Whether any of `others`, numbers of robots, may reach into a robot's field of view."""
     cos, sin = math.cos(poses[robot, 2]), math.sin(poses[robot, 2])
     view = _view(poses[robot], cos, sin, camera, camera.first, camera.end - 1)
     for other in others:
-        if other != robot and may_hold(view, poses[other, 0] - view.x, poses[other, 1] - view.y, _RADIUS):
+        if other != robot and may_contain_disc(view, poses[other, 0] - view.x, poses[other, 1] - view.y, _RADIUS):
             return True
     return False
 
 
-@kernel
+@jit
 def _see_robots(
-    poses: Floats, shown: Shown, cells: Cells, camera: Camera, robot: int, row: Pixels, depth: Floats
+    poses: FloatArray, shown: Shown, cells: CellList, camera: Camera, robot: int, row: IntArray, depth: FloatArray
 ) -> bool:
     """Write what one robot sees of the others, and the distances; return whether any of them is lit.
 
@@ -128,13 +133,13 @@ def _see_robots(
     depth[camera.first : camera.end] = camera.range_cm
     left, right = camera.first, camera.end - 1  # pixels beyond them see something nearer than what is to come
     view = _view(poses[robot], cos, sin, camera, left, right)
-    column = slot(view.x, cells.width_cm, cells.columns)
-    line = slot(view.y, cells.height_cm, cells.rows)
+    column = cell_index(view.x, cells.width_cm, cells.columns)
+    line = cell_index(view.y, cells.height_cm, cells.rows)
     half_cell = 0.5 * math.hypot(cells.width_cm, cells.height_cm)
     any_lit = False
     for ring in range(max(cells.columns, cells.rows)):
-        west, east = span(view.left_x, view.right_x, view.wide, column, ring, cells.columns)
-        south, north = span(view.left_y, view.right_y, view.wide, line, ring, cells.rows)
+        west, east = visible_cells(view.left_x, view.right_x, view.wide, column, ring, cells.columns)
+        south, north = visible_cells(view.left_y, view.right_y, view.wide, line, ring, cells.rows)
         any_in_view = False
         for r in range(south, north):
             inside = line - ring < r < line + ring
@@ -142,19 +147,19 @@ def _see_robots(
                 if c < west or c >= east:
                     continue
                 dx, dy = (c + 0.5) * cells.width_cm - view.x, (r + 0.5) * cells.height_cm - view.y
-                if not may_hold(view, dx, dy, half_cell + _RADIUS):
+                if not may_contain_disc(view, dx, dy, half_cell + _RADIUS):
                     continue
                 any_in_view = True
                 cell = r * cells.columns + c
                 for member in range(cells.first[cell], cells.first[cell + 1]):
                     other = cells.members[member]
                     dx, dy = poses[other, 0] - view.x, poses[other, 1] - view.y
-                    if other != robot and may_hold(view, dx, dy, _RADIUS):
+                    if other != robot and may_contain_disc(view, dx, dy, _RADIUS):
                         ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
                         any_lit |= _see_disc(ahead, aside, shown[other], camera, row, depth)
         if not any_in_view:  # nor will there be any beyond
             return any_lit
-        unseen = distance_beyond(view.x, view.y, column, line, ring, cells) - _RADIUS
+        unseen = distance_outside(view.x, view.y, column, line, ring, cells) - _RADIUS
         while left <= right and depth[left] < unseen:
             left += 1
         while left <= right and depth[right] < unseen:
@@ -165,13 +170,13 @@ def _see_robots(
     return any_lit
 
 
-@kernel
-def _see_disc(ahead: float, aside: float, shown: int, camera: Camera, row: Pixels, depth: Floats) -> bool:
+@jit
+def _see_disc(ahead: float, aside: float, shown: int, camera: Camera, row: IntArray, depth: FloatArray) -> bool:
     """Write a robot's disc, centred at (ahead, aside) of the camera, where it is nearest; return whether as lit."""
     distance = math.sqrt(ahead * ahead + aside * aside)
     nearest = distance - _RADIUS - 1e-9
-    width = half_width(distance)
-    direction = bearing(ahead, aside)
+    width = angular_radius_bound(distance)
+    direction = fast_atan2(ahead, aside)
     # a disc behind the camera may show at both ends of a row that looks nearly all round
     round_about = 1 if width + camera.half_view_rad >= math.pi else 0
     any_lit = False
@@ -191,9 +196,9 @@ def _see_disc(ahead: float, aside: float, shown: int, camera: Camera, row: Pixel
     return any_lit
 
 
-@kernel
+@jit
 def _hide_behind_obstacles(
-    pose: Floats, circles: Floats, edges: Floats, camera: Camera, row: Pixels, depth: Floats
+    pose: FloatArray, circles: FloatArray, edges: FloatArray, camera: Camera, row: IntArray, depth: FloatArray
 ) -> None:
     """Darken the lit pixels before which an obstacle stands."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])

@@ -3,15 +3,13 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
-
-Floats = npt.NDArray[np.float64]
 
 GRID_SPACING_CM = 10.0
 """Distance between the points of the grid (thesis 4.3.1)."""
@@ -26,7 +24,7 @@ _TOUCH_CM = 2 * epuck.RADIUS_CM
 _TOLERANCE_CM = 1e-6
 
 
-def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> Floats:
+def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> FloatArray:
     """Return (robots, 3) cm, cm, rad: the poses at the start of a trial.
 
     Groups with poses come first, then those on the grid, then those at random, so that nobody is in another's way.
@@ -34,7 +32,7 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     """
     arena = scenario.arena.build()
     random = np.random.default_rng(sequence)
-    groups: list[Floats] = [np.empty((0, 3)) for _ in scenario.robots]
+    groups: list[FloatArray] = [np.empty((0, 3)) for _ in scenario.robots]
     for placement, place in (("poses", _as_told), ("grid", _on_grid), ("random", _at_random)):
         for number, group in enumerate(scenario.robots):
             if group.placement == placement:
@@ -42,7 +40,7 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     return np.vstack(groups)
 
 
-def _as_told(group: RobotGroup, where: str, arena: Arena, taken: Floats, _: np.random.Generator) -> Floats:
+def _as_told(group: RobotGroup, where: str, arena: Arena, taken: FloatArray, _: np.random.Generator) -> FloatArray:
     poses = np.array(group.poses, float)
     for number, (x, y, _heading) in enumerate(poses):
         gap = clearance_cm(arena, x, y) - epuck.RADIUS_CM
@@ -62,7 +60,7 @@ def _as_told(group: RobotGroup, where: str, arena: Arena, taken: Floats, _: np.r
     return poses
 
 
-def _on_grid(group: RobotGroup, where: str, arena: Arena, taken: Floats, random: np.random.Generator) -> Floats:
+def _on_grid(group: RobotGroup, where: str, arena: Arena, taken: FloatArray, random: np.random.Generator) -> FloatArray:
     """Points 10 cm apart with equal padding to the walls, at least the spacing; headings in steps of 45 degrees."""
     xs, ys = (_grid_line(length) for length in (arena.width_cm, arena.height_cm))
     points = np.array([(x, y) for y in ys for x in xs])
@@ -77,13 +75,15 @@ def _on_grid(group: RobotGroup, where: str, arena: Arena, taken: Floats, random:
     return np.column_stack([chosen, headings])
 
 
-def _grid_line(length_cm: float) -> Floats:
+def _grid_line(length_cm: float) -> FloatArray:
     points = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
-    steps: Floats = np.arange(points, dtype=float) - (points - 1) / 2
+    steps: FloatArray = np.arange(points, dtype=float) - (points - 1) / 2
     return length_cm / 2 + GRID_SPACING_CM * steps
 
 
-def _at_random(group: RobotGroup, where: str, arena: Arena, taken: Floats, random: np.random.Generator) -> Floats:
+def _at_random(
+    group: RobotGroup, where: str, arena: Arena, taken: FloatArray, random: np.random.Generator
+) -> FloatArray:
     """Centres uniform where bodies are off the walls, redrawn where they overlap (Enki; thesis 3.3)."""
     poses = np.vstack([taken, np.empty((group.count, 3))])
     low = epuck.RADIUS_CM
@@ -103,6 +103,6 @@ def _at_random(group: RobotGroup, where: str, arena: Arena, taken: Floats, rando
     return poses[len(taken) :]
 
 
-def _is_free(arena: Arena, taken: Floats, x: float, y: float) -> bool:
+def _is_free(arena: Arena, taken: FloatArray, x: float, y: float) -> bool:
     apart = (taken[:, 0] - x) ** 2 + (taken[:, 1] - y) ** 2 >= _TOUCH_CM**2
     return bool(apart.all()) and clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM

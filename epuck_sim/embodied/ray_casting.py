@@ -6,10 +6,10 @@ surface, `inf` where the ray misses, and 0 where it starts inside a disc and loo
 
 import math
 
-from epuck_sim.util.jit import kernel
+from epuck_sim.util.jit import jit
 
 
-@kernel
+@jit
 def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, radius: float) -> float:
     """Return the distance along the ray to the disc of `radius` around (cx, cy)."""
     fx = cx - ox
@@ -27,7 +27,7 @@ def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, ra
     return outside / (along + math.sqrt(cut))
 
 
-@kernel
+@jit
 def to_segment(ox: float, oy: float, dx: float, dy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the distance along the ray to the segment from (ax, ay) to (bx, by)."""
     ex = bx - ax

@@ -6,15 +6,13 @@ A robot that pushes one that holds still thus moves both at half its speed.
 """
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 import pymunk.batch
 from pymunk.batch import BodyFields
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.arrays import FloatArray
 
 WALL_CM = 50.0
 """Thickness of the walls: far more than a robot can cover in one physics step."""
@@ -34,12 +32,12 @@ _VELOCITIES = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
 class World:
     """The bodies of one trial; a space is never used for a second one (viblo/pymunk#181)."""
 
-    poses: Floats
+    poses: FloatArray
     """(robots, 3) cm, cm, rad: x, y, heading; brought up to date by `advance`. Headings count full turns."""
-    velocities: Floats
+    velocities: FloatArray
     """(robots, 3) cm/s, cm/s, rad/s: to be written before `advance`."""
 
-    def __init__(self, arena: Arena, poses: Floats, friction: float, physics_hz: int) -> None:
+    def __init__(self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int) -> None:
         """Put robots at (robots, 3) `poses` into the arena; `friction` is between any two bodies that touch."""
         self._space = space = pymunk.Space()
         space.collision_slop = 2 * MARGIN_CM

@@ -7,17 +7,13 @@ named tuple as for all sensors of a robot: a group's are gathered once.
 import math
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from epuck_sim.arena import Arena
-from epuck_sim.embodied.cell_list import Cells, sort_into_cells
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.cell_list import CellList, sort_into_cells
 from epuck_sim.embodied.infrared import sense_infrared, to_distances
 from epuck_sim.embodied.line_camera import Camera, make_camera, see
 from epuck_sim.scenario.robots import CameraSection
-from epuck_sim.util.jit import kernel
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.util.jit import jit
 
 
 def build_camera(section: CameraSection) -> Camera:
@@ -30,9 +26,7 @@ def build_camera(section: CameraSection) -> Camera:
     )
 
 
-def gather(
-    poses: Floats, ring_on: npt.NDArray[np.bool_], arena: Arena, cells: Cells, camera: Camera
-) -> tuple[Any, ...]:
+def gather(poses: FloatArray, ring_on: BoolArray, arena: Arena, cells: CellList, camera: Camera) -> tuple[Any, ...]:
     """Return the first arguments of `sense`, those that are not the observers' own."""
     return (
         *(poses, ring_on, arena.width_cm, arena.height_cm, arena.circles, arena.edges),
@@ -41,44 +35,44 @@ def gather(
     )
 
 
-@kernel
+@jit
 def sense(
-    poses: Floats,
-    ring_on: npt.NDArray[np.bool_],
+    poses: FloatArray,
+    ring_on: BoolArray,
     width_cm: float,
     height_cm: float,
-    circles: Floats,
-    edges: Floats,
+    circles: FloatArray,
+    edges: FloatArray,
     columns: int,
     lines: int,
     cell_width_cm: float,
     cell_height_cm: float,
-    first_member: npt.NDArray[np.int64],
-    members: npt.NDArray[np.int64],
+    first_member: IntArray,
+    members: IntArray,
     first_pixel: int,
     end_pixel: int,
     left_rad: float,
     pixels_per_rad: float,
     half_view_rad: float,
     range_cm: float,
-    pixel_cos: Floats,
-    pixel_sin: Floats,
+    pixel_cos: FloatArray,
+    pixel_sin: FloatArray,
     observer: int,
-    readings: Floats,
-    gain: Floats,
-    noise: Floats,
+    readings: FloatArray,
+    gain: FloatArray,
+    noise: FloatArray,
     noise_counts: float,
     by_table: bool,
-    distance_mm: npt.NDArray[np.int64],
-    rows: npt.NDArray[np.int64],
+    distance_mm: IntArray,
+    rows: IntArray,
 ) -> None:
     """Write what the robots from number `observer` on sense at this instant.
 
-    Everybody's: poses (robots, 3), ring_on (robots,). The arena's: see `arena.Arena`; the cells': see `cells.Cells`;
+    Everybody's: poses (robots, 3), ring_on (robots,). The arena's: see `arena.Arena`; the cells': see `cells.CellList`;
     the camera's: see `camera.Camera`. The observers': gain and noise (observers, 8), see `infrared.to_distances`;
     written are readings and distance_mm (observers, 8), and rows (observers, pixels).
     """
-    cells = Cells(columns, lines, cell_width_cm, cell_height_cm, first_member, members)
+    cells = CellList(columns, lines, cell_width_cm, cell_height_cm, first_member, members)
     camera = Camera(first_pixel, end_pixel, left_rad, pixels_per_rad, half_view_rad, range_cm, pixel_cos, pixel_sin)
     sort_into_cells(poses, cells)
     sense_infrared(poses, width_cm, height_cm, circles, edges, cells, observer, readings)

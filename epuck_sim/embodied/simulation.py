@@ -11,24 +11,23 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.control.interface import ACTUATORS
-from epuck_sim.control.runner import RobotError, Senses
-from epuck_sim.embodied.cell_list import make_cells
-from epuck_sim.embodied.differential_drive import act
-from epuck_sim.embodied.group import NOISE_STEPS, Everybody, Team, make_team
+from epuck_sim.control.runner import RobotError, SensorArrays
+from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.differential_drive import apply_commands
+from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SwarmArrays, start_group
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.sensing import sense
 from epuck_sim.embodied.step import Step
-from epuck_sim.embodied.variation import Clocks, Snags, draw_traits
+from epuck_sim.embodied.variation import RobotClocks, Stoppages, draw_variation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.util.rng import robot_streams
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.util.seeds import robot_streams
 
 
 class Simulation:
@@ -44,7 +43,7 @@ class Simulation:
     seed: int
     step_s: float
     """Seconds from one control step to the next."""
-    period_ms: Floats
+    period_ms: FloatArray
     """(robots,) ms: the oscillators' periods; NaN for robots that are none."""
 
     def __init__(
@@ -82,7 +81,7 @@ class Simulation:
         self._world = World(arena, poses, scenario.contact.friction, scenario.timing.physics_hz)
 
         robots, pixels = len(poses), scenario.camera_pixels
-        senses = Senses(
+        senses = SensorArrays(
             np.full(robots, scenario.timing.step_ms),
             np.zeros((robots, SENSORS)),
             np.zeros((robots, SENSORS), np.int64),
@@ -97,18 +96,18 @@ class Simulation:
         self._number = -1  # of the last step taken
         self._step_ms = scenario.timing.step_ms
         self._moves = scenario.timing.physics_hz // scenario.timing.control_hz
-        traits = draw_traits(scenario.spread, ageing)
+        traits = draw_variation(scenario.spread, ageing)
         self._ticks: list[Callable[[int], None]] = []
         if scenario.spread.clock_rate > 0:
-            self._ticks.append(Clocks(traits.clock_rate, self._step_ms, senses.step_ms).tick)
+            self._ticks.append(RobotClocks(traits.clock_rate, self._step_ms, senses.step_ms).tick)
         if scenario.stuck.per_hour > 0:
-            self._ticks.append(Snags(scenario.stuck, self.step_s, ageing, traits.wheel_gain).tick)
+            self._ticks.append(Stoppages(scenario.stuck, self.step_s, ageing, traits.wheel_gain).tick)
 
-        everybody = Everybody(
+        everybody = SwarmArrays(
             poses=self._world.poses,
             ring_on=self._ring_on,
             arena=arena,
-            cells=make_cells(arena.width_cm, arena.height_cm, robots),
+            cells=make_cell_list(arena.width_cm, arena.height_cm, robots),
             senses=senses,
             infrared_noise=self._infrared_noise,
             infrared_gain=traits.infrared_gain,
@@ -133,11 +132,11 @@ class Simulation:
         ]
         self._warm_up()
 
-    def _make_teams(self, everybody: Everybody, interpret: bool) -> Iterator[Team]:
+    def _make_teams(self, everybody: SwarmArrays, interpret: bool) -> Iterator[RobotGroupState]:
         first = 0
         for group in self.scenario.robots:
             try:
-                yield make_team(self.scenario, group, first, everybody, interpret=interpret)
+                yield start_group(self.scenario, group, first, everybody, interpret=interpret)
             except RobotError as error:
                 raise self._blame(error, first) from error
             first += group.count
@@ -148,7 +147,7 @@ class Simulation:
             sense(*team.sensing[0])
         for tick in self._ticks:
             tick(-1)
-        act(*self._acting[0])
+        apply_commands(*self._acting[0])
 
     @property
     def steps(self) -> int:
@@ -182,7 +181,7 @@ class Simulation:
                 team.control.step()
             except RobotError as error:
                 raise self._blame(error, team.first) from error
-        unfit = act(*self._acting[now])
+        unfit = apply_commands(*self._acting[now])
         if unfit >= 0:
             raise ControllerError(f"{self._place(unfit)}: its controller sets a wheel speed that is not a number")
         return Step(self._number, self._number * self._step_ms / 1000, *self._shown)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
 
 class Step(NamedTuple):
@@ -19,35 +19,35 @@ class Step(NamedTuple):
     """Control steps before this one."""
     time_s: float
     """Simulated time of this instant."""
-    poses: Floats
+    poses: FloatArray
     """(robots, 3) cm, cm, rad: x, y, heading at this instant; headings count full turns."""
-    infrared: Floats
+    infrared: FloatArray
     """(robots, 8) counts: readings of the proximity sensors."""
-    distance_mm: npt.NDArray[np.int64]
+    distance_mm: IntArray
     """(robots, 8) mm: distances that belong to them; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
-    camera: npt.NDArray[np.int64]
+    camera: IntArray
     """(robots, pixels): 1 where a lit ring is seen; index 0 is the left edge. Shorter rows are filled up with 0."""
-    wheels_cm_s: Floats
+    wheels_cm_s: FloatArray
     """(robots, 2) cm/s: left and right wheel as commanded, within the wheels' limit, without noise."""
-    ring_on: npt.NDArray[np.bool_]
+    ring_on: BoolArray
     """(robots,): whose ring is lit, as commanded."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array a group of robots: what each remembers."""
 
     @property
-    def phase_ms(self) -> Floats:
+    def phase_ms(self) -> FloatArray:
         """(robots,) ms: the oscillators' phases; NaN for robots that remember none."""
-        groups = [recall(memory, "phase_ms", np.nan) for memory in self.memories]
+        groups = [memory_field(memory, "phase_ms", np.nan) for memory in self.memories]
         return groups[0] if len(groups) == 1 else np.concatenate(groups)  # which takes as long as all the rest
 
     @property
-    def flash_seen(self) -> npt.NDArray[np.bool_]:
+    def flash_seen(self) -> BoolArray:
         """(robots,): who sees a flash, by its controller's own judgement, or else by any red pixel."""
-        judged = np.concatenate([recall(memory, "flash_seen", np.nan) for memory in self.memories])
+        judged = np.concatenate([memory_field(memory, "flash_seen", np.nan) for memory in self.memories])
         return np.where(np.isnan(judged), self.camera.any(axis=1), judged > 0)
 
 
-def recall(memory: npt.NDArray[Any], field: str, otherwise: float) -> Floats:
+def memory_field(memory: npt.NDArray[Any], field: str, otherwise: float) -> FloatArray:
     """Return (robots,) a copy of a field of what a group remembers, or `otherwise` where it remembers none."""
     if field in (memory.dtype.names or ()):
         return np.array(memory[field], float)

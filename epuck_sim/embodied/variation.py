@@ -7,43 +7,40 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.scenario.embodied import SpreadSection, StuckSection
-from epuck_sim.util.jit import kernel
+from epuck_sim.util.jit import jit
 from epuck_sim.util.rng import uniform
-
-Floats = npt.NDArray[np.float64]
-Streams = npt.NDArray[np.uint64]
 
 _DRAWS = 4 + SENSORS
 """Of a robot's traits; all are drawn, whatever the spread, so that none decides what another is."""
 
 
-class Traits(NamedTuple):
+class RobotVariation(NamedTuple):
     """In what robots differ: factors, 1 of a robot that is as it should be."""
 
-    wheel_gain: Floats
+    wheel_gain: FloatArray
     """(robots, 2) what becomes of the speed of the left and the right wheel."""
-    clock_rate: Floats
+    clock_rate: FloatArray
     """(robots,) how fast a robot's clock runs."""
-    infrared_gain: Floats
+    infrared_gain: FloatArray
     """(robots, 8) what becomes of each sensor's reading."""
 
 
-def draw_traits(spread: SpreadSection, streams: Streams) -> Traits:
+def draw_variation(spread: SpreadSection, streams: StreamArray) -> RobotVariation:
     """Return the traits of robots, from (robots, 4) their streams, which advance."""
     drawn = np.array([[2 * uniform(stream) - 1 for _ in range(_DRAWS)] for stream in streams])
     both = 1 + spread.wheel_speed * drawn[:, :1]
     each = 1 + spread.wheel_imbalance * drawn[:, 1:3]
-    return Traits(both * each, 1 + spread.clock_rate * drawn[:, 3], 1 + spread.infrared_gain * drawn[:, 4:])
+    return RobotVariation(both * each, 1 + spread.clock_rate * drawn[:, 3], 1 + spread.infrared_gain * drawn[:, 4:])
 
 
-class Clocks:
+class RobotClocks:
     """Robots' own clocks, which run in whole milliseconds."""
 
-    def __init__(self, rates: Floats, step_ms: int, passed_ms: npt.NDArray[np.int64]) -> None:
+    def __init__(self, rates: FloatArray, step_ms: int, passed_ms: IntArray) -> None:
         """rates: (robots,) of real time; step_ms: the control step's; passed_ms: (robots,) is written to."""
         self._step_ms = step_ms * rates
         self._passed_ms = passed_ms
@@ -53,10 +50,10 @@ class Clocks:
         self._passed_ms[:] = np.floor((step + 1) * self._step_ms) - np.floor(step * self._step_ms)
 
 
-class Snags:
+class Stoppages:
     """What robots get stuck on: after random times, for random times, both exponential. All begin free."""
 
-    def __init__(self, section: StuckSection, step_s: float, streams: Streams, wheel_gain: Floats) -> None:
+    def __init__(self, section: StuckSection, step_s: float, streams: StreamArray, wheel_gain: FloatArray) -> None:
         """streams: (robots, 4); wheel_gain: (robots, 2) of free robots; is written to, 0 while a robot is stuck."""
         robots = len(streams)
         self._step_s = step_s
@@ -70,16 +67,16 @@ class Snags:
         _stop_and_release(step * self._step_s, *self._arguments)
 
 
-@kernel
+@jit
 def _stop_and_release(
     time_s: float,
     mean_free_s: float,
     mean_stuck_s: float,
-    streams: Streams,
-    until_s: Floats,
-    is_stuck: npt.NDArray[np.bool_],
-    free_gain: Floats,
-    wheel_gain: Floats,
+    streams: StreamArray,
+    until_s: FloatArray,
+    is_stuck: BoolArray,
+    free_gain: FloatArray,
+    wheel_gain: FloatArray,
 ) -> None:
     """Bring (robots, 2) wheel_gain up to date; (robots,) is_stuck holds until the times until_s."""
     for robot in range(len(until_s)):

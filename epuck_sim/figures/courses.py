@@ -5,20 +5,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.csv_tables import rounded, save_table
-from epuck_sim.figures.labels import values_told
-from epuck_sim.figures.style import check_stem, make_logarithmic, save_drawing, write_plainly
-from epuck_sim.particles.twin import follow
+from epuck_sim.figures.labels import format_axis_values
+from epuck_sim.figures.style import disable_mathtext, make_logarithmic, output_paths, save_drawing
+from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.statistics.curves import told_apart
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.statistics.curves import distinguishing_axes
 
 MOST_MOMENTS = 400
 """Of a course; of a longer one they are farther and farther apart."""
@@ -30,11 +28,11 @@ class Courses(NamedTuple):
     axes: dict[str, Any]
     is_displaced: bool
     """Whether an agent was displaced at the beginning; else deviations tell no more than that clocks differ."""
-    cycle: Floats
+    cycle: FloatArray
     """(moments,) periods since the beginning."""
-    order_parameter: Floats
+    order_parameter: FloatArray
     """(moments,) mean of all trials."""
-    deviation: Floats
+    deviation: FloatArray
     """(moments,) mean of all agents and trials, in cycles."""
 
 
@@ -46,7 +44,7 @@ def read_courses(points: Sequence[PointTrials]) -> list[Courses]:
 def _courses(point: PointTrials, scenario: ParticleScenario) -> Courses:
     cycle = choose_moments(scenario.stop.max_cycles)
     times = cycle * scenario.clocks.period_s
-    found = [follow(scenario, seed, times) for seed in point.seeds]
+    found = [simulate_with_twin(scenario, seed, times) for seed in point.seeds]
     return Courses(
         point.axes,
         scenario.start.displacement > 0,
@@ -56,7 +54,7 @@ def _courses(point: PointTrials, scenario: ParticleScenario) -> Courses:
     )
 
 
-def choose_moments(cycles: int) -> Floats:
+def choose_moments(cycles: int) -> FloatArray:
     """Return moments, in periods, in the middle of a period, when a synchronised swarm does not fire.
 
     >>> choose_moments(3).tolist()
@@ -79,7 +77,7 @@ def particles_of(point: PointTrials) -> ParticleScenario:
 
 def save_courses(stem: Path, title: str, courses: Sequence[Courses]) -> list[Path]:
     """Write the courses as STEM.png, STEM.svg and STEM.csv, and return the files."""
-    files = check_stem(stem, ".png", ".svg", ".csv")
+    files = output_paths(stem, ".png", ".svg", ".csv")
     save_drawing(draw_courses(title, courses), *files[:2])
     columns = (*courses[0].axes, "cycle", "order_parameter", "deviation")
     save_table(files[2], columns, _course_rows(courses))
@@ -98,7 +96,7 @@ def draw_courses(title: str, courses: Sequence[Courses]) -> Figure:
     figure = Figure(figsize=(7, 6 if has_two else 4), layout="constrained")
     panels = figure.subplots(1 + has_two, 1, sharex=True, squeeze=False)[:, 0]
     above, below = panels[0], panels[-1]
-    labels = [values_told(each) for each in told_apart([each.axes for each in courses])]
+    labels = [format_axis_values(each) for each in distinguishing_axes([each.axes for each in courses])]
     colours = colormaps["viridis"](np.linspace(0, 0.9, len(courses)))
     for each, label, colour in zip(courses, labels, colours, strict=True):
         above.plot(each.cycle, each.order_parameter, color=colour, label=label)
@@ -113,5 +111,5 @@ def draw_courses(title: str, courses: Sequence[Courses]) -> Figure:
     below.set_xlabel("time [cycles]")
     figure.suptitle(title, parse_math=False)
     if any(labels):
-        write_plainly(above.legend(fontsize="small"))
+        disable_mathtext(above.legend(fontsize="small"))
     return figure

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.util.atomic_write import atomic_write
 
 POINT_COLUMNS = ("trials", "censored", "mean", "mean_low", "mean_high")
 """What follows the axes in a table of curves: number of trials, share of them, and cycles."""
@@ -18,7 +18,7 @@ DIGITS = 6
 
 def save_table(file: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """Write a CSV file; raises EpuckSimError where it cannot be written."""
-    with written_whole(file) as part, part.open("w", newline="", encoding="utf-8") as text:
+    with atomic_write(file) as part, part.open("w", newline="", encoding="utf-8") as text:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)

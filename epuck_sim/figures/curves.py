@@ -5,26 +5,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.csv_tables import rounded, save_curves, save_table
-from epuck_sim.figures.labels import axis_label, values_told
+from epuck_sim.figures.labels import axis_label, format_axis_values
 from epuck_sim.figures.style import (
-    check_stem,
-    explain,
+    add_shared_legend,
+    disable_mathtext,
     is_logarithmic,
     make_logarithmic,
     make_panels,
+    output_paths,
     save_drawing,
-    write_plainly,
 )
-from epuck_sim.statistics.curves import SPEED, Curve, told_apart
-from epuck_sim.statistics.extrema import Bump, find_bump
-from epuck_sim.util.messages import listed, unknown
+from epuck_sim.statistics.curves import SPEED, Curve, distinguishing_axes
+from epuck_sim.statistics.extrema import SpeedExtrema, find_minimum_and_peak
+from epuck_sim.util.messages import comma_list, did_you_mean
 
 BUMP_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
 
@@ -42,9 +42,14 @@ def save_figure(
     that, for messages. Returns the files; raises EpuckSimError where one cannot be written, or there is no such axis.
     """
     if panels is not None and panels not in curves[0].axes:
-        raise EpuckSimError(f"{origin}: {unknown(panels, curves[0].axes)}; other axes: {listed(curves[0].axes)}")
-    bumps = [find_bump(curve.x, curve.means, curve.resampled) if axis.endswith(SPEED) else None for curve in curves]
-    files = check_stem(stem, ".png", ".svg", ".csv", "-regimes.csv")
+        raise EpuckSimError(
+            f"{origin}: {did_you_mean(panels, curves[0].axes)}; other axes: {comma_list(curves[0].axes)}"
+        )
+    bumps = [
+        find_minimum_and_peak(curve.x, curve.means, curve.resampled) if axis.endswith(SPEED) else None
+        for curve in curves
+    ]
+    files = output_paths(stem, ".png", ".svg", ".csv", "-regimes.csv")
     save_drawing(draw(title, axis, curves, bumps, panels), *files[:2])
     save_curves(files[2], axis, curves)
     save_table(files[3], (*curves[0].axes, *BUMP_COLUMNS, "p_value"), _bump_rows(curves, bumps))
@@ -52,16 +57,16 @@ def save_figure(
 
 
 def draw(
-    title: str, axis: str, curves: Sequence[Curve], bumps: Sequence[Bump | None], split_by: str | None = None
+    title: str, axis: str, curves: Sequence[Curve], bumps: Sequence[SpeedExtrema | None], split_by: str | None = None
 ) -> Figure:
     """Return the figure: means and their 95 % bands, T_sync on a logarithmic scale, hollow where trials are censored.
 
     A cross at the upper edge is a mean that is undetermined; triangles are the local minimum and the peak, where found.
     split_by: the axis with a panel for each of its values.
     """
-    told = told_apart([curve.axes for curve in curves])
-    heads = [values_told({split_by: curve.axes[split_by]}) if split_by else "" for curve in curves]
-    labels = [values_told({key: value for key, value in each.items() if key != split_by}) for each in told]
+    told = distinguishing_axes([curve.axes for curve in curves])
+    heads = [format_axis_values({split_by: curve.axes[split_by]}) if split_by else "" for curve in curves]
+    labels = [format_axis_values({key: value for key, value in each.items() if key != split_by}) for each in told]
     heading, size = list(dict.fromkeys(heads)), (6.0, 3.8) if len(set(heads)) == 1 else (3.8, 3.4)
     figure, panels = make_panels(title, heading, (axis_label(axis), "T_sync [cycles]"), size)
     highest = max((np.nanmax(each, initial=1.0) for each in (curve.means for curve in curves)), default=1.0)
@@ -74,14 +79,14 @@ def draw(
         _draw_curve(panels[heading.index(head)], curve, bump, colours[label], label, 2 * highest)
     panels[0].set_ylim(top=min(panels[0].get_ylim()[1], 3 * highest))
     if any(labels) and len(panels) == 1:
-        write_plainly(panels[0].legend(fontsize="small"))
+        disable_mathtext(panels[0].legend(fontsize="small"))
     elif any(labels):
-        explain(figure, panels)
+        add_shared_legend(figure, panels)
     return figure
 
 
 def _draw_curve(
-    axes: Axes, curve: Curve, bump: Bump | None, colour: npt.NDArray[np.float64], label: str, unknown_at: float
+    axes: Axes, curve: Curve, bump: SpeedExtrema | None, colour: FloatArray, label: str, unknown_at: float
 ) -> None:
     known = ~np.isnan(curve.means)
     low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, posinf=1e12), np.nan).T
@@ -96,7 +101,7 @@ def _draw_curve(
             axes.plot(speed, time, marker, color=colour, markersize=10, markeredgecolor="black", zorder=4)
 
 
-def _bump_rows(curves: Sequence[Curve], bumps: Sequence[Bump | None]) -> Iterator[list[Any]]:
+def _bump_rows(curves: Sequence[Curve], bumps: Sequence[SpeedExtrema | None]) -> Iterator[list[Any]]:
     """Yield a row for each curve; nothing but the p-value where the bump may be noise."""
     for curve, bump in zip(curves, bumps, strict=True):
         numbers = [np.nan] * len(BUMP_COLUMNS)

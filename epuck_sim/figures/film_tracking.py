@@ -6,20 +6,18 @@ from string import ascii_lowercase
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.figures.csv_tables import rounded, save_table
-from epuck_sim.figures.style import explain, make_logarithmic
+from epuck_sim.figures.style import add_shared_legend, make_logarithmic
 from epuck_sim.overhead.track.history import ACROSS, History, Snapshot, choose_moments
 from epuck_sim.overhead.track.spread import LEAST_SEEN, Evaluation, frame_ends
-from epuck_sim.util.atomic_write import check_target, written_whole
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.util.atomic_write import atomic_write, check_target
 
 COLUMNS = ("time_s", "cycles", "count", "spread_ms")
 """Of the table, a row for each evaluation: time of the mode, on the film's clock and in periods since the start."""
@@ -41,7 +39,7 @@ def save_track_figure(png: Path, history: History, snapshot: Snapshot | None = N
     for file in files:
         check_target(file)
     figure = draw_track(history, snapshot)
-    with written_whole(png) as part:
+    with atomic_write(png) as part:
         figure.savefig(part, format="png", dpi=120)
     save_table(files[1], COLUMNS, _rows(history))
     return files
@@ -67,7 +65,7 @@ def draw_track(history: History, snapshot: Snapshot | None = None) -> Figure:
     counts, spreads = figure.add_subfigure(places[1, :]).subplots(2, 1, sharex=True)
     _draw_counts(counts, history)
     _draw_spreads(spreads, history)
-    explain(figure, [spreads])
+    add_shared_legend(figure, [spreads])
     return figure
 
 
@@ -119,7 +117,7 @@ def _most(history: History) -> int:
     return int(history.counts.max(initial=1))
 
 
-def _fill_counts(panel: Axes, times: Floats, counts: npt.NDArray[np.int64], end: float) -> None:
+def _fill_counts(panel: Axes, times: FloatArray, counts: IntArray, end: float) -> None:
     """Draw each count for as long as its frame stands: nothing where frames are missing."""
     if len(times) < 2:
         return

@@ -34,7 +34,7 @@ def key_name(key: str) -> str:
     return SYMBOLS.get(key.rpartition(".")[2], (key, ""))[0]
 
 
-def values_told(values: Mapping[str, Any]) -> str:
+def format_axis_values(values: Mapping[str, Any]) -> str:
     """Return axis values in words.
 
     >>> values_told({"arena.width_cm": 60, "robots.0.count": 10, "neighbourhood.angle_deg": 90})
@@ -44,10 +44,10 @@ def values_told(values: Mapping[str, Any]) -> str:
     """
     units = {key: unit_of(key) for key in values}
     spaced = {key: unit if unit == "°" else f" {unit}" for key, unit in units.items()}
-    return ", ".join(f"{key_name(key)} = {_value_told(value, spaced[key])}" for key, value in values.items())
+    return ", ".join(f"{key_name(key)} = {_format_value(value, spaced[key])}" for key, value in values.items())
 
 
-def _value_told(value: Any, unit: str) -> str:
+def _format_value(value: Any, unit: str) -> str:
     if isinstance(value, list | tuple):
         return " and ".join(map(str, value)) or "nothing"
     return "none" if value is None else f"{value}{unit}".rstrip()

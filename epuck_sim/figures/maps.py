@@ -7,28 +7,26 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.figures.csv_tables import save_curves
-from epuck_sim.figures.labels import axis_label, values_told
+from epuck_sim.figures.labels import axis_label, format_axis_values
 from epuck_sim.figures.style import (
-    check_stem,
-    explain,
-    in_figures,
+    add_shared_legend,
+    format_tick,
     is_logarithmic,
     make_logarithmic,
     make_panels,
+    output_paths,
     save_drawing,
 )
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.curves import Curve, estimate_curve, grouped, told_apart
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.statistics.curves import Curve, distinguishing_axes, estimate_curve, group_by_other_axes
 
 COLOURS = colormaps["viridis"]
 
@@ -49,13 +47,13 @@ class Map(NamedTuple):
 
     axes: dict[str, Any]
     """Values of the other axes."""
-    x: Floats
+    x: FloatArray
     """(nx,) values of the axis to the right, ascending."""
-    y: Floats
+    y: FloatArray
     """(ny,) values of the axis that goes up, ascending."""
-    means: Floats
+    means: FloatArray
     """(ny, nx) by Appendix A; NaN where undetermined, and where there are no trials."""
-    is_tried: npt.NDArray[np.bool_]
+    is_tried: BoolArray
     """(ny, nx) whether there are trials."""
     rows: list[Curve]
     """The same points along x, one curve for each y, which is the last of its axes."""
@@ -63,7 +61,7 @@ class Map(NamedTuple):
 
 def read_maps(points: Sequence[PointTrials], x: str, y: str) -> list[Map]:
     """Return a map for each combination of the values of the other axes, in the order of the sweep."""
-    return [_map(group, x, y, others) for others, group in grouped(points, y, x)]
+    return [_map(group, x, y, others) for others, group in group_by_other_axes(points, y, x)]
 
 
 def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any]) -> Map:
@@ -85,7 +83,7 @@ def save_maps(stem: Path, title: str, x: str, y: str, maps: Sequence[Map]) -> li
     x, y: dotted keys of the axes. Returns the files; raises EpuckSimError where one cannot be written, and for more
     maps than there can be panels.
     """
-    files = check_stem(stem, ".png", ".svg", ".csv")
+    files = output_paths(stem, ".png", ".svg", ".csv")
     save_drawing(draw_maps(title, x, y, maps), *files[:2])
     save_curves(files[2], x, [row for each in maps for row in each.rows])
     return files
@@ -97,9 +95,11 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
     Each point fills the cell around it, with a hatched grey where its mean is undetermined; one without trials is
     blank. Between neighbours that are determined, contours are drawn over the cells; nothing else is interpolated.
     """
-    told = told_apart([each.axes for each in maps])
+    told = distinguishing_axes([each.axes for each in maps])
     size = (5.2, 3.8) if len(maps) == 1 else (2.9, 2.5)
-    figure, panels = make_panels(title, [values_told(each) for each in told], (axis_label(x), axis_label(y)), size)
+    figure, panels = make_panels(
+        title, [format_axis_values(each) for each in told], (axis_label(x), axis_label(y)), size
+    )
     logarithmic = (
         is_logarithmic(x, np.concatenate([each.x for each in maps])),
         is_logarithmic(y, np.concatenate([each.y for each in maps])),
@@ -111,11 +111,11 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
         _draw_map(panel, each, levels, logarithmic, has_contours)
     _set_limits(panels[0], maps, logarithmic, has_contours)
     _add_colour_bar(figure, panels, levels)
-    explain(figure, panels)
+    add_shared_legend(figure, panels)
     return figure
 
 
-def choose_levels(means: Floats) -> Floats:
+def choose_levels(means: FloatArray) -> FloatArray:
     """Return the levels, log10 of cycles, ascending, between which means, (n,), have one colour; all lie between them.
 
     >>> choose_levels(np.array([20.0, 70.0, np.nan])).tolist()
@@ -130,7 +130,7 @@ def choose_levels(means: Floats) -> Floats:
     return np.round(np.arange(first, last + 1) * step, 9)
 
 
-def _draw_map(panel: Axes, each: Map, levels: Floats, logarithmic: tuple[bool, bool], has_contours: bool) -> None:
+def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[bool, bool], has_contours: bool) -> None:
     norm = BoundaryNorm(levels, COLOURS.N)
     logs = np.ma.log10(np.ma.masked_invalid(each.means))
     edges = [_edges(values, is_log) for values, is_log in zip((each.x, each.y), logarithmic, strict=True)]
@@ -158,7 +158,7 @@ def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool]
         panel.set(**{f"{name}lim": (ends.min(), ends.max())})
 
 
-def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: Floats) -> None:
+def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray) -> None:
     """Add it beside the panels, with powers of ten; where there are not two of them, with the numbers between."""
     colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
     bar = figure.colorbar(colours, ax=list(panels), label="T_sync [cycles]", spacing="proportional")
@@ -170,16 +170,16 @@ def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: Floats) -> N
         logs = [power + math.log10(factor) for power in decades for factor in range(1, 10)]
         within = [each for each in logs if levels[0] <= each <= levels[-1]]
         ticks = within if len(within) > 1 else levels.tolist()
-        bar.set_ticks(ticks, labels=[in_figures(float(f"{10**each:.3g}")) for each in ticks])
+        bar.set_ticks(ticks, labels=[format_tick(float(f"{10**each:.3g}")) for each in ticks])
     bar.ax.minorticks_off()
 
 
-def _scaled(values: Floats, is_log: bool) -> Floats:
+def _scaled(values: FloatArray, is_log: bool) -> FloatArray:
     """Return values, (n,), as far apart as they are on the page."""
     return np.log10(values) if is_log else values
 
 
-def _edges(values: Floats, is_log: bool) -> Floats:
+def _edges(values: FloatArray, is_log: bool) -> FloatArray:
     """Return the ends of the cells around ascending values, (n,): (n + 1,), halfway on the page; one alone is 1 wide.
 
     >>> _edges(np.array([1.0, 2.0, 4.0]), False), _edges(np.array([1.0, 100.0]), True)

@@ -5,21 +5,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.courses import particles_of
 from epuck_sim.figures.csv_tables import rounded, save_table
-from epuck_sim.figures.labels import values_told
-from epuck_sim.figures.style import check_stem, make_panels, save_drawing
-from epuck_sim.particles.twin import follow
+from epuck_sim.figures.labels import format_axis_values
+from epuck_sim.figures.style import make_panels, output_paths, save_drawing
+from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.curves import told_apart
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.statistics.curves import distinguishing_axes
 
 MOST_CYCLES = 20_000
 """That are shown."""
@@ -32,9 +30,9 @@ class Perturbation(NamedTuple):
     """What happened in one trial of a point of a sweep."""
 
     axes: dict[str, Any]
-    cycle: Floats
+    cycle: FloatArray
     """(moments,) periods since the beginning."""
-    deviation: Floats
+    deviation: FloatArray
     """(moments, agents) cycles."""
 
 
@@ -46,14 +44,14 @@ def read_perturbations(points: Sequence[PointTrials]) -> list[Perturbation]:
         if not point.seeds:
             continue
         cycle = np.arange(0.5, min(scenario.stop.max_cycles, MOST_CYCLES))
-        course = follow(scenario, point.seeds[0], cycle * scenario.clocks.period_s)
+        course = simulate_with_twin(scenario, point.seeds[0], cycle * scenario.clocks.period_s)
         found.append(Perturbation(point.axes, cycle, course.deviation))
     return found
 
 
 def save_perturbations(stem: Path, title: str, perturbations: Sequence[Perturbation]) -> list[Path]:
     """Write the maps as STEM.png and STEM.svg, and what deviates as STEM.csv; return the files."""
-    files = check_stem(stem, ".png", ".svg", ".csv")
+    files = output_paths(stem, ".png", ".svg", ".csv")
     save_drawing(draw_perturbations(title, perturbations), *files[:2])
     columns = (*perturbations[0].axes, "cycle", "agent", "deviation")
     save_table(files[2], columns, _perturbation_rows(perturbations))
@@ -68,7 +66,7 @@ def _perturbation_rows(perturbations: Sequence[Perturbation]) -> Iterator[list[A
 
 def draw_perturbations(title: str, perturbations: Sequence[Perturbation]) -> Figure:
     """Return the figure: a panel for each trial, a row for each agent; white where nothing deviates (Fig. 5.8)."""
-    labels = [values_told(each) for each in told_apart([each.axes for each in perturbations])]
+    labels = [format_axis_values(each) for each in distinguishing_axes([each.axes for each in perturbations])]
     figure, panels = make_panels(title, labels, ("time [cycles]", "agent"), (3.4, 3.6))
     norm = LogNorm(LEAST, 0.5)
     for panel, each in zip(panels, perturbations, strict=True):

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -15,9 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.curves import SPEED
-from epuck_sim.util.atomic_write import check_target, written_whole
+from epuck_sim.util.atomic_write import atomic_write, check_target
 
 DECADE = 10.0
 """Values that span so much have a logarithmic scale."""
@@ -59,7 +58,7 @@ def make_panels(
     return figure, panels
 
 
-def explain(figure: Figure, panels: Sequence[Axes]) -> None:
+def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     """Write below the panels what has a label in any of them, once."""
     handles: dict[str, Any] = {}
     for panel in panels:
@@ -67,16 +66,16 @@ def explain(figure: Figure, panels: Sequence[Axes]) -> None:
             handles.setdefault(label, handle)
     if handles:
         legend = figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, fontsize="small")
-        write_plainly(legend)
+        disable_mathtext(legend)
 
 
-def write_plainly(legend: Legend) -> None:
+def disable_mathtext(legend: Legend) -> None:
     """Have a dollar sign in a legend be one, and not begin a formula."""
     for text in legend.get_texts():
         text.set_parse_math(False)
 
 
-def is_logarithmic(key: str, values: npt.NDArray[np.float64]) -> bool:
+def is_logarithmic(key: str, values: FloatArray) -> bool:
     """Return whether an axis with these values, (n,), has a logarithmic scale: positive, and a speed or far apart.
 
     >>> is_logarithmic("space.side_cm", np.array([10.0, 100.0])), is_logarithmic("agents.count", np.array([5.0, 40.0]))
@@ -91,7 +90,7 @@ def make_logarithmic(axes: Axes, *names: str) -> None:
         axes.set(**{f"{name}scale": "log"})
         axis = axes.xaxis if name == "x" else axes.yaxis
         axis.set_major_locator(_LogLocator())
-        axis.set_major_formatter(FuncFormatter(lambda value, _: in_figures(value)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: format_tick(value)))
         axis.set_minor_formatter(NullFormatter())
 
 
@@ -107,7 +106,7 @@ class _LogLocator(LogLocator):
         return super().tick_values(vmin, vmax)
 
 
-def in_figures(number: float) -> str:
+def format_tick(number: float) -> str:
     """Return a number as figures show it.
 
     >>> in_figures(0.05), in_figures(1e6)
@@ -120,7 +119,7 @@ def in_figures(number: float) -> str:
     return f"${factor}10^{{{int(exponent)}}}$"
 
 
-def check_stem(stem: Path, *endings: str) -> list[Path]:
+def output_paths(stem: Path, *endings: str) -> list[Path]:
     """Return STEM with each of the endings; raises EpuckSimError where one of these files cannot be written."""
     if stem.name in ("", ".."):
         raise EpuckSimError(f"{stem}: is no file's name; give FOLDER/NAME, to which .png and so on are added")
@@ -134,7 +133,7 @@ def save_drawing(figure: Figure, png: Path, svg: Path) -> None:
     """Write a figure into two files; nothing in them tells when: the same results give the same files."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
-        with written_whole(png) as part:
+        with atomic_write(png) as part:
             figure.savefig(part, format="png", dpi=120)
-        with written_whole(svg) as part, rc_context({"svg.hashsalt": "epuck-sim"}):
+        with atomic_write(svg) as part, rc_context({"svg.hashsalt": "epuck-sim"}):
             figure.savefig(part, format="svg", metadata={"Date": None})

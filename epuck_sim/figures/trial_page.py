@@ -4,17 +4,17 @@ import math
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError
-from epuck_sim.figures.style import check_stem, save_drawing
+from epuck_sim.figures.style import output_paths, save_drawing
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Subject, describe
+from epuck_sim.recording.population import Population, population_of
 from epuck_sim.recording.reader import Recorded
 
 MANY = 5_000
@@ -37,14 +37,14 @@ def save_page(recorded: Recorded, origin: str, stem: Path) -> list[Path]:
         )
     if not len(recorded.time_s):
         raise RecordingError(f"{origin}: holds no steps")
-    files = check_stem(stem, ".png", ".svg")
+    files = output_paths(stem, ".png", ".svg")
     save_drawing(draw_page(recorded), *files)
     return files
 
 
 def draw_page(recorded: Recorded) -> Figure:
     """Return the page: on the left the arena when most rings were lit for the last time, on the right time runs."""
-    subject = describe(recorded.scenario)
+    subject = population_of(recorded.scenario)
     figure = Figure(figsize=(12, 5.6), layout="constrained")
     outcome = f"synchronised after {recorded.cycles} cycles" if recorded.synchronised else "not synchronised"
     figure.suptitle(f"{recorded.scenario.name}, seed {recorded.seed}: {outcome}", parse_math=False)
@@ -59,7 +59,7 @@ def draw_page(recorded: Recorded) -> Figure:
     return figure
 
 
-def _draw_arena(axes: Axes, recorded: Recorded, subject: Subject) -> None:
+def _draw_arena(axes: Axes, recorded: Recorded, subject: Population) -> None:
     """Draw the moment at which most rings were lit, the last of several, and the paths that led there."""
     rings = recorded.ring_on.sum(axis=1)
     moment = int(np.flatnonzero(rings == rings.max())[-1])
@@ -73,7 +73,7 @@ def _draw_arena(axes: Axes, recorded: Recorded, subject: Subject) -> None:
     axes.set(xlabel="x [cm]")
 
 
-def _draw_floor(axes: Axes, recorded: Recorded, subject: Subject, rows: slice) -> None:
+def _draw_floor(axes: Axes, recorded: Recorded, subject: Population, rows: slice) -> None:
     arena, radius_cm = subject.arena, subject.radius_cm
     axes.add_patch(Rectangle((0, 0), arena.width_cm, arena.height_cm, fill=False, linewidth=1.5))
     for x, y, radius in arena.circles:
@@ -94,7 +94,7 @@ def _draw_floor(axes: Axes, recorded: Recorded, subject: Subject, rows: slice) -
     axes.margins(0.02)
 
 
-def _draw_segment(axes: Axes, recorded: Recorded, subject: Subject, rows: slice) -> None:
+def _draw_segment(axes: Axes, recorded: Recorded, subject: Population, rows: slice) -> None:
     """Draw a segment, which has no y, with its paths going up in time."""
     for wall in (0, subject.arena.width_cm):
         axes.axvline(wall, color="black", linewidth=1.5)
@@ -108,13 +108,13 @@ def _draw_segment(axes: Axes, recorded: Recorded, subject: Subject, rows: slice)
     axes.margins(0.03)
 
 
-def _jumps(path: npt.NDArray[np.float32], subject: Subject) -> npt.NDArray[np.int64]:
+def _jumps(path: Float32Array, subject: Population) -> IntArray:
     """Return (jumps,) the rows of a path, (rows, 2) cm, before which it leaves a cyclic space."""
     far_cm = subject.arena.width_cm / 2 if subject.is_cyclic else math.inf
     return 1 + np.flatnonzero((np.abs(np.diff(path, axis=0)) > far_cm).any(axis=1))
 
 
-def _draw_flashes(axes: Axes, recorded: Recorded, subject: Subject) -> None:
+def _draw_flashes(axes: Axes, recorded: Recorded, subject: Population) -> None:
     low, high = recorded.flash_robot - 0.4, recorded.flash_robot + 0.4
     many = len(recorded.flash_s) > MANY
     axes.vlines(recorded.flash_s, low, high, colors=RED, linewidth=0.5 if many else 1.5, rasterized=many)
@@ -122,7 +122,7 @@ def _draw_flashes(axes: Axes, recorded: Recorded, subject: Subject) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
-def _draw_phases(axes: Axes, recorded: Recorded, subject: Subject) -> None:
+def _draw_phases(axes: Axes, recorded: Recorded, subject: Population) -> None:
     """Draw the phases relative to the reference's, whenever that fires: the swarm falls into step at 0."""
     cycles = recorded.phase_ms[np.searchsorted(recorded.time_s, recorded.firing_s)] / subject.period_ms
     ahead = cycles - cycles[:, [subject.reference]]
@@ -132,7 +132,7 @@ def _draw_phases(axes: Axes, recorded: Recorded, subject: Subject) -> None:
     axes.set(ylabel="phase ahead of\nthe reference [cycles]", ylim=(-0.53, 0.53))
 
 
-def _draw_order(axes: Axes, recorded: Recorded, _: Subject) -> None:
+def _draw_order(axes: Axes, recorded: Recorded, _: Population) -> None:
     many = len(recorded.time_s) > MANY
     axes.plot(recorded.time_s, recorded.order_parameter, color="0.75", linewidth=0.8, rasterized=many)
     axes.plot(recorded.firing_s, recorded.firing_order, "o-", color="black", markersize=3, linewidth=1, rasterized=many)
@@ -141,7 +141,7 @@ def _draw_order(axes: Axes, recorded: Recorded, _: Subject) -> None:
     axes.set(ylabel="order\nparameter", ylim=(min(0.0, np.nanmin(recorded.order_parameter, initial=0.0)), 1.04))
 
 
-def _colours(subject: Subject) -> npt.NDArray[np.float64]:
+def _colours(subject: Population) -> FloatArray:
     """Return (count, 4) a colour for each."""
-    colours: npt.NDArray[np.float64] = colormaps["viridis"](np.linspace(0, 0.95, subject.size))
+    colours: FloatArray = colormaps["viridis"](np.linspace(0, 0.95, subject.size))
     return colours

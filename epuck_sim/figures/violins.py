@@ -5,26 +5,24 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.figures.csv_tables import rounded, save_table
-from epuck_sim.figures.labels import axis_label, values_told
+from epuck_sim.figures.labels import axis_label, format_axis_values
 from epuck_sim.figures.style import (
-    check_stem,
-    explain,
-    in_figures,
+    add_shared_legend,
+    format_tick,
     is_logarithmic,
     make_logarithmic,
     make_panels,
+    output_paths,
     save_drawing,
 )
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.curves import grouped, told_apart
+from epuck_sim.statistics.curves import distinguishing_axes, group_by_other_axes
 from epuck_sim.statistics.mean_estimate import estimate_mean
-
-Floats = npt.NDArray[np.float64]
 
 COLUMNS = ("trials", "censored", "plain_mean", "estimate", "low", "high")
 """What follows the axes in the table: number of trials, share of them, and cycles."""
@@ -43,19 +41,19 @@ class Violins(NamedTuple):
 
     axes: dict[str, Any]
     """Values of the other axes."""
-    x: Floats
+    x: FloatArray
     """(S,) values of the axis, ascending."""
-    synchronised: list[Floats]
+    synchronised: list[FloatArray]
     """S times (trials,) cycles of the trials that are not censored."""
-    trials: npt.NDArray[np.int64]
+    trials: IntArray
     """(S,) all of them."""
-    plain_means: Floats
+    plain_means: FloatArray
     """(S,); NaN where trials are censored."""
-    estimates: Floats
+    estimates: FloatArray
     """(S, 3) mean by Appendix A and the ends of its 95 % interval, trials being censored early; NaN if undetermined."""
 
     @property
-    def censored(self) -> npt.NDArray[np.int64]:
+    def censored(self) -> IntArray:
         """(S,) how many of the trials are censored in the data themselves."""
         return self.trials - np.array([len(times) for times in self.synchronised], np.int64)
 
@@ -65,7 +63,7 @@ def read_violins(points: Sequence[PointTrials], axis: str, censored_at: int | No
 
     censored_at: the cycle at which the estimate takes trials to be censored; None for where they are.
     """
-    return [_violins(group, axis, others, censored_at) for others, group in grouped(points, axis)]
+    return [_violins(group, axis, others, censored_at) for others, group in group_by_other_axes(points, axis)]
 
 
 def _violins(points: Sequence[PointTrials], axis: str, others: dict[str, Any], censored_at: int | None) -> Violins:
@@ -94,7 +92,7 @@ def save_violins(
     axis: the dotted key of their x; censored_at: what they were read with. Returns the files; raises EpuckSimError
     where one cannot be written, and for more groups than there can be panels.
     """
-    files = check_stem(stem, ".png", ".svg", ".csv")
+    files = output_paths(stem, ".png", ".svg", ".csv")
     save_drawing(draw_violins(title, axis, groups, censored_at), *files[:2])
     save_table(files[2], (*groups[0].axes, axis, *COLUMNS), _rows(groups))
     return files
@@ -114,7 +112,7 @@ def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: 
     is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the plain mean,
     where no trial is censored; a dashed line is where the estimate takes trials to be censored.
     """
-    told = [values_told(each) for each in told_apart([each.axes for each in groups])]
+    told = [format_axis_values(each) for each in distinguishing_axes([each.axes for each in groups])]
     size = (6.2, 3.8) if len(groups) == 1 else (3.6, 2.7)
     figure, panels = make_panels(_heading(title, groups), told, (axis_label(axis), "T_sync [cycles]"), size)
     x = np.concatenate([each.x for each in groups])
@@ -128,10 +126,10 @@ def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: 
         _draw_violins(panel, group, half, is_log)
         _draw_estimates(panel, group, highest)
         if censored_at is not None:
-            limit = f"T_cens of that mean: {in_figures(censored_at)}"
+            limit = f"T_cens of that mean: {format_tick(censored_at)}"
             panel.axhline(censored_at, color="0.3", linestyle="--", linewidth=1, label=limit)
     panels[0].set_ylim(top=3 * highest)
-    explain(figure, panels)
+    add_shared_legend(figure, panels)
     return figure
 
 
@@ -149,7 +147,7 @@ def _draw_violins(panel: Axes, group: Violins, half: float, is_log: bool) -> Non
             panel.fill_betweenx(heights, left, right, color=VIOLIN, linewidth=1, label="trials that synchronised")
 
 
-def density(times: Floats) -> tuple[Floats, Floats]:
+def density(times: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return times from the least to the greatest of some, (n,) cycles, and the density of log T there, at most 1.
 
     It is estimated by normal distributions around each of them, as wide as Scott's rule says; a bar, where all are one.

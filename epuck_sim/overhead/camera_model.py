@@ -9,12 +9,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.overhead import OverheadSection
-
-Floats = npt.NDArray[np.float64]
 
 HEIGHT_CM = 110.0
 SIDE_CM = 60.0
@@ -42,23 +40,23 @@ class Lens(NamedTuple):
     focal_px: float
     k1: float
     """Of the distortion, 0 for none."""
-    rotation: Floats
+    rotation: FloatArray
     """(3, 3) from the arena's frame into the camera's."""
-    position_cm: Floats
+    position_cm: FloatArray
     """(3,) of the pinhole in the arena's frame."""
 
     @property
-    def _matrix(self) -> Floats:
+    def _matrix(self) -> FloatArray:
         """(3, 3) of OpenCV: pixels are square, and the optical axis meets the middle of the picture."""
         middle_column, middle_row = (self.width_px - 1) / 2, (self.height_px - 1) / 2
         return np.array([[self.focal_px, 0, middle_column], [0, self.focal_px, middle_row], [0, 0, 1]])
 
     @property
-    def _coefficients(self) -> Floats:
+    def _coefficients(self) -> FloatArray:
         """(4,) of OpenCV: k1, and none of k2, p1, p2."""
         return np.array([self.k1, 0.0, 0.0, 0.0])
 
-    def pixels(self, points_cm: Floats) -> Floats:
+    def pixels(self, points_cm: FloatArray) -> FloatArray:
         """Return (n, 2) px: where (n, 3) cm points of the arena are seen, if they are in front of the camera; n > 0."""
         rotation, _ = cv2.Rodrigues(self.rotation)
         shift = -self.rotation @ self.position_cm
@@ -67,7 +65,7 @@ class Lens(NamedTuple):
         )
         return np.asarray(seen, float).reshape(-1, 2)
 
-    def on_plane(self, pixels: Floats, z_cm: float) -> Floats:
+    def on_plane(self, pixels: FloatArray, z_cm: float) -> FloatArray:
         """Return (n, 2) cm: the points `z_cm` above the floor that (n, 2) px show; n > 0.
 
         A pixel above the horizon shows none: it gets the point behind the camera on the same line.
@@ -77,10 +75,10 @@ class Lens(NamedTuple):
         ).reshape(-1, 2)
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         far = (z_cm - self.position_cm[2]) / rays[:, 2]
-        shown: Floats = self.position_cm[:2] + far[:, None] * rays[:, :2]
+        shown: FloatArray = self.position_cm[:2] + far[:, None] * rays[:, :2]
         return shown
 
-    def plane_map(self, z_cm: float) -> npt.NDArray[np.float32]:
+    def plane_map(self, z_cm: float) -> Float32Array:
         """Return (height_px, width_px, 2) cm: the point `z_cm` above the floor that each pixel shows."""
         columns, rows = np.meshgrid(np.arange(self.width_px, dtype=float), np.arange(self.height_px, dtype=float))
         pixels = np.column_stack([columns.ravel(), rows.ravel()])

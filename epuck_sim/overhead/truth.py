@@ -3,9 +3,8 @@
 from typing import NamedTuple, Self
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from epuck_sim.arrays import FloatArray
 
 WITHIN_CM = 1.0
 """A ring is found where one is reported so near: robots are 7.4 cm apart at least."""
@@ -50,7 +49,7 @@ class Score(NamedTuple):
         return float((self.squares_cm2 / max(1, self.found)) ** 0.5)
 
 
-def compare(reported_cm: Floats, lit_cm: Floats, flickering_cm: Floats) -> Score:
+def compare(reported_cm: FloatArray, lit_cm: FloatArray, flickering_cm: FloatArray) -> Score:
     """Return how well (n, 2) cm reported rings match those that are there.
 
     lit_cm: (m, 2) of those lit for the whole exposure; flickering_cm: (k, 2) of those lit for a part of it, which may

@@ -8,19 +8,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.motion import Flights, carry_one_on, locate, place_at
-from epuck_sim.util.jit import inlined_kernel
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from epuck_sim.util.jit import jit_inline
 
 
-class Lattice(NamedTuple):
+class CellList(NamedTuple):
     """Which agents were in which cell; along an axis that the space lacks there is one cell."""
 
-    across: Whole
+    across: IntArray
     """(3,) cells along each axis."""
     cell_cm: float
     """Side of a cell."""
@@ -28,24 +25,24 @@ class Lattice(NamedTuple):
     """Agents are sorted anew when they may have moved by more than this."""
     fastest: float
     """cm in a cycle."""
-    sorted: Floats
+    sorted: FloatArray
     """(1,) when that was, in cycles since the present one began; -inf before."""
-    first: Whole
+    first: IntArray
     """(cells + 1,) where in `agents` each cell's begin."""
-    agents: Whole
+    agents: IntArray
     """(agents,) cell by cell."""
-    cell: Whole
+    cell: IntArray
     """(agents,) the cell of each."""
-    places: Floats
+    places: FloatArray
     """(dimensions, agents) cm: where they were."""
 
 
-def make_lattice(dimensions: int, side_cm: float, agents: int, cell_cm: float, fastest: float) -> Lattice:
+def make_cell_list(dimensions: int, side_cm: float, agents: int, cell_cm: float, fastest: float) -> CellList:
     """Return cells of about this side; nobody is in them yet."""
     along = max(1, int(side_cm / cell_cm))
     across = np.ones(3, np.int64)
     across[:dimensions] = along
-    return Lattice(
+    return CellList(
         across,
         side_cm / along,
         side_cm / along / 2,
@@ -58,8 +55,8 @@ def make_lattice(dimensions: int, side_cm: float, agents: int, cell_cm: float, f
     )
 
 
-@inlined_kernel
-def sort_into_cells(lattice: Lattice, flights: Flights, time: float) -> None:
+@jit_inline
+def sort_into_cells(lattice: CellList, flights: Flights, time: float) -> None:
     """Take note of who is in which cell."""
     locate(flights, time, lattice.places)
     first, cell, agents = lattice.first, lattice.cell, lattice.agents
@@ -82,15 +79,15 @@ def sort_into_cells(lattice: Lattice, flights: Flights, time: float) -> None:
     lattice.sorted[0] = time
 
 
-@inlined_kernel
-def along_axis(lattice: Lattice, place_cm: float, axis: int) -> int:
+@jit_inline
+def along_axis(lattice: CellList, place_cm: float, axis: int) -> int:
     """Return in which cell along an axis a coordinate lies."""
     cell: int = min(max(math.floor(place_cm / lattice.cell_cm), 0), lattice.across[axis] - 1)
     return cell
 
 
-@inlined_kernel
-def look_around(lattice: Lattice, flights: Flights, agent: int, time: float, reach_cm: float, found: Whole) -> int:
+@jit_inline
+def look_around(lattice: CellList, flights: Flights, agent: int, time: float, reach_cm: float, found: IntArray) -> int:
     """Write to `found`, (agents,), all who may be within reach of `agent` at `time`, itself too; return how many.
 
     Everybody found is carried on to `time`.
@@ -118,9 +115,9 @@ def look_around(lattice: Lattice, flights: Flights, agent: int, time: float, rea
     return count
 
 
-@inlined_kernel
+@jit_inline
 def cells_within(
-    lattice: Lattice, flights: Flights, agent: int, time: float, reach_cm: float, axis: int
+    lattice: CellList, flights: Flights, agent: int, time: float, reach_cm: float, axis: int
 ) -> tuple[int, int]:
     """Return the first cell along an axis that is within reach, below 0 across a cyclic edge, and how many are."""
     across = lattice.across[axis]
@@ -135,7 +132,7 @@ def cells_within(
     return low, along_axis(lattice, here + reach_cm, axis) - low + 1
 
 
-@inlined_kernel
-def begin_cycle_of_lattice(lattice: Lattice) -> None:
+@jit_inline
+def begin_cycle_of_lattice(lattice: CellList) -> None:
     """Count times from a cycle later."""
     lattice.sorted[0] -= 1.0

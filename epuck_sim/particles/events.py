@@ -17,18 +17,23 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.particles.motion import Flights, begin_cycle, carry_on, ends_at, first_to_end, reorient, turn_next
 from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours
 from epuck_sim.particles.order_kernel import COMPLEX, REFERENCE, are_near, measure_order, near_enough
-from epuck_sim.particles.oscillators import Clocks, begin_next_cycle, find_due, next_due, phase_at, set_due
+from epuck_sim.particles.oscillators import (
+    Oscillators,
+    begin_next_cycle,
+    earliest_firing,
+    firing_now,
+    phase_at,
+    set_next_firing,
+)
 from epuck_sim.particles.phase_response import CURVES, Response, shifted
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.util.jit import inlined_kernel, lean_kernel
-
-Whole = npt.NDArray[np.int64]
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 ENDLESS = 2**62
 """More than is ever counted."""
@@ -54,17 +59,17 @@ class Rules(NamedTuple):
 class Instant(NamedTuple):
     """Who did what at the last instant."""
 
-    fired: Whole
+    fired: IntArray
     """(agents,) who fired, the first `counts[0]` of them, in the order of the cascade."""
-    heard: Whole
+    heard: IntArray
     """(agents,) who shifted its phase, the first `counts[1]`, those that fired by that among them."""
-    counts: Whole
+    counts: IntArray
     """(2,)"""
-    is_done: npt.NDArray[np.bool_]
+    is_done: BoolArray
     """(agents,) scratch: has fired or heard a pulse at this instant."""
-    order: npt.NDArray[np.float64]
+    order: FloatArray
     """(1,) the order parameter at the last firing of the reference; NaN before it is measured."""
-    tally: Whole
+    tally: IntArray
     """(4,) see `INSTANTS` and so on."""
 
 
@@ -91,33 +96,33 @@ def make_instant(agents: int) -> Instant:
     return Instant(fired, heard, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), tally)
 
 
-@lean_kernel
-def turn_if_next(flights: Flights, hood: Neighbourhood, clocks: Clocks, instant: Instant) -> int:
+@jit_no_alloc
+def turn_if_next(flights: Flights, hood: Neighbourhood, clocks: Oscillators, instant: Instant) -> int:
     """Return who reaches a wall before anybody fires, and have it set out again; -1 if somebody fires before."""
     carry_on(flights, clocks.now[0])  # past what was not asked for until now
-    while min(next_due(clocks), ends_at(flights, first_to_end(flights))) >= 1.0:
+    while min(earliest_firing(clocks), ends_at(flights, first_to_end(flights))) >= 1.0:
         begin_next(flights, hood, clocks)
     turning = ends_at(flights, first_to_end(flights))
-    if turning > next_due(clocks):
+    if turning > earliest_firing(clocks):
         return -1
     clocks.now[0] = turning
     instant.tally[SYNCHRONISED] = 0
     return turn_next(flights)
 
 
-@inlined_kernel
-def begin_next(flights: Flights, hood: Neighbourhood, clocks: Clocks) -> None:
+@jit_inline
+def begin_next(flights: Flights, hood: Neighbourhood, clocks: Oscillators) -> None:
     """Count all times from a cycle later."""
     begin_next_cycle(clocks)
     begin_cycle(flights)
     begin_cycle_of_neighbours(hood)
 
 
-@lean_kernel
+@jit_no_alloc
 def advance(
     flights: Flights,
     hood: Neighbourhood,
-    clocks: Clocks,
+    clocks: Oscillators,
     rules: Rules,
     instant: Instant,
     instants: int,
@@ -133,10 +138,10 @@ def advance(
     tally[SYNCHRONISED] = 0
     is_measured = True
     while tally[INSTANTS] < instants and tally[CYCLES] < cycles and not tally[SYNCHRONISED]:
-        time = next_due(clocks)
+        time = earliest_firing(clocks)
         while time >= 1.0 and clocks.cycle[0] < last_cycle:
             begin_next(flights, hood, clocks)
-            time = next_due(clocks)
+            time = earliest_firing(clocks)
         if clocks.cycle[0] > last_cycle or (clocks.cycle[0] == last_cycle and time > last_time):
             break
         fire(flights, hood, clocks, rules, instant, time)
@@ -159,12 +164,14 @@ def advance(
         instant.order[0] = measure_order(clocks, rules.metric, clocks.now[0])
 
 
-@inlined_kernel
-def fire(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, instant: Instant, time: float) -> None:
+@jit_inline
+def fire(
+    flights: Flights, hood: Neighbourhood, clocks: Oscillators, rules: Rules, instant: Instant, time: float
+) -> None:
     """Let all fire that are due at `time`, and all that they make fire."""
     agents = len(clocks.due)
     fired, heard, is_done = instant.fired, instant.heard, instant.is_done
-    firing, hearing = find_due(clocks, time, fired), 0
+    firing, hearing = firing_now(clocks, time, fired), 0
     for agent in fired[:firing]:
         is_done[agent] = True
     done = firing
@@ -186,10 +193,10 @@ def fire(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, in
                 fired[firing] = other
                 firing += 1
             else:
-                set_due(clocks, other, time + (1 - phase) * clocks.period[other])
+                set_next_firing(clocks, other, time + (1 - phase) * clocks.period[other])
         place += 1
     for agent in fired[:firing]:
-        set_due(clocks, agent, time + clocks.period[agent])
+        set_next_firing(clocks, agent, time + clocks.period[agent])
         is_done[agent] = False
     for agent in heard[:hearing]:
         is_done[agent] = False
@@ -198,7 +205,7 @@ def fire(flights: Flights, hood: Neighbourhood, clocks: Clocks, rules: Rules, in
     instant.counts[1] = hearing
 
 
-@inlined_kernel
+@jit_inline
 def reorient_all(flights: Flights, rules: Rules, instant: Instant, time: float) -> None:
     """Have those set out anywhere who emitted, or received, a pulse; nobody twice."""
     carry_on(flights, time)

@@ -2,17 +2,13 @@
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
-from epuck_sim.util.jit import inlined_kernel
+from epuck_sim.arrays import FloatArray, StreamArray
+from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.rng import uniform
 
-Floats = npt.NDArray[np.float64]
 
-
-@inlined_kernel
-def set_out(heading: Floats, axis: int, inward: float, stream: npt.NDArray[np.uint64]) -> None:
+@jit_inline
+def set_out(heading: FloatArray, axis: int, inward: float, stream: StreamArray) -> None:
     """Point a heading, (dimensions,), away from a wall: anywhere within 90 degrees of its normal.
 
     axis, inward: the normal's axis, and 1 or -1, its sign. In a square the angle to it is uniform (thesis 3.1), in a
@@ -28,8 +24,8 @@ def set_out(heading: Floats, axis: int, inward: float, stream: npt.NDArray[np.ui
         point(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
 
 
-@inlined_kernel
-def set_out_anywhere(heading: Floats, stream: npt.NDArray[np.uint64]) -> None:
+@jit_inline
+def set_out_anywhere(heading: FloatArray, stream: StreamArray) -> None:
     """Point a heading, (dimensions,), in a direction that is uniform over all of them."""
     if len(heading) == 1:
         heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
@@ -41,8 +37,8 @@ def set_out_anywhere(heading: Floats, stream: npt.NDArray[np.uint64]) -> None:
         point(heading, 2, 2 * uniform(stream) - 1, uniform(stream))
 
 
-@inlined_kernel
-def point(heading: Floats, axis: int, height: float, turned: float) -> None:
+@jit_inline
+def point(heading: FloatArray, axis: int, height: float, turned: float) -> None:
     """Point a heading, (3,), to this height, -1 to 1, along an axis, turned by a share of a circle around it."""
     rim = math.sqrt(1 - height * height)
     heading[axis] = height

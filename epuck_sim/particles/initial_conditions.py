@@ -1,16 +1,14 @@
 """How a trial begins: where agents are, where they go, how fast, and the phases and periods of their oscillators."""
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, StreamArray
 from epuck_sim.particles.heading import set_out_anywhere
 from epuck_sim.particles.motion import Flights, take_off
-from epuck_sim.particles.oscillators import Clocks, start_clocks
+from epuck_sim.particles.oscillators import Oscillators, start_oscillators
 from epuck_sim.scenario.particles import AgentsSection, ParticleScenario
-from epuck_sim.util.jit import inlined_kernel
-from epuck_sim.util.rng import robot_streams
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.seeds import robot_streams
 
 SHORTEST_PERIOD = 0.1
 """Of what is nominal: jitter of at most 0.2 hardly ever leads below, and a period must not end before it begins."""
@@ -30,13 +28,13 @@ def place_agents(
     return take_off(space.side_cm, space.boundary == "cyclic", origin, heading, speed, streams)
 
 
-@inlined_kernel
-def _point_anywhere(heading: Floats, streams: npt.NDArray[np.uint64]) -> None:
+@jit_inline
+def _point_anywhere(heading: FloatArray, streams: StreamArray) -> None:
     for agent in range(len(streams)):
         set_out_anywhere(heading[:, agent], streams[agent])
 
 
-def _draw_speeds(agents: AgentsSection, random: np.random.Generator) -> Floats:
+def _draw_speeds(agents: AgentsSection, random: np.random.Generator) -> FloatArray:
     """Return (agents,) cm/s."""
     spread = agents.speed_spread or 0.0
     if agents.speed_distribution == "uniform":
@@ -50,7 +48,7 @@ def _draw_speeds(agents: AgentsSection, random: np.random.Generator) -> Floats:
     return agents.speed_cm_s * shares
 
 
-def _redrawn(random: np.random.Generator, count: int, sigma: float, low: float, high: float) -> Floats:
+def _redrawn(random: np.random.Generator, count: int, sigma: float, low: float, high: float) -> FloatArray:
     """Return normal numbers around 1, (count,), drawn again where they are not between `low` and `high`."""
     drawn = random.normal(1, sigma, count)
     while (outside := (drawn < low) | (drawn > high)).any():
@@ -58,7 +56,7 @@ def _redrawn(random: np.random.Generator, count: int, sigma: float, low: float, 
     return drawn
 
 
-def set_clocks(scenario: ParticleScenario, starting: np.random.SeedSequence) -> Clocks:
+def set_clocks(scenario: ParticleScenario, starting: np.random.SeedSequence) -> Oscillators:
     """Return oscillators with the phases and periods that the scenario asks for (thesis 3.2, 5.4)."""
     agents = scenario.agents.count
     random = np.random.Generator(np.random.PCG64(starting))
@@ -69,4 +67,4 @@ def set_clocks(scenario: ParticleScenario, starting: np.random.SeedSequence) -> 
     period = np.ones(agents)
     if scenario.clocks.jitter:
         period = _redrawn(random, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
-    return start_clocks(phases, period)
+    return start_oscillators(phases, period)

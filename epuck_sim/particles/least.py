@@ -2,16 +2,12 @@
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
-from epuck_sim.util.jit import inlined_kernel
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.arrays import FloatArray
+from epuck_sim.util.jit import jit_inline
 
 
-@inlined_kernel
-def least(values: Floats, first: int, last: int) -> float:
+@jit_inline
+def least(values: FloatArray, first: int, last: int) -> float:
     """Return the least of `values[first:last]`, inf if there are none.
 
     Four are compared at a time, because each comparison has to wait for the one before.
@@ -28,8 +24,8 @@ def least(values: Floats, first: int, last: int) -> float:
     return min(a, b, c, d)
 
 
-@inlined_kernel
-def place_of_least(values: Floats, last: int) -> int:
+@jit_inline
+def place_of_least(values: FloatArray, last: int) -> int:
     """Return where the least of `values[:last]`, of which there is one, stands first."""
     lowest = least(values, 0, last)
     found = 0

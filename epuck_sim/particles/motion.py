@@ -10,14 +10,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray, StreamArray
 from epuck_sim.particles.heading import set_out, set_out_anywhere
 from epuck_sim.particles.least import place_of_least
-from epuck_sim.util.jit import inlined_kernel
-
-Floats = npt.NDArray[np.float64]
-Streams = npt.NDArray[np.uint64]
+from epuck_sim.util.jit import jit_inline
 
 
 class Flights(NamedTuple):
@@ -25,34 +22,34 @@ class Flights(NamedTuple):
 
     side_cm: float
     is_cyclic: bool
-    origin: Floats
+    origin: FloatArray
     """(dimensions, agents) cm: where the flight began."""
-    heading: Floats
+    heading: FloatArray
     """(dimensions, agents) unit vectors."""
-    speed: Floats
+    speed: FloatArray
     """(agents,) cm in a cycle."""
-    began_cycle: Floats
+    began_cycle: FloatArray
     """(agents,) the cycle in which the flight began."""
-    began: Floats
+    began: FloatArray
     """(agents,) and when in that cycle, 0 to 1."""
-    end_cycle: Floats
+    end_cycle: FloatArray
     """(agents,) the cycle in which a wall is reached; inf for who stands still."""
-    ends: Floats
+    ends: FloatArray
     """(agents,) and when in that cycle."""
-    wall: npt.NDArray[np.int64]
+    wall: IntArray
     """(agents,) which wall: twice the axis, and 1 more for the one at `side_cm`."""
-    cycle: Floats
+    cycle: FloatArray
     """(1,) the present one."""
-    soonest: Floats
+    soonest: FloatArray
     """(1,) when the first of all flights ends, counted from the present cycle; it may be too early."""
-    left: Floats
+    left: FloatArray
     """(agents,) scratch: when each ends, counted likewise."""
-    streams: Streams
+    streams: StreamArray
     """(agents, 4) random numbers."""
 
 
 def take_off(
-    side_cm: float, is_cyclic: bool, origin: Floats, heading: Floats, speed: Floats, streams: Streams
+    side_cm: float, is_cyclic: bool, origin: FloatArray, heading: FloatArray, speed: FloatArray, streams: StreamArray
 ) -> Flights:
     """Return the flights of agents that set out at time 0."""
     began_cycle, began, end_cycle, ends, left = np.zeros((5, len(speed)))
@@ -63,7 +60,7 @@ def take_off(
     return flights
 
 
-@inlined_kernel
+@jit_inline
 def plan_all(flights: Flights) -> None:
     """Find when all flights end."""
     for agent in range(len(flights.speed)):
@@ -71,14 +68,14 @@ def plan_all(flights: Flights) -> None:
     flights.soonest[0] = ends_at(flights, first_to_end(flights))
 
 
-@inlined_kernel
+@jit_inline
 def ends_at(flights: Flights, agent: int) -> float:
     """Return when an agent's flight ends, in cycles since the present cycle began."""
     ends: float = (flights.end_cycle[agent] - flights.cycle[0]) + flights.ends[agent]
     return ends
 
 
-@inlined_kernel
+@jit_inline
 def flown_by(flights: Flights, agent: int, time: float) -> float:
     """Return how many cm of its flight an agent has behind it at `time`."""
     lasts = (flights.cycle[0] - flights.began_cycle[agent]) + (time - flights.began[agent])
@@ -86,14 +83,14 @@ def flown_by(flights: Flights, agent: int, time: float) -> float:
     return flown
 
 
-@inlined_kernel
+@jit_inline
 def place_at(flights: Flights, agent: int, axis: int, time: float) -> float:
     """Return where an agent is along an axis, cm, at `time`, no later than its flight's end."""
     place: float = flights.origin[axis, agent] + flights.heading[axis, agent] * flown_by(flights, agent, time)
     return place
 
 
-@inlined_kernel
+@jit_inline
 def plan(flights: Flights, agent: int) -> None:
     """Find when an agent's flight ends, and where."""
     lasts = math.inf
@@ -113,7 +110,7 @@ def plan(flights: Flights, agent: int) -> None:
     flights.ends[agent] = flights.began[agent] + lasts - whole if lasts < math.inf else 0.0
 
 
-@inlined_kernel
+@jit_inline
 def land(flights: Flights, agent: int, flown: float, cycle: float, time: float) -> None:
     """Have an agent's flight begin at this time of this cycle, where it is after so many cm."""
     for axis in range(len(flights.origin)):
@@ -123,7 +120,7 @@ def land(flights: Flights, agent: int, flown: float, cycle: float, time: float) 
     flights.began[agent] = time
 
 
-@inlined_kernel
+@jit_inline
 def turn(flights: Flights, agent: int) -> None:
     """End an agent's flight at its wall: it comes in at the opposite one, or sets out in a new direction."""
     axis, is_far = flights.wall[agent] // 2, flights.wall[agent] % 2 == 1
@@ -135,7 +132,7 @@ def turn(flights: Flights, agent: int) -> None:
     plan(flights, agent)
 
 
-@inlined_kernel
+@jit_inline
 def carry_on(flights: Flights, time: float) -> None:
     """Have everybody whose flight ends before `time` set out again, as often as that takes."""
     if time < flights.soonest[0]:
@@ -145,14 +142,14 @@ def carry_on(flights: Flights, time: float) -> None:
     flights.soonest[0] = ends_at(flights, first_to_end(flights))
 
 
-@inlined_kernel
+@jit_inline
 def carry_one_on(flights: Flights, agent: int, time: float) -> None:
     """Have an agent set out again as often as its flight has ended by `time`."""
     while ends_at(flights, agent) <= time:
         turn(flights, agent)
 
 
-@inlined_kernel
+@jit_inline
 def first_to_end(flights: Flights) -> int:
     """Return who reaches a wall first."""
     for agent in range(len(flights.left)):
@@ -160,7 +157,7 @@ def first_to_end(flights: Flights) -> int:
     return place_of_least(flights.left, len(flights.left))
 
 
-@inlined_kernel
+@jit_inline
 def turn_next(flights: Flights) -> int:
     """Have the one set out again whose flight ends first; return who it is."""
     agent = first_to_end(flights)
@@ -169,7 +166,7 @@ def turn_next(flights: Flights) -> int:
     return agent
 
 
-@inlined_kernel
+@jit_inline
 def reorient(flights: Flights, agent: int, time: float) -> None:
     """Have an agent set out anywhere at `time`, no later than its flight's end (D.1)."""
     land(flights, agent, flown_by(flights, agent, time), flights.cycle[0], time)
@@ -178,15 +175,15 @@ def reorient(flights: Flights, agent: int, time: float) -> None:
     flights.soonest[0] = min(flights.soonest[0], ends_at(flights, agent))
 
 
-@inlined_kernel
+@jit_inline
 def begin_cycle(flights: Flights) -> None:
     """Count times from a cycle later."""
     flights.cycle[0] += 1.0
     flights.soonest[0] -= 1.0
 
 
-@inlined_kernel
-def locate(flights: Flights, time: float, places: Floats) -> None:
+@jit_inline
+def locate(flights: Flights, time: float, places: FloatArray) -> None:
     """Write (dimensions, agents) cm where everybody is at `time` to `places`; flights go on."""
     carry_on(flights, time)
     for axis in range(len(places)):

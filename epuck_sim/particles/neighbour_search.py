@@ -3,22 +3,19 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.cell_list import look_around
 from epuck_sim.particles.least import least, place_of_least
 from epuck_sim.particles.motion import Flights, ends_at, locate, place_at
 from epuck_sim.particles.neighbourhood import FULL_CIRCLE, NEAREST, REACHED, SEEN, Neighbourhood, is_worth_keeping, keep
-from epuck_sim.util.jit import inlined_kernel, lean_kernel
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 FARTHER = 1.5
 """If fewer than k are found within reach, the reach is so many times as far."""
 
 
-@inlined_kernel
+@jit_inline
 def find_neighbours(hood: Neighbourhood, flights: Flights, agent: int, time: float) -> int:
     """Have a row of `members` begin with the `counts[agent]` who hear `agent` fire at `time`; return the row."""
     row = agent if hood.keeps else 0
@@ -39,8 +36,8 @@ def find_neighbours(hood: Neighbourhood, flights: Flights, agent: int, time: flo
     return row
 
 
-@lean_kernel
-def find_in_lattice(hood: Neighbourhood, flights: Flights, agent: int, time: float, members: Whole) -> None:
+@jit_no_alloc
+def find_in_lattice(hood: Neighbourhood, flights: Flights, agent: int, time: float, members: IntArray) -> None:
     """Write an agent's neighbours to `members`, looking at those alone that are near enough."""
     reach_cm = hood.reach_cm
     is_found = False
@@ -66,8 +63,8 @@ def find_in_lattice(hood: Neighbourhood, flights: Flights, agent: int, time: flo
         members[rank] = hood.who[members[rank]]
 
 
-@inlined_kernel
-def measure(hood: Neighbourhood, flights: Flights, facing: Floats, own: int, candidates: int) -> None:
+@jit_inline
+def measure(hood: Neighbourhood, flights: Flights, facing: FloatArray, own: int, candidates: int) -> None:
     """Find how far all candidates are from the agent at place `own`, and how far ahead in the cones that count.
 
     facing: (dimensions, candidates) where they go. Loops without branches over arrays in a row are what a processor is
@@ -103,9 +100,9 @@ def measure(hood: Neighbourhood, flights: Flights, facing: Floats, own: int, can
     square[own] = math.inf
 
 
-@inlined_kernel
+@jit_inline
 def take_nearest(
-    hood: Neighbourhood, agent: int, time: float, candidates: int, reach_cm: float, members: Whole
+    hood: Neighbourhood, agent: int, time: float, candidates: int, reach_cm: float, members: IntArray
 ) -> bool:
     """Write the places of the k nearest to `members`; return False if others, beyond reach_cm, may be nearer."""
     square = hood.square
@@ -125,7 +122,7 @@ def take_nearest(
     return True
 
 
-@inlined_kernel
+@jit_inline
 def take_cone(
     hood: Neighbourhood,
     flights: Flights,
@@ -133,7 +130,7 @@ def take_cone(
     time: float,
     candidates: int,
     reach_cm: float,
-    members: Whole,
+    members: IntArray,
 ) -> None:
     """Write the places of those to `members` to, or from, whom the cone reaches; who is where the agent is, is inside.
 
@@ -168,7 +165,7 @@ def take_cone(
         keep(hood, agent, time, min(until, least(stays, 0, candidates)))
 
 
-@inlined_kernel
+@jit_inline
 def find_stays(hood: Neighbourhood, time: float, candidates: int) -> None:
     """Replace what is known of cones in `inside` by a time until which each is, or is not, in the cone for sure.
 

@@ -8,14 +8,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.particles.cell_list import Lattice, begin_cycle_of_lattice, make_lattice
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.particles.cell_list import CellList, begin_cycle_of_lattice, make_cell_list
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, Range
-from epuck_sim.util.jit import inlined_kernel
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from epuck_sim.util.jit import jit_inline
 
 NEAREST, SEEN, REACHED = range(3)
 """The k nearest; those in whose cone of vision the one that fires is; those in its cone of emission."""
@@ -52,33 +49,33 @@ class Neighbourhood(NamedTuple):
     """Whether neighbours are kept at all."""
     patience: float
     """Cycles that it takes two of the fastest agents to come nearer by 1 cm."""
-    members: Whole
+    members: IntArray
     """(agents, agents) each agent's neighbours; (1, agents) where they are not kept."""
-    counts: Whole
+    counts: IntArray
     """(agents,) how many they are."""
-    until: Floats
+    until: FloatArray
     """(agents,) till when they are known."""
-    pause: Whole
+    pause: IntArray
     """(agents,) for how many pulses nobody asks till when."""
     has_lattice: bool
-    lattice: Lattice
+    lattice: CellList
     reach_cm: float
     """So far the lattice is searched."""
-    who: Whole
+    who: IntArray
     """(agents,) the candidates."""
-    places: Floats
+    places: FloatArray
     """(dimensions, agents) cm: where they are at this instant."""
-    facing: Floats
+    facing: FloatArray
     """(dimensions, agents) unit vectors: where they go; of candidates that the lattice found."""
-    ends: Floats
+    ends: FloatArray
     """(agents,) when their flights end."""
-    placed: Floats
+    placed: FloatArray
     """(1,) the instant at which all agents are in `places`; NaN where it is past."""
-    square: Floats
+    square: FloatArray
     """(agents,) cm^2: of their distances to the agent in question, whose own is inf."""
-    along: Floats
+    along: FloatArray
     """(agents,) cm: how far they, or it, are ahead of the one whose cone counts."""
-    inside: Floats
+    inside: FloatArray
     """(agents,) cm^2: not below 0 for who is within the cone's angle; then, till when each stays in or out of it."""
 
 
@@ -115,7 +112,7 @@ def make_neighbourhood(scenario: ParticleScenario, fastest: float) -> Neighbourh
         np.full(agents, -math.inf),
         np.zeros(agents, np.int64),
         has_lattice,
-        make_lattice(dimensions, side_cm, agents, cell_cm if has_lattice else side_cm, fastest),
+        make_cell_list(dimensions, side_cm, agents, cell_cm if has_lattice else side_cm, fastest),
         reach_cm,
         np.arange(agents),
         np.zeros((dimensions, agents)),
@@ -126,7 +123,7 @@ def make_neighbourhood(scenario: ParticleScenario, fastest: float) -> Neighbourh
     )
 
 
-@inlined_kernel
+@jit_inline
 def is_worth_keeping(hood: Neighbourhood, agent: int) -> bool:
     """Whether to find out until when an agent's neighbours stay; not if that was before its next pulse of late."""
     if hood.pause[agent] > 0:
@@ -135,7 +132,7 @@ def is_worth_keeping(hood: Neighbourhood, agent: int) -> bool:
     return hood.keeps
 
 
-@inlined_kernel
+@jit_inline
 def keep(hood: Neighbourhood, agent: int, time: float, until: float) -> None:
     """Take note that an agent's neighbours stay until then."""
     hood.until[agent] = until
@@ -143,7 +140,7 @@ def keep(hood: Neighbourhood, agent: int, time: float, until: float) -> None:
         hood.pause[agent] = PAUSE
 
 
-@inlined_kernel
+@jit_inline
 def begin_cycle_of_neighbours(hood: Neighbourhood) -> None:
     """Count times from a cycle later."""
     hood.placed[0] = math.nan

@@ -2,8 +2,8 @@
 
 import math
 
-from epuck_sim.particles.oscillators import Clocks, phase_at
-from epuck_sim.util.jit import inlined_kernel
+from epuck_sim.particles.oscillators import Oscillators, phase_at
+from epuck_sim.util.jit import jit_inline
 
 ROUNDING = 1e-12
 """Far more than the order parameter is off by."""
@@ -12,8 +12,8 @@ COMPLEX, REFERENCE = range(2)
 """Metrics: eqs. 5.7 and 3.4."""
 
 
-@inlined_kernel
-def are_near(clocks: Clocks, near: float, time: float) -> bool:
+@jit_inline
+def are_near(clocks: Oscillators, near: float, time: float) -> bool:
     """Whether no phase is farther than `near`, in cycles, from that of the reference, which is 0 at `time`."""
     for agent in range(len(clocks.due)):
         phase = phase_at(clocks, agent, time)
@@ -22,8 +22,8 @@ def are_near(clocks: Clocks, near: float, time: float) -> bool:
     return True
 
 
-@inlined_kernel
-def measure_order(clocks: Clocks, metric: int, time: float) -> float:
+@jit_inline
+def measure_order(clocks: Oscillators, metric: int, time: float) -> float:
     """Return the order parameter at `time`, at which the reference is at phase 0."""
     cosines, sines = 0.0, 0.0
     for agent in range(len(clocks.due)):

@@ -9,12 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.particles.least import least
-from epuck_sim.util.jit import inlined_kernel
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.util.jit import jit_inline
 
 BLOCK = 32
 """Of so many oscillators the earliest time is kept; of a block that has lost its earliest it is found anew."""
@@ -23,32 +21,32 @@ ONE_INSTANT = 1e-12
 """Firings no farther apart than this, in cycles, happen at once: rounding parts what has merged by less."""
 
 
-class Clocks(NamedTuple):
+class Oscillators(NamedTuple):
     """The oscillators, in cycles."""
 
-    due: Floats
+    due: FloatArray
     """(agents,) when each fires next."""
-    period: Floats
+    period: FloatArray
     """(agents,) 1, but for jitter."""
-    earliest: Floats
+    earliest: FloatArray
     """(blocks,) the earliest time in each block."""
-    is_stale: npt.NDArray[np.bool_]
+    is_stale: BoolArray
     """(blocks,) whether it has to be found anew."""
-    now: Floats
+    now: FloatArray
     """(1,) the time of the last instant, from the beginning of the present cycle."""
-    cycle: npt.NDArray[np.int64]
+    cycle: IntArray
     """(1,) cycles before the present one."""
 
 
-def start_clocks(phases: Floats, period: Floats) -> Clocks:
+def start_oscillators(phases: FloatArray, period: FloatArray) -> Oscillators:
     """Return clocks that stand at these phases, (agents,), at time 0; period: (agents,) in cycles."""
     blocks = math.ceil(len(phases) / BLOCK)
     due = (1 - phases) * period
-    return Clocks(due, period, np.empty(blocks), np.ones(blocks, np.bool_), np.zeros(1), np.zeros(1, np.int64))
+    return Oscillators(due, period, np.empty(blocks), np.ones(blocks, np.bool_), np.zeros(1), np.zeros(1, np.int64))
 
 
-@inlined_kernel
-def set_due(clocks: Clocks, agent: int, time: float) -> None:
+@jit_inline
+def set_next_firing(clocks: Oscillators, agent: int, time: float) -> None:
     """Have an oscillator fire at `time`."""
     block = agent // BLOCK
     if clocks.due[agent] <= clocks.earliest[block]:
@@ -57,8 +55,8 @@ def set_due(clocks: Clocks, agent: int, time: float) -> None:
     clocks.earliest[block] = min(clocks.earliest[block], time)
 
 
-@inlined_kernel
-def next_due(clocks: Clocks) -> float:
+@jit_inline
+def earliest_firing(clocks: Oscillators) -> float:
     """Return when the next oscillator fires."""
     soonest = math.inf
     for block in range(len(clocks.earliest)):
@@ -70,8 +68,8 @@ def next_due(clocks: Clocks) -> float:
     return soonest
 
 
-@inlined_kernel
-def find_due(clocks: Clocks, time: float, found: npt.NDArray[np.int64]) -> int:
+@jit_inline
+def firing_now(clocks: Oscillators, time: float, found: IntArray) -> int:
     """Write the numbers of all who fire at the instant `time` to `found`, (agents + 1,); return how many they are."""
     count = 0
     for block in range(len(clocks.earliest)):
@@ -82,15 +80,15 @@ def find_due(clocks: Clocks, time: float, found: npt.NDArray[np.int64]) -> int:
     return count
 
 
-@inlined_kernel
-def phase_at(clocks: Clocks, agent: int, time: float) -> float:
+@jit_inline
+def phase_at(clocks: Oscillators, agent: int, time: float) -> float:
     """Return an oscillator's phase at `time`, no later than it fires."""
     phase: float = 1 - (clocks.due[agent] - time) / clocks.period[agent]
     return phase
 
 
-@inlined_kernel
-def begin_next_cycle(clocks: Clocks) -> None:
+@jit_inline
+def begin_next_cycle(clocks: Oscillators) -> None:
     """Count times from a cycle later."""
     for agent in range(len(clocks.due)):
         clocks.due[agent] -= 1.0

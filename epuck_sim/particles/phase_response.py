@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.util.jit import inlined_kernel
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.arrays import FloatArray
+from epuck_sim.util.jit import jit_inline
 
 CURVES = ("multiplicative", "sawtooth", "sine")
 """In the order of their numbers."""
@@ -27,7 +26,7 @@ class Response(NamedTuple):
     """D: up to this phase nothing is heard."""
 
 
-@inlined_kernel
+@jit_inline
 def shifted(response: Response, phase: float) -> float:
     """Return the phase, 0 to 1, after a pulse; one of 1 fires.
 
@@ -47,13 +46,13 @@ def shifted(response: Response, phase: float) -> float:
     return min(max(phase + shift, 0.0), 1.0)
 
 
-@inlined_kernel
-def _shift_all(response: Response, phases: Floats, shifts: Floats) -> None:
+@jit_inline
+def _shift_all(response: Response, phases: FloatArray, shifts: FloatArray) -> None:
     for place in range(len(phases)):
         shifts[place] = shifted(response, phases[place]) - phases[place]
 
 
-def phase_shift(response: Response, phases: npt.ArrayLike) -> Floats:
+def phase_shift(response: Response, phases: npt.ArrayLike) -> FloatArray:
     """Return Psi (eqs. 5.3 to 5.5, capped) at phases of any shape, 0 to 1."""
     given = np.asarray(phases, np.float64)
     shifts = np.empty(given.size)
@@ -61,7 +60,7 @@ def phase_shift(response: Response, phases: npt.ArrayLike) -> Floats:
     return shifts.reshape(given.shape)
 
 
-def order_change(response: Response, phases: npt.ArrayLike) -> Floats:
+def order_change(response: Response, phases: npt.ArrayLike) -> FloatArray:
     """Return Delta r (eq. 5.8): what a pulse of one of two oscillators, at phase 1, changes in their order parameter.
 
     phases: of the other one, 0 to 1, of any shape.
@@ -72,5 +71,5 @@ def order_change(response: Response, phases: npt.ArrayLike) -> Floats:
     before = np.asarray(phases, np.float64)
     after = before + phase_shift(response, before)
     # of two at a distance d the order parameter is |1 + exp(2 pi i d)| / 2 = |cos(pi d)|
-    change: Floats = np.abs(np.cos(math.pi * after)) - np.abs(np.cos(math.pi * before))
+    change: FloatArray = np.abs(np.cos(math.pi * after)) - np.abs(np.cos(math.pi * before))
     return change

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.events import (
     CYCLES,
@@ -27,9 +27,6 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
-
 
 class Event(NamedTuple):
     """An agent reaches a wall, or some fire at one instant."""
@@ -37,13 +34,13 @@ class Event(NamedTuple):
     time_s: float
     turned: int | None
     """Who reached a wall, or the edge of a cyclic space."""
-    fired: Whole
+    fired: IntArray
     """Who fired, in the order of the cascade."""
-    heard: Whole
+    heard: IntArray
     """Whose phase was shifted by a pulse; who fired by that is among them."""
 
 
-class Swarm:
+class ParticleSimulation:
     """Agents and their oscillators; iterating goes from event to event, without end.
 
     >>> swarm = Swarm("particles", seed=1)
@@ -157,30 +154,30 @@ class Swarm:
         """Whether the order parameter reached its threshold at the last event."""
         return bool(self._instant.tally[SYNCHRONISED])
 
-    def phases(self) -> Floats:
+    def phases(self) -> FloatArray:
         """Return (agents,) the phases at this time; who fires at this instant has phase 0."""
-        phases: Floats = 1 - (self._clocks.due - self._clocks.now[0]) / self._clocks.period
+        phases: FloatArray = 1 - (self._clocks.due - self._clocks.now[0]) / self._clocks.period
         return np.maximum(phases, 0.0)  # of one who fires it may be 1e-16 less
 
     @property
-    def periods_s(self) -> Floats:
+    def periods_s(self) -> FloatArray:
         """(agents,) how long each oscillator takes from phase 0 to 1 if it hears nothing; the same for ever."""
-        periods: Floats = self._clocks.period * self.scenario.clocks.period_s
+        periods: FloatArray = self._clocks.period * self.scenario.clocks.period_s
         return periods
 
     @property
-    def speeds_cm_s(self) -> Floats:
+    def speeds_cm_s(self) -> FloatArray:
         """(agents,) how fast each agent is; the same for ever."""
-        speeds: Floats = self._flights.speed / self.scenario.clocks.period_s
+        speeds: FloatArray = self._flights.speed / self.scenario.clocks.period_s
         return speeds
 
-    def positions(self) -> Floats:
+    def positions(self) -> FloatArray:
         """Return (agents, dimensions) cm where everybody is."""
         places = np.empty_like(self._flights.origin)
         locate(self._flights, self._clocks.now[0], places)
         return places.T
 
-    def headings(self) -> Floats:
+    def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: where everybody goes."""
         self.positions()  # which carries on flights that have ended
         return self._flights.heading.T.copy()

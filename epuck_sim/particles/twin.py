@@ -3,27 +3,25 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.arrays import FloatArray
+from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.trial.synchrony import METRICS
-
-Floats = npt.NDArray[np.float64]
 
 
-class Course(NamedTuple):
+class TwinComparison(NamedTuple):
     """A trial at some times."""
 
-    time_s: Floats
+    time_s: FloatArray
     """(times,)"""
-    order_parameter: Floats
+    order_parameter: FloatArray
     """(times,) of all agents at these times, which are not those at which the reference fires."""
-    deviation: Floats
+    deviation: FloatArray
     """(times, agents) how far each phase is from that of the undisturbed twin, 0 to 0.5 cycles."""
 
 
-def follow(scenario: ParticleScenario, seed: int, time_s: Floats) -> Course:
+def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray) -> TwinComparison:
     """Return a trial's course, to its end or beyond synchrony, at ascending times, (times,) s.
 
     The twin has the same seed, and so begins at the same places and moves alike, unless motion is coupled to pulses
@@ -34,11 +32,11 @@ def follow(scenario: ParticleScenario, seed: int, time_s: Floats) -> Course:
         "start": scenario.start.model_copy(update={"displacement": 0.0}),
         "clocks": scenario.clocks.model_copy(update={"jitter": 0.0}),
     }
-    swarms = Swarm(endless, seed), Swarm(endless.model_copy(update=undisturbed), seed)
+    swarms = ParticleSimulation(endless, seed), ParticleSimulation(endless.model_copy(update=undisturbed), seed)
     phases = np.empty((2, len(time_s), scenario.agents.count))
     for place, time in enumerate(time_s.tolist()):
         for swarm, of_one in zip(swarms, phases, strict=True):
             swarm.run_to(time)
             of_one[place] = swarm.phases()
     apart = np.abs(phases[0] - phases[1])
-    return Course(time_s, METRICS["complex"](phases[0], 1.0), np.minimum(apart, 1 - apart))
+    return TwinComparison(time_s, METRICS["complex"](phases[0], 1.0), np.minimum(apart, 1 - apart))

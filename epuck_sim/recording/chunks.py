@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
-import numpy.typing as npt
 import rerun as rr
 from rerun.chunk import Chunk
+
+from epuck_sim.arrays import IntArray
 
 APPLICATION = "epuck-sim"
 """By it the viewer knows which layout belongs to a recording."""
@@ -34,6 +34,6 @@ def still(entity: str, what: rr.AsComponents) -> Chunk:
     return Chunk.from_columns(entity, [], columns)
 
 
-def moving(entity: str, time_ns: npt.NDArray[np.int64], *columns: rr.ComponentColumn) -> Chunk:
+def moving(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn) -> Chunk:
     """Return a chunk with a row for each of these times, (rows,) in nanoseconds of simulated time."""
     return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, duration=time_ns.astype("timedelta64[ns]"))], columns)

@@ -4,10 +4,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena, make_arena
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
@@ -29,7 +29,7 @@ SHORTEST_S = 1e-6
 """Times are whole nanoseconds: of a shorter period, few."""
 
 
-class Subject(NamedTuple):
+class Population(NamedTuple):
     """Those that are recorded: robots, or point-like agents."""
 
     noun: str
@@ -43,7 +43,7 @@ class Subject(NamedTuple):
     arena: Arena
     """Of agents: their square, the side on which a cube stands, or a segment of no height."""
     is_cyclic: bool
-    period_ms: npt.NDArray[np.float64]
+    period_ms: FloatArray
     """(size,) nominal, of the oscillators; NaN for who has none."""
     reference: int
     rows_per_s: float
@@ -52,7 +52,7 @@ class Subject(NamedTuple):
     """So long before the moment at which all are drawn on a page do their paths begin."""
 
 
-def describe(scenario: Scenario) -> Subject:
+def population_of(scenario: Scenario) -> Population:
     """Return a scenario's subject; raises RecordingError for a model, or a period, of which there are no recordings."""
     if isinstance(scenario, ParticleScenario):
         return _agents(scenario)
@@ -61,9 +61,9 @@ def describe(scenario: Scenario) -> Subject:
     raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded")
 
 
-def _robots(scenario: EmbodiedScenario) -> Subject:
+def _robots(scenario: EmbodiedScenario) -> Population:
     periods = [1000 * group.parameters.get("period_s", math.nan) for group in scenario.robots]
-    return Subject(
+    return Population(
         noun="robot",
         moment="step",
         size=scenario.robot_count,
@@ -77,14 +77,14 @@ def _robots(scenario: EmbodiedScenario) -> Subject:
     )
 
 
-def _agents(scenario: ParticleScenario) -> Subject:
+def _agents(scenario: ParticleScenario) -> Population:
     side_cm, period_s = scenario.space.side_cm, scenario.clocks.period_s
     if period_s < SHORTEST_S:
         raise RecordingError(
             f"{scenario.name}: clocks.period_s is {period_s:g}; recordings, whose times are whole nanoseconds, are of "
             f"{SHORTEST_S:g} or longer"
         )
-    return Subject(
+    return Population(
         noun="agent",
         moment="moment",
         size=scenario.agents.count,

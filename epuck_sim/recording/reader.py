@@ -7,24 +7,22 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 from rerun.chunk import Chunk, RrdReader
 
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers import time_series
 from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import describe
+from epuck_sim.recording.population import population_of
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.recording.rrd_file import ENDING
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import in_text
-
-Floats = npt.NDArray[np.float64]
 
 SERIES = (time_series.ORDER_AT_STEPS, time_series.ORDER_AT_FIRINGS, time_series.FLASHES, time_series.PHASES)
 
@@ -44,27 +42,27 @@ class Recorded(NamedTuple):
     """Firings of the reference."""
     synchronised: bool
     """Whether the trial ended with the swarm synchronised."""
-    time_s: Floats
+    time_s: FloatArray
     """(rows,)"""
-    order_parameter: Floats
+    order_parameter: FloatArray
     """(rows,) of all oscillators."""
-    flash_s: Floats
+    flash_s: FloatArray
     """(flashes,) when somebody fired."""
-    flash_robot: npt.NDArray[np.int64]
+    flash_robot: IntArray
     """(flashes,) who it was, by number."""
-    flash_cycle: npt.NDArray[np.int64]
+    flash_cycle: IntArray
     """(flashes,) which of its own flashes it was, from 1."""
-    firing_s: Floats
+    firing_s: FloatArray
     """(firings,) when the reference fired."""
-    firing_order: Floats
+    firing_order: FloatArray
     """(firings,) the order parameter as the trial measured it then."""
-    phase_ms: Floats
+    phase_ms: FloatArray
     """(rows, count)"""
-    positions: npt.NDArray[np.float32]
+    positions: Float32Array
     """(rows, count, 2) cm, in single precision, which is what a recording holds; of a cube, seen from above."""
-    headings: Floats
+    headings: FloatArray
     """(rows, count) rad in -pi to pi, of arrows in single precision."""
-    ring_on: npt.NDArray[np.bool_]
+    ring_on: BoolArray
     """(rows, count) whose ring is lit; of agents, who fired within the last 0.075 of a period."""
 
 
@@ -111,7 +109,7 @@ def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any
     if not isinstance(given, dict):
         raise ScenarioError("its scenario is no mapping of keys to values")
     scenario = validate(given, "its scenario")
-    count = describe(scenario).size
+    count = population_of(scenario).size
     arrows = entities.values(HEADINGS, "Arrows2D:vectors").reshape(-1, count, 2)
     return Recorded(
         scenario=scenario,
@@ -153,12 +151,12 @@ class _Entities:
         columns = self._properties[f"/__properties/{name}"]
         return {key: value[0][0] for key, value in columns.items() if isinstance(value[0], list)}
 
-    def times(self, entity: str) -> Floats:
+    def times(self, entity: str) -> FloatArray:
         """Return (rows,) s: the times of an entity's rows."""
         times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._moving[entity]]
         return np.concatenate([np.empty(0), *times]) / 1e9
 
-    def values(self, entity: str, component: str) -> Floats:
+    def values(self, entity: str, component: str) -> FloatArray:
         """Return the numbers of a component of all rows, one after the other."""
         columns = [batch.column(component).flatten() for batch in self._moving[entity]]
         numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]

@@ -11,7 +11,7 @@ from typing import Any
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.buffers.agents import SwarmWindow
 from epuck_sim.recording.buffers.robots import Window
 from epuck_sim.recording.chunks import still, strictly
@@ -21,7 +21,7 @@ from epuck_sim.recording.layers.robots import Details, RobotDetails
 from epuck_sim.recording.layers.time_series import series, series_styles
 from epuck_sim.recording.layout import layout_file, make_layout, make_swarm_layout
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Subject, describe
+from epuck_sim.recording.population import Population, population_of
 from epuck_sim.recording.rrd_file import rrd_file
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, write_scenario
@@ -52,7 +52,7 @@ def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL)
     Raises EpuckSimError where the file cannot be written, or the scenario cannot be recorded.
     """
     scenario = load_scenario(scenario)  # with every default written out
-    arena = describe(scenario).arena
+    arena = population_of(scenario).arena
     make = make_swarm_layout if isinstance(scenario, ParticleScenario) else make_layout
     layout = layout_file(level, arena.width_cm, arena.height_cm, make)
     with rrd_file(path, recording_id(scenario, seed, level), layout) as write:
@@ -78,9 +78,9 @@ class Recorder:
         """
         self._level = level
         self._send = write
-        self._subject = subject = describe(scenario)
+        self._subject = subject = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
-        self._watch: SynchronyWatch | Swarm | None = None
+        self._watch: SynchronyWatch | ParticleSimulation | None = None
         rows = max(1, int(min(window_s * subject.rows_per_s, WINDOW_ROWS / subject.size)))
         self._window, self._details = _parts(scenario, subject, seed, level, rows)
         self._write(_description(scenario, seed, level))
@@ -92,7 +92,7 @@ class Recorder:
 
     def __call__(self, shown: Any, more: Any) -> None:
         """Take note of what is shown: a step of robots and the watch, or a swarm of agents and an event."""
-        self._watch = shown if isinstance(shown, Swarm) else more
+        self._watch = shown if isinstance(shown, ParticleSimulation) else more
         self._window.take(shown, more)
         if self._window.is_full:
             self._empty_window()
@@ -124,13 +124,13 @@ class Recorder:
 
 
 def _parts(
-    scenario: Scenario, subject: Subject, seed: int, level: Level, rows: int
+    scenario: Scenario, subject: Population, seed: int, level: Level, rows: int
 ) -> tuple[Window | SwarmWindow, Details | None]:
     """Return a window for so many rows, and the details that a full recording has."""
     is_full = level is Level.FULL
     if isinstance(scenario, ParticleScenario):
         return SwarmWindow(scenario, seed, level, rows), SwarmDetails(scenario, subject) if is_full else None
-    assert isinstance(scenario, EmbodiedScenario)  # `describe` has refused all others
+    assert isinstance(scenario, EmbodiedScenario)  # `population_of` has refused all others
     return Window(scenario, level, rows), RobotDetails(scenario, subject) if is_full else None
 
 

@@ -13,7 +13,7 @@ from rerun.chunk import Chunk, LazyChunkStream
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import APPLICATION
 from epuck_sim.recording.viewer.process import run_rerun
-from epuck_sim.util.atomic_write import check_target, unwritable
+from epuck_sim.util.atomic_write import check_target, write_error
 
 ENDING = ".rrd"
 
@@ -55,7 +55,7 @@ def _blaming(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise unwritable(path, error) from error
+        raise write_error(path, error) from error
     except RecordingError as error:
         raise RecordingError(f"{path}: cannot be written: {error}") from error
 

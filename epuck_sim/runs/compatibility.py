@@ -12,7 +12,7 @@ from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.points import Point
-from epuck_sim.util.messages import shown
+from epuck_sim.util.messages import short_repr
 
 MOST_SHOWN = 8
 """Differences in a message."""
@@ -33,7 +33,7 @@ class StoredPoint(NamedTuple):
     """Each group's controller: the name of a shipped one; a user's file by its name and the digest of its sources."""
 
 
-def describe(point: Point) -> StoredPoint:
+def stored_point(point: Point) -> StoredPoint:
     """Return a point as it is stored."""
     scenario = point.scenario
     groups = scenario.robots if isinstance(scenario, EmbodiedScenario) else ()
@@ -54,7 +54,7 @@ def _controller(name: str) -> str:
     return f"{Path(name).name} with digest {hashlib.sha256(b''.join(sources)).hexdigest()[:12]}"
 
 
-def refuse_another_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint]) -> None:
+def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint]) -> None:
     """Raise StoreError, which shows the difference, unless `given` is the sweep that is stored, or holds more."""
     now = {point.key: point for point in given}
     for point in stored:
@@ -84,7 +84,7 @@ def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
     for key in dict.fromkeys([*before, *after]):
         there, here = before.get(key, MISSING), after.get(key, MISSING)
         if there != here:
-            yield f"{key}: {shown(there)} in the folder, {shown(here)} now"
+            yield f"{key}: {short_repr(there)} in the folder, {short_repr(here)} now"
 
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:

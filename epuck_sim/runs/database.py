@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from epuck_sim.errors import StoreError
-from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
 DATABASE = "results.sqlite"
@@ -54,7 +54,7 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
     """Make a database with points, and without trials; it appears under its name when it is whole."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
-    with sqlite_errors(path), written_whole(path) as part:
+    with sqlite_errors(path), atomic_write(path) as part:
         part.unlink(missing_ok=True)  # what a killed run may have left
         with closing(sqlite3.connect(part)) as connection:
             connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed

@@ -9,7 +9,7 @@ from pyarrow import csv, parquet
 
 from epuck_sim.runs.database import as_column, reading
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 from epuck_sim.runs.reader import database_of
 
@@ -53,7 +53,7 @@ def export(folder: Path, target: Path) -> int:
     columns["censored"] = [bool(value) for value in columns["censored"]]
     axes = {key: _axis([as_column(points[number][key]) for number in columns["point"]]) for key in points[0]}
     arrays = {**axes, **{name: pa.array(columns[name], kind) for name, kind in COLUMNS.items()}}
-    with written_whole(target) as part:
+    with atomic_write(target) as part:
         WRITERS[target.suffix](pa.table(arrays), part)
     return int(failed)
 

@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from epuck_sim.runs.database import DATABASE, reading
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.runs.run_lock import holder
+from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.scenario.validation import validate
 from epuck_sim.util.provenance import PROVENANCE, in_text
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+from epuck_sim.arrays import BoolArray, FloatArray
 
 
 class PointTrials(NamedTuple):
@@ -25,9 +26,9 @@ class PointTrials(NamedTuple):
     axes: dict[str, Any]
     """Value of each axis by dotted key."""
     scenario: Scenario
-    times: npt.NDArray[np.float64]
+    times: FloatArray
     """(trials,) cycles at which each trial ended."""
-    observed: npt.NDArray[np.bool_]
+    observed: BoolArray
     """(trials,) whether it was synchronised then; else it is censored."""
     seeds: tuple[int, ...]
     """(trials,)"""
@@ -125,7 +126,7 @@ def read_status(folder: Path) -> Status:
         failed=[Failure(*row) for row in failed],
         wall_s=wall_s,
         versions=versions,
-        at_work=holder(folder),
+        at_work=current_holder(folder),
     )
 
 

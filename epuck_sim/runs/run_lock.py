@@ -18,7 +18,7 @@ LEFTOVERS = {LOCK, f"{DATABASE}.part"}
 """What a command that was killed at once may have left in a new folder."""
 
 
-def hold(folder: Path) -> IO[str]:
+def acquire(folder: Path) -> IO[str]:
     """Make the folder if it is not there and return its lock, held until it is closed.
 
     Raises StoreError where the folder cannot be made, is no run folder, or is held by another process.
@@ -48,7 +48,7 @@ def hold(folder: Path) -> IO[str]:
 
 
 def _lock_patiently(lock: IO[str]) -> None:
-    """Lock the file; `holder` may have it for a moment."""
+    """Lock the file; `current_holder` may have it for a moment."""
     for _ in range(3):
         with suppress(BlockingIOError):
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -57,7 +57,7 @@ def _lock_patiently(lock: IO[str]) -> None:
     fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
-def holder(folder: Path) -> str | None:
+def current_holder(folder: Path) -> str | None:
     """Return who is at work on the folder; None if nobody is."""
     try:
         with (folder / LOCK).open(encoding="utf-8") as lock:

@@ -11,14 +11,14 @@ from types import TracebackType
 from typing import Self
 
 from epuck_sim.runs.database import DATABASE, ENTER_POINT, RESULT, as_column, check_database, create_database, quoted, reading, sqlite_errors, writing
-from epuck_sim.util.atomic_write import written_whole
-from epuck_sim.runs.compatibility import StoredPoint, describe, refuse_another_sweep
-from epuck_sim.runs.run_lock import hold
+from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.runs.compatibility import StoredPoint, stored_point, check_same_sweep
+from epuck_sim.runs.run_lock import acquire
 from epuck_sim.util.provenance import PROVENANCE
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point
-from epuck_sim.sweep.worker import Outcome
+from epuck_sim.runs.records import Outcome
 
 
 class Store:
@@ -32,17 +32,17 @@ class Store:
         """
         self._path = folder / DATABASE
         self._points = points
-        rows = [describe(point) for point in points]
+        rows = [stored_point(point) for point in points]
         if self._path.exists():
             check_database(self._path)
         with ExitStack() as held:
-            held.enter_context(hold(folder))
+            held.enter_context(acquire(folder))
             if self._path.exists():
-                refuse_another_sweep(folder, _stored_points(self._path), rows)
+                check_same_sweep(folder, _stored_points(self._path), rows)
             else:
                 create_database(self._path, list(points[0].axes), rows)
             # before the points: the folder's own scenario must have all that the database has
-            with written_whole(folder / RUN_SCENARIO) as part:
+            with atomic_write(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
             held.enter_context(sqlite_errors(self._path))
             self._connection = held.enter_context(writing(self._path))

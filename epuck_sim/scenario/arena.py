@@ -6,11 +6,12 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from epuck_sim import epuck
-from epuck_sim.arena import Arena, box_corners, is_convex, make_arena
-from epuck_sim.scenario.base import Number, Positive, Section
+from epuck_sim.arena import Arena, make_arena
+from epuck_sim.geometry import box_corners, is_convex
+from epuck_sim.scenario.base import ConfigModel, Number, Positive
 
 
-class Circle(Section):
+class Circle(ConfigModel):
     """A round obstacle."""
 
     shape: Literal["circle"]
@@ -19,7 +20,7 @@ class Circle(Section):
     radius_cm: Positive
 
 
-class Box(Section):
+class Box(ConfigModel):
     """A rectangular obstacle around (x_cm, y_cm), turned by heading_rad."""
 
     shape: Literal["box"]
@@ -30,7 +31,7 @@ class Box(Section):
     heading_rad: Number = 0.0
 
 
-class Polygon(Section):
+class Polygon(ConfigModel):
     """A convex obstacle with its corners counter-clockwise."""
 
     shape: Literal["polygon"]
@@ -43,7 +44,7 @@ class Polygon(Section):
         return self
 
 
-class ArenaSection(Section):
+class ArenaSection(ConfigModel):
     """The walled rectangle and what stands in it."""
 
     width_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0

@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, model_validator
 
-from epuck_sim.scenario.base import Section
+from epuck_sim.scenario.base import ConfigModel
 
 
-def as_text(axes: Mapping[str, Any]) -> str:
+def canonical_text(axes: Mapping[str, Any]) -> str:
     """Return axis values as text, the same for the same values however they are written or ordered.
 
     >>> as_text({"b": 1, "a": [2.0]}) == as_text({"a": [2], "b": 1.0})
@@ -27,7 +27,7 @@ MAX_POINTS = 100_000
 NO_AXES = ("sweep", "seed", "trials", "name", "description")
 
 
-class Axes(Section):
+class SweepAxes(ConfigModel):
     """Every row of `points` meets every row of `zip` and every combination of the values in `grid`.
 
     Keys are dotted, as in `--set`: `robots.0.parameters.speed_cm_s`.
@@ -41,7 +41,7 @@ class Axes(Section):
     """Keys whose values meet in every combination; the last one changes fastest."""
 
     @model_validator(mode="after")
-    def _consistent(self) -> "Axes":
+    def _consistent(self) -> "SweepAxes":
         listed = set(self.points[0]) if self.points else set()
         for number, row in enumerate(self.points or ()):
             if set(row) != listed:

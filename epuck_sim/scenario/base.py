@@ -12,11 +12,11 @@ def _no_truth_value(value: object) -> object:
 
 
 Number = Annotated[float, BeforeValidator(_no_truth_value)]
-Whole = Annotated[int, BeforeValidator(_no_truth_value)]
+WholeNumber = Annotated[int, BeforeValidator(_no_truth_value)]
 Positive = Annotated[Number, Field(gt=0, le=1e6)]
 
 
-class Section(BaseModel):
+class ConfigModel(BaseModel):
     """Part of a scenario: no unknown keys, no NaN, no change after it was made."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

@@ -10,13 +10,13 @@ from pydantic import Field, model_validator
 
 from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
-from epuck_sim.scenario.base import Number, Positive, Section, Whole
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario, StopSection
 
 
-class NoiseSection(Section):
+class NoiseSection(ConfigModel):
     """What disturbs sensors and wheels; 0 switches a part off, `noise: off` all."""
 
     wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.05
@@ -25,7 +25,7 @@ class NoiseSection(Section):
     """Standard deviation of what is added to each infrared reading (Enki)."""
 
 
-class SpreadSection(Section):
+class SpreadSection(ConfigModel):
     """In what robots differ (thesis 4.4): each has factors of its own for a whole trial, uniform in 1 -+ these."""
 
     wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.0
@@ -38,7 +38,7 @@ class SpreadSection(Section):
     """Of the reading of each of a robot's infrared sensors."""
 
 
-class StuckSection(Section):
+class StuckSection(ConfigModel):
     """How robots get stuck now and then (thesis 4.4): their wheels turn, and do not move them."""
 
     per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
@@ -47,17 +47,17 @@ class StuckSection(Section):
     """So long, on average, until the robot is free again."""
 
 
-class ContactSection(Section):
+class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
 
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
 
 
-class TimingSection(Section):
+class TimingSection(ConfigModel):
     """How often robots sense and act, and how often bodies move (thesis 3.1.4.1)."""
 
-    control_hz: Annotated[Whole, Field(ge=1, le=1000)] = 10
-    physics_hz: Annotated[Whole, Field(ge=100, le=10_000)] = 100
+    control_hz: Annotated[WholeNumber, Field(ge=1, le=1000)] = 10
+    physics_hz: Annotated[WholeNumber, Field(ge=100, le=10_000)] = 100
     """At fewer, bodies would overlap by more than 1 mm before they are known to touch."""
 
     @model_validator(mode="after")
@@ -81,13 +81,13 @@ class EmbodiedStop(StopSection):
     """When a trial ends (thesis 4.2.1)."""
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] = 0.95
-    max_cycles: Annotated[Whole, Field(ge=1, le=10**9)] = 10_000
+    max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10_000
     """Without an oscillator, 5 s count as a cycle."""
     max_time_s: Annotated[Number, Field(gt=0, le=1e10)] | None = None
     """The trial is censored after this time, too."""
-    reference_robot: Annotated[Whole, Field(ge=0)] = 0
+    reference_robot: Annotated[WholeNumber, Field(ge=0)] = 0
     """Robots are numbered from 0, in the order of their groups."""
-    further_cycles: Annotated[Whole, Field(ge=0, le=10**9)] = 0
+    further_cycles: Annotated[WholeNumber, Field(ge=0, le=10**9)] = 0
     """After synchrony a trial goes on, within its limits, for so many more firings of the reference."""
 
 

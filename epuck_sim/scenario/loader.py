@@ -8,14 +8,14 @@ from typing import Any
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.axes import Axes
+from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.overrides import apply_axis, apply_setting, choose_version, refuse_hidden
+from epuck_sim.scenario.overrides import add_axis, apply_override, reject_swept_keys, select_version
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
-from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, shipped_files, shipped_folder
-from epuck_sim.util.messages import listed, shown, unknown
+from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files, builtin_folder
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 RUN_SCENARIO = "scenario.yaml"
 """In a run folder: what was run."""
@@ -55,16 +55,16 @@ def load_scenario(
         if isinstance(given, dict):
             given = {"name": path.stem, **given}
     if not isinstance(given, dict):
-        raise ScenarioError(f"{origin}: is {shown(given)}; a scenario is a mapping of keys to values")
-    given = choose_version(given, quick, origin)
+        raise ScenarioError(f"{origin}: is {short_repr(given)}; a scenario is a mapping of keys to values")
+    given = select_version(given, quick, origin)
     for setting in settings:
-        given = apply_setting(given, setting)
+        given = apply_override(given, setting)
     for axis in axes:
-        given = apply_axis(given, axis)
+        given = add_axis(given, axis)
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
     origin = " ".join([origin, *options])
     scenario = validate(given, origin)
-    refuse_hidden(settings, scenario.sweep)
+    reject_swept_keys(settings, scenario.sweep)
     return _resolve(scenario, origin, folder)
 
 
@@ -73,7 +73,7 @@ def find_scenario(name: str) -> Path:
 
     Raises ScenarioError where there is none.
     """
-    shipped = {**shipped_files(ARENAS), **shipped_files(SWEEPS)}
+    shipped = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
     if name in shipped:
         return shipped[name]
     path = Path(name)
@@ -89,7 +89,9 @@ def find_scenario(name: str) -> Path:
     if path.suffix in (".yaml", ".yml"):
         named = f"; the shipped one is called {path.stem!r}" if path.stem in shipped else ""
         raise ScenarioError(f"{name}: there is no such file{named}")
-    raise ScenarioError(f"{unknown(name, shipped)}; shipped: {listed(shipped)}; or give a .yaml file, or a run folder")
+    raise ScenarioError(
+        f"{did_you_mean(name, shipped)}; shipped: {comma_list(shipped)}; or give a .yaml file, or a run folder"
+    )
 
 
 def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
@@ -122,11 +124,11 @@ def _resolve(scenario: Scenario, origin: str, folder: Path | None) -> Scenario:
 
 def _place_of(controller: Controller) -> str:
     """Return the name of a shipped controller, or the path of another."""
-    shipped = controller.path.parent == shipped_folder(CONTROLLERS)
+    shipped = controller.path.parent == builtin_folder(CONTROLLERS)
     return controller.name if shipped else str(controller.path)
 
 
-def _with_controllers_found(axes: Axes, origin: str, folder: Path | None) -> Axes:
+def _with_controllers_found(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes:
     """Return the axes with the paths of the controllers that they name; raises ScenarioError."""
 
     def found(key: str, value: Any) -> Any:

@@ -4,13 +4,13 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from epuck_sim.scenario.base import Number, Positive, Section, Whole
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 
-PictureSide = Annotated[Whole, Field(ge=64, le=7680, multiple_of=2)]
+PictureSide = Annotated[WholeNumber, Field(ge=64, le=7680, multiple_of=2)]
 """Pixels; even, as H.264 needs it."""
 
 
-class OverheadSection(Section):
+class OverheadSection(ConfigModel):
     """A webcam that looks straight down at the middle of the arena, and the light in the room."""
 
     height_cm: Positive | None = None

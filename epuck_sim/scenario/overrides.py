@@ -4,21 +4,21 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import Axes
+from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.util.messages import shown
+from epuck_sim.util.messages import short_repr
 
 
-def apply_setting(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
+def apply_override(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
     """Return the mapping `given` with one change, `key=value` with a dotted key; raises ScenarioError."""
     option = f"--set {setting}"
     key, equals, text = setting.partition("=")
     if not equals or not key:
         raise ScenarioError(f"{option}: give it as key=value, such as stop.max_cycles=100")
-    return with_value(given, key, parse_yaml(text, option), option)
+    return set_value(given, key, parse_yaml(text, option), option)
 
 
-def with_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
+def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
     """Return the mapping `given` with `value` at a dotted key; raises ScenarioError, which begins with `origin`."""
     # of robots, one group is there by default
     default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
@@ -38,7 +38,7 @@ def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
         place = int(first)
         return [*container[:place], _with(container[place], rest, value, origin), *container[place + 1 :]]
     if container is not None and not isinstance(container, Mapping):
-        raise ScenarioError(f"{origin}: {first!r} lies in {shown(container)}, which has no keys")
+        raise ScenarioError(f"{origin}: {first!r} lies in {short_repr(container)}, which has no keys")
     here = dict(container or {})
     here[first] = _with(here.get(first), rest, value, origin)
     return here
@@ -48,7 +48,7 @@ QUICK = "quick"
 """In a scenario's file: the keys that its quick version has otherwise."""
 
 
-def choose_version(given: Mapping[str, Any], quick: bool, origin: str) -> dict[str, Any]:
+def select_version(given: Mapping[str, Any], quick: bool, origin: str) -> dict[str, Any]:
     """Return a file's scenario in its full or quick version; raises ScenarioError where there is no quick one."""
     full = {key: value for key, value in given.items() if key != QUICK}
     if not quick:
@@ -57,7 +57,7 @@ def choose_version(given: Mapping[str, Any], quick: bool, origin: str) -> dict[s
     if changes is None:
         raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
     if not isinstance(changes, Mapping):
-        raise ScenarioError(f"{origin}: {QUICK}: is {shown(changes)}; allowed: a mapping of keys to values")
+        raise ScenarioError(f"{origin}: {QUICK}: is {short_repr(changes)}; allowed: a mapping of keys to values")
     return _merged(full, changes)
 
 
@@ -70,7 +70,7 @@ def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     return merged
 
 
-def apply_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
+def add_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
     """Return the mapping `given` with one axis, `key=value,value,...`, in the grid of its sweep."""
     option = f"--sweep {axis}"
     key, equals, text = axis.partition("=")
@@ -79,11 +79,11 @@ def apply_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
     sweep = given.get("sweep") or {}
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
     if not isinstance(grid, Mapping):
-        raise ScenarioError(f"{option}: the scenario's own sweep is {shown(sweep)}; allowed: a mapping")
+        raise ScenarioError(f"{option}: the scenario's own sweep is {short_repr(sweep)}; allowed: a mapping")
     return {**given, "sweep": {**sweep, "grid": {**grid, key: parse_yaml(f"[{text}]", option)}}}
 
 
-def refuse_hidden(settings: Sequence[str], axes: Axes | None) -> None:
+def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:
     """Raise ScenarioError for a setting that no point of the sweep would heed."""
     for setting in settings:
         key = setting.partition("=")[0]

@@ -8,26 +8,26 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from epuck_sim.scenario.base import Number, Positive, Section, Whole
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.scenario import Scenario, StopSection
 
 MOST_SIDES = 1000
 """So many sides are flown in a cycle at most, on the mean; the fastest in the thesis fly one."""
 
 
-class SpaceSection(Section):
+class SpaceSection(ConfigModel):
     """Where agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
 
-    dimensions: Annotated[Whole, Field(ge=1, le=3)] = 2
+    dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
     side_cm: Positive = 100.0
     boundary: Literal["bounded", "cyclic"] = "bounded"
     """`bounded`: walls, from which agents set out in a random direction; `cyclic`: who leaves comes in opposite."""
 
 
-class AgentsSection(Section):
+class AgentsSection(ConfigModel):
     """How many there are, and how they move."""
 
-    count: Annotated[Whole, Field(ge=1, le=100_000)] = 20
+    count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 20
     speed_cm_s: Annotated[Number, Field(ge=0, le=1e6)] = 1.0
     """Of each agent, or the mean of its distribution."""
     speed_distribution: Literal["fixed", "uniform", "normal", "exponential"] = "fixed"
@@ -46,21 +46,21 @@ class AgentsSection(Section):
         return self
 
 
-class Nearest(Section):
+class Nearest(ConfigModel):
     """The k agents nearest to the one that fires."""
 
     kind: Literal["nearest"]
-    k: Annotated[Whole, Field(ge=1)] = 1
+    k: Annotated[WholeNumber, Field(ge=1)] = 1
 
 
-class Range(Section):
+class Range(ConfigModel):
     """All agents within a radius around the one that fires."""
 
     kind: Literal["range"]
     radius_cm: Positive
 
 
-class Cone(Section):
+class Cone(ConfigModel):
     """A cone in the direction of motion: of vision, that of an agent who sees the one that fires, or of emission."""
 
     kind: Literal["cone_of_vision", "cone_of_emission"]
@@ -70,7 +70,7 @@ class Cone(Section):
     """From side to side."""
 
 
-class Everybody(Section):
+class Everybody(ConfigModel):
     """All agents."""
 
     kind: Literal["all"]
@@ -80,7 +80,7 @@ Neighbourhood = Nearest | Range | Cone | Everybody
 """Who hears the pulse of an agent that fires (3.1.2, 5.1.3)."""
 
 
-class ResponseSection(Section):
+class ResponseSection(ConfigModel):
     """How a pulse shifts the phase of one who hears it (5.1.1)."""
 
     curve: Literal["multiplicative", "sawtooth", "sine"] = "multiplicative"
@@ -96,7 +96,7 @@ class ResponseSection(Section):
         return self
 
 
-class ClocksSection(Section):
+class ClocksSection(ConfigModel):
     """The oscillators' periods."""
 
     period_s: Positive = 1.0
@@ -104,7 +104,7 @@ class ClocksSection(Section):
     """Standard deviation of their periods, as a share of `period_s` (5.4.2); none is below a tenth of it."""
 
 
-class StartSection(Section):
+class StartSection(ConfigModel):
     """The phases with which a trial begins."""
 
     phases: Literal["random", "synchronised"] = "random"
@@ -126,8 +126,8 @@ class ParticleStop(StopSection):
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 1 - 1e-9
     """Null: every trial lasts `max_cycles`."""
-    max_cycles: Annotated[Whole, Field(ge=1, le=10**9)] = 10**7
-    reference: Annotated[Whole, Field(ge=0)] = 0
+    max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10**7
+    reference: Annotated[WholeNumber, Field(ge=0)] = 0
     """Agents are numbered from 0."""
 
 

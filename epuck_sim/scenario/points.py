@@ -4,21 +4,16 @@ A point is known by its axis values, not by its place: points and trials that ar
 as they were.
 """
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from epuck_sim.embodied.placement import place_robots
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import as_text
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.loader import load_scenario, map_controllers
-from epuck_sim.scenario.overrides import with_value
+from epuck_sim.scenario.overrides import set_value
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.util.messages import shown
-from epuck_sim.util.rng import point_seed
+from epuck_sim.util.messages import short_repr
+from epuck_sim.util.seeds import point_seed
 
 
 class Point(NamedTuple):
@@ -48,7 +43,7 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
     [(2, 1), (2, 5), (3, 1), (3, 5)]
     """
     if scenario.sweep is None:
-        return (Point(0, as_text({}), {}, scenario),)
+        return (Point(0, canonical_text({}), {}, scenario),)
     base = scenario.model_copy(update={"sweep": None}).model_dump(mode="json")
     found = tuple(_point(number, row, base) for number, row in enumerate(scenario.sweep.rows()))
     first: dict[str, int] = {}
@@ -60,24 +55,11 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
     return found
 
 
-def check_room(places: Iterable[Point]) -> None:
-    """Raise ScenarioError for a point whose robots find no room in their arena."""
-    for point in places:
-        if not isinstance(point.scenario, EmbodiedScenario):
-            continue  # points need no room
-        try:
-            place_robots(point.scenario, np.random.SeedSequence(point.scenario.seed))
-        except ScenarioError as error:
-            name = f"{point.scenario.name}: "
-            where = f"sweep: point {point.number} ({_told(point.axes)}): " if point.axes else ""
-            raise ScenarioError(f"{name}{where}{str(error).removeprefix(name)}") from error
-
-
 def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
     origin = f"{base['name']}: sweep: point {number} ({_told(row)})"
     given = base
     for key in sorted(row, key=lambda key: key.count(".")):  # a section as a whole before what lies in it
-        given = with_value(given, key, row[key], origin)
+        given = set_value(given, key, row[key], origin)
     try:
         scenario = load_scenario(given)
     except ScenarioError as error:
@@ -86,8 +68,8 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot hold a sweep")
     axes = {key: map_controllers(key, value, lambda name: Path(name).name) for key, value in row.items()}
-    return Point(number, as_text(axes), axes, scenario)
+    return Point(number, canonical_text(axes), axes, scenario)
 
 
 def _told(row: dict[str, Any]) -> str:
-    return ", ".join(f"{key} = {shown(value)}" for key, value in row.items())
+    return ", ".join(f"{key} = {short_repr(value)}" for key, value in row.items())

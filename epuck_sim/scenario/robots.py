@@ -4,15 +4,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from epuck_sim.scenario.base import Number, Positive, Section, Whole
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 
 
-class CameraSection(Section):
+class CameraSection(ConfigModel):
     """A group's line camera (thesis 4.1.1; the cone of vision of 3.1.2 by `field_of_view_deg` and `range_cm`)."""
 
-    pixels: Annotated[Whole, Field(ge=1, le=1000)] = 60
+    pixels: Annotated[WholeNumber, Field(ge=1, le=1000)] = 60
     field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
-    central_pixels: Annotated[Whole, Field(ge=1)] | None = None
+    central_pixels: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Only so many pixels in the middle of the row are looked at (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
     """Nothing beyond it is seen; unlimited by default."""
@@ -45,16 +45,16 @@ class CameraSection(Section):
         return self
 
 
-class InfraredSection(Section):
+class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
 
 
-class RobotGroup(Section):
+class RobotGroup(ConfigModel):
     """Robots that share a controller."""
 
-    count: Annotated[Whole, Field(ge=1, le=100_000)] = 10
+    count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     placement: Literal["random", "grid", "poses"] = "random"
     """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as `poses` says."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None

@@ -4,14 +4,14 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from epuck_sim.scenario.axes import Axes
-from epuck_sim.scenario.base import Number, Section, Whole
+from epuck_sim.scenario.axes import SweepAxes
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "overhead"}
 """Keys of a scenario on which no trial depends."""
 
 
-class FigureSection(Section):
+class FigureSection(ConfigModel):
     """How `plot` draws a sweep, where the command does not say."""
 
     form: Literal["curves", "map", "violins", "perturbation", "course"] = "curves"
@@ -21,33 +21,33 @@ class FigureSection(Section):
     """Of a map, the axis that goes up."""
     panels: str | None = None
     """Of curves, the axis that has a panel for each of its values; one panel by default."""
-    censored_at_cycles: Annotated[Whole, Field(ge=1)] | None = None
+    censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Of violins: the estimate is made as if trials had been censored there."""
 
 
-class StopSection(Section):
+class StopSection(ConfigModel):
     """When a trial ends."""
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
     """The swarm is synchronised once the order parameter reaches this at a firing of the reference."""
     metric: Literal["complex", "reference"] = "complex"
     """`complex`: eqs. 4.2 and 5.7; `reference`: eq. 3.4."""
-    max_cycles: Annotated[Whole, Field(ge=1, le=10**9)]
+    max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)]
     """The trial is censored after so many firings of the reference."""
 
 
-class Scenario(Section):
+class Scenario(ConfigModel):
     """All that a trial depends on, but for its seed."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
     description: str = ""
     model: str
     stop: StopSection
-    trials: Annotated[Whole, Field(ge=1, le=10_000_000)] = 1
+    trials: Annotated[WholeNumber, Field(ge=1, le=10_000_000)] = 1
     """How many; of a sweep, at each of its points."""
-    seed: Annotated[Whole, Field(ge=0)] = 0
+    seed: Annotated[WholeNumber, Field(ge=0)] = 0
     """The master seed, from which each trial gets its own."""
-    sweep: Axes | None = None
+    sweep: SweepAxes | None = None
     figure: FigureSection = FigureSection()
 
     @property

@@ -11,7 +11,7 @@ from epuck_sim.scenario.arena import Box, Circle, Polygon
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, Range
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.util.messages import listed, shown, unknown
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 MODELS: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
 
@@ -58,7 +58,7 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     """Return the scenario, of the model that it names; raises ScenarioError, each of whose lines begins with origin."""
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in MODELS:
-        raise ScenarioError(f"{origin}: model: is {shown(model)}; allowed: {' or '.join(map(repr, MODELS))}")
+        raise ScenarioError(f"{origin}: model: is {short_repr(model)}; allowed: {' or '.join(map(repr, MODELS))}")
     kind = MODELS[model]
     try:
         return kind.model_validate(given)
@@ -73,7 +73,7 @@ def _readable(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
     where = f"{origin}: {'.'.join(path)}" if path else origin
     if detail["type"] == "extra_forbidden":
         known = list(variant.model_fields) if variant else _known_keys(kind, path[:-1])
-        allowed = f"{unknown(path[-1], known)}; allowed: {listed(known)}"
+        allowed = f"{did_you_mean(path[-1], known)}; allowed: {comma_list(known)}"
         if variant:
             allowed += f"; of another {SAID_BY.get(path[0], 'shape')}, give the whole section"
         return f"{where}: {_misplaced(kind, path) or allowed}"
@@ -85,7 +85,7 @@ def _readable(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
         message = f"a mapping with {SAID_BY[section]}: {' or '.join(VARIANTS[section])}"
     if detail["type"] == "value_error" and isinstance(detail["input"], dict):
         return f"{where}: {message}"
-    return f"{where}: is {shown(detail['input'])}; allowed: {message}"
+    return f"{where}: is {short_repr(detail['input'])}; allowed: {message}"
 
 
 def _without_variant(place: list[str]) -> tuple[list[str], type[BaseModel] | None]:

@@ -4,16 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.axes import as_text
+from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.mean_estimate import estimate_mean
-from epuck_sim.util.messages import listed, unknown
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.util.messages import comma_list, did_you_mean
 
 SPEED = ".speed_cm_s"
 """The axis to draw against ends so, where there is one."""
@@ -26,17 +24,17 @@ class Curve(NamedTuple):
     """Values of the other axes."""
     scenario: Scenario
     """That of its first point."""
-    x: Floats
+    x: FloatArray
     """(S,) values of the axis, ascending."""
-    trials: npt.NDArray[np.int64]
+    trials: IntArray
     """(S,)"""
-    censored: Floats
+    censored: FloatArray
     """(S,) share of them."""
-    means: Floats
+    means: FloatArray
     """(S,) by Appendix A; NaN where undetermined."""
-    intervals: Floats
+    intervals: FloatArray
     """(S, 2) 95 % bootstrap intervals."""
-    resampled: Floats
+    resampled: FloatArray
     """(B, S) bootstrap means; inf or NaN where undetermined."""
 
 
@@ -62,10 +60,10 @@ def choose_second_axis(points: Sequence[PointTrials], x: str, wanted: str | None
     numbers = _with_numbers(points)
     others: list[str] = []
     for key, values in numbers.items():
-        if len(values) > 1 and not any(_goes_along(key, axis, points) for axis in (x, *others)):
+        if len(values) > 1 and not any(_is_tied_to(key, axis, points) for axis in (x, *others)):
             others.append(key)
     if wanted is not None:
-        if _known(wanted, numbers, origin) == x or _goes_along(wanted, x, points):
+        if _known(wanted, numbers, origin) == x or _is_tied_to(wanted, x, points):
             raise EpuckSimError(f"{origin}: {wanted} goes along with {x}, which goes to the right; {_choice(others)}")
         return wanted
     if len(others) != 1:
@@ -74,12 +72,12 @@ def choose_second_axis(points: Sequence[PointTrials], x: str, wanted: str | None
 
 
 def _choice(others: list[str]) -> str:
-    return f"give --y one of {listed(others)}" if others else "there is no other axis whose numbers differ"
+    return f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
 
 
 def _known(wanted: str, numbers: Mapping[str, object], origin: str) -> str:
     if wanted not in numbers:
-        raise EpuckSimError(f"{origin}: {unknown(wanted, numbers)}; axes with numbers: {listed(numbers)}")
+        raise EpuckSimError(f"{origin}: {did_you_mean(wanted, numbers)}; axes with numbers: {comma_list(numbers)}")
     return wanted
 
 
@@ -95,19 +93,19 @@ def _are_numbers(values: Sequence[Any]) -> bool:
 
 def read_curves(points: Sequence[PointTrials], axis: str) -> list[Curve]:
     """Return a curve for each combination of the values of the other axes, in the order of the sweep."""
-    return [estimate_curve(group, axis, others) for others, group in grouped(points, axis)]
+    return [estimate_curve(group, axis, others) for others, group in group_by_other_axes(points, axis)]
 
 
-def grouped(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
+def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
     """Return the values of all other axes and the points that share them, sorted by `axes`.
 
     An axis that goes along with one of `axes` is none of the others. Groups are in the order of the sweep; points
     without trials are left out.
     """
-    others = [key for key in points[0].axes if not any(key == x or _goes_along(key, x, points) for x in axes)]
+    others = [key for key in points[0].axes if not any(key == x or _is_tied_to(key, x, points) for x in axes)]
     groups: dict[str, list[PointTrials]] = {}
     for point in points:
-        groups.setdefault(as_text({key: point.axes[key] for key in others}), []).append(point)
+        groups.setdefault(canonical_text({key: point.axes[key] for key in others}), []).append(point)
     filled = ([point for point in group if len(point.times)] for group in groups.values())
     return [
         ({key: group[0].axes[key] for key in others}, sorted(group, key=lambda point: [point.axes[x] for x in axes]))
@@ -116,7 +114,7 @@ def grouped(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, A
     ]
 
 
-def _goes_along(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
+def _is_tied_to(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
     """Return whether the values of `axis` and `key` belong together one to one, as in a zip."""
     pairs = {(point.axes[axis], repr(point.axes[key])) for point in points}
     return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
@@ -137,7 +135,7 @@ def estimate_curve(points: Sequence[PointTrials], axis: str, others: dict[str, A
     )
 
 
-def told_apart(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def distinguishing_axes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return of each row of axis values those that tell it from the others; what goes along with another is left out.
 
     >>> told_apart([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])

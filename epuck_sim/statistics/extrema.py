@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from epuck_sim.arrays import FloatArray
 
 MIN_SPEEDS = 6
 """Fewer determined speeds than this leave a bump undetermined: a smooth curve with two bends takes four and more."""
@@ -31,15 +30,15 @@ UNDERSMOOTHING = 3.0
 class SmoothCurve(NamedTuple):
     """A smoothed curve of T_sync against speed, and its resamples, all smoothed alike."""
 
-    speeds: Floats
+    speeds: FloatArray
     """(G,) cm/s, log-spaced between the slowest and the fastest speed determined."""
-    means: Floats
+    means: FloatArray
     """(G,) cycles."""
-    resampled: Floats
+    resampled: FloatArray
     """(B, G) cycles."""
 
 
-class Bump(NamedTuple):
+class SpeedExtrema(NamedTuple):
     """The local minimum (V_m, T_m) and the later peak (V_p, T_p); NaN where the smoothed curve has no such pair."""
 
     v_m: float
@@ -50,13 +49,13 @@ class Bump(NamedTuple):
     """cm/s."""
     t_p: float
     """Cycles."""
-    intervals: Floats
+    intervals: FloatArray
     """(4, 2) the 95 % intervals of v_m, t_m, v_p, t_p: low and high."""
     rise: float
     """Of log T between the two."""
     p_value: float
     """How often noise on a falling curve rises as much as this is strong."""
-    resampled: Floats
+    resampled: FloatArray
     """(B, 4) v_m, t_m, v_p, t_p of each resample; NaN where it has no such pair."""
 
     @property
@@ -66,7 +65,7 @@ class Bump(NamedTuple):
         return self.p_value < SIGNIFICANCE and kept > 1 - SIGNIFICANCE
 
 
-def smooth_curve(speeds: Floats, means: Floats, resampled: Floats) -> SmoothCurve | None:
+def smooth_curve(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SmoothCurve | None:
     """Return T_sync as a smooth function of speed, in logs of both; None if fewer than six speeds are determined.
 
     speeds: (S,) cm/s, ascending. means: (S,) cycles, NaN where undetermined. resampled: (B, S) bootstrap means.
@@ -80,7 +79,7 @@ def smooth_curve(speeds: Floats, means: Floats, resampled: Floats) -> SmoothCurv
     return SmoothCurve(fit.speeds, np.exp(fit.smoother @ fit.logs), np.exp(fit.resampled @ fit.smoother.T))
 
 
-def find_bump(speeds: Floats, means: Floats, resampled: Floats) -> Bump | None:
+def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SpeedExtrema | None:
     """Return the local minimum and the later peak with the largest rise in log T between them.
 
     Arguments, and what is left out, are those of `smooth_curve`; None if fewer than six speeds are determined.
@@ -99,15 +98,15 @@ def find_bump(speeds: Floats, means: Floats, resampled: Floats) -> Bump | None:
     pairs, _ = _pairs(fit.speeds, fit.resampled @ fit.smoother.T)
     v_m, t_m, v_p, t_p = pair[0].tolist()
     if strength == 0:
-        return Bump(v_m, t_m, v_p, t_p, np.full((4, 2), np.nan), 0.0, 1.0, pairs)
+        return SpeedExtrema(v_m, t_m, v_p, t_p, np.full((4, 2), np.nan), 0.0, 1.0, pairs)
     # the curve itself counts as one more draw, so that no finite number of resamples gives a p-value of 0
     p_value = (1 + np.count_nonzero(np.log(of_noise[:, 3] / of_noise[:, 1]) >= strength)) / (1 + len(noise))
     own = pairs[~np.isnan(pairs[:, 0])]
     intervals = np.percentile(own if len(own) else pair, [2.5, 97.5], axis=0).T
-    return Bump(v_m, t_m, v_p, t_p, intervals, float(np.log(t_p / t_m)), p_value, pairs)
+    return SpeedExtrema(v_m, t_m, v_p, t_p, intervals, float(np.log(t_p / t_m)), p_value, pairs)
 
 
-def falling_fit(values: Floats, weights: Floats) -> Floats:
+def falling_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
     """Return the values (K,) that never rise and fit best by weighted least squares, pooling neighbours that do."""
     blocks: list[tuple[float, float, int]] = []  # value, weight, points
     for point in zip(values.tolist(), weights.tolist(), strict=True):
@@ -121,14 +120,14 @@ def falling_fit(values: Floats, weights: Floats) -> Floats:
 
 
 class _Fit(NamedTuple):
-    speeds: Floats  # (G,)
-    smoother: Floats  # (G, K): logs at the K determined speeds in, logs on the grid out
-    logs: Floats  # (K,) of T
-    resampled: Floats  # (B, K) logs
-    variances: Floats  # (K,) of the logs
+    speeds: FloatArray  # (G,)
+    smoother: FloatArray  # (G, K): logs at the K determined speeds in, logs on the grid out
+    logs: FloatArray  # (K,) of T
+    resampled: FloatArray  # (B, K) logs
+    variances: FloatArray  # (K,) of the logs
 
 
-def _fit(speeds: Floats, means: Floats, resampled: Floats) -> _Fit | None:
+def _fit(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> _Fit | None:
     finite = np.isfinite(resampled)
     determined = (speeds > 0) & np.isfinite(means) & (finite.mean(axis=0) >= 1 - UNDETERMINED_SHARE)
     if np.count_nonzero(determined) < MIN_SPEEDS:
@@ -142,12 +141,12 @@ def _fit(speeds: Floats, means: Floats, resampled: Floats) -> _Fit | None:
     return _Fit(10**grid, _smoother(x, variances / roughness, grid), logs, log_resampled, variances)
 
 
-def _kernel(x: Floats, y: Floats) -> Floats:
+def _kernel(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the covariance, up to parabolas, of a threefold integral of white noise at x (n,) and y (m,), (n, m)."""
     return -(np.abs(x[:, None] - y) ** 5) / 240
 
 
-def _smoother(x: Floats, penalties: Floats, grid: Floats) -> Floats:
+def _smoother(x: FloatArray, penalties: FloatArray, grid: FloatArray) -> FloatArray:
     """Return the matrix (G, K) of the quintic smoothing spline: least squares plus a penalty on the third derivative.
 
     It leaves parabolas as they are, and extremes are such; a penalty on the curvature flattens them.
@@ -158,7 +157,7 @@ def _smoother(x: Floats, penalties: Floats, grid: Floats) -> Floats:
     return np.hstack([_kernel(grid, x), np.vander(grid, 3)]) @ inverse
 
 
-def _likeliest_roughness(x: Floats, logs: Floats, variances: Floats) -> float:
+def _likeliest_roughness(x: FloatArray, logs: FloatArray, variances: FloatArray) -> float:
     """Return the roughness of largest likelihood, given the noise and with parabolas projected out."""
     contrasts = np.linalg.qr(np.vander(x, 3), "complete")[0][:, 3:]
     seen = contrasts.T @ logs
@@ -172,7 +171,7 @@ def _likeliest_roughness(x: Floats, logs: Floats, variances: Floats) -> float:
     return float(min(ROUGHNESSES, key=surprise))
 
 
-def _pairs(speeds: Floats, logs: Floats) -> tuple[Floats, Floats]:
+def _pairs(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return v_m, t_m, v_p, t_p (B, 4) of curves of log T (B, G), NaN if none, and their strengths (B,), 0 if none."""
     rising = np.diff(logs, axis=1) >= 0
     inner = logs[:, 1:-1]

@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.statistics.survival import Curves, make_curve, make_curves, make_sample
 from epuck_sim.statistics.weibull import fit_lines, fit_points, local_fits, means_of, rough_lines
-
-Floats = npt.NDArray[np.float64]
 
 LEAST_UNCENSORED = 0.1
 """If a smaller part of the trials is uncensored, the mean is undetermined (Appendix A)."""
@@ -29,7 +28,7 @@ class MeanTime(NamedTuple):
     low: float
     high: float
     """The 95 % bootstrap interval; NaN where the mean is undetermined, inf where an end is not reached."""
-    resampled: Floats
+    resampled: FloatArray
     """(B,) of resamples, as `bootstrap_means` gives them."""
 
 
@@ -57,7 +56,7 @@ def mean_time(times: npt.ArrayLike, observed: npt.ArrayLike) -> float:
     return mean if mean < math.inf else math.nan
 
 
-def bootstrap_means(times: npt.ArrayLike, observed: npt.ArrayLike, resamples: int = 1000, seed: int = 0) -> Floats:
+def bootstrap_means(times: npt.ArrayLike, observed: npt.ArrayLike, resamples: int = 1000, seed: int = 0) -> FloatArray:
     """Return Appendix A's mean, (resamples,) cycles, of as many trials drawn with replacement (Efron 1979).
 
     Where it is undetermined it is inf, longer than can be said, if trials of the resample are censored, else NaN.
@@ -92,7 +91,7 @@ def confidence_interval(means: npt.ArrayLike, level: float = 0.95) -> tuple[floa
     return float(np.quantile(known, tail, method="lower")), float(np.quantile(known, 1 - tail, method="higher"))
 
 
-def _means(curves: Curves, trials: int, starts: Floats) -> Floats:
+def _means(curves: Curves, trials: int, starts: FloatArray) -> FloatArray:
     """Return Appendix A's means, (B,), inf and NaN as in `bootstrap_means`; fits start from each line, (s, 2)."""
     best, least = np.full((len(curves.events), 2), np.nan), np.full(len(curves.events), math.inf)
     points = fit_points(curves)

@@ -16,7 +16,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.statistics.curves import SPEED, choose_axis, read_curves
-from epuck_sim.statistics.extrema import Bump, find_bump
+from epuck_sim.statistics.extrema import SpeedExtrema, find_minimum_and_peak
 from epuck_sim.statistics.scaling_laws import Comparison, OffsetLaw, Parameters, compare_laws, fit_offset_law
 
 SCALES = (
@@ -40,7 +40,7 @@ class FittedCurve(NamedTuple):
     """epsilon, L (cm), N and tau (s)."""
     others: str
     """All else in its scenario, as text; curves that share it can follow one law."""
-    bump: Bump | None
+    bump: SpeedExtrema | None
     """None if too few speeds are determined."""
 
 
@@ -79,7 +79,7 @@ def fit_curves(folder: Path) -> list[FittedCurve]:
             axes=curve.axes,
             parameters=_parameters(curve.scenario),
             others=_others(curve.scenario),
-            bump=find_bump(curve.x, curve.means, curve.resampled),
+            bump=find_minimum_and_peak(curve.x, curve.means, curve.resampled),
         )
         for curve in curves
     ]
@@ -139,7 +139,7 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     return Laws(len(alike), exponents, _offset_laws(parameters, bumps), "", len(having) - len(alike))
 
 
-def _offset_laws(parameters: Parameters, bumps: Sequence[Bump | None]) -> dict[str, OffsetLaw]:
+def _offset_laws(parameters: Parameters, bumps: Sequence[SpeedExtrema | None]) -> dict[str, OffsetLaw]:
     """Return the laws of T_m and T_p; none where the curves do not vary in what these depend on."""
     found = np.array([bump[:4] for bump in bumps if bump])
     resampled = np.stack([bump.resampled for bump in bumps if bump], axis=1)

@@ -5,12 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.statistics.extrema import Bump
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.statistics.extrema import SpeedExtrema
 
-Floats = npt.NDArray[np.float64]
-Parameters = Mapping[str, Floats]
+Parameters = Mapping[str, FloatArray]
 """What each curve (C,) was measured at: epsilon, L (cm), N, tau (s)."""
 
 
@@ -19,7 +18,7 @@ class Term(NamedTuple):
 
     form: str
     """A power of the parameter, or the exponential of a multiple of it."""
-    transform: Callable[[Floats], Floats]
+    transform: Callable[[FloatArray], FloatArray]
     """Of the parameter, so that the law is linear in logs."""
     exponent: float
     """The thesis's."""
@@ -92,7 +91,9 @@ class Comparison(NamedTuple):
     """Of the whole law."""
 
 
-def fit_power_law(law: Mapping[str, Term], parameters: Parameters, values: Floats, resampled: Floats) -> PowerLaw:
+def fit_power_law(
+    law: Mapping[str, Term], parameters: Parameters, values: FloatArray, resampled: FloatArray
+) -> PowerLaw:
     """Fit a law by least squares in logs, weighted by the inverse variance of the resamples' logs.
 
     law: a term for each parameter, as in LAWS. values: (C,), NaN where unknown. resampled: (B, C), NaN where unknown.
@@ -114,7 +115,7 @@ def fit_power_law(law: Mapping[str, Term], parameters: Parameters, values: Float
     return PowerLaw(prefactor, dict(zip(varying, estimates[1:], strict=True)), misfit)
 
 
-def fit_offset_law(parameters: Parameters, values: Floats, resampled: Floats) -> OffsetLaw:
+def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatArray) -> OffsetLaw:
     """Fit T = A L e^N / tau^2 + K by least squares, weighted by the inverse variance of the resamples.
 
     parameters: L, N and tau, of which one varies at least. values: (C,) cycles. resampled: (B, C). NaN where unknown.
@@ -133,7 +134,7 @@ def fit_offset_law(parameters: Parameters, values: Floats, resampled: Floats) ->
     return OffsetLaw(factor, offset, float(1 - unexplained / total) if total else np.nan)
 
 
-def compare_laws(parameters: Parameters, bumps: Sequence[Bump | None]) -> list[Comparison]:
+def compare_laws(parameters: Parameters, bumps: Sequence[SpeedExtrema | None]) -> list[Comparison]:
     """Return the exponents of all four laws next to the thesis's, from the curves (C,) that have a bump."""
     having = [(number, bump) for number, bump in enumerate(bumps) if bump is not None and bump.is_found]
     if not having:
@@ -148,7 +149,7 @@ def compare_laws(parameters: Parameters, bumps: Sequence[Bump | None]) -> list[C
     return rows
 
 
-def _known(values: Floats, resampled: Floats) -> tuple[npt.NDArray[np.bool_], Floats, Floats]:
+def _known(values: FloatArray, resampled: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:
     """Return which curves (C,) are known, their values (K,), and their resamples (B, K) without gaps.
 
     Curves are resampled apart from one another, so a gap may be filled by another resample of the same curve; leaving
@@ -165,7 +166,7 @@ def _known(values: Floats, resampled: Floats) -> tuple[npt.NDArray[np.bool_], Fl
     return known, values[known], filled[:, known]
 
 
-def _solution(design: Floats, weights: Floats, names: Sequence[str]) -> Floats:
+def _solution(design: FloatArray, weights: FloatArray, names: Sequence[str]) -> FloatArray:
     """Return the matrix (P, C) that takes values to the least-squares coefficients of a design (C, P)."""
     curves, unknowns = design.shape
     if curves < unknowns:
@@ -176,7 +177,7 @@ def _solution(design: Floats, weights: Floats, names: Sequence[str]) -> Floats:
     return np.asarray(np.linalg.pinv(root[:, None] * design) * root)
 
 
-def _estimates(values: Floats, resampled: Floats) -> list[Estimate]:
+def _estimates(values: FloatArray, resampled: FloatArray) -> list[Estimate]:
     """Return estimates of values (P,) from their resamples (B, P)."""
     low, high = np.percentile(resampled, [2.5, 97.5], axis=0)
     return [Estimate(*numbers) for numbers in np.column_stack([values, low, high]).tolist()]

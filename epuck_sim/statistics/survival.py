@@ -13,9 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-Counts = npt.NDArray[np.int64]
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
 _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above
 
@@ -23,18 +21,18 @@ _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a
 class Sample(NamedTuple):
     """Trials in the order of time; those that equal each other share one of m cells."""
 
-    times: Floats  # (m,) cycles
-    observed: Bools  # (m,): events come before censorings of the same time
-    cell: Counts  # (n,) of each trial, ascending
+    times: FloatArray  # (m,) cycles
+    observed: BoolArray  # (m,): events come before censorings of the same time
+    cell: IntArray  # (n,) of each trial, ascending
 
 
 class Curves(NamedTuple):
     """Kaplan-Meier estimates of B samples, which have k event times between them."""
 
-    times: Floats  # (k,) cycles, ascending
-    events: Counts  # (B, k) trials that synchronise then
-    at_risk: Counts  # (B, k) trials still running just before
-    survival: Floats  # (B, k + 1) R before the first of the times and after each
+    times: FloatArray  # (k,) cycles, ascending
+    events: IntArray  # (B, k) trials that synchronise then
+    at_risk: IntArray  # (B, k) trials still running just before
+    survival: FloatArray  # (B, k + 1) R before the first of the times and after each
 
 
 def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
@@ -52,7 +50,7 @@ def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
     return Sample(t[is_new], is_event[is_new], np.cumsum(is_new) - 1)
 
 
-def make_curves(sample: Sample, counts: Counts) -> Curves:
+def make_curves(sample: Sample, counts: IntArray) -> Curves:
     """Return the estimates of samples with other numbers of trials, counts (B, m), in the cells."""
     at_risk = counts[:, ::-1].cumsum(axis=1)[:, ::-1][:, sample.observed]
     events = counts[:, sample.observed]
@@ -66,7 +64,7 @@ def make_curve(sample: Sample) -> Curves:
     return make_curves(sample, np.bincount(sample.cell)[None])
 
 
-def kaplan_meier(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[Floats, Floats]:
+def kaplan_meier(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,) (Appendix A, steps 1 to 5).
 
     >>> kaplan_meier([3, 5, 5, 8], [True, True, False, True])

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.statistics.survival import Curves, make_curve, make_sample
-
-Floats = npt.NDArray[np.float64]
 
 _LEAST_STEP = 1e-8  # in log(-log R): a fit is found when the next step would be smaller
 _MOST_STEPS = 100  # a fit takes about 5; one that takes more than these is not found
@@ -36,11 +35,11 @@ class Weibull(NamedTuple):
         return float(means_of(np.array([math.log(self.scale)]), np.array([self.shape]))[0])
 
 
-def means_of(log_scales: Floats, shapes: Floats) -> Floats:
+def means_of(log_scales: FloatArray, shapes: FloatArray) -> FloatArray:
     """Return the means, (B,) cycles, of distributions by log alpha, (B,), and gamma, (B,)."""
     log_gammas = np.array([math.lgamma(1 + 1 / shape) for shape in shapes.tolist()])
     with np.errstate(over="ignore"):
-        means: Floats = np.exp(log_scales + log_gammas)
+        means: FloatArray = np.exp(log_scales + log_gammas)
     return means
 
 
@@ -59,7 +58,7 @@ def fit_weibull(times: npt.ArrayLike, observed: npt.ArrayLike) -> Weibull | None
     return Weibull(scale, shape) if scale < math.inf else None
 
 
-def fit_points(curves: Curves) -> tuple[Floats, Floats, Floats]:
+def fit_points(curves: Curves) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the points to fit: x, (k,), their weights, (B, k), and R, (B, k).
 
     Appendix A multiplies R trial by trial: d trials of one time are d points, with R from (n - 1) / n to (n - d) / n of
@@ -71,7 +70,7 @@ def fit_points(curves: Curves) -> tuple[Floats, Floats, Floats]:
     return np.log(curves.times[later]), d.astype(float), before * (n - (d + 1) / 2) / np.maximum(n, 1)
 
 
-def rough_lines(curve: Curves, points: int) -> Floats:
+def rough_lines(curve: Curves, points: int) -> FloatArray:
     """Return (s, 2) the lines through each two of up to so many points of one sample, early to late."""
     x, _, survival = fit_points(curve)
     chosen = np.unique(np.linspace(0, max(len(x) - 1, 0), min(len(x), points)).round().astype(int))
@@ -83,7 +82,7 @@ def rough_lines(curve: Curves, points: int) -> Floats:
     return np.stack([y[first] - slope * x[first], slope], axis=1)
 
 
-def local_fits(curve: Curves) -> Floats:
+def local_fits(curve: Curves) -> FloatArray:
     """Return (s, 2) the lines of one sample whose squares are less than their neighbours', the best first.
 
     As a rule there is one; two or three if, say, a few of the trials are much shorter than all others.
@@ -97,7 +96,9 @@ def local_fits(curve: Curves) -> Floats:
     return lines[is_found][distinct]
 
 
-def fit_lines(x: Floats, weights: Floats, survival: Floats, starts: Floats) -> tuple[Floats, Floats]:
+def fit_lines(
+    x: FloatArray, weights: FloatArray, survival: FloatArray, starts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return (B, 2) the lines with the least squares and (B,) these, NaN and inf where none is found.
 
     x: (k,), weights and survival: (B, k), starts: (B, 2). Newton's method for all samples at once; a step is halved
@@ -127,7 +128,9 @@ def fit_lines(x: Floats, weights: Floats, survival: Floats, starts: Floats) -> t
     return lines, least
 
 
-def _newton(x: Floats, weights: Floats, survival: Floats, line: Floats) -> tuple[Floats, Floats, Floats]:
+def _newton(
+    x: FloatArray, weights: FloatArray, survival: FloatArray, line: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the squares of each line, (B,), the step to take from it, (B, 2), and that step's length, (B,).
 
     Shapes as for `fit_lines`. The length is how much the line changes where it matters; it is at most 1, and NaN where
@@ -152,7 +155,7 @@ def _newton(x: Floats, weights: Floats, survival: Floats, line: Floats) -> tuple
     return np.einsum("ij,ij,ij->i", weights, error, error), step, np.minimum(length, 1)
 
 
-def _moments(x: Floats, w: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _moments(x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the sums of w, (B,), and by the weights w, (B, k): x's means, (B,), x less these, and its variances."""
     total = w.sum(axis=1)
     centre = np.einsum("ij,j->i", w, x) / total

@@ -3,41 +3,27 @@
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+from epuck_sim.runs.records import SweepProgress, Task
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import Point, check_room, points
+from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.sweep.checks import check_room
 from epuck_sim.sweep.executors import OpenPool, local_pool
 from epuck_sim.sweep.scheduler import run_tasks
-from epuck_sim.sweep.worker import Task
 from epuck_sim.trial.model import check_interpretable
-
-
-class Tally(NamedTuple):
-    """How far a sweep is."""
-
-    trials: int
-    """All that are to be."""
-    stored: int
-    """Those that have a result."""
-    censored: int
-    """Of these, the ones that were not synchronised."""
-    failed: int
-    """Those that failed in this run."""
-    ended: int
-    """Those that ended in this run, one way or the other."""
 
 
 def run_sweep(
     scenario: Scenario | str | Path | Mapping[str, Any],
     folder: Path | str,
     open_pool: OpenPool = local_pool,
-    onlooker: Callable[[Tally], None] = lambda _: None,
+    onlooker: Callable[[SweepProgress], None] = lambda _: None,
     *,
     interpret: bool = False,
-) -> Tally:
+) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, and return how far it is then.
 
     scenario: a Scenario, or what `load_scenario` takes; open_pool: opens a pool of workers, see `executors`, processes
@@ -53,7 +39,7 @@ def run_sweep(
     with Store(Path(folder), loaded, places) as store:
         finished = store.finished()
         total = sum(point.scenario.trials for point in places)
-        tally = Tally(total, len(finished), store.censored(), 0, 0)
+        tally = SweepProgress(total, len(finished), store.censored(), 0, 0)
         onlooker(tally)
         tasks = missing_tasks(places, finished, interpret)
         with closing(run_tasks(tasks, open_pool)) as outcomes:

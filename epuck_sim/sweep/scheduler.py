@@ -11,8 +11,9 @@ from contextlib import suppress
 from typing import TypeVar
 
 from epuck_sim.errors import ClusterError
+from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.sweep.executors import OpenPool, Pool
-from epuck_sim.sweep.worker import Outcome, Task, carry_out, outcome, prepare
+from epuck_sim.sweep.worker import compile_ahead, make_outcome, run_chunk
 
 Result = TypeVar("Result")
 
@@ -20,7 +21,7 @@ CHUNK_S = 0.5
 """So much work is handed over at once: long beside the milliseconds that this costs, short beside a run."""
 
 
-class Pace:
+class ChunkSizer:
     """How many trials make a chunk, from how long those before have taken."""
 
     def __init__(self) -> None:
@@ -49,21 +50,21 @@ def run_tasks(tasks: Iterable[Task], open_pool: OpenPool) -> Generator[Outcome]:
     has failed. A broken pool is opened anew.
     Raises ClusterError where the pool cannot be opened, cannot run trials, or is gone.
     """
-    waiting, pace = deque(tasks), Pace()
+    waiting, pace = deque(tasks), ChunkSizer()
     lost_before: set[tuple[int, int]] = set()
     while waiting:
         with open_pool() as pool:
-            lost = yield from _together(pool, waiting, pace, lost_before)
+            lost = yield from _run_parallel(pool, waiting, pace, lost_before)
         suspects = deque(task for task in lost if task[:2] in lost_before)
         waiting.extendleft(task for task in lost if task[:2] not in lost_before)
         lost_before.update(task[:2] for task in lost)
         while suspects:
             with open_pool() as pool:
-                yield from _one_by_one(pool, suspects)
+                yield from _run_isolated(pool, suspects)
 
 
-def _together(
-    pool: Pool, waiting: deque[Task], pace: Pace, lost_before: set[tuple[int, int]]
+def _run_parallel(
+    pool: Pool, waiting: deque[Task], pace: ChunkSizer, lost_before: set[tuple[int, int]]
 ) -> Generator[Outcome, None, list[Task]]:
     """Yield outcomes until nothing is left in `waiting` or a worker dies; return what was lost with it.
 
@@ -77,7 +78,7 @@ def _together(
             size = 1 if waiting[0][:2] in lost_before else pace.chunk(len(waiting), slots)
             chunk = [waiting.popleft() for _ in range(size)]
             try:
-                running[pool.executor.submit(carry_out, chunk)] = chunk
+                running[pool.executor.submit(run_chunk, chunk)] = chunk
             except BrokenExecutor:
                 lost.extend(chunk)
         done, _ = wait(running, return_when=FIRST_COMPLETED)
@@ -97,21 +98,21 @@ def _prepare(pool: Pool, waiting: Iterable[Task]) -> None:
     """Have one worker compile what all need; if it dies over that, trials will show which of them it was."""
     kinds = {task.scenario.compiled: task for task in waiting}
     with suppress(*pool.deaths):
-        _result(pool.executor.submit(prepare, list(kinds.values())), pool)
+        _result(pool.executor.submit(compile_ahead, list(kinds.values())), pool)
 
 
-def _one_by_one(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
+def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
     """Yield outcomes of `suspects` until nothing is left or one of them takes its worker along."""
     while suspects:
         try:
-            future = pool.executor.submit(carry_out, [suspects[0]])
+            future = pool.executor.submit(run_chunk, [suspects[0]])
         except BrokenExecutor:  # a worker that had nothing to do
             return
         task = suspects.popleft()
         try:
             yield from _result(future, pool)
         except pool.deaths as death:
-            yield outcome(task, None, f"its worker died: {death}")
+            yield make_outcome(task, None, f"its worker died: {death}")
             return
 
 

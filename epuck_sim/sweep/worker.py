@@ -5,49 +5,22 @@ It imports what a simulation needs, and nothing else: no plots, no tables, no co
 
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import NamedTuple
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.trial.model import make_model, run_model
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
 
 
-class Task(NamedTuple):
-    """A trial to be run."""
-
-    point: int
-    """The number of its point in the sweep."""
-    trial: int
-    seed: int
-    scenario: Scenario
-    interpret: bool
-    """Whether its controllers run as plain Python."""
-
-
-class Outcome(NamedTuple):
-    """A trial that has ended, one way or the other."""
-
-    point: int
-    trial: int
-    seed: int
-    result: TrialResult | None
-    """None if it failed."""
-    error: str | None
-    """Why it failed."""
-    provenance: dict[str, str]
-    """Versions, and the host that ran it."""
-
-
-def prepare(tasks: Sequence[Task]) -> None:
+def compile_ahead(tasks: Sequence[Task]) -> None:
     """Set up the trials and take no step, so that other workers find compiled code in the cache."""
     for task in tasks:
         with suppress(Exception):  # the trial itself will tell
             make_model(task.scenario, task.seed, interpret=task.interpret)
 
 
-def carry_out(tasks: Sequence[Task]) -> list[Outcome]:
+def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
     """Run the trials in order; what goes wrong in one of them becomes its outcome."""
     return [_carry_out(task) for task in tasks]
 
@@ -59,9 +32,9 @@ def _carry_out(task: Task) -> Outcome:
         result, error = None, str(problem)
     except BaseException as problem:  # one trial's failure, whatever it is, must not end the others
         result, error = None, f"{type(problem).__name__}: {problem}"
-    return outcome(task, result, error)
+    return make_outcome(task, result, error)
 
 
-def outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:
+def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:
     """Return the outcome of `task` as it came about in this process."""
     return Outcome(task.point, task.trial, task.seed, result, error, {**versions(), "host": host()})

@@ -6,11 +6,12 @@ from typing import Any, Protocol
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.embodied import TrialResult, run_trial
+from epuck_sim.trial.embodied import run_trial
 from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
 
 
@@ -20,11 +21,11 @@ class Progress(Protocol):
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:
         """Look at robots, at every step."""
 
-    def of_swarm(self, swarm: Swarm) -> None:
+    def of_swarm(self, swarm: ParticleSimulation) -> None:
         """Look at point-like agents, now and then."""
 
 
-def make_model(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulation | Swarm:
+def make_model(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulation | ParticleSimulation:
     """Return what a scenario's trial simulates; what it needs is compiled then.
 
     Raises ScenarioError where controllers are to be interpreted and there are none, and what its model raises.
@@ -33,7 +34,7 @@ def make_model(scenario: Scenario, seed: int, *, interpret: bool = False) -> Sim
         return Simulation(scenario, seed, interpret=interpret)
     if interpret:
         check_interpretable(scenario)
-    return Swarm(scenario, seed)
+    return ParticleSimulation(scenario, seed)
 
 
 def check_interpretable(scenario: Scenario) -> None:
@@ -43,9 +44,11 @@ def check_interpretable(scenario: Scenario) -> None:
 
 
 def run_model(
-    model: Simulation | Swarm, onlookers: Iterable[Callable[[Any, Any], None]] = (), progress: Progress | None = None
+    model: Simulation | ParticleSimulation,
+    onlookers: Iterable[Callable[[Any, Any], None]] = (),
+    progress: Progress | None = None,
 ) -> TrialResult:
     """Run a trial to its end; onlookers: of the model's own kind, see `run_trial` and `run_swarm`."""
-    if isinstance(model, Swarm):
+    if isinstance(model, ParticleSimulation):
         return run_swarm(model, onlookers, progress.of_swarm) if progress else run_swarm(model, onlookers)
     return run_trial(model, [progress, *onlookers] if progress else onlookers)

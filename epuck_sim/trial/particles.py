@@ -3,17 +3,19 @@
 import time
 from collections.abc import Callable, Iterable
 
-from epuck_sim.particles.simulation import Event, Swarm
-from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.particles.simulation import Event, ParticleSimulation
+from epuck_sim.trial.result import TrialResult
 
-Onlooker = Callable[[Swarm, Event], None]
+Observer = Callable[[ParticleSimulation, Event], None]
 
 SLICE_S = 0.1
 """So long, on the wall, compiled code runs before Python has its turn, for Ctrl-C and to tell how far it is."""
 
 
 def run_swarm(
-    swarm: Swarm, onlookers: Iterable[Onlooker] = (), progress: Callable[[Swarm], None] = lambda _: None
+    swarm: ParticleSimulation,
+    onlookers: Iterable[Observer] = (),
+    progress: Callable[[ParticleSimulation], None] = lambda _: None,
 ) -> TrialResult:
     """Run a fresh swarm to the end of its trial and return the outcome.
 

@@ -4,40 +4,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.order_parameter import METRICS
 
 NOMINAL_PERIOD_S = 5.0
 """Where there is no oscillator to count cycles, one lasts as long as in thesis 4.2.1."""
-
-
-def order_parameter(phases: Floats, periods: Floats | float) -> Floats:
-    """Return r, the modulus of the complex order parameter (eq. 4.2): 0 incoherent, 1 synchronised.
-
-    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
-
-    >>> f"{order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0):.6f}"
-    '1.000000'
-    """
-    r: Floats = np.abs(np.exp(2j * math.pi * phases / periods).mean(axis=-1))
-    return r
-
-
-def reference_order_parameter(phases: Floats, periods: Floats | float) -> Floats:
-    """Return eta (eq. 3.4): the mean cosine of the phases at a firing of the reference, whose own phase is 0.
-
-    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
-    """
-    eta: Floats = np.cos(2 * math.pi * phases / periods).mean(axis=-1)
-    return eta
-
-
-METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
 
 
 class Firing(NamedTuple):
@@ -107,7 +82,7 @@ class SynchronyWatch:
                 self._synchrony = Firing(self.cycles, r)
         self._lit_phase = phase
 
-    def measure(self, phase_ms: Floats) -> Floats:
+    def measure(self, phase_ms: FloatArray) -> FloatArray:
         """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none."""
         if not len(self._periods):
             return np.full(phase_ms.shape[:-1], np.nan)

@@ -19,7 +19,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
 from epuck_sim.trial.synchrony import SynchronyWatch
-from epuck_sim.util.atomic_write import check_target, unwritable
+from epuck_sim.util.atomic_write import check_target, write_error
 from epuck_sim.util.provenance import versions
 
 CHUNK_ROWS = 20_000
@@ -61,7 +61,7 @@ class Trace:
         except BaseException as error:  # Ctrl-C, too, must leave nothing half-written
             self._part.unlink(missing_ok=True)
             if isinstance(error, OSError):
-                raise unwritable(path, error) from error
+                raise write_error(path, error) from error
             raise
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
@@ -103,7 +103,7 @@ class Trace:
             if kind is None:
                 self._part.replace(self._path)
         except OSError as problem:
-            raise unwritable(self._path, problem) from problem
+            raise write_error(self._path, problem) from problem
         finally:
             self._part.unlink(missing_ok=True)
 

@@ -9,7 +9,7 @@ from epuck_sim.errors import EpuckSimError
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Yield the path of a file to write, which takes the name `path` when the block ends without an error.
 
     Raises EpuckSimError where it cannot be written; nothing is left behind then.
@@ -20,7 +20,7 @@ def written_whole(path: Path) -> Iterator[Path]:
         yield part
         part.replace(path)
     except OSError as error:
-        raise unwritable(path, error) from error
+        raise write_error(path, error) from error
     finally:
         part.unlink(missing_ok=True)
 
@@ -30,7 +30,7 @@ def check_target(path: Path) -> None:
     try:
         reason = _reason_against(path)
     except OSError as error:  # of a name that is too long, say
-        raise unwritable(path, error) from error
+        raise write_error(path, error) from error
     if reason:
         raise EpuckSimError(f"{path}: cannot be written: {reason}")
 
@@ -56,7 +56,7 @@ def trial_paths(path: Path, trials: int) -> list[Path]:
     return paths
 
 
-def unwritable(path: Path, error: OSError) -> EpuckSimError:
+def write_error(path: Path, error: OSError) -> EpuckSimError:
     """Return the error to raise where `path` could not be written."""
     reason = os.strerror(error.errno) if error.errno else str(error)
     return EpuckSimError(f"{path}: cannot be written: {reason}")

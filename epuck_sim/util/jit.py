@@ -32,9 +32,12 @@ def digest(contents: Iterable[bytes]) -> str:
 
 
 @lru_cache
-def package_digest() -> str:
-    """Return the digest of this package's own sources."""
-    return digest(source.read_bytes() for source in sorted(Path(__file__).parents[1].rglob("*.py")))
+def kernel_digest() -> str:
+    """Return the digest of this package's kernels: of every file that imports this module, and of the constants."""
+    package = Path(__file__).parents[1]
+    sources = [source.read_bytes() for source in sorted(package.rglob("*.py"))]
+    constants = (package / "epuck.py").read_bytes()
+    return digest([constants, *(source for source in sources if b"epuck_sim.util.jit import" in source)])
 
 
 @lru_cache
@@ -71,20 +74,20 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
             settings["CACHE_DIR"] = before
 
 
-def kernel(function: Function) -> Function:
+def jit(function: Function) -> Function:
     """Compile a function of this package; helpers that it calls must be kernels too."""
-    return compile_cached(function, package_digest(), careful=False)
+    return compile_cached(function, kernel_digest(), careful=False)
 
 
-def lean_kernel(function: Function) -> Function:
+def jit_no_alloc(function: Function) -> Function:
     """Compile a function that makes no arrays, nor do its helpers, which are lean kernels, too.
 
     Then nobody needs to count who uses an array, which takes longer than what small functions do; and it is an error
     to make one.
     """
-    return compile_cached(function, package_digest(), careful=False, _nrt=False)
+    return compile_cached(function, kernel_digest(), careful=False, _nrt=False)
 
 
-def inlined_kernel(function: Function) -> Function:
+def jit_inline(function: Function) -> Function:
     """Compile a lean kernel that is written in place wherever it is called: to hand over many arrays takes time."""
-    return compile_cached(function, package_digest(), careful=False, _nrt=False, forceinline=True)
+    return compile_cached(function, kernel_digest(), careful=False, _nrt=False, forceinline=True)

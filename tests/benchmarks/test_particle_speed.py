@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 
 pytestmark = pytest.mark.benchmark
 
@@ -28,17 +28,17 @@ SWARMS = (10, 30, 100, 300, 1000, 3000, 10_000)
 DENSITY = 1000 / 707**2
 
 
-def swarm_of(agents: int, neighbourhood: dict, side_cm: float, speed: float, seed: int) -> Swarm:
+def swarm_of(agents: int, neighbourhood: dict, side_cm: float, speed: float, seed: int) -> ParticleSimulation:
     scenario = {
         "model": "particles",
         "space": {"side_cm": side_cm},
         "agents": {"count": agents, "speed_cm_s": speed},
         "neighbourhood": neighbourhood,
     }
-    return Swarm(scenario, seed)
+    return ParticleSimulation(scenario, seed)
 
 
-def measured(swarms: list[Swarm], cycles: int) -> tuple[float, float]:
+def measured(swarms: list[ParticleSimulation], cycles: int) -> tuple[float, float]:
     """Return how many cycles, and firings, a CPU second simulates."""
     began = time.process_time()
     for swarm in swarms:

@@ -15,7 +15,7 @@ from epuck_sim.runs.reader import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.run import missing_tasks
-from epuck_sim.sweep.worker import carry_out
+from epuck_sim.sweep.worker import run_chunk
 
 pytestmark = pytest.mark.benchmark
 
@@ -45,9 +45,9 @@ def test_the_share_of_a_sweep_that_is_not_simulation(benchmark, tmp_path) -> Non
     """CPU seconds of the command on two workers beside those of the same trials in a plain loop."""
     axis = f"robots.0.parameters.speed_cm_s={SPEEDS}"
     tasks = missing_tasks(points(load_scenario("thesis", [f"trials={TRIALS}"], [axis])), set(), interpret=False)
-    carry_out(tasks[:1])
+    run_chunk(tasks[:1])
     began = time.process_time()
-    carry_out(tasks)
+    run_chunk(tasks)
     plain = time.process_time() - began
     folder = tmp_path / "run"
     arguments = ("run", "thesis", "--sweep", axis, "--trials", str(TRIALS), "--out", str(folder), "--workers", "2")
@@ -75,7 +75,7 @@ def test_ten_thousand_short_trials_in_one_process(benchmark) -> None:
             times = []
             for task in block:
                 began = time.process_time()
-                carry_out([task])
+                run_chunk([task])
                 times.append(time.process_time() - began)
             seconds.append(statistics.median(times))
             (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)

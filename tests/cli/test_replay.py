@@ -20,7 +20,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from epuck_sim.cli import run
-from epuck_sim.cli.observers import Showing
+from epuck_sim.cli.observers import LiveView
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.recording import recorder
 from epuck_sim.recording.level import Level
@@ -398,14 +398,14 @@ class Window:
 @pytest.mark.parametrize(
     ("arguments", "showing", "level"),
     [
-        ([], Showing(1.0, None), Level.FULL),
-        (["--speed", "10"], Showing(10.0, None), Level.FULL),
-        (["--web", "--record-level", "poses"], Showing(1.0, 9090), Level.POSES),
-        (["--speed", "0.5", "--web", "--port", "1234"], Showing(0.5, 1234), Level.FULL),
+        ([], LiveView(1.0, None), Level.FULL),
+        (["--speed", "10"], LiveView(10.0, None), Level.FULL),
+        (["--web", "--record-level", "poses"], LiveView(1.0, 9090), Level.POSES),
+        (["--speed", "0.5", "--web", "--port", "1234"], LiveView(0.5, 1234), Level.FULL),
     ],
 )
 def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
-    monkeypatch, arguments: list[str], showing: Showing, level: Level
+    monkeypatch, arguments: list[str], showing: LiveView, level: Level
 ) -> None:
     opened, shown, steps = [], [], []
     window = Window()

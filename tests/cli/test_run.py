@@ -17,7 +17,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.embodied import run_trial
-from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, shipped_files
+from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
 
 COMMAND = [sys.executable, "-m", "epuck_sim"]
 NEVER = ["--set", "stop.max_cycles=1000000000", "--set", "stop.order_parameter=1"]
@@ -103,11 +103,11 @@ def test_a_censored_trial_says_so() -> None:
 def test_list_names_arenas_and_controllers_a_line_each() -> None:
     lines = call("list").stdout.splitlines()
     names = [line.split()[0] for line in lines if line.startswith("  ")]
-    assert names == [*shipped_files(ARENAS), *shipped_files(SWEEPS), *shipped_files(CONTROLLERS)]
+    assert names == [*builtin_files(ARENAS), *builtin_files(SWEEPS), *builtin_files(CONTROLLERS)]
     assert all(len(line.split()) > 3 for line in lines if line.startswith("  "))
 
 
-@pytest.mark.parametrize("arena", list(shipped_files(ARENAS)))
+@pytest.mark.parametrize("arena", list(builtin_files(ARENAS)))
 def test_check_prints_the_resolved_scenario(arena: str) -> None:
     result = call("check", arena, "--set", "seed=4")
     assert result.exit_code == 0

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from epuck_sim.cli import film_progress
-from epuck_sim.cli.film_progress import passing
-from epuck_sim.cli.track_tables import parse_arena, parse_corners, print_json, print_table
+from epuck_sim.cli import progress as progress_module
+from epuck_sim.cli.parsing import parse_arena, parse_corners
+from epuck_sim.cli.progress import progress_bar
+from epuck_sim.cli.track_tables import print_track, print_track_json
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.track.result import Track
@@ -81,7 +82,7 @@ def test_no_corners_are_refused(text: str) -> None:
 
 
 def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[str]) -> None:
-    print_json(TRACK)
+    print_track_json(TRACK)
     line = capsys.readouterr().out
     assert line.count("\n") == 1
     told = json.loads(line)
@@ -91,7 +92,7 @@ def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[s
 
 
 def test_table_tells_all(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table(TRACK)
+    print_track(TRACK)
     text = capsys.readouterr().out
     for words in (
         *("film.mp4", "240 at 29.97 a second", "from 2.0 s on, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
@@ -102,7 +103,7 @@ def test_table_tells_all(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_table_of_a_swarm_that_never_synchronised(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table(NEVER)
+    print_track(NEVER)
     text = capsys.readouterr().out
     assert "never" in text
     assert "flashes until then" not in text
@@ -110,7 +111,7 @@ def test_table_of_a_swarm_that_never_synchronised(capsys: pytest.CaptureFixture[
 
 
 def test_name_of_a_film_is_no_markup(capsys: pytest.CaptureFixture[str]) -> None:
-    print_table(TRACK._replace(film="[bold]swarm[/bold] [/].mp4"))
+    print_track(TRACK._replace(film="[bold]swarm[/bold] [/].mp4"))
     assert "[bold]swarm[/bold] [/].mp4" in capsys.readouterr().out
 
 
@@ -125,8 +126,8 @@ def test_frames_are_passed_on_as_they_come(
     def console(**options: Any) -> Console:
         return Console(**options, force_terminal=is_terminal)
 
-    monkeypatch.setattr(film_progress, "Console", console)
-    assert list(passing("tracking")(iter(FRAMES), duration_s)) == FRAMES
+    monkeypatch.setattr(progress_module, "Console", console)
+    assert list(progress_bar("tracking")(iter(FRAMES), duration_s)) == FRAMES
     shown = capsys.readouterr()
     assert shown.out == ""
     assert ("tracking" in shown.err) == ("2 s of film" in shown.err) == is_terminal
@@ -134,6 +135,6 @@ def test_frames_are_passed_on_as_they_come(
 
 def test_frames_are_asked_for_one_at_a_time() -> None:
     source = iter(FRAMES)
-    frames = passing("tracking")(source, 2.0)
+    frames = progress_bar("tracking")(source, 2.0)
     assert next(iter(frames)) is FRAMES[0]
     assert next(source) is FRAMES[1]

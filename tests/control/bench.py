@@ -12,9 +12,9 @@ import numpy as np
 
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Value
 from epuck_sim.control.loader import find_controller
-from epuck_sim.control.runner import Control, Senses
+from epuck_sim.control.runner import ControllerRunner, SensorArrays
 from epuck_sim.epuck import OUT_OF_RANGE_MM
-from epuck_sim.util.rng import robot_streams
+from epuck_sim.util.seeds import robot_streams
 
 EMPTY = """
 PARAMETERS = {}
@@ -30,7 +30,7 @@ def step(sensors, memory, actuators, parameters, random):
 
 
 class Bench:
-    """A group of robots under `Control`, with sensors to be set by hand."""
+    """A group of robots under `ControllerRunner`, with sensors to be set by hand."""
 
     def __init__(
         self,
@@ -51,7 +51,7 @@ class Bench:
         for name, values in (each or {}).items():
             parameters[name] = values
         self._step_ms = step_ms
-        self.senses = Senses(
+        self.senses = SensorArrays(
             np.full(robots, step_ms),
             np.zeros((robots, 8)),
             np.full((robots, 8), OUT_OF_RANGE_MM),
@@ -60,7 +60,7 @@ class Bench:
         )
         self.actuators = np.zeros(robots, ACTUATORS)
         self.streams = robot_streams(np.random.SeedSequence(seed), robots)
-        self.control = Control(controller, parameters, self.streams, self.senses, self.actuators, interpret)
+        self.control = ControllerRunner(controller, parameters, self.streams, self.senses, self.actuators, interpret)
         self.memory = self.control.memory
 
     def sense(self, chance: np.random.Generator) -> None:

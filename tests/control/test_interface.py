@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.builtin import shipped_folder
+from epuck_sim.util.builtin import builtin_folder
 from tests.control.bench import EMPTY, with_step, write_controller, write_soon_after
 
 SHIPPED = ["constant", "firefly", "obstacle_avoidance", "oscillator"]
@@ -30,7 +30,7 @@ def test_a_shipped_controller_is_found_by_its_name_from_any_folder(name, tmp_pat
     monkeypatch.chdir(tmp_path)
     controller = find_controller(name, tmp_path)
     assert controller.name == name
-    assert controller.path == shipped_folder("controllers") / f"{name}.py"
+    assert controller.path == builtin_folder("controllers") / f"{name}.py"
     assert controller.is_oscillator == (name in ("firefly", "oscillator"))
 
 
@@ -49,7 +49,7 @@ def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tm
 def test_a_file_called_like_a_shipped_controller_does_not_replace_it(tmp_path):
     gain(tmp_path / "firefly.py", 1.0)
     assert find_controller("firefly.py", tmp_path).parameters == {"gain": 1.0}
-    assert find_controller("firefly", tmp_path).path.parent == shipped_folder("controllers")
+    assert find_controller("firefly", tmp_path).path.parent == builtin_folder("controllers")
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_siblings_and_shipped_controllers_can_be_imported_and_are_named_as_sourc
     controller = write_controller(tmp_path / "mine.py", text)
     assert controller.parameters == {"gain": 4.0, "period_s": 5.0}
     beside = {tmp_path / name for name in ("mine.py", "helper.py", "more.py")}
-    assert set(controller.sources) == beside | {shipped_folder("controllers") / "oscillator.py"}
+    assert set(controller.sources) == beside | {builtin_folder("controllers") / "oscillator.py"}
 
 
 @pytest.mark.parametrize("ending", ["", "\nraise RuntimeError"], ids=["loads", "fails"])

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.epuck import OUT_OF_RANGE_MM
-from epuck_sim.util.rng import below
+from epuck_sim.util.rng import randint
 from tests.control.bench import Bench, function, random_distances, sensors, settings
 
 FRONT_RIGHT, RIGHT, LEFT, FRONT_LEFT = 0, 2, 5, 7
@@ -245,7 +245,7 @@ def drive(distances, interpret, rotation_max=25, **c_constants):
     robots = distances.shape[1]
     bench = Bench("obstacle_avoidance", given_, robots=robots, interpret=interpret)
     streams = bench.streams.copy()
-    expected = [AppendixB(lambda stream=stream: below(stream, rotation_max), **c_constants) for stream in streams]
+    expected = [AppendixB(lambda stream=stream: randint(stream, rotation_max), **c_constants) for stream in streams]
     for number, row in enumerate(distances):
         bench.senses.distance_mm[:] = row
         bench.control.step()

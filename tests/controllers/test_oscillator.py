@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller
-from epuck_sim.util.rng import robot_streams
+from epuck_sim.util.seeds import robot_streams
 from tests.control.bench import Bench, exactly, function, sensors, settings
 
 ONE_STREAM = robot_streams(np.random.SeedSequence(1), 1)[0]

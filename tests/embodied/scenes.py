@@ -8,17 +8,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from epuck_sim.arena import Arena, box_corners, clearance_cm, make_arena
-from epuck_sim.embodied.cell_list import Cells, make_cells, sort_into_cells
+from epuck_sim.arena import Arena, clearance_cm, make_arena
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.cell_list import CellList, make_cell_list, sort_into_cells
 from epuck_sim.embodied.infrared import sense_infrared
 from epuck_sim.embodied.line_camera import Camera, make_camera, see
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
+from epuck_sim.geometry import box_corners
 
 RADIUS_CM = 3.7
 EDGE_CM = 1e-9
@@ -27,9 +25,9 @@ EDGE_CM = 1e-9
 class Scene(NamedTuple):
     """Robots in an arena."""
 
-    poses: Floats
+    poses: FloatArray
     """(robots, 3) x cm, y cm, heading rad."""
-    lit: Bools
+    lit: BoolArray
     """(robots,) whose rings are on."""
     arena: Arena
 
@@ -45,7 +43,7 @@ class Lens(NamedTuple):
     def camera(self) -> Camera:
         return make_camera(self.pixels, math.radians(self.field_of_view_deg), self.central_pixels, self.range_cm)
 
-    def angles(self) -> Floats:
+    def angles(self) -> FloatArray:
         """Where the middles of the pixels look, left of straight ahead, from left to right."""
         return np.radians(self.field_of_view_deg * (0.5 - (np.arange(self.pixels) + 0.5) / self.pixels))
 
@@ -53,13 +51,13 @@ class Lens(NamedTuple):
 # --- the sensors under test, for everybody in a scene -----------------------------------------------
 
 
-def sorted_cells(scene: Scene) -> Cells:
-    cells = make_cells(scene.arena.width_cm, scene.arena.height_cm, len(scene.poses))
+def sorted_cells(scene: Scene) -> CellList:
+    cells = make_cell_list(scene.arena.width_cm, scene.arena.height_cm, len(scene.poses))
     sort_into_cells(scene.poses, cells)
     return cells
 
 
-def readings(scene: Scene, observer: int = 0) -> Floats:
+def readings(scene: Scene, observer: int = 0) -> FloatArray:
     """Return the noiseless infrared readings of the robots from `observer` on."""
     arena = scene.arena
     written = np.full((len(scene.poses) - observer, 8), np.nan)
@@ -68,7 +66,7 @@ def readings(scene: Scene, observer: int = 0) -> Floats:
     return written
 
 
-def rows(scene: Scene, lens: Lens, observer: int = 0) -> npt.NDArray[np.int64]:
+def rows(scene: Scene, lens: Lens, observer: int = 0) -> IntArray:
     """Return the rows of pixels of the robots from `observer` on."""
     arena = scene.arena
     written = np.full((len(scene.poses) - observer, lens.pixels), 77, np.int64)
@@ -119,7 +117,7 @@ def random_arena(width: float, height: float, obstacles: int, random: np.random.
     return make_arena(width, height, circles, polygons)
 
 
-def random_poses(arena: Arena, count: int, random: np.random.Generator) -> Floats:
+def random_poses(arena: Arena, count: int, random: np.random.Generator) -> FloatArray:
     """Return up to `count` poses, as many as find room in a few attempts each."""
     poses = np.empty((count, 3))
     placed = 0
@@ -134,7 +132,7 @@ def random_poses(arena: Arena, count: int, random: np.random.Generator) -> Float
     return poses[:placed]
 
 
-def _candidate(arena: Arena, placed: Floats, random: np.random.Generator) -> tuple[float, float, float]:
+def _candidate(arena: Arena, placed: FloatArray, random: np.random.Generator) -> tuple[float, float, float]:
     """Return a pose that may be free: anywhere, at one or two walls, touching an obstacle or another robot."""
     low, high = RADIUS_CM, np.array([arena.width_cm, arena.height_cm]) - RADIUS_CM
     x, y = random.uniform(low, high)
@@ -167,7 +165,7 @@ def lenses(draw: st.DrawFn) -> Lens:
 # --- rays, cast on everything -----------------------------------------------------------------------
 
 
-def _in_frame_of_rays(origins: Floats, directions: Floats, points: Floats) -> tuple[Floats, Floats]:
+def _in_frame_of_rays(origins: FloatArray, directions: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return how far ahead and how far left of each ray each point is, both (rays, points)."""
     offset = points[None] - origins[:, None]
     ahead = offset[..., 0] * directions[:, :1] + offset[..., 1] * directions[:, 1:]
@@ -175,7 +173,7 @@ def _in_frame_of_rays(origins: Floats, directions: Floats, points: Floats) -> tu
     return ahead, aside
 
 
-def cast_on_discs(origins: Floats, directions: Floats, discs: Floats) -> tuple[Floats, Bools]:
+def cast_on_discs(origins: FloatArray, directions: FloatArray, discs: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the (rays, discs) distances, inf where a ray misses, and whether it nearly does or nearly does not."""
     ahead, aside = _in_frame_of_rays(origins, directions, discs[:, :2])
     half_chord = np.sqrt(np.maximum(discs[:, 2] ** 2 - aside**2, 0))
@@ -185,7 +183,7 @@ def cast_on_discs(origins: Floats, directions: Floats, discs: Floats) -> tuple[F
     return np.where(meets, np.maximum(ahead - half_chord, 0), np.inf), grazes | looks_along
 
 
-def cast_on_segments(origins: Floats, directions: Floats, segments: Floats) -> tuple[Floats, Bools]:
+def cast_on_segments(origins: FloatArray, directions: FloatArray, segments: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return the (rays, segments) distances, inf where a ray misses, and whether it nearly does or nearly does not."""
     ahead_a, aside_a = _in_frame_of_rays(origins, directions, segments[:, :2])
     ahead_b, aside_b = _in_frame_of_rays(origins, directions, segments[:, 2:])
@@ -199,11 +197,11 @@ def cast_on_segments(origins: Floats, directions: Floats, segments: Floats) -> t
     return distance, by_an_end | (crosses & (np.abs(crossing) < EDGE_CM))
 
 
-def _bodies(scene: Scene) -> Floats:
+def _bodies(scene: Scene) -> FloatArray:
     return np.column_stack([scene.poses[:, :2], np.full(len(scene.poses), RADIUS_CM)])
 
 
-def _towards(angles: Floats) -> Floats:
+def _towards(angles: FloatArray) -> FloatArray:
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
@@ -224,13 +222,13 @@ SENSORS = np.array(
 """(8, 3) x cm, y cm, direction in degrees."""
 
 
-def slow_response(distance_cm: Floats) -> Floats:
+def slow_response(distance_cm: FloatArray) -> FloatArray:
     """F of the facts: level nearer than 0.3 cm, nothing beyond 12 cm."""
     x = np.clip(distance_cm, 0.3, 12)
     return np.where(distance_cm > 12, 0, 3731 * (0.7 - 0.3**2) / (x**2 - 2 * 0.3 * x + 0.7))
 
 
-def slow_readings(scene: Scene) -> tuple[Floats, Bools]:
+def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     """Return (robots, 8) readings, and for which of them a ray runs along an edge."""
     written, doubtful = np.empty((len(scene.poses), 8)), np.empty((len(scene.poses), 8), bool)
     bodies = _bodies(scene)
@@ -263,7 +261,7 @@ def slow_readings(scene: Scene) -> tuple[Floats, Bools]:
 # --- the camera's twin ------------------------------------------------------------------------------
 
 
-def slow_rows(scene: Scene, lens: Lens) -> tuple[Bools, Bools]:
+def slow_rows(scene: Scene, lens: Lens) -> tuple[BoolArray, BoolArray]:
     """Return (robots, pixels) whether red, and for which of them two answers lie within rounding."""
     written, doubtful = np.zeros((2, len(scene.poses), lens.pixels), bool)
     bodies = _bodies(scene)

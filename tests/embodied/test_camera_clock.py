@@ -8,10 +8,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.camera_clock import Shutter
+from epuck_sim.embodied.camera_clock import CameraClock
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.util.rng import robot_streams, uniform
+from epuck_sim.util.rng import uniform
+from epuck_sim.util.seeds import robot_streams
 
 
 @st.composite
@@ -24,7 +25,7 @@ def paces(draw):
 def filmed(interval, latency, steps, robots=1, seed=4):
     """Return (steps, robots) the step whose picture each controller has, -1 for none, and whether it is new."""
     camera, new = np.zeros((robots, 3), np.int64), np.ones(robots, bool)
-    shutter = Shutter(interval, latency, robot_streams(np.random.SeedSequence(seed), robots), camera, new)
+    shutter = CameraClock(interval, latency, robot_streams(np.random.SeedSequence(seed), robots), camera, new)
     shown, is_new = np.empty((steps, robots), np.int64), np.empty((steps, robots), bool)
     shutter.tick(-1)
     for step in range(steps):

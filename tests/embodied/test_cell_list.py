@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.cell_list import REACH_CM, make_cells, sort_into_cells
+from epuck_sim.embodied.cell_list import REACH_CM, make_cell_list, sort_into_cells
 from tests.embodied.scenes import Scene, scenes, sorted_cells
 
 sizes = st.floats(7.4, 1000)
@@ -31,7 +31,7 @@ def _cell(x, y, cells):
 @given(crowds())
 def test_every_robot_is_in_the_cell_that_its_pose_says_by_number(crowd):
     width, height, poses = crowd
-    cells = make_cells(width, height, len(poses))
+    cells = make_cell_list(width, height, len(poses))
     sort_into_cells(np.array(poses), cells)
     twin = [[] for _ in range(cells.columns * cells.rows)]
     for robot, (x, y, _) in enumerate(poses):
@@ -43,7 +43,7 @@ def test_every_robot_is_in_the_cell_that_its_pose_says_by_number(crowd):
 @given(crowds())
 def test_nothing_is_left_of_an_earlier_sorting(crowd):
     width, height, poses = crowd
-    used, fresh = make_cells(width, height, len(poses)), make_cells(width, height, len(poses))
+    used, fresh = make_cell_list(width, height, len(poses)), make_cell_list(width, height, len(poses))
     sort_into_cells(np.array([(height - y, width - x, 0.0) for x, y, _ in poses]), used)
     sort_into_cells(np.array(poses), used)
     sort_into_cells(np.array(poses), fresh)
@@ -53,7 +53,7 @@ def test_nothing_is_left_of_an_earlier_sorting(crowd):
 
 @given(sizes, sizes, st.integers(1, 500))
 def test_cells_share_the_floor_and_are_no_narrower_than_infrared_reaches(width, height, robots):
-    cells = make_cells(width, height, robots)
+    cells = make_cell_list(width, height, robots)
     assert cells.columns * cells.width_cm == pytest.approx(width)
     assert cells.rows * cells.height_cm == pytest.approx(height)
     assert cells.columns == 1 or cells.width_cm >= REACH_CM - 1e-9
@@ -61,7 +61,7 @@ def test_cells_share_the_floor_and_are_no_narrower_than_infrared_reaches(width, 
 
 
 def test_a_large_arena_has_about_one_cell_a_robot():
-    cells = make_cells(700.0, 700.0, 1000)
+    cells = make_cell_list(700.0, 700.0, 1000)
     assert cells.columns * cells.rows == pytest.approx(1000, rel=0.1)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
 from epuck_sim.control.interface import ACTUATORS
-from epuck_sim.embodied.differential_drive import act, chord_velocities
+from epuck_sim.embodied.differential_drive import apply_commands, chord_velocities
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.simulation import Simulation
 
@@ -70,7 +70,7 @@ def test_wheels_never_turn_faster_than_their_limit(commands):
     actuators["left_cm_s"], actuators["right_cm_s"] = np.transpose(commands)
     poses, driven, velocities = np.zeros((robots, 3)), np.full((robots, 2), np.nan), np.zeros((robots, 3))
     gain, noise = np.ones((robots, 2)), np.zeros((robots, 2))
-    unfit = act(actuators, driven, np.zeros(robots, bool), poses, gain, noise, 0.0, 0.1, velocities)
+    unfit = apply_commands(actuators, driven, np.zeros(robots, bool), poses, gain, noise, 0.0, 0.1, velocities)
     assert unfit == -1
     np.testing.assert_array_equal(driven, np.clip(commands, -LIMIT_CM_S, LIMIT_CM_S))
     ends = [arc((0, 0, 0), left, right, 0.1) for left, right in driven]
@@ -82,7 +82,7 @@ def test_a_wheel_speed_that_is_no_number_is_told_with_its_robot(wheel):
     actuators = np.zeros(4, ACTUATORS)
     actuators[wheel][2:] = np.nan
     arrays = np.zeros((4, 2)), np.zeros(4, bool), np.zeros((4, 3)), np.ones((4, 2)), np.zeros((4, 2))
-    assert act(actuators, *arrays, 0.0, 0.1, np.zeros((4, 3))) == 2
+    assert apply_commands(actuators, *arrays, 0.0, 0.1, np.zeros((4, 3))) == 2
 
 
 @given(start=starts, command=wheels, gains=st.tuples(st.floats(0, 2), st.floats(0, 2)))
@@ -90,7 +90,7 @@ def test_a_wheel_with_a_gain_turns_that_much_faster_and_its_command_is_told_as_g
     actuators, driven, velocities = np.zeros(1, ACTUATORS), np.empty((1, 2)), np.empty((1, 3))
     actuators["left_cm_s"], actuators["right_cm_s"] = command
     poses, noise = np.array([start]), np.zeros((1, 2))
-    act(actuators, driven, np.zeros(1, bool), poses, np.array([gains]), noise, 0.0, 0.1, velocities)
+    apply_commands(actuators, driven, np.zeros(1, bool), poses, np.array([gains]), noise, 0.0, 0.1, velocities)
     np.testing.assert_array_equal(driven, [command])
     expected = arc(start, command[0] * gains[0], command[1] * gains[1], 0.1)
     np.testing.assert_allclose(poses + velocities * 0.1, [expected], rtol=0, atol=1e-9)

@@ -9,8 +9,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
-from epuck_sim.arena import box_corners, make_arena
+from epuck_sim.arena import make_arena
 from epuck_sim.embodied.infrared import firmware_table_mm, inverse_response_mm, response, to_distances
+from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import RADIUS_CM, SENSORS, Scene, empty_arena, readings, scenes, slow_readings
 
 NOTHING_MM = 65535

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from epuck_sim.arena import box_corners, make_arena
-from epuck_sim.embodied.cell_list import make_cells, sort_into_cells
+from epuck_sim.arena import make_arena
+from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
 from epuck_sim.embodied.infrared import to_distances
 from epuck_sim.embodied.line_camera import see
 from epuck_sim.embodied.sensing import gather, sense
+from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import (
     RADIUS_CM,
     Lens,
@@ -134,7 +135,7 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
     for _ in range(quarter):
         places = np.column_stack([200 - places[:, 1], places[:, 0]])
     poses = np.column_stack([places, np.full(3, math.radians(60 + 90 * quarter))])
-    cells = make_cells(200, 200, 100)  # 20 cm wide
+    cells = make_cell_list(200, 200, 100)  # 20 cm wide
     sort_into_cells(poses, cells)
     nothing, row = empty_arena(), np.zeros((1, 1), np.int64)
     for near_is_lit in (False, True):

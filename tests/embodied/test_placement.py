@@ -10,7 +10,7 @@ from epuck_sim.embodied.placement import place_robots
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.util.builtin import ARENAS, SWEEPS, shipped_files
+from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 
 RADIUS_CM = 3.7
 OBSTACLES = [
@@ -86,7 +86,7 @@ def test_the_seed_alone_decides_where_robots_start(kind):
     assert not np.array_equal(placed(group, seed=4), placed(group, seed=5))
 
 
-SHIPPED = {name: load_scenario(name) for name in [*shipped_files(ARENAS), *shipped_files(SWEEPS)]}
+SHIPPED = {name: load_scenario(name) for name in [*builtin_files(ARENAS), *builtin_files(SWEEPS)]}
 
 
 @pytest.mark.parametrize("arena", [name for name in SHIPPED if isinstance(SHIPPED[name], EmbodiedScenario)])

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from epuck_sim.arena import box_corners
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.geometry import box_corners
 
 RADIUS_CM = 3.7
 FULL_CM_S = 12.8

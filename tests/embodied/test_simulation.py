@@ -17,9 +17,9 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.util.builtin import ARENAS, shipped_files
+from epuck_sim.util.builtin import ARENAS, builtin_files
 
-SHIPPED = [name for name in shipped_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
+SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "physical", "thesis")
 
 

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.variation import Clocks, Snags, draw_traits
+from epuck_sim.embodied.variation import RobotClocks, Stoppages, draw_variation
 from epuck_sim.scenario.embodied import SpreadSection, StuckSection
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.trial.embodied import run_trial
-from epuck_sim.util.rng import robot_streams
+from epuck_sim.util.seeds import robot_streams
 
 SPREADS = {"wheel_speed": 0.03, "wheel_imbalance": 0.02, "clock_rate": 0.002, "infrared_gain": 0.2}
 
@@ -33,7 +33,7 @@ def streams_of(robots, seed=4):
 
 
 def traits_of(spread, robots=1000, seed=4):
-    return draw_traits(SpreadSection(**spread), streams_of(robots, seed))
+    return draw_variation(SpreadSection(**spread), streams_of(robots, seed))
 
 
 def assert_uniform(values, low, high):
@@ -109,7 +109,7 @@ def test_factors_are_uniform_around_one_and_drawn_for_each_robot_wheel_and_senso
 
 @given(spreads, st.integers(1, 30), st.integers(0, 30))
 def test_further_robots_leave_the_others_as_they_are(spread, robots, more):
-    few, many = (draw_traits(spread, streams_of(number)) for number in (robots, robots + more))
+    few, many = (draw_variation(spread, streams_of(number)) for number in (robots, robots + more))
     for one, other in zip(few, many, strict=True):
         np.testing.assert_array_equal(one, other[:robots])
 
@@ -155,7 +155,7 @@ def test_each_sensor_s_gain_multiplies_its_reading():
 @given(st.lists(st.floats(0.9, 1.1), min_size=1, max_size=5), st.sampled_from([1, 25, 100]))
 def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
     passed = np.zeros(len(rates), np.int64)
-    clocks = Clocks(np.array(rates), step_ms, passed)
+    clocks = RobotClocks(np.array(rates), step_ms, passed)
     total = np.zeros(len(rates), np.int64)
     for step in range(1000):
         clocks.tick(step)
@@ -166,7 +166,7 @@ def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
 
 def test_a_clock_that_is_right_always_counts_the_control_step():
     passed = np.zeros(1, np.int64)
-    clocks = Clocks(np.ones(1), 25, passed)
+    clocks = RobotClocks(np.ones(1), 25, passed)
     for step in (0, 1, 7, 10**6, 10**12):
         clocks.tick(step)
         assert passed == 25
@@ -191,7 +191,7 @@ def test_phases_run_by_the_robots_own_clocks():
 def stuck_over(per_hour, mean_s, steps, robots=1, step_s=0.1):
     """Return (steps, robots) whether stuck."""
     gain = np.full((robots, 2), 0.75)
-    snags = Snags(StuckSection(per_hour=per_hour, mean_s=mean_s), step_s, streams_of(robots), gain)
+    snags = Stoppages(StuckSection(per_hour=per_hour, mean_s=mean_s), step_s, streams_of(robots), gain)
     found = np.empty((steps, robots), bool)
     for step in range(steps):
         snags.tick(step)

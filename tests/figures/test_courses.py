@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.courses import MOST_MOMENTS, Courses, choose_moments, draw_courses, read_courses, save_courses
-from epuck_sim.particles.twin import follow
+from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import points
 from tests.runs.made_folders import SPEED as WHEELS
@@ -79,7 +79,7 @@ def test_a_course_is_the_mean_of_all_agents_and_of_all_trials_with_the_seeds_the
         assert read.is_displaced
         cycle = np.arange(0.5, 12)
         assert read.cycle.tolist() == cycle.tolist()
-        courses = [follow(point.scenario, point.seed(trial), cycle) for trial in range(3)]
+        courses = [simulate_with_twin(point.scenario, point.seed(trial), cycle) for trial in range(3)]
         np.testing.assert_allclose(read.order_parameter, sum(each.order_parameter for each in courses) / 3, rtol=1e-14)
         deviation = sum(each.deviation.sum(axis=1) for each in courses) / 15
         np.testing.assert_allclose(read.deviation, deviation, rtol=1e-12)
@@ -90,7 +90,7 @@ def test_a_course_is_of_so_many_trials_as_have_a_result_and_there_is_none_withou
     some = {3: 1, 30: 0}
     (read,) = read_courses(in_memory(SCENARIO, lambda point: ended([12] * some[point.axes[SPEED]])))
     point = points(SCENARIO)[0]
-    course = follow(point.scenario, point.seed(0), read.cycle)
+    course = simulate_with_twin(point.scenario, point.seed(0), read.cycle)
     assert read.axes == {SPEED: 3}
     np.testing.assert_array_equal(read.order_parameter, course.order_parameter)
 
@@ -99,7 +99,7 @@ def test_a_course_is_of_the_trials_that_have_a_result_also_where_one_before_has_
     point = points(SCENARIO)[0]
     trials = in_memory(SCENARIO, lambda _: ended([12, 12]))[0]._replace(seeds=(point.seed(0), point.seed(2)))
     (read,) = read_courses([trials])
-    courses = [follow(point.scenario, point.seed(trial), read.cycle) for trial in (0, 2)]
+    courses = [simulate_with_twin(point.scenario, point.seed(trial), read.cycle) for trial in (0, 2)]
     expected = np.mean([course.order_parameter for course in courses], axis=0)
     np.testing.assert_allclose(read.order_parameter, expected, rtol=1e-14)
 
@@ -109,7 +109,7 @@ def test_moments_are_periods_whatever_their_length() -> None:
     (read,) = read_courses(in_memory(slow, never))
     (point,) = points(slow)
     assert read.cycle.tolist() == np.arange(0.5, 12).tolist()
-    course = follow(point.scenario, point.seed(0), 4 * read.cycle)
+    course = simulate_with_twin(point.scenario, point.seed(0), 4 * read.cycle)
     first = read_courses(in_memory(slow, lambda _: ended([12])))[0]
     np.testing.assert_array_equal(first.deviation, course.deviation.mean(axis=1))
 

@@ -18,9 +18,9 @@ from matplotlib.lines import Line2D
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.curves import BUMP_COLUMNS, draw, save_figure
-from epuck_sim.figures.labels import axis_label, key_name, values_told
+from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.extrema import Bump, find_bump
+from epuck_sim.statistics.extrema import SpeedExtrema, find_minimum_and_peak
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -70,7 +70,7 @@ MOVED = curve_of(
 )
 FALLING = curve_of([falling_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.4}, seed=2)
 CURVES = [BUMPY, MOVED, FALLING]
-BUMPS = [find_bump(curve.x, curve.means, curve.resampled) for curve in CURVES]
+BUMPS = [find_minimum_and_peak(curve.x, curve.means, curve.resampled) for curve in CURVES]
 FOUND = [True, True, False]
 
 
@@ -296,7 +296,7 @@ def test_title_and_axes_are_told_in_the_thesis_s_symbols() -> None:
     assert axes_of([curve_of([3, 2])], axis=COUPLING).get_xlabel() == "ε"
     assert axes_of([curve_of([3, 2])], axis="stop.order_parameter").get_xlabel() == "stop.order_parameter"
     assert [key_name(key) for key in (WIDTH, COUNT, PERIOD, PIXELS)] == ["L", "N", "τ", "pixels"]
-    assert values_told({PERIOD: 5, COUPLING: 0.1, "noise": "off"}) == "τ = 5 s, ε = 0.1, noise = off"
+    assert format_axis_values({PERIOD: 5, COUPLING: 0.1, "noise": "off"}) == "τ = 5 s, ε = 0.1, noise = off"
 
 
 def test_the_keys_of_particles_have_the_thesis_s_symbols() -> None:
@@ -311,7 +311,7 @@ def test_the_keys_of_particles_have_the_thesis_s_symbols() -> None:
         "clocks.jitter": 0.01,
     }
     told = "L = 100 cm, dimensions = 2, N = 20, R = 25 cm, θ = 60°, K = 1, D = 0.1, \N{GREEK SMALL LETTER SIGMA} = 0.01"
-    assert values_told(values) == told
+    assert format_axis_values(values) == told
     assert axis_label("neighbourhood.angle_deg") == "θ [°]"
     draw(
         "all", PERIOD, [curve_of([3, 2], axes=values), curve_of([3, 2], axes=dict.fromkeys(values, 7))], [None] * 2
@@ -475,7 +475,7 @@ def test_a_stem_without_a_name_is_refused(monkeypatch, tmp_path, stem: str) -> N
 
 
 def test_a_bump_that_may_be_noise_is_not_marked() -> None:
-    unsure = Bump(*BUMPS[0][:6], 0.2, BUMPS[0].resampled)
+    unsure = SpeedExtrema(*BUMPS[0][:6], 0.2, BUMPS[0].resampled)
     undone = BUMPS[0]._replace(resampled=np.full((200, 4), math.nan))
     axes = axes_of([BUMPY, MOVED], bumps=[unsure, undone])
     assert marked(axes, "v") == marked(axes, "^") == []

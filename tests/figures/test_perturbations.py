@@ -18,7 +18,7 @@ from epuck_sim.figures.perturbations import (
     read_perturbations,
     save_perturbations,
 )
-from epuck_sim.particles.twin import follow
+from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.points import points
 from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, rows, six_digits, sweep
@@ -58,7 +58,7 @@ def test_what_is_read_is_trial_0_of_each_point_with_the_seed_it_has_in_the_sweep
     for read, point in zip(READ, points(SCENARIO), strict=True):
         assert read.axes == point.axes
         assert read.cycle.tolist() == np.arange(0.5, 12).tolist()
-        course = follow(point.scenario, point.seed(0), read.cycle)
+        course = simulate_with_twin(point.scenario, point.seed(0), read.cycle)
         np.testing.assert_array_equal(read.deviation, course.deviation)
         assert read.deviation.shape == (12, 5)
         assert (read.deviation > 0).any()
@@ -70,7 +70,9 @@ def test_of_a_point_without_its_trial_0_the_first_is_read_that_has_a_result_and_
     point = points(SCENARIO)[0]
     (read,) = read_perturbations([found[0]._replace(seeds=(point.seed(1),)), *found[1:]])
     assert read.axes == {SPEED: 3}
-    np.testing.assert_array_equal(read.deviation, follow(point.scenario, point.seed(1), read.cycle).deviation)
+    np.testing.assert_array_equal(
+        read.deviation, simulate_with_twin(point.scenario, point.seed(1), read.cycle).deviation
+    )
 
 
 def test_moments_are_the_middles_of_periods_whatever_their_length() -> None:
@@ -78,7 +80,9 @@ def test_moments_are_the_middles_of_periods_whatever_their_length() -> None:
     (read,) = read_perturbations(in_memory(slow, never))
     (point,) = points(slow)
     assert read.cycle.tolist() == np.arange(0.5, 12).tolist()
-    np.testing.assert_array_equal(read.deviation, follow(point.scenario, point.seed(0), 4 * read.cycle).deviation)
+    np.testing.assert_array_equal(
+        read.deviation, simulate_with_twin(point.scenario, point.seed(0), 4 * read.cycle).deviation
+    )
 
 
 def test_of_a_long_trial_the_beginning_is_shown(monkeypatch) -> None:

@@ -8,7 +8,6 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from matplotlib import image
 from matplotlib.axes import Axes
@@ -19,6 +18,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from epuck_sim import epuck
+from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError, RecordingError
 from epuck_sim.figures.trial_page import MANY, RED, draw_page, save_page
@@ -77,7 +77,7 @@ def lines(axes: Axes, colour: str | None = None) -> list[Line2D]:
     return [line for line, own in chosen if (own == colour if colour else own != "#ffffff")]
 
 
-def points(line: Line2D) -> npt.NDArray[np.float64]:
+def points(line: Line2D) -> FloatArray:
     return np.column_stack([line.get_xdata(), line.get_ydata()])
 
 

@@ -3,14 +3,12 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.overhead.truth import WITHIN_CM, Score, compare
-
-Floats = npt.NDArray[np.float64]
 
 NONE = np.empty((0, 2))
 TWO = np.array([[10.0, 10.0], [20.0, 10.0]])
@@ -38,7 +36,7 @@ def test_all_found() -> None:
         (TWO[:1], TWO[[0, 0]], NONE, Score(found=2)),
     ],
 )
-def test_score_counted_by_hand(reported: Floats, lit: Floats, flickering: Floats, score: Score) -> None:
+def test_score_counted_by_hand(reported: FloatArray, lit: FloatArray, flickering: FloatArray, score: Score) -> None:
     assert compare(reported, lit, flickering) == score
 
 
@@ -63,8 +61,8 @@ def test_nothing_to_find_is_no_division_by_zero() -> None:
     extra=st.integers(0, 2),
 )
 def test_each_ring_counts_once(cells: list[int], fates: list[tuple[str, bool, float, float]], extra: int) -> None:
-    kinds: dict[str, list[Floats]] = {"l": [], "f": [], "n": []}
-    reported: list[Floats] = [np.array([100.0 + k, 0.0]) for k in range(extra)]
+    kinds: dict[str, list[FloatArray]] = {"l": [], "f": [], "n": []}
+    reported: list[FloatArray] = [np.array([100.0 + k, 0.0]) for k in range(extra)]
     found = missed = 0
     false, squares = extra, 0.0
     for cell, (kind, is_reported, off_cm, angle) in zip(cells, fates, strict=False):

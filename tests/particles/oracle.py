@@ -8,7 +8,7 @@ from the swarm that it is compared with: the state at the beginning, and each ag
 import math
 from typing import NamedTuple
 
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.util.rng import uniform
 
 ONE_INSTANT = 1e-12
@@ -30,7 +30,7 @@ class Occasion(NamedTuple):
 class Oracle:
     """A twin of a swarm that has not begun yet."""
 
-    def __init__(self, swarm: Swarm) -> None:
+    def __init__(self, swarm: ParticleSimulation) -> None:
         self.scenario = swarm.scenario
         flights, clocks = swarm._flights, swarm._clocks
         agents = range(self.scenario.agents.count)

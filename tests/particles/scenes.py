@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from hypothesis import strategies as st
 
+from epuck_sim.arrays import IntArray
 from epuck_sim.particles.motion import plan_all
-from epuck_sim.particles.simulation import Event, Swarm
+from epuck_sim.particles.simulation import Event, ParticleSimulation
 from tests.particles.oracle import Oracle
 
 UNSURE = 1e-11
@@ -23,11 +23,11 @@ def scenario(**sections: Any) -> dict[str, Any]:
     return {"model": "particles", "name": "test", "stop": stop, **sections}
 
 
-def swarm_of(seed: int = 0, **sections: Any) -> Swarm:
-    return Swarm(scenario(**sections), seed)
+def swarm_of(seed: int = 0, **sections: Any) -> ParticleSimulation:
+    return ParticleSimulation(scenario(**sections), seed)
 
 
-def set_phases(swarm: Swarm, phases: Sequence[float]) -> None:
+def set_phases(swarm: ParticleSimulation, phases: Sequence[float]) -> None:
     """Set the oscillators of a fresh swarm."""
     clocks = swarm._clocks
     clocks.due[:] = (1 - np.array(phases, float)) * clocks.period
@@ -35,7 +35,7 @@ def set_phases(swarm: Swarm, phases: Sequence[float]) -> None:
 
 
 def set_flights(
-    swarm: Swarm, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
+    swarm: ParticleSimulation, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
 ) -> None:
     """Set the agents of a fresh swarm, (agents, dimensions) both; unit vectors from headings of any length."""
     flights = swarm._flights
@@ -51,7 +51,7 @@ def hand_made(
     positions: Sequence[Sequence[float]] | None = None,
     headings: Sequence[Sequence[float]] | None = None,
     **sections: Any,
-) -> Swarm:
+) -> ParticleSimulation:
     """Return agents that stand still, everybody's neighbours unless `neighbourhood` says otherwise."""
     dimensions = len(positions[0]) if positions else 2
     swarm = swarm_of(
@@ -68,18 +68,18 @@ def hand_made(
     return swarm
 
 
-def next_firing(swarm: Swarm) -> Event:
+def next_firing(swarm: ParticleSimulation) -> Event:
     """Go on to the next instant at which somebody fires."""
     return next(event for event in swarm if event.turned is None)
 
 
-def who(agents: npt.NDArray[np.int64]) -> set[int]:
+def who(agents: IntArray) -> set[int]:
     """Return agents of an event as a set; nobody is named twice."""
     assert len(set(agents.tolist())) == len(agents)
     return set(agents.tolist())
 
 
-def agree(swarm: Swarm, twin: Oracle, cycles: float, tolerance: float = 1e-7) -> int:
+def agree(swarm: ParticleSimulation, twin: Oracle, cycles: float, tolerance: float = 1e-7) -> int:
     """Compare a swarm with its twin, event by event, for so long; return how many firings were compared.
 
     It ends early where a decision was so close that rounding makes it, and once rounding has grown to a hundredth of

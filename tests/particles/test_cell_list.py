@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from epuck_sim.particles.cell_list import look_around, make_lattice
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.cell_list import look_around, make_cell_list
+from epuck_sim.particles.simulation import ParticleSimulation
 
 NEIGHBOURHOODS = {
     "nearest 1": {"kind": "nearest", "k": 1},
@@ -15,8 +15,8 @@ NEIGHBOURHOODS = {
 }
 
 
-def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **keys) -> Swarm:
-    return Swarm(
+def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **keys) -> ParticleSimulation:
+    return ParticleSimulation(
         {
             "model": "particles",
             "space": {"dimensions": dimensions, "boundary": boundary, "side_cm": 100},
@@ -27,7 +27,7 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
     )
 
 
-def without_cells(swarm: Swarm) -> Swarm:
+def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
     flights, hood, *rest = swarm._state
     assert hood.has_lattice
     swarm._state = (flights, hood._replace(has_lattice=False), *rest)
@@ -62,7 +62,7 @@ def test_so_are_those_in_a_segment_and_a_cube(dimensions: int) -> None:
 def test_nobody_within_reach_is_missed_and_nobody_found_twice(boundary, dimensions, cell_cm) -> None:
     swarm = swarm_of(20, dimensions, boundary, neighbourhood={"kind": "all"})
     flights = swarm._flights
-    lattice = make_lattice(dimensions, 100, 450, cell_cm, float(flights.speed.max()))
+    lattice = make_cell_list(dimensions, 100, 450, cell_cm, float(flights.speed.max()))
     found = np.zeros(450, np.int64)
     for time in (0.0, 0.01, 0.05, 0.4, 0.9):
         for agent in (0, 17, 449):

@@ -7,16 +7,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.oscillators import BLOCK, ONE_INSTANT, find_due, next_due, phase_at, set_due, start_clocks
+from epuck_sim.particles.oscillators import (
+    BLOCK,
+    ONE_INSTANT,
+    earliest_firing,
+    firing_now,
+    phase_at,
+    set_next_firing,
+    start_oscillators,
+)
 from tests.particles.scenes import off_round, swarm_of, who
 
 phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK)
 
 
 def test_oscillators_fire_when_their_phase_reaches_1():
-    clocks = start_clocks(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
+    clocks = start_oscillators(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
     assert clocks.due.tolist() == [0.75, 0.25, 1.0]
-    slower = start_clocks(np.array([0.25]), np.array([1.5]))
+    slower = start_oscillators(np.array([0.25]), np.array([1.5]))
     assert slower.due[0] == 0.75 * 1.5
     assert phase_at(slower, 0, 0.0) == pytest.approx(0.25)
     assert phase_at(slower, 0, slower.due[0]) == 1
@@ -25,24 +33,24 @@ def test_oscillators_fire_when_their_phase_reaches_1():
 @given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
 def test_the_earliest_is_the_earliest_of_all_after_any_changes(given_phases, changes):
     agents = len(given_phases)
-    clocks = start_clocks(np.array(given_phases), np.ones(agents))
+    clocks = start_oscillators(np.array(given_phases), np.ones(agents))
     found = np.zeros(agents + 1, np.int64)
     for number, time in changes:
-        set_due(clocks, number % agents, time)
-        earliest = next_due(clocks)
+        set_next_firing(clocks, number % agents, time)
+        earliest = earliest_firing(clocks)
         assert earliest == clocks.due.min()
-        count = find_due(clocks, earliest, found)
+        count = firing_now(clocks, earliest, found)
         assert found[:count].tolist() == np.flatnonzero(clocks.due <= earliest + ONE_INSTANT).tolist()
-    assert next_due(clocks) == clocks.due.min()
+    assert earliest_firing(clocks) == clocks.due.min()
 
 
 @given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
 def test_the_earliest_is_found_after_many_changes_at_once(given_phases, changes):
     agents = len(given_phases)
-    clocks = start_clocks(np.array(given_phases), np.ones(agents))
+    clocks = start_oscillators(np.array(given_phases), np.ones(agents))
     for number, time in changes:
-        set_due(clocks, number % agents, time)
-    assert next_due(clocks) == clocks.due.min()
+        set_next_firing(clocks, number % agents, time)
+    assert earliest_firing(clocks) == clocks.due.min()
 
 
 # --- no drift ---------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 from tests.particles.scenes import KINDS, any_sections, swarm_of
 
 UNLIKELY = 1e-4
@@ -62,14 +62,18 @@ def test_another_process_gives_the_same_bits(capsys):
 
 def test_the_seed_is_the_scenarios_unless_one_is_given():
     given = {"model": "particles", "seed": 5}
-    assert digest(Swarm(given)) == digest(Swarm(given, 5)) == digest(Swarm({"model": "particles"}, 5))
-    assert Swarm(given, 6).seed == 6
-    assert digest(Swarm(given, 6)) != digest(Swarm(given))
+    assert (
+        digest(ParticleSimulation(given))
+        == digest(ParticleSimulation(given, 5))
+        == digest(ParticleSimulation({"model": "particles"}, 5))
+    )
+    assert ParticleSimulation(given, 6).seed == 6
+    assert digest(ParticleSimulation(given, 6)) != digest(ParticleSimulation(given))
 
 
 def test_a_swarm_may_be_given_by_its_scenario():
     swarm = swarm_of(3)
-    assert digest(Swarm(swarm.scenario, 3)) == digest(swarm)
+    assert digest(ParticleSimulation(swarm.scenario, 3)) == digest(swarm)
 
 
 # --- motion is the oscillators' own business no more than theirs is its ------------------------------

@@ -20,9 +20,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.particles.phase_response import Response, order_change
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.particles import run_swarm
-from epuck_sim.util.rng import trial_seed
+from epuck_sim.util.seeds import trial_seed
 from tests.particles.scenes import hand_made, scenario, swarm_of, who
 
 inner = st.floats(0.001, 0.999)
@@ -124,7 +124,7 @@ def test_what_order_change_says_of_two_is_what_happens_to_two(curve, coupling):
 
 def times(trials, **sections):
     given = scenario(stop={"order_parameter": 1 - 1e-6, "max_cycles": 20_000}, **sections)
-    results = [run_swarm(Swarm(given, trial_seed(0, trial))) for trial in range(trials)]
+    results = [run_swarm(ParticleSimulation(given, trial_seed(0, trial))) for trial in range(trials)]
     assert not any(result.censored for result in results)
     return np.array([result.t_sync_cycles for result in results])
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 
 CENSORED_AT = 30_000
 
@@ -21,7 +21,7 @@ def times(speed: float, trials: int = 20, count: int = 20, limit: int = CENSORED
     agents = {"count": count, "speed_cm_s": speed, **sections.pop("agents", {})}
     found = []
     for seed in range(trials):
-        swarm = Swarm({"model": "particles", "agents": agents, **sections}, seed)
+        swarm = ParticleSimulation({"model": "particles", "agents": agents, **sections}, seed)
         swarm.run(limit)
         found.append(swarm.cycles)
     return np.array(found)
@@ -121,7 +121,7 @@ def test_jitter_is_catastrophic_at_intermediate_speed_and_harmless_at_high_speed
         found = []
         for seed in range(10):
             keys = {"clocks": {"jitter": 5e-5}, "start": {"phases": "synchronised"}}
-            swarm = Swarm(
+            swarm = ParticleSimulation(
                 {"model": "particles", "agents": {"speed_cm_s": speed}, "stop": {"order_parameter": None}, **keys}, seed
             )
             for time in range(200, 400, 20):

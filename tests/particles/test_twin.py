@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.particles import twin
-from epuck_sim.particles.simulation import Swarm
-from epuck_sim.particles.twin import follow
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.loader import load_scenario
 from tests.particles.scenes import KINDS, any_sections, scenario, swarm_of
 
@@ -22,7 +22,7 @@ def displaced(by):
 
 
 def followed(seed=0, times=MIDDLES, **sections):
-    return follow(load_scenario(scenario(**sections)), seed, times)
+    return simulate_with_twin(load_scenario(scenario(**sections)), seed, times)
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def pairs(monkeypatch):
     """Return a list that will hold the swarms that are followed: the one that is disturbed, and its twin."""
     made = []
 
-    class Kept(Swarm):
+    class Kept(ParticleSimulation):
         def __init__(self, *given):
             super().__init__(*given)
             made.append(self)

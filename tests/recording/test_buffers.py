@@ -11,13 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
+from epuck_sim.order_parameter import METRICS
 from epuck_sim.recording.buffers.robots import Columns, Window
 from epuck_sim.recording.level import Level
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.synchrony import METRICS, SynchronyWatch
+from epuck_sim.trial.synchrony import SynchronyWatch
 
 STEPS = 300
 COPIED = ("ring_on", "phase_ms", "poses", "camera", "distance_mm", "wheels_cm_s")
@@ -92,7 +94,7 @@ def joined(parts: list[Columns]) -> Columns:
     return Columns(*map(np.concatenate, zip(*shifted, strict=True)))
 
 
-def slow_flashes(rings: npt.NDArray[np.bool_], phases: npt.NDArray[np.float64]) -> list[list[int]]:
+def slow_flashes(rings: BoolArray, phases: FloatArray) -> list[list[int]]:
     """Return step, robot, number of each time when a robot's ring lights up, or is lit already and its phase falls."""
     flashes = []
     for robot in range(rings.shape[1]):
@@ -236,7 +238,7 @@ def made_up(robots: int) -> Scenario:
 
 
 @st.composite
-def stories(draw: st.DrawFn) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]]:
+def stories(draw: st.DrawFn) -> tuple[BoolArray, FloatArray]:
     """Rings and phases of some robots, step by step; those of robots that are no oscillators are NaN."""
     steps, robots = draw(st.integers(1, 40)), draw(st.integers(1, 4))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -246,9 +248,7 @@ def stories(draw: st.DrawFn) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.floa
 
 
 @given(stories(), st.integers(1, 50))
-def test_flashes_and_firings_of_made_up_steps(
-    story: tuple[npt.NDArray[np.bool_], npt.NDArray[np.float64]], size: int
-) -> None:
+def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray], size: int) -> None:
     rings, phases = story
     scenario = made_up(rings.shape[1])
     periods = np.where(np.isnan(phases[0]), np.nan, 5000.0)

@@ -4,28 +4,26 @@ import math
 from collections import Counter
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.arena import Arena, box_corners, clearance_cm, make_arena
-from epuck_sim.embodied.cell_list import make_cells
+from epuck_sim.arena import Arena, clearance_cm, make_arena
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.cell_list import make_cell_list
 from epuck_sim.embodied.rigid_bodies import MARGIN_CM
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.geometry import box_corners
 from epuck_sim.recording.relations.contacts import find_contacts
 from tests.embodied.scenes import RADIUS_CM, Scene, scenes
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 GAP_CM = 2 * MARGIN_CM
 EDGE_CM = 1e-9
 
 
-def contacts(poses: Floats, arena: Arena) -> Floats:
+def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
     """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
-    steps, points = find_contacts(poses, arena, make_cells(arena.width_cm, arena.height_cm, poses.shape[1]))
+    steps, points = find_contacts(poses, arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1]))
     assert steps.tolist() == sorted(steps)
     assert points.shape == (len(steps), 2)
     return np.column_stack([steps, points])
@@ -40,7 +38,7 @@ def touching(places: list[tuple[float, float]], obstacles=((), ()), width: float
 # --- a slow twin ------------------------------------------------------------------------------------
 
 
-def slow_contacts(poses: Floats, arena: Arena) -> tuple[Floats, Bools]:
+def slow_contacts(poses: FloatArray, arena: Arena) -> tuple[FloatArray, BoolArray]:
     """Return (n, 3) step, x, y of everything that touches or nearly does, and which of them are doubtful."""
     found = []
     for step, places in enumerate(poses[..., :2]):
@@ -59,7 +57,7 @@ def slow_contacts(poses: Floats, arena: Arena) -> tuple[Floats, Bools]:
     return points[close], gaps[close, 0] > GAP_CM - EDGE_CM
 
 
-def nearest_on_outline(corners: Floats, place: Floats) -> tuple[float, float]:
+def nearest_on_outline(corners: FloatArray, place: FloatArray) -> tuple[float, float]:
     """Return the point of a convex polygon's outline that is nearest to a place outside it."""
     feet = list(corners)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -70,7 +68,7 @@ def nearest_on_outline(corners: Floats, place: Floats) -> tuple[float, float]:
     return x, y
 
 
-def beside(corners: Floats, random: np.random.Generator) -> Floats:
+def beside(corners: FloatArray, random: np.random.Generator) -> FloatArray:
     """Return a place where a robot stands close to a corner or an edge of a convex polygon."""
     corner = random.integers(len(corners))
     before, here, after = corners[[corner - 1, corner, (corner + 1) % len(corners)]]
@@ -81,13 +79,13 @@ def beside(corners: Floats, random: np.random.Generator) -> Floats:
     return here + share * (after - here) + apart * outward / np.hypot(*outward)
 
 
-def number_at(places: Floats, points: Floats) -> npt.NDArray[np.int64]:
+def number_at(places: FloatArray, points: FloatArray) -> IntArray:
     """Return how many of the points lie at each place: robots at a box's corner may share one."""
     return (np.abs(places[:, None] - points[None]) < 1e-9).all(axis=2).sum(axis=1)
 
 
 @st.composite
-def crowds(draw: st.DrawFn) -> tuple[Floats, Arena]:
+def crowds(draw: st.DrawFn) -> tuple[FloatArray, Arena]:
     """Several steps of robots of which many stand at the brink of touching each other, a wall or an obstacle."""
     scene: Scene = draw(scenes(robots=(1, 2, 10, 30, 60)))
     steps = draw(st.integers(1, 4))
@@ -107,7 +105,7 @@ def test_contacts_are_those_of_the_slow_twin() -> None:
 
     @settings(max_examples=200)
     @given(crowds())
-    def compare(crowd: tuple[Floats, Arena]) -> None:
+    def compare(crowd: tuple[FloatArray, Arena]) -> None:
         found = contacts(*crowd)
         expected, doubtful = slow_contacts(*crowd)
         everywhere = np.vstack([found, expected])

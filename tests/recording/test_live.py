@@ -21,7 +21,8 @@ from epuck_sim.recording.viewer import process
 from epuck_sim.recording.viewer.live import live, live_viewer
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, proxy
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.embodied import Onlooker, TrialResult, run_trial
+from epuck_sim.trial.embodied import Observer, run_trial
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.recording.viewers import (
     ARENA,
@@ -62,7 +63,7 @@ class Watched:
         self.ring_on, self.time_s = step.ring_on.copy(), step.time_s
 
 
-def ran(*onlookers: Onlooker) -> TrialResult:
+def ran(*onlookers: Observer) -> TrialResult:
     return run_trial(Simulation(SCENARIO, 3), onlookers)._replace(wall_s=0)
 
 

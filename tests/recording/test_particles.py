@@ -6,14 +6,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.patches import Circle
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.trial_page import RED, draw_page, save_page
-from epuck_sim.particles.simulation import Event, Swarm
+from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import recorder
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
@@ -22,14 +23,11 @@ from epuck_sim.recording.relations import pulses
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.trial.embodied import TrialResult
 from epuck_sim.trial.particles import run_swarm
-from epuck_sim.trial.synchrony import METRICS
+from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, refused
 from tests.recording.test_recorder import Found
 from tests.recording.viewers import LIT, alike, pixels
-
-Floats = npt.NDArray[np.float64]
 
 GLOW, FRAMES = 0.075, 20
 
@@ -99,7 +97,7 @@ def load(name: str, **more: Any) -> ParticleScenario:
 
 def recorded(path: Path, scenario: ParticleScenario, seed: int = 4, level: Level = Level.FULL) -> TrialResult:
     with record(path, scenario, seed, level) as onlooker:
-        return run_swarm(Swarm(scenario, seed), [onlooker])
+        return run_swarm(ParticleSimulation(scenario, seed), [onlooker])
 
 
 class Seen(NamedTuple):
@@ -107,9 +105,9 @@ class Seen(NamedTuple):
 
     event: Event
     time_ns: int
-    phases: Floats
-    positions: Floats
-    headings: Floats
+    phases: FloatArray
+    positions: FloatArray
+    headings: FloatArray
     cycles: int
     order_parameter: float | None
 
@@ -134,13 +132,13 @@ class Trial(NamedTuple):
         return np.searchsorted(self.time_ns, [each.time_ns for each in self.instants]).tolist()
 
     @property
-    def time_ns(self) -> npt.NDArray[np.int64]:
+    def time_ns(self) -> IntArray:
         return np.round(self.recorded.time_s * 1e9).astype(np.int64)
 
     @property
-    def between(self) -> dict[int, tuple[Floats, Floats, Floats]]:
+    def between(self) -> dict[int, tuple[FloatArray, FloatArray, FloatArray]]:
         """Phases, positions and headings at the rows between instants, of a twin that goes from one to the next."""
-        twin, rows = Swarm(self.scenario, 4), {}
+        twin, rows = ParticleSimulation(self.scenario, 4), {}
         for row in sorted({*range(len(self.time_ns))} - {*self.places}):
             twin.run_to(self.time_ns[row] / 1e9)
             rows[row] = twin.phases(), twin.positions(), twin.headings()
@@ -150,11 +148,11 @@ class Trial(NamedTuple):
 def watched(scenario: ParticleScenario) -> tuple[list[Seen], TrialResult]:
     seen: list[Seen] = []
 
-    def look(swarm: Swarm, event: Event) -> None:
+    def look(swarm: ParticleSimulation, event: Event) -> None:
         state = swarm.phases(), swarm.positions(), swarm.headings(), swarm.cycles, swarm.order_parameter
         seen.append(Seen(event, round(event.time_s * 1e9), *state))
 
-    return seen, run_swarm(Swarm(scenario, 4), [look])
+    return seen, run_swarm(ParticleSimulation(scenario, 4), [look])
 
 
 @pytest.fixture(scope="module", params=SCENARIOS)
@@ -167,7 +165,7 @@ def trial(request, tmp_path_factory) -> Trial:
     return Trial(scenario, path, read_recording(path), *watched(scenario), result)
 
 
-def flat(vectors: Floats) -> Floats:
+def flat(vectors: FloatArray) -> FloatArray:
     """Return (..., 2) what of (..., dimensions) is seen from above."""
     return np.concatenate([vectors, np.zeros((*vectors.shape[:-1], 2))], axis=-1)[..., :2] * (
         [1, 0] if vectors.shape[-1] == 1 else [1, 1]
@@ -258,7 +256,7 @@ def test_rerun_finds_no_fault(trial: Trial) -> None:
 # --- who hears whom ---------------------------------------------------------------------------------
 
 
-def hearers(scenario: ParticleScenario, positions: Floats, headings: Floats, agent: int) -> set[int]:
+def hearers(scenario: ParticleScenario, positions: FloatArray, headings: FloatArray, agent: int) -> set[int]:
     """Return who hears an agent, found slowly."""
     rule, away = scenario.neighbourhood, positions - positions[agent]
     if scenario.space.boundary == "cyclic":
@@ -284,7 +282,7 @@ def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
     assert np.round(np.array(found.times("/arena/links"))).tolist() == trial.time_ns.tolist()
     assert not any(parts[0][row] for row in set(range(len(trial.time_ns))) - {*trial.places})
     headings = {each.time_ns: before.headings for before, each in zip(trial.seen, trial.seen[1:], strict=False)}
-    headings[trial.seen[0].time_ns] = Swarm(trial.scenario, 4).headings()
+    headings[trial.seen[0].time_ns] = ParticleSimulation(trial.scenario, 4).headings()
     shifts = 0
     for row, each in zip(trial.places, trial.instants, strict=True):
         waits, expected = {*each.event.heard.tolist()}, []

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import rerun as rr
 from rerun.chunk import Chunk, LazyChunkStream, RrdReader
 
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
@@ -21,7 +21,8 @@ from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.embodied import TrialResult, run_trial
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 
@@ -41,9 +42,9 @@ class Watched:
     def __init__(self) -> None:
         self.time_s: list[float] = []
         self.order: list[float] = []
-        self.poses: list[npt.NDArray[np.float64]] = []
-        self.phase_ms: list[npt.NDArray[np.float64]] = []
-        self.ring_on: list[npt.NDArray[np.bool_]] = []
+        self.poses: list[FloatArray] = []
+        self.phase_ms: list[FloatArray] = []
+        self.ring_on: list[BoolArray] = []
         self.firings: list[tuple[float, float | None]] = []
 
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:

@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 import pytest
 from rerun.chunk import RrdReader
 
-from epuck_sim.embodied.cell_list import make_cells
+from epuck_sim.embodied.cell_list import make_cell_list
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
@@ -29,7 +29,8 @@ from epuck_sim.recording.viewer.process import PROGRAM, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.trial.embodied import TrialResult, run_trial
+from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 
@@ -384,7 +385,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
 
 def test_contacts_are_those_of_the_bodies(trial: Trial) -> None:
     arena = trial.scenario.arena.build()
-    cells = make_cells(arena.width_cm, arena.height_cm, trial.scenario.robot_count)
+    cells = make_cell_list(arena.width_cm, arena.height_cm, trial.scenario.robot_count)
     steps, points = find_contacts(trial.watched["poses"], arena, cells)
     rows = trial.found.lists("/arena/contacts", "Points2D:positions")
     assert [step for step, row in enumerate(rows) for _ in row] == steps.tolist()

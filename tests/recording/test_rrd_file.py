@@ -22,7 +22,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.embodied import Onlooker, run_trial
+from epuck_sim.trial.embodied import Observer, run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
 
 SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])
@@ -31,7 +31,7 @@ WAIT_S = 30
 """So long a machine under load may take to do what takes milliseconds."""
 
 
-def recorded(path: Path, *others: Onlooker) -> None:
+def recorded(path: Path, *others: Observer) -> None:
     with record(path, SCENARIO, 1) as onlooker:
         run_trial(Simulation(SCENARIO, 1), [onlooker, *others])
 
@@ -100,7 +100,7 @@ def test_a_link_is_followed(tmp_path) -> None:
 # --- where the trial fails --------------------------------------------------------------------------
 
 
-def fail_at(number: int, error: type[BaseException]) -> Onlooker:
+def fail_at(number: int, error: type[BaseException]) -> Observer:
     def fail(step: Step, _: SynchronyWatch) -> None:
         if step.number == number:
             raise error

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from scipy import ndimage
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.epuck import RADIUS_CM
@@ -45,9 +45,6 @@ from tests.recording.viewers import (
 )
 from tests.sweep.short_sweeps import processes_marked, wait_until
 
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-
 # as `scene`, `series` and `pictures.COLOURS` have them
 WALL = (150, 150, 150)
 RED, BLUE = (225, 40, 40), (60, 130, 230)
@@ -74,14 +71,14 @@ class Moment(NamedTuple):
     """A step of the thesis arena, as it was and as it is drawn."""
 
     recorded: Recorded
-    ring_on: Bools
-    positions: Floats
-    camera: npt.NDArray[np.int64]
-    picture: Floats
+    ring_on: BoolArray
+    positions: FloatArray
+    camera: IntArray
+    picture: FloatArray
     """(height, width, 3)"""
 
 
-def drawn(path: Path, at_s: float, png: Path) -> Floats:
+def drawn(path: Path, at_s: float, png: Path) -> FloatArray:
     try:
         draw_screenshot(path, at_s, png)
     except RecordingError as error:
@@ -91,7 +88,7 @@ def drawn(path: Path, at_s: float, png: Path) -> Floats:
     return pixels(png)
 
 
-def marks(picture: Floats, colour: Sequence[int]) -> Floats:
+def marks(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
     """Return (marks, 2) x and y, in pixels, of the spots of a colour."""
     found, count = ndimage.label(alike(picture, colour))
     sizes = ndimage.sum_labels(found > 0, found, range(1, count + 1))
@@ -99,7 +96,7 @@ def marks(picture: Floats, colour: Sequence[int]) -> Floats:
     return np.array(ndimage.center_of_mass(found, found, spots)).reshape(-1, 2)[:, ::-1]
 
 
-def rows_of(spots: Floats, rows: int) -> npt.NDArray[np.int64]:
+def rows_of(spots: FloatArray, rows: int) -> IntArray:
     """Return how many spots are in each of so many rows, from the lowest to the highest."""
     y = spots[:, 1]
     row = (rows - 1) * (y.max() - y) / np.ptp(y)

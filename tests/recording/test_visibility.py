@@ -4,13 +4,14 @@ import math
 from collections import Counter
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.arena import Arena, box_corners, make_arena
-from epuck_sim.embodied.cell_list import make_cells
+from epuck_sim.arena import Arena, make_arena
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.geometry import box_corners
 from epuck_sim.recording.relations.visibility import find_sightings
 from tests.embodied.scenes import EDGE_CM, RADIUS_CM, Lens, Scene, cast_on_discs, cast_on_segments, lenses, rows, scenes
 
@@ -19,11 +20,11 @@ ALL_ROUND = Lens(60, 360.0, 60)
 
 
 def sightings(
-    poses: npt.NDArray[np.float64], arena: Arena, lens: Lens, first: int = 0, observers: int | None = None
+    poses: FloatArray, arena: Arena, lens: Lens, first: int = 0, observers: int | None = None
 ) -> list[list[int]]:
     """Return what `find_sightings` does of (steps, robots, 3) poses; of all robots from `first` on by default."""
     robots = poses.shape[1]
-    cells = make_cells(arena.width_cm, arena.height_cm, robots)
+    cells = make_cell_list(arena.width_cm, arena.height_cm, robots)
     number = robots - first if observers is None else observers
     return find_sightings(poses, arena, cells, lens.camera(), first, number).tolist()
 
@@ -51,7 +52,7 @@ def seen_by_me(others: list[tuple[float, float, float]], lens: Lens | None = Non
 # --- a slow twin ------------------------------------------------------------------------------------
 
 
-def slow_pixels(scene: Scene, lens: Lens) -> tuple[list[list[int]], npt.NDArray[np.bool_]]:
+def slow_pixels(scene: Scene, lens: Lens) -> tuple[list[list[int]], BoolArray]:
     """Return the robot that each pixel of each robot's central window shows, -1 if none, and whose row is doubtful."""
     arena, robots = scene.arena, len(scene.poses)
     bodies = np.column_stack([scene.poses[:, :2], np.full(robots, RADIUS_CM)])

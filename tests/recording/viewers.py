@@ -10,18 +10,15 @@ from typing import Any, NamedTuple
 from urllib.request import ProxyHandler, build_opener
 
 import numpy as np
-import numpy.typing as npt
 import psutil
 import pytest
 from PIL import Image
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.recording.viewer import process
 from tests.sweep.short_sweeps import processes_marked, wait_until
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
 
 # as `scene.RINGS` has them
 LIT, DARK = (230, 40, 40), (120, 125, 135)
@@ -55,20 +52,20 @@ def nothing_left(mark: Path) -> Iterator[None]:
         wait_until(lambda: not processes_marked(str(mark)), limit_s=5)
 
 
-def pixels(png: Path | BytesIO) -> Floats:
+def pixels(png: Path | BytesIO) -> FloatArray:
     with Image.open(png) as picture:
         assert picture.format == "PNG"
         return np.asarray(picture.convert("RGB"), float)
 
 
-def alike(picture: Floats, colour: Sequence[int]) -> Bools:
+def alike(picture: FloatArray, colour: Sequence[int]) -> BoolArray:
     """Return where a picture has a colour, in the light or in the shade."""
     pure = np.array(colour, float)
     shade = picture @ pure / (pure @ pure)
     return (abs(picture - shade[..., None] * pure).max(axis=-1) < 25) & (shade > 0.4) & (shade < 1.2)
 
 
-def discs(picture: Floats, colour: Sequence[int]) -> Floats:
+def discs(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
     """Return (discs, 3) x, y and radius from left to right, in pixels, of what is thick and round.
 
     Arrows and labels lie on them: a circle is put around what is left.

@@ -13,8 +13,8 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep.worker import Outcome
-from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.runs.records import Outcome
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import versions
 
 SPEED, COUPLING, PERIOD = (f"robots.0.parameters.{name}" for name in ("speed_cm_s", "coupling", "period_s"))

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import StoredPoint, describe, refuse_another_sweep
+from epuck_sim.runs.compatibility import StoredPoint, stored_point, check_same_sweep
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 
@@ -14,7 +14,7 @@ FOLDER = Path("runs/old")
 
 
 def described(*settings: str, scenario: str = "thesis") -> StoredPoint:
-    return describe(points(load_scenario(scenario, settings))[0])._replace(trials=1)
+    return stored_point(points(load_scenario(scenario, settings))[0])._replace(trials=1)
 
 
 def without(point: StoredPoint, *keys: str) -> StoredPoint:
@@ -34,12 +34,12 @@ NEW = ("spread", "stuck", "stop.further_cycles", "robots.0.camera.frames_per_s",
 
 def test_a_folder_that_lacks_newer_keys_belongs_to_the_scenario_with_their_defaults():
     old = without(described(), *NEW, "overhead")
-    refuse_another_sweep(FOLDER, [old], [described()])
+    check_same_sweep(FOLDER, [old], [described()])
 
 
 def test_a_folder_of_particles_does_so_too():
     now = described(scenario="particles")
-    refuse_another_sweep(FOLDER, [without(now, "clocks.jitter")], [now])
+    check_same_sweep(FOLDER, [without(now, "clocks.jitter")], [now])
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_a_folder_of_particles_does_so_too():
 )
 def test_it_is_refused_to_a_scenario_in_which_they_differ_with_that_alone(setting, difference):
     with pytest.raises(StoreError) as caught:
-        refuse_another_sweep(FOLDER, [without(described(), *NEW)], [described(setting)])
+        check_same_sweep(FOLDER, [without(described(), *NEW)], [described(setting)])
     assert str(caught.value).splitlines()[1:] == [f"  {difference}"]
 
 
@@ -62,5 +62,5 @@ def test_a_stored_scenario_that_today_s_keys_do_not_fit_is_compared_as_it_is():
     scenario["contact"]["bounce"] = 0.5
     old = described()._replace(scenario=json.dumps(scenario))
     with pytest.raises(StoreError) as caught:
-        refuse_another_sweep(FOLDER, [old], [described()])
+        check_same_sweep(FOLDER, [old], [described()])
     assert str(caught.value).splitlines()[1:] == ["  contact.bounce: 0.5 in the folder, 'nothing' now"]

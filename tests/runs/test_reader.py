@@ -7,7 +7,7 @@ import pytest
 from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, outcome, scenario_of
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import describe
+from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import create_database
 from epuck_sim.runs.reader import Failure, Status, read_points, read_status
 from epuck_sim.runs.store import Store
@@ -169,7 +169,7 @@ def test_what_is_no_run_folder_is_refused(tmp_path, read, name: str) -> None:
 
 
 def test_a_database_has_its_points_as_soon_as_it_is_there(tmp_path) -> None:
-    rows = [describe(point) for point in points(DEMO)]
+    rows = [stored_point(point) for point in points(DEMO)]
     create_database(tmp_path / DATABASE, [COUNT, SPEED], rows)
     status = read_status(tmp_path)
     assert (status.points, status.trials, status.stored) == (len(rows), DEMO.trials * len(rows), 0)

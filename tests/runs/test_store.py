@@ -18,13 +18,13 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points, read_status
-from epuck_sim.runs.run_lock import holder
+from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep.worker import Outcome
-from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.runs.records import Outcome
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
@@ -522,25 +522,25 @@ def test_a_lock_ends_with_the_process_that_held_it_even_where_it_was_killed(tmp_
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout.readline() == b"held\n"
         assert "process 7 on elsewhere is at work on it" in refused(tmp_path, DEMO)
-        assert holder(tmp_path) == "process 7 on elsewhere"
+        assert current_holder(tmp_path) == "process 7 on elsewhere"
         process.kill()
     assert (tmp_path / ".lock").read_text() == "process 7 on elsewhere"
-    assert holder(tmp_path) is None
+    assert current_holder(tmp_path) is None
     with Store(tmp_path, DEMO, points(DEMO)):
-        assert holder(tmp_path) == f"process {os.getpid()} on {host()}"
+        assert current_holder(tmp_path) == f"process {os.getpid()} on {host()}"
 
 
 def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found):
-        assert holder(tmp_path) is not None
-    assert holder(tmp_path) is None
+        assert current_holder(tmp_path) is not None
+    assert current_holder(tmp_path) is None
     with pytest.raises(ZeroDivisionError), Store(tmp_path, DEMO, found):
         1 / 0  # noqa: B018
-    assert holder(tmp_path) is None
+    assert current_holder(tmp_path) is None
     fill(tmp_path)
     refused(tmp_path, load_scenario(DEMO, ["trials=3", "seed=1"]))
-    assert holder(tmp_path) is None
+    assert current_holder(tmp_path) is None
 
 
 def test_a_sweep_of_which_nothing_was_run_gives_its_folder_up(tmp_path) -> None:

@@ -6,15 +6,15 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.axes import MAX_POINTS, Axes
+from epuck_sim.scenario.axes import MAX_POINTS, SweepAxes
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.overrides import apply_axis
+from epuck_sim.scenario.overrides import add_axis
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
 
 
 def rows(**given):
-    return Axes.model_validate(given).rows()
+    return SweepAxes.model_validate(given).rows()
 
 
 def test_the_values_of_a_grid_meet_in_every_combination_and_the_last_axis_changes_fastest() -> None:
@@ -39,7 +39,7 @@ def test_points_change_slowest_then_the_zip_then_the_grid() -> None:
         *((0, 0, 5, 0), (0, 0, 5, 1), (0, 1, 6, 0), (0, 1, 6, 1)),
         *((1, 0, 5, 0), (1, 0, 5, 1), (1, 1, 6, 0), (1, 1, 6, 1)),
     ]
-    assert Axes.model_validate(given).keys == ["p", "z", "y", "g"]
+    assert SweepAxes.model_validate(given).keys == ["p", "z", "y", "g"]
 
 
 VALUES = st.integers(0, 9) | st.sampled_from(["on", None, 0.5, [1, 2], {"x": 1}])
@@ -81,12 +81,12 @@ def test_rows_are_those_found_by_splitting_one_axis_after_the_other(given: dict)
 
 
 def test_every_row_has_its_keys_in_the_order_of_the_axes() -> None:
-    axes = Axes.model_validate({"points": [{"a": 1, "b": 2}, {"b": 3, "a": 4}]})
+    axes = SweepAxes.model_validate({"points": [{"a": 1, "b": 2}, {"b": 3, "a": 4}]})
     assert [list(row) for row in axes.rows()] == [axes.keys, axes.keys]
 
 
 def test_axes_cannot_be_changed() -> None:
-    axes = Axes.model_validate({"grid": {"a": [1]}})
+    axes = SweepAxes.model_validate({"grid": {"a": [1]}})
     with pytest.raises(ValidationError, match="frozen"):
         axes.grid = {"a": (2,)}
 
@@ -144,7 +144,7 @@ def test_a_sweep_that_is_no_mapping_is_refused() -> None:
 
 def test_too_many_points_are_refused_and_as_many_as_allowed_are_not() -> None:
     given = {"points": [{"p": 0}, {"p": 1}], "zip": {"z": [*range(50)]}, "grid": {"g": [*range(1000)]}}
-    assert len(Axes.model_validate(given).rows()) == MAX_POINTS == 100_000
+    assert len(SweepAxes.model_validate(given).rows()) == MAX_POINTS == 100_000
     given["grid"]["g"].append(1000)
     with pytest.raises(ScenarioError, match=r"^scenario: sweep: has 100100 points; allowed: up to 100000$"):
         load_scenario({"sweep": given})
@@ -192,7 +192,7 @@ def test_sweep_on_the_command_line_takes_words_nothing_lists_and_mappings() -> N
 
 def test_an_axis_leaves_the_mapping_to_which_it_is_applied_as_it_was() -> None:
     given = {"sweep": {"grid": {"a": [1]}}}
-    assert apply_axis(given, "b=2") == {"sweep": {"grid": {"a": [1], "b": [2]}}}
+    assert add_axis(given, "b=2") == {"sweep": {"grid": {"a": [1], "b": [2]}}}
     assert given == {"sweep": {"grid": {"a": [1]}}}
 
 

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.overrides import apply_setting
+from epuck_sim.scenario.overrides import apply_override
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.util.builtin import ARENAS, SWEEPS, shipped_files
+from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 
-SHIPPED = [*shipped_files(ARENAS), *shipped_files(SWEEPS)]
+SHIPPED = [*builtin_files(ARENAS), *builtin_files(SWEEPS)]
 
 
 def test_an_empty_mapping_is_the_base_case_of_the_thesis() -> None:
@@ -75,7 +75,7 @@ def test_set_changes_one_value(setting: str, read) -> None:
 
 def test_later_settings_win_and_the_original_stays() -> None:
     given = {"trials": 1}
-    assert apply_setting(apply_setting(given, "trials=2"), "trials=3")["trials"] == 3
+    assert apply_override(apply_override(given, "trials=2"), "trials=3")["trials"] == 3
     assert given == {"trials": 1}
     assert load_scenario(load_scenario("pair"), ["trials=7"]).trials == 7
 

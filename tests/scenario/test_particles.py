@@ -3,7 +3,7 @@
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -67,7 +67,7 @@ def test_every_kind_of_neighbourhood_is_read_and_what_is_written_is_read_again(r
     ],
 )
 def test_what_is_just_allowed_is_read(sections):
-    Swarm({"model": "particles", **sections})
+    ParticleSimulation({"model": "particles", **sections})
 
 
 REFUSED = [
@@ -199,11 +199,11 @@ def test_a_key_of_particle_scenarios_is_told_where_it_belongs(key):
 
 def test_a_swarm_is_of_particles_and_of_one_point_of_a_sweep():
     with pytest.raises(ScenarioError, match="model is 'embodied'; a Swarm is of particles, use Simulation"):
-        Swarm({})
+        ParticleSimulation({})
     with pytest.raises(ScenarioError, match="is a sweep; simulate one of its points"):
-        Swarm({"model": "particles", "sweep": {"grid": {"agents.speed_cm_s": [1, 2]}}})
+        ParticleSimulation({"model": "particles", "sweep": {"grid": {"agents.speed_cm_s": [1, 2]}}})
     with pytest.raises(ScenarioError, match="seed is -1; allowed: whole numbers from 0"):
-        Swarm({"model": "particles"}, -1)
+        ParticleSimulation({"model": "particles"}, -1)
 
 
 # --- messages that mislead --------------------------------------------------------------------------

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.points import check_room, points
+from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.util.builtin import SWEEPS, shipped_files
-from epuck_sim.util.rng import point_seed
+from epuck_sim.sweep.checks import check_room
+from epuck_sim.util.builtin import SWEEPS, builtin_files
+from epuck_sim.util.seeds import point_seed
 
 COUNT, WIDTH, SPEED = "robots.0.count", "arena.width_cm", "robots.0.parameters.speed_cm_s"
 CONTROLLER = "robots.0.controller"
@@ -107,7 +108,7 @@ def test_a_name_that_looks_like_a_number_is_written_as_a_name(name: str) -> None
     assert load_scenario(parse_yaml(write_scenario(load_scenario({"name": name})), "written")).name == name
 
 
-@pytest.mark.parametrize("name", list(shipped_files(SWEEPS)))
+@pytest.mark.parametrize("name", list(builtin_files(SWEEPS)))
 def test_a_shipped_sweep_has_the_same_points_when_it_is_written_and_read_again(name: str) -> None:
     found = points(load_scenario(name))
     axes = load_scenario(name).sweep

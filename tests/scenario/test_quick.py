@@ -6,16 +6,16 @@ import pytest
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.overrides import choose_version
+from epuck_sim.scenario.overrides import select_version
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
-from epuck_sim.util.builtin import ARENAS, SWEEPS, shipped_files
+from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 from tests.cli.commands import call, refused
 
-SHIPPED = shipped_files(SWEEPS)
+SHIPPED = builtin_files(SWEEPS)
 WITH_QUICK = [name for name, path in SHIPPED.items() if "quick" in read_yaml(path)]
-WITHOUT = [name for name, path in {**SHIPPED, **shipped_files(ARENAS)}.items() if "quick" not in read_yaml(path)]
+WITHOUT = [name for name, path in {**SHIPPED, **builtin_files(ARENAS)}.items() if "quick" not in read_yaml(path)]
 
 TINY = """
 name: tiny
@@ -69,19 +69,19 @@ GIVEN = {
 )
 def test_sections_are_merged_key_by_key_and_everything_else_is_replaced(quick: dict, changed: dict) -> None:
     given = {**GIVEN, "quick": quick}
-    assert choose_version(given, True, "here") == {**GIVEN, **changed}
+    assert select_version(given, True, "here") == {**GIVEN, **changed}
     assert given == {**GIVEN, "quick": quick}
 
 
 def test_nothing_of_what_was_given_is_changed() -> None:
     given = {"sweep": {"grid": {"a": [1, 2, 3]}}, "quick": {"sweep": {"grid": {"a": [1]}}}}
-    choose_version(given, True, "here")
+    select_version(given, True, "here")
     assert given == {"sweep": {"grid": {"a": [1, 2, 3]}}, "quick": {"sweep": {"grid": {"a": [1]}}}}
 
 
 @pytest.mark.parametrize("quick", [{"trials": 5}, {"nothing": 1}, {}, None, 3, "yes", ["trials"]])
 def test_without_the_option_the_quick_version_is_left_alone_whatever_it_is(quick: object) -> None:
-    assert choose_version({**GIVEN, "quick": quick}, False, "here") == GIVEN
+    assert select_version({**GIVEN, "quick": quick}, False, "here") == GIVEN
     loaded = load_scenario({"model": "particles", "trials": 7, "quick": quick})
     assert loaded == load_scenario({"model": "particles", "trials": 7})
 
@@ -89,7 +89,7 @@ def test_without_the_option_the_quick_version_is_left_alone_whatever_it_is(quick
 @pytest.mark.parametrize("given", [GIVEN, {**GIVEN, "quick": None}])
 def test_a_scenario_that_has_none_is_refused(given: dict) -> None:
     with pytest.raises(ScenarioError) as caught:
-        choose_version(given, True, "here")
+        select_version(given, True, "here")
     assert str(caught.value) == "here: has no quick version; leave --quick out"
 
 
@@ -98,7 +98,7 @@ def test_a_scenario_that_has_none_is_refused(given: dict) -> None:
 )
 def test_a_quick_version_that_is_no_mapping_is_refused(quick: object, shown: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        choose_version({**GIVEN, "quick": quick}, True, "here")
+        select_version({**GIVEN, "quick": quick}, True, "here")
     assert str(caught.value) == f"here: quick: is {shown}; allowed: a mapping of keys to values"
 
 
@@ -197,7 +197,7 @@ def test_check_prints_the_quick_version_without_telling_that_it_is_one(name: str
 @pytest.mark.parametrize("command", ["check", "run"])
 @pytest.mark.parametrize("name", WITHOUT[:2] + WITHOUT[-2:])
 def test_a_shipped_scenario_without_one_is_refused(command: str, name: str) -> None:
-    path = {**SHIPPED, **shipped_files(ARENAS)}[name]
+    path = {**SHIPPED, **builtin_files(ARENAS)}[name]
     assert refused(command, name, "--quick") == f"error: {path}: has no quick version; leave --quick out\n"
 
 

@@ -12,7 +12,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.curves import choose_axis, choose_second_axis, read_curves, told_apart
+from epuck_sim.statistics.curves import choose_axis, choose_second_axis, distinguishing_axes, read_curves
 from epuck_sim.statistics.summary import summarize
 from tests.runs.made_folders import (
     COUNT,
@@ -318,7 +318,7 @@ def test_a_second_axis_that_is_none_is_refused(wanted: str, message: str) -> Non
     ],
 )
 def test_axes_that_are_constant_or_go_along_with_others_are_dropped(rows: list, expected: list | None) -> None:
-    assert told_apart(rows) == (rows if expected is None else expected)
+    assert distinguishing_axes(rows) == (rows if expected is None else expected)
 
 
 def partition(values: list) -> frozenset:
@@ -334,7 +334,7 @@ TABLES = st.integers(1, 6).flatmap(
 @given(TABLES)
 def test_what_is_kept_tells_as_much_apart_as_all_axes_and_no_axis_tells_the_same_twice(columns: list[tuple]) -> None:
     rows = [dict(zip("abcde", row, strict=False)) for row in zip(*columns, strict=True)]
-    told = told_apart(rows)
+    told = distinguishing_axes(rows)
     kept = list(told[0])
     assert all(each == {key: row[key] for key in kept} for each, row in zip(told, rows, strict=True))
     assert partition(told) == partition(rows)

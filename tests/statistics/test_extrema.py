@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.statistics.extrema import GRID_POINTS, MIN_SPEEDS, SIGNIFICANCE, falling_fit, find_bump, smooth_curve
+from epuck_sim.statistics.extrema import (
+    GRID_POINTS,
+    MIN_SPEEDS,
+    SIGNIFICANCE,
+    falling_fit,
+    find_minimum_and_peak,
+    smooth_curve,
+)
 
 SPEEDS = np.geomspace(0.05, 12.8, 20)
 X = np.log10(SPEEDS)
@@ -38,7 +45,7 @@ def trials(logs, count, seed, resamples=200):
 
 def share_found(logs, count, curves=100, speeds=SPEEDS):
     """Return the share of curves, each measured anew, in which a bump is found."""
-    return np.mean([find_bump(speeds, *trials(logs, count, seed)).is_found for seed in range(curves)])
+    return np.mean([find_minimum_and_peak(speeds, *trials(logs, count, seed)).is_found for seed in range(curves)])
 
 
 # --- closed forms -----------------------------------------------------------------------------------
@@ -47,7 +54,7 @@ def share_found(logs, count, curves=100, speeds=SPEEDS):
 @pytest.mark.parametrize(("low", "peak"), [(-0.5, 0.3), (-0.8, 0.0), (-0.2, 0.6), (-0.1, 0.2)])
 @pytest.mark.parametrize("steepness", [0.5, 2.0, 5.0])
 def test_a_cubics_extremes_are_found_where_they_are(low, peak, steepness):
-    bump = find_bump(SPEEDS, *certain(cubic(X, low, peak, steepness)))
+    bump = find_minimum_and_peak(SPEEDS, *certain(cubic(X, low, peak, steepness)))
     assert np.log10([bump.v_m, bump.v_p]) == pytest.approx([low, peak], abs=1.5 * GRID_STEP)
     at_extremes = cubic(np.array([low, peak]), low, peak, steepness)
     assert np.log([bump.t_m, bump.t_p]) == pytest.approx(at_extremes, abs=2e-3)
@@ -57,7 +64,7 @@ def test_a_cubics_extremes_are_found_where_they_are(low, peak, steepness):
 
 def test_the_pair_is_the_one_with_the_largest_rise():
     waves = np.cos(2 * math.pi * X) * np.where(X < 0, 0.2, 0.4) - X  # rises towards -1, 0 and 1; the last is largest
-    bump = find_bump(SPEEDS, *certain(waves))
+    bump = find_minimum_and_peak(SPEEDS, *certain(waves))
     slope = math.asin(1 / (0.4 * 2 * math.pi)) / (2 * math.pi)  # how far the slope moves extremes
     assert np.log10([bump.v_m, bump.v_p]) == pytest.approx([0.5 + slope, 1 - slope], abs=0.03)
 
@@ -105,8 +112,8 @@ def test_points_count_by_their_certainty():
 @settings(max_examples=25)
 def test_the_bump_moves_with_the_units_of_time_and_speed(cycles, speed, seed):
     means, resampled = trials(cubic(X), 200, seed, 100)
-    bump = find_bump(SPEEDS, means, resampled)
-    scaled = find_bump(speed * SPEEDS, cycles * means, cycles * resampled)
+    bump = find_minimum_and_peak(SPEEDS, means, resampled)
+    scaled = find_minimum_and_peak(speed * SPEEDS, cycles * means, cycles * resampled)
     units = np.array([speed, cycles, speed, cycles])
     assert np.array(scaled[:4]) == pytest.approx(units * bump[:4])
     assert scaled.intervals == pytest.approx(units[:, None] * bump.intervals)
@@ -125,10 +132,10 @@ def assert_same(bump, other):
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
 def test_a_speed_is_left_out_where_its_mean_or_many_of_its_resamples_are_undetermined(missing):
     means, resampled = trials(cubic(X), 200, 4)
-    without = find_bump(SPEEDS[2:], means[2:], resampled[:, 2:])
+    without = find_minimum_and_peak(SPEEDS[2:], means[2:], resampled[:, 2:])
     means[0] = missing
     resampled[: len(resampled) // 15, 1] = missing
-    assert_same(find_bump(SPEEDS, means, resampled), without)
+    assert_same(find_minimum_and_peak(SPEEDS, means, resampled), without)
 
 
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
@@ -136,15 +143,15 @@ def test_a_few_undetermined_resamples_count_as_the_longest(missing):
     means, resampled = trials(cubic(X), 200, 4)
     worst = np.argsort(resampled[:, 0])[-10:]
     resampled[worst[:9], 0] = resampled[worst[9], 0]
-    full = find_bump(SPEEDS, means, resampled)
+    full = find_minimum_and_peak(SPEEDS, means, resampled)
     resampled[worst[:9], 0] = missing
-    assert_same(find_bump(SPEEDS, means, resampled), full)
+    assert_same(find_minimum_and_peak(SPEEDS, means, resampled), full)
 
 
 def test_robots_that_stand_still_have_no_place_on_a_log_axis():
     means, resampled = trials(cubic(X), 200, 4)
-    without = find_bump(SPEEDS[1:], means[1:], resampled[:, 1:])
-    assert_same(find_bump(np.concatenate([[0.0], SPEEDS[1:]]), means, resampled), without)
+    without = find_minimum_and_peak(SPEEDS[1:], means[1:], resampled[:, 1:])
+    assert_same(find_minimum_and_peak(np.concatenate([[0.0], SPEEDS[1:]]), means, resampled), without)
 
 
 @pytest.mark.parametrize("determined", [0, MIN_SPEEDS - 1, MIN_SPEEDS])
@@ -152,7 +159,7 @@ def test_a_bump_takes_six_determined_speeds(determined):
     means, resampled = certain(cubic(X))
     means[determined:] = np.nan
     is_none = determined < 6
-    assert (find_bump(SPEEDS, means, resampled) is None) == is_none
+    assert (find_minimum_and_peak(SPEEDS, means, resampled) is None) == is_none
     assert (smooth_curve(SPEEDS, means, resampled) is None) == is_none
 
 
@@ -178,7 +185,7 @@ def test_the_falling_fit_is_the_least_over_beginnings_of_the_largest_average_ove
 
 @pytest.mark.parametrize("logs", [-X, -(X**3), X, 0.3 * X**2, -0.3 * X**2])
 def test_a_certain_curve_without_both_extremes_has_no_bump(logs):
-    bump = find_bump(SPEEDS, *certain(logs))
+    bump = find_minimum_and_peak(SPEEDS, *certain(logs))
     assert np.isnan(bump[:4]).all()
     assert np.isnan(bump.intervals).all()
     assert (bump.rise, bump.p_value, bump.is_found) == (0, 1, False)
@@ -195,7 +202,7 @@ def test_noise_on_a_falling_curve_is_rarely_taken_for_a_bump(logs, count):
 
 @pytest.mark.parametrize(("kept", "is_found"), [(1.0, True), (0.96, True), (0.94, False), (0.5, False)])
 def test_a_bump_that_noise_would_undo_is_none(kept, is_found):
-    bump = find_bump(SPEEDS, *trials(cubic(X), 1000, 1))
+    bump = find_minimum_and_peak(SPEEDS, *trials(cubic(X), 1000, 1))
     assert bump.is_found
     lost = bump.resampled.copy()
     lost[round(kept * len(lost)) :] = np.nan
@@ -224,7 +231,7 @@ def test_the_base_case_is_found_mostly_at_200_trials_and_always_at_1000(count, c
 
 def test_the_intervals_hold_the_truth_about_as_often_as_they_say():
     truth = np.array([10**-0.5, math.exp(cubic(-0.5)), 10**0.3, math.exp(cubic(0.3))])
-    bumps = [find_bump(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(100)]
+    bumps = [find_minimum_and_peak(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(100)]
     low, high = np.array([bump.intervals for bump in bumps]).transpose(2, 0, 1)
     held = ((low <= truth) & (truth <= high)).mean(axis=0)
     assert ((held >= 0.85) & (held <= 1)).all()
@@ -232,7 +239,7 @@ def test_the_intervals_hold_the_truth_about_as_often_as_they_say():
 
 
 def test_intervals_are_percentiles_of_the_resamples_that_have_a_pair():
-    bump = find_bump(SPEEDS, *trials(base_case(SPEEDS), 30, 11))
+    bump = find_minimum_and_peak(SPEEDS, *trials(base_case(SPEEDS), 30, 11))
     without = np.isnan(bump.resampled).any(axis=1)
     assert 0 < np.count_nonzero(without) < len(without)
     low, high = np.nanpercentile(bump.resampled, [2.5, 97.5], axis=0)

@@ -9,7 +9,7 @@ import pytest
 
 from epuck_sim.cli.fit_tables import print_fit
 from epuck_sim.errors import EpuckSimError, StoreError
-from epuck_sim.statistics.extrema import Bump
+from epuck_sim.statistics.extrema import SpeedExtrema
 from epuck_sim.statistics.scaling_fit import FittedCurve, fit_curves, fit_laws
 from tests.runs.made_folders import (
     COUNT,
@@ -77,12 +77,12 @@ def couplings(over_coupling) -> list[FittedCurve]:
     return fit_curves(over_coupling)
 
 
-def bump_of(v_m: float, t_m: float, v_p: float, t_p: float, spread: float = 0.05, seed: int = 0) -> Bump:
+def bump_of(v_m: float, t_m: float, v_p: float, t_p: float, spread: float = 0.05, seed: int = 0) -> SpeedExtrema:
     """Return a bump that is found, and as sure as `spread`, the standard deviation of the logs, says."""
     estimates = np.array([v_m, t_m, v_p, t_p])
     resampled = estimates * np.exp(spread * np.random.default_rng(seed).standard_normal((400, 4)))
     intervals = np.percentile(resampled, [2.5, 97.5], axis=0).T
-    return Bump(v_m, t_m, v_p, t_p, intervals, math.log(t_p / t_m), 0.001, resampled)
+    return SpeedExtrema(v_m, t_m, v_p, t_p, intervals, math.log(t_p / t_m), 0.001, resampled)
 
 
 def lawful(others: str = "the same", run: str = "run", spread: float = 0.02, **changes: float) -> FittedCurve:

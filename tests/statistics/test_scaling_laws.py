@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.statistics.extrema import Bump
+from epuck_sim.statistics.extrema import SpeedExtrema
 from epuck_sim.statistics.scaling_laws import LAWS, compare_laws, fit_offset_law, fit_power_law
 
 PARAMETERS = {
@@ -238,7 +238,9 @@ def bumps(p_values):
     """Return bumps that obey the thesis's laws without noise, one for each curve."""
     columns = np.column_stack([lawful(law, 0.1, thesis(law)) for law in LAWS.values()])
     nothing = np.full((4, 2), np.nan)
-    return [Bump(*row, nothing, 1.0, p, np.tile(row, (20, 1))) for row, p in zip(columns, p_values, strict=True)]
+    return [
+        SpeedExtrema(*row, nothing, 1.0, p, np.tile(row, (20, 1))) for row, p in zip(columns, p_values, strict=True)
+    ]
 
 
 def test_every_law_is_compared_with_the_thesis():

@@ -17,11 +17,12 @@ from typer.testing import CliRunner
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.runs.database import DATABASE
+from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
-from epuck_sim.sweep.run import Tally, missing_tasks, run_sweep
-from epuck_sim.sweep.worker import carry_out
+from epuck_sim.sweep.run import missing_tasks, run_sweep
+from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.embodied import run_trial
 from tests.sweep.short_sweeps import begin, processes_marked, short_sweep, stored, table, wait_until
 
@@ -43,7 +44,7 @@ def uninterrupted(tmp_path_factory) -> list[tuple]:
 @pytest.mark.parametrize("workers", [2, 4])
 def test_more_workers_give_the_same_table_bit_for_bit(tmp_path, uninterrupted, workers: int) -> None:
     scenario = load_scenario(short_sweep(tmp_path, TRIALS))
-    tallies: list[Tally] = []
+    tallies: list[SweepProgress] = []
     run_sweep(scenario, tmp_path / "run", partial(local_pool, workers), tallies.append)
     assert table(tmp_path / "run") == uninterrupted
     assert [tally.ended for tally in tallies] == list(range(POINTS * TRIALS + 1))
@@ -238,9 +239,9 @@ def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
         (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)
         return int(line.split()[1])
 
-    carry_out(tasks[:200])
+    run_chunk(tasks[:200])
     before = resident_kb()
-    carry_out(tasks[200:1000])
+    run_chunk(tasks[200:1000])
     assert resident_kb() <= 1.05 * before
 
 

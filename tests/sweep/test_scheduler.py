@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ClusterError
+from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.sweep.executors import Pool
-from epuck_sim.sweep.scheduler import CHUNK_S, Pace, run_tasks
-from epuck_sim.sweep.worker import Outcome, Task, carry_out, outcome
-from epuck_sim.trial.embodied import TrialResult
+from epuck_sim.sweep.scheduler import CHUNK_S, ChunkSizer, run_tasks
+from epuck_sim.sweep.worker import make_outcome, run_chunk
+from epuck_sim.trial.result import TrialResult
 
 SCENARIO = load_scenario("pair")
 
@@ -37,7 +38,7 @@ class FakeExecutor:
         if self.broken:
             raise BrokenExecutor("broken before")
         future: Future = Future()
-        if function is not carry_out:
+        if function is not run_chunk:
             future.set_result(None)
         elif self.raises is not None:
             future.set_exception(self.raises)
@@ -45,7 +46,7 @@ class FakeExecutor:
             self.broken = True
             future.set_exception(BrokenExecutor("killed"))
         else:
-            future.set_result([outcome(each, *outcomes_of_length(0.01, 1)[0][3:5]) for each in tasks])
+            future.set_result([make_outcome(each, *outcomes_of_length(0.01, 1)[0][3:5]) for each in tasks])
         return future
 
 
@@ -79,12 +80,12 @@ def test_a_cluster_that_cannot_run_trials_ends_the_run_and_no_trial_is_blamed(ra
 
 
 def test_the_first_chunks_hold_one_trial_as_nobody_knows_how_long_they_take() -> None:
-    assert Pace().chunk(1000, 4) == 1
+    assert ChunkSizer().chunk(1000, 4) == 1
 
 
 def test_a_chunk_is_half_a_second_of_work() -> None:
     for wall_s, size in ((0.01, 50), (0.1, 5), (0.4, 1), (30.0, 1)):
-        pace = Pace()
+        pace = ChunkSizer()
         pace.note(outcomes_of_length(wall_s, 7))
         assert pace.chunk(100_000, 4) == pytest.approx(size, abs=1)
     assert CHUNK_S == 0.5
@@ -92,7 +93,7 @@ def test_a_chunk_is_half_a_second_of_work() -> None:
 
 @given(st.integers(1, 10_000), st.integers(2, 64), st.floats(1e-4, 10))
 def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, slots: int, wall_s: float) -> None:
-    pace = Pace()
+    pace = ChunkSizer()
     pace.note(outcomes_of_length(wall_s, 3))
     size = pace.chunk(waiting, slots)
     assert 1 <= size <= waiting
@@ -106,7 +107,7 @@ def test_no_worker_is_left_with_the_slow_points(fastest_s: float, spread: float,
     means = [fastest_s * spread ** (point / 19) for point in range(20)]
     waiting = [random.expovariate(1 / mean) for _ in range(30) for mean in means]
     even, longest = sum(waiting) / workers, max(waiting)
-    pace, free, handed_over = Pace(), [0.0] * workers, []
+    pace, free, handed_over = ChunkSizer(), [0.0] * workers, []
     while waiting or handed_over:
         while waiting and len(handed_over) < 2 * workers:
             size = pace.chunk(len(waiting), 2 * workers)

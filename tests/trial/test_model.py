@@ -7,19 +7,20 @@ import pytest
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.simulation import Event, Swarm
+from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.validation import MODELS, validate
 from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
-from epuck_sim.trial.embodied import TrialResult, run_trial
+from epuck_sim.trial.embodied import run_trial
 from epuck_sim.trial.model import make_model, run_model
 from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
-from epuck_sim.util.builtin import ARENAS, SWEEPS, shipped_files
+from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 
-SHIPPED = {**shipped_files(ARENAS), **shipped_files(SWEEPS)}
+SHIPPED = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
 OF_PARTICLES = [name for name, path in SHIPPED.items() if read_yaml(path).get("model") == "particles"]
 
 
@@ -34,7 +35,7 @@ class Told:
         assert isinstance(watch, SynchronyWatch)
         self.steps.append(step.number)
 
-    def of_swarm(self, swarm: Swarm) -> None:
+    def of_swarm(self, swarm: ParticleSimulation) -> None:
         self.cycles.append(swarm.cycles)
 
 
@@ -130,7 +131,7 @@ def test_every_neighbourhood_is_the_same_when_it_is_written_and_read_again(neigh
 # What is simulated
 
 
-@pytest.mark.parametrize(("name", "kind"), [("pair", Simulation), ("particles", Swarm)])
+@pytest.mark.parametrize(("name", "kind"), [("pair", Simulation), ("particles", ParticleSimulation)])
 def test_what_is_made_is_of_the_scenario_s_model_with_the_seed(name: str, kind: type) -> None:
     scenario = load_scenario(name)
     model = make_model(scenario, 17)
@@ -169,7 +170,7 @@ def test_a_trial_of_robots_is_run_as_such_and_progress_is_shown_each_step_before
 
 def test_a_trial_of_particles_is_run_as_such_and_progress_is_shown_the_swarm_now_and_then() -> None:
     scenario = load_scenario("particles")
-    expected = run_swarm(Swarm(scenario, 4))
+    expected = run_swarm(ParticleSimulation(scenario, 4))
     told = Told()
     result = run_model(make_model(scenario, 4), progress=told)
     assert without_wall(result) == without_wall(expected)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial import particles
 from epuck_sim.trial.particles import run_swarm
 from tests.particles.scenes import KINDS, any_sections, hand_made, scenario, swarm_of, who
@@ -181,7 +181,7 @@ def test_one_agent_alone_is_never_synchronised(kind, metric):
 
 def test_without_a_threshold_a_trial_lasts_max_cycles():
     given = scenario(start={"phases": "synchronised"}, stop={"order_parameter": None, "max_cycles": 50})
-    result = run_swarm(Swarm(given))
+    result = run_swarm(ParticleSimulation(given))
     assert (result.censored, result.cycles, result.order_parameter) == (True, 50, 1)
 
 
@@ -251,6 +251,6 @@ def test_a_trial_needs_a_fresh_swarm():
 
 
 def test_a_result_tells_scenario_and_seed():
-    result = run_swarm(Swarm(scenario(stop={"max_cycles": 2}), 17))
+    result = run_swarm(ParticleSimulation(scenario(stop={"max_cycles": 2}), 17))
     assert (result.scenario, result.seed) == ("test", 17)
     assert result.wall_s >= 0

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.simulation import Simulation, Step
+from epuck_sim.order_parameter import order_parameter, reference_order_parameter
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.synchrony import SynchronyWatch, order_parameter, reference_order_parameter
+from epuck_sim.trial.synchrony import SynchronyWatch
 
 TAU = 5000.0
 

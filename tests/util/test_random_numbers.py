@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.util.rng import below, next_word, robot_streams, trial_seed, uniform
+from epuck_sim.util.rng import next_word, randint, uniform
+from epuck_sim.util.seeds import robot_streams, trial_seed
 
 MASK = 2**64 - 1
 WORDS = st.integers(0, MASK)
@@ -69,20 +70,20 @@ def test_uniform_reaches_0_and_never_1():
 
 @pytest.mark.parametrize("limit", [1, 2, 25, 5000, 86_400_000, 2**31 - 1, 2**31])
 def test_below_reaches_0_and_the_last_number_below_its_limit(limit):
-    assert below(stream(*ZERO), limit) == 0
-    assert below(stream(*LARGEST), limit) == limit - 1
+    assert randint(stream(*ZERO), limit) == 0
+    assert randint(stream(*LARGEST), limit) == limit - 1
 
 
 @given(state=STATES, limit=st.integers(1, 2**31))
 def test_below_stays_in_its_range(state, limit):
-    assert 0 <= below(stream(*state), limit) < limit
+    assert 0 <= randint(stream(*state), limit) < limit
 
 
 @pytest.mark.parametrize(("limit", "quantile"), [(2, 10.8), (3, 13.8), (10, 27.9), (25, 51.2), (100, 148.2)], ids=str)
 def test_below_is_uniform(limit, quantile):
     """Chi-square with limit - 1 degrees of freedom, 0.1 %."""
     random, draws = seeded(2016), 20_000
-    counts = np.bincount([below(random, limit) for _ in range(draws)], minlength=limit)
+    counts = np.bincount([randint(random, limit) for _ in range(draws)], minlength=limit)
     expected = draws / limit
     assert ((counts - expected) ** 2 / expected).sum() < quantile
 

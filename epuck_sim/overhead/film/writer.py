@@ -14,7 +14,7 @@ from av.video.reformatter import ColorRange, Colorspace
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.util.atomic_write import atomic_write
 
 ENDING = ".mp4"
 
@@ -106,7 +106,7 @@ def film_file(
     if width_px % 2 or height_px % 2:
         raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
     metadata = {"title": title, "comment": json.dumps(description)}
-    with written_whole(path) as part:
+    with atomic_write(path) as part:
         writer = FilmWriter(path, part, width_px, height_px, metadata)
         try:
             yield writer

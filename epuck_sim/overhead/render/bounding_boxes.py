@@ -3,18 +3,15 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera_model import Lens
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 
 _AROUND = np.array([(math.cos(angle), math.sin(angle)) for angle in np.arange(8) * math.pi / 4])
 """Corners of an octagon around the origin; the circle inside of it is smaller by cos(pi / 8)."""
 
 
-def find_patches(lens: Lens, centres_cm: Floats, radius_cm: float, heights_cm: tuple[float, ...]) -> Whole:
+def find_patches(lens: Lens, centres_cm: FloatArray, radius_cm: float, heights_cm: tuple[float, ...]) -> IntArray:
     """Return (n, 4) px: first row, row after the last, first column, column after the last of what shows each circle.
 
     centres_cm: (n, 2) of circles that lie at all of the heights. What is out of the picture has an empty patch.
@@ -27,5 +24,5 @@ def find_patches(lens: Lens, centres_cm: Floats, radius_cm: float, heights_cm: t
     low = np.floor(seen.min(axis=(0, 2)))
     high = np.ceil(seen.max(axis=(0, 2))) + 1
     bounds = np.clip(np.stack([low, high], axis=-1), 0, [[lens.width_px], [lens.height_px]])
-    patches: Whole = bounds[:, ::-1].reshape(-1, 4).astype(np.int64)
+    patches: IntArray = bounds[:, ::-1].reshape(-1, 4).astype(np.int64)
     return patches

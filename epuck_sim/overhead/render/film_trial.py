@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.film.frame import Passing
@@ -16,12 +16,12 @@ from epuck_sim.overhead.render.virtual_camera import Webcam
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.overrides import apply_setting
+from epuck_sim.scenario.overrides import apply_override
 from epuck_sim.scenario.validation import validate
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 
-Taking = Callable[[float, npt.NDArray[np.float64], npt.NDArray[np.bool_]], None]
+Taking = Callable[[float, FloatArray, BoolArray], None]
 """Takes the time of a control step, (robots, 3) poses and (robots,) whose ring is lit, as `Webcam.take` does."""
 
 
@@ -53,7 +53,7 @@ def film_recording(recording: Path, settings: Sequence[str], path: Path, passing
     for setting in settings:
         if not setting.startswith("overhead."):
             raise FilmError(f"--set {setting}: the trial is over; allowed: the camera's keys, as in overhead.light=lit")
-        given = apply_setting(given, setting)
+        given = apply_override(given, setting)
     scenario = validate(given, str(recording))
     assert isinstance(scenario, EmbodiedScenario)  # as its model is no setting of the camera
     rows = zip(recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, strict=True)
@@ -72,7 +72,7 @@ def _film(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Taking]
     size = section.width_px, section.height_px
     with film_file(path, *size, describe_film(scenario, seed), scenario.name) as writer:
 
-        def take(time_s: float, poses: npt.NDArray[np.float64], ring_on: npt.NDArray[np.bool_]) -> None:
+        def take(time_s: float, poses: FloatArray, ring_on: BoolArray) -> None:
             for frame in webcam.take(time_s, poses, ring_on):
                 writer.write(frame)
 

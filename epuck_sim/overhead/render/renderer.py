@@ -9,15 +9,13 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.overhead.camera_model import Lens
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.render.bounding_boxes import find_patches
 from epuck_sim.overhead.render.ring_light import COLOUR_LEVELS, NOMINAL_EXPOSURE_MS, add_rings, reach_cm
 from epuck_sim.overhead.render.room import draw_bodies, far_first, render_room
 from epuck_sim.scenario.overhead import OverheadSection
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 SPARE_NOISE = 2**20
 """The table of noise is longer than a picture by so many numbers: as many ways to read from it."""
@@ -26,9 +24,9 @@ SPARE_NOISE = 2**20
 class Instant(NamedTuple):
     """Where the robots are at a moment of an exposure."""
 
-    poses: Floats
+    poses: FloatArray
     """(robots, 3) cm, cm, rad: x, y, heading."""
-    ring_on: npt.NDArray[np.bool_]
+    ring_on: BoolArray
     """(robots,)"""
 
 
@@ -62,7 +60,7 @@ class Painter:
             return self._develop([levels * light for levels in COLOUR_LEVELS])
         return np.clip(self._next_noise(), 0, 255).astype(np.uint8)
 
-    def _rings(self, instants: Sequence[Instant]) -> Singles:
+    def _rings(self, instants: Sequence[Instant]) -> Float32Array:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
         lit = np.concatenate([instant.poses[instant.ring_on] for instant in instants])
@@ -72,7 +70,7 @@ class Painter:
         add_rings(image, self._floor_cm, self._lens.position_cm, lit, patches, light, self._bloom, reach)
         return image
 
-    def _scene(self, instants: Sequence[Instant]) -> Singles:
+    def _scene(self, instants: Sequence[Instant]) -> Float32Array:
         """Return (rows, columns) the levels of the room with robots in it."""
         lens = self._lens
         scene = np.zeros(self._room.shape, np.float32)
@@ -85,14 +83,14 @@ class Painter:
         scene /= len(instants)
         return scene
 
-    def _through_lens(self, image: Singles) -> Singles:
+    def _through_lens(self, image: Float32Array) -> Float32Array:
         """Return (rows, columns) what is left of an image behind the lens."""
         if self._blur_px > 0:
             blurred = cv2.GaussianBlur(image, (0, 0), self._blur_px, borderType=cv2.BORDER_REPLICATE)
             image = np.asarray(blurred, np.float32)
         return self._dimming * image
 
-    def _develop(self, colours: list[Singles]) -> Picture:
+    def _develop(self, colours: list[Float32Array]) -> Picture:
         """Return the picture of (rows, columns) levels of red, green and blue."""
         noisy = cv2.add(cv2.merge(colours), self._next_noise(), dtype=cv2.CV_8U)  # rounds, and keeps to 0 to 255
         return np.asarray(noisy, np.uint8)
@@ -107,7 +105,7 @@ class Painter:
         return self._noise[first : first + rows * columns * 3].reshape(rows, columns, 3)
 
 
-def dimming(width_px: int, height_px: int, vignetting: float) -> Singles:
+def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:
     """Return (height_px, width_px) the share of the light that a lens lets through: 1 - `vignetting` in the corners."""
     across = np.linspace(-1, 1, width_px) * width_px
     down = np.linspace(-1, 1, height_px) * height_px

@@ -2,14 +2,9 @@
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from epuck_sim import epuck
-from epuck_sim.util.jit import kernel
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
+from epuck_sim.arrays import Float32Array, FloatArray, IntArray
+from epuck_sim.util.jit import jit
 
 COLOUR_LEVELS = (900.0, 130.0, 120.0)
 """Levels of red, green and blue that a ring of light 1 adds; our estimate.
@@ -43,13 +38,13 @@ def reach_cm(light: float, bloom: float) -> float:
     return max(CORE_CM, FADE_CM * math.log(max(brightest, 1.0)))
 
 
-@kernel
+@jit
 def add_rings(
-    image: Singles,
-    floor_cm: Singles,
-    eye_cm: Floats,
-    poses: Floats,
-    patches: npt.NDArray[np.int64],
+    image: Float32Array,
+    floor_cm: Float32Array,
+    eye_cm: FloatArray,
+    poses: FloatArray,
+    patches: IntArray,
     light: float,
     bloom: float,
     reach: float,
@@ -79,7 +74,7 @@ def add_rings(
                     image[row, column] += light * shine
 
 
-@kernel
+@jit
 def _led_light(ahead: float) -> float:
     """Return the light of a ring at the angle whose cosine is `ahead`, from the heading: 1 at each of eight LEDs."""
     for _ in range(3):  # the cosine of twice the angle, thrice

@@ -7,12 +7,9 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.overhead.camera_model import WALL_HEIGHT_CM
-from epuck_sim.util.jit import kernel
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
-Truths = npt.NDArray[np.bool_]
+from epuck_sim.util.jit import jit
 
 WALL_THICKNESS_CM = 1.0
 """Of the arena's walls."""
@@ -35,7 +32,7 @@ MARK_SLOPE = 0.45
 """The mark on a robot is a wedge: its tip and its end lie so far ahead of the centre; half its width grows so fast."""
 
 
-def render_room(floor_cm: Singles, eye_cm: Floats, arena: Arena) -> Singles:
+def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Float32Array:
     """Return (rows, columns) levels of the arena without robots.
 
     floor_cm: (rows, columns, 2) the point of the floor that each pixel shows; eye_cm: (3,) where the lens is.
@@ -53,13 +50,13 @@ def render_room(floor_cm: Singles, eye_cm: Floats, arena: Arena) -> Singles:
     return room
 
 
-def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float) -> Truths:
+def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float) -> BoolArray:
     """Whether (..., 2) points are in the arena or no farther than this beyond its walls."""
-    within: Truths = (points >= -margin_cm) & (points <= (arena.width_cm + margin_cm, arena.height_cm + margin_cm))
+    within: BoolArray = (points >= -margin_cm) & (points <= (arena.width_cm + margin_cm, arena.height_cm + margin_cm))
     return within[..., 0] & within[..., 1]
 
 
-def _is_inside(points: Singles, corners: Floats) -> Truths:
+def _is_inside(points: Float32Array, corners: FloatArray) -> BoolArray:
     """Whether (..., 2) points are in a convex polygon with (v, 2) corners counter-clockwise."""
     inside = np.ones(points.shape[:2], np.bool_)
     for (x, y), (next_x, next_y) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
@@ -67,15 +64,15 @@ def _is_inside(points: Singles, corners: Floats) -> Truths:
     return inside
 
 
-def far_first(poses: Floats, eye_cm: Floats) -> Floats:
+def far_first(poses: FloatArray, eye_cm: FloatArray) -> FloatArray:
     """Return (n, 3) poses, the farthest from below the lens first: the others may hide it, and are never hidden."""
     order = np.argsort(-np.hypot(poses[:, 0] - eye_cm[0], poses[:, 1] - eye_cm[1]), kind="stable")
     return poses[order]
 
 
-@kernel
+@jit
 def draw_bodies(
-    image: Singles, floor_cm: Singles, eye_cm: Floats, poses: Floats, patches: npt.NDArray[np.int64]
+    image: Float32Array, floor_cm: Float32Array, eye_cm: FloatArray, poses: FloatArray, patches: IntArray
 ) -> None:
     """Draw robots over (rows, columns) `image`, one after the other: cylinders with a mark that points ahead.
 
@@ -99,7 +96,7 @@ def draw_bodies(
                     image[row, column] = BODY_SIDE
 
 
-@kernel
+@jit
 def _comes_near(x: float, y: float, along_x: float, along_y: float) -> bool:
     """Whether the way from (x, y) along (along_x, along_y) passes within a body's radius of the origin."""
     square = along_x * along_x + along_y * along_y

@@ -7,16 +7,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.camera_model import overhead_lens
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.render.renderer import Instant, Painter
 from epuck_sim.scenario.overhead import OverheadSection
-
-Floats = npt.NDArray[np.float64]
-Truths = npt.NDArray[np.bool_]
 
 SAMPLES = 4
 """So many instants of an exposure are painted, evenly spread over it.
@@ -33,8 +30,8 @@ class _State(NamedTuple):
 
     time_s: float
     """On the film's clock."""
-    poses: Floats
-    ring_on: Truths
+    poses: FloatArray
+    ring_on: BoolArray
 
 
 class Webcam:
@@ -54,7 +51,7 @@ class Webcam:
         self._states: deque[_State] = deque()
         self._frames = 0
 
-    def take(self, time_s: float, poses: Floats, ring_on: Truths) -> Iterator[Frame]:
+    def take(self, time_s: float, poses: FloatArray, ring_on: BoolArray) -> Iterator[Frame]:
         """Note a control step; yield the frames whose exposures have ended by then. Steps come in order of time.
 
         poses: (robots, 3) cm, cm, rad, of which headings may be wrapped; robots move evenly from step to step.

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import IntArray
 from epuck_sim.overhead.film.frame import Frame, Picture
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.overhead.track.spread import Evaluation
@@ -120,9 +120,7 @@ class Annotator:
             _write_text(strip, 1, self._line_px, f"synchronised at {cycles:.1f} cycles", GREEN, 1.0)
 
 
-def _counts_by_column(
-    seen: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int
-) -> npt.NDArray[np.int64]:
+def _counts_by_column(seen: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:
     """Return (width,) the counts in the window that ends now, in the last column.
 
     seen: times and counts of frames; a frame's count holds until the next one. Where several frames share a column, the

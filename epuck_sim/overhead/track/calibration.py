@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, Floats, Lens
+from epuck_sim.overhead.camera_model import LOOKING_DOWN, Lens
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.ring_detection import LEAST_IN_DARK, is_lit, ring_light
 
@@ -52,7 +53,7 @@ def lens_from_corners(
     corners = _in_order(corners_px, width_px, height_px)
     floor = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (arena_width_cm, arena_height_cm, 0.0)
 
-    def lens_of(pose: Floats) -> Lens:
+    def lens_of(pose: FloatArray) -> Lens:
         """Return the camera of (6,) turn, rad, place, shares of the height, and logarithm of the focal length."""
         rotation = np.asarray(cv2.Rodrigues(pose[:3])[0], float) @ LOOKING_DOWN
         position = floor.mean(axis=0) + above_cm * np.array([*pose[3:5], 1.0])
@@ -99,7 +100,7 @@ def measure_radius(pictures: Iterable[Picture]) -> float | None:
     return float(np.median(radii)) if radii else None
 
 
-def _in_order(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> Floats:
+def _in_order(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> FloatArray:
     """Return (4, 2) corners counter-clockwise as one sees them, from the one at the lower left; check them."""
     corners = np.asarray(corners_px, float)
     if corners.shape != (4, 2) or not np.isfinite(corners).all():
@@ -133,13 +134,13 @@ def _given(corners_px: npt.ArrayLike) -> str:
     return "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))
 
 
-def _area(corners: Floats) -> float:
+def _area(corners: FloatArray) -> float:
     """Return the area of (4, 2) corners in order."""
     x, y = corners.T
     return abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2
 
 
-def _least_squares(misses: Callable[[Floats], Floats], start: Floats) -> Floats:
+def _least_squares(misses: Callable[[FloatArray], FloatArray], start: FloatArray) -> FloatArray:
     """Return the arguments, near (n,) `start`, at which the squares of `misses` have the least sum (Levenberg 1944)."""
     point, damping = start, 1e-3
     off = misses(point)
@@ -173,7 +174,7 @@ def _radii(light: npt.NDArray[np.uint8]) -> list[float]:
     return radii
 
 
-def _radius(x: Floats, y: Floats) -> float | None:
+def _radius(x: FloatArray, y: FloatArray) -> float | None:
     """Return px: the radius of the ring around about (0, 0) that consists of pixels (n,) x, y; None where it is none.
 
     In each of `SECTORS` directions the ring's middle is halfway between its nearest and its farthest pixel.

@@ -4,12 +4,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.overhead.camera_model import Floats
-
-Singles = npt.NDArray[np.float32]
-Truths = npt.NDArray[np.bool_]
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 
 BAND = 0.15
 """The floor differs from its own smooth shade by at most this share; walls and robots by more."""
@@ -32,15 +28,15 @@ FOUND = 0.4
 class Side(NamedTuple):
     """A side of the floor, slightly bowed."""
 
-    start: Floats
-    along: Floats
+    start: FloatArray
+    along: FloatArray
     """(2,) px a line that it is near to."""
-    outward: Floats
+    outward: FloatArray
     """(2,) unit vector across."""
-    bow: Floats
+    bow: FloatArray
     """(3,) px: how far outward it lies, a polynomial of the share of the way along; highest power first."""
 
-    def miss(self, point: Floats) -> tuple[float, Floats]:
+    def miss(self, point: FloatArray) -> tuple[float, FloatArray]:
         """Return how far outward of the side a point is, px, and the gradient of that, (2,)."""
         unit = self.along / (self.along @ self.along)
         share = (point - self.start) @ unit
@@ -48,7 +44,9 @@ class Side(NamedTuple):
         return float(off), self.outward - np.polyval(np.polyder(self.bow), share) * unit
 
 
-def fit_side(shade: Singles, start: Floats, end: Floats, middle: Floats, reach_px: float) -> Side | None:
+def fit_side(
+    shade: Float32Array, start: FloatArray, end: FloatArray, middle: FloatArray, reach_px: float
+) -> Side | None:
     """Return the floor's edge that lies about the line from `start` to `end`; None where it is too seldom seen.
 
     shade: (rows, columns) levels over the floor's own, 1 on the floor; middle: (2,) a point on the floor's side of it;
@@ -74,7 +72,7 @@ def fit_side(shade: Singles, start: Floats, end: Floats, middle: Floats, reach_p
     return Side(start, along, outward, bow)
 
 
-def _edges(unlike: Floats) -> tuple[Floats, Truths]:
+def _edges(unlike: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return (n,) samples from the first of each row to the edge, and whether the row has one.
 
     unlike: (n, m) differences from the floor's shade, outwards. The edge is halfway to what lies beyond: where the
@@ -91,7 +89,7 @@ def _edges(unlike: Floats) -> tuple[Floats, Truths]:
     return edge, (leaves * PROBE_PX >= 1) & (after > 0)
 
 
-def _best_line(share: Floats, off: Floats) -> Floats:
+def _best_line(share: FloatArray, off: FloatArray) -> FloatArray:
     """Return (2,) slope and offset of the line that is near to the most of the points, (n,) each; it is through two."""
     chosen = np.linspace(0, len(share) - 1, 12).astype(int)
     one, other = np.triu_indices(12, 1)
@@ -102,7 +100,7 @@ def _best_line(share: Floats, off: Floats) -> Floats:
     return np.asarray(lines[:, np.count_nonzero(misses <= OFF_PX[0], axis=1).argmax()])
 
 
-def meeting_point(one: Side, other: Side, guess: Floats) -> Floats:
+def meeting_point(one: Side, other: Side, guess: FloatArray) -> FloatArray:
     """Return (2,) px: where two sides meet, near a guess (Newton)."""
     corner = guess
     for _ in range(10):

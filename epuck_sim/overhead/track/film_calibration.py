@@ -13,7 +13,7 @@ from epuck_sim.overhead.track.calibration import lens_from_corners, lens_from_ri
 from epuck_sim.overhead.track.floor_corners import find_corners
 from epuck_sim.overhead.track.result import Known
 from epuck_sim.overhead.track.ring_detection import is_lit
-from epuck_sim.scenario.base import Positive, Whole
+from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
 
 DESCRIPTION = "the film's description"
@@ -46,7 +46,7 @@ class Told(BaseModel):
     """What a film says of itself (see `filming.describe_film`), as far as a tracker asks."""
 
     arena_cm: tuple[Positive, Positive] | None = None
-    robots: Annotated[Whole, Field(ge=1)] | None = None
+    robots: Annotated[WholeNumber, Field(ge=1)] | None = None
     period_s: Positive | None = None
     overhead: dict[str, Any] | None = None
 

@@ -2,15 +2,13 @@
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.overhead.camera_model import Floats
+from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.edge_fit import BAND, fit_side, meeting_point
 from epuck_sim.overhead.track.ring_detection import is_lit
 
-Singles = npt.NDArray[np.float32]
-Line = tuple[Floats, Floats]
+Line = tuple[FloatArray, FloatArray]
 """(2,) px a point, and a vector to another one."""
 
 MIDDLE = 0.5
@@ -30,7 +28,7 @@ NARROWING = (0.03, 0.015)
 from the better line."""
 
 
-def find_corners(picture: Picture) -> Floats | None:
+def find_corners(picture: Picture) -> FloatArray | None:
     """Return (4, 2) px, columns and rows of the floor's corners in a lit picture; None where there is no such floor.
 
     The shade of the floor is fitted from the picture's middle outwards, as lenses darken their corners and lamps hang
@@ -61,7 +59,7 @@ def find_corners(picture: Picture) -> Floats | None:
     return corners if is_in and _is_around_middle(corners, shade.shape) else None
 
 
-def _relative(grey: Singles) -> Singles | None:
+def _relative(grey: Float32Array) -> Float32Array | None:
     """Return (rows, columns) levels over those of a floor there, 1 on the floor; None where the middle is no floor.
 
     The floor's shade is a paraboloid: of light from one side, and of vignetting.
@@ -84,7 +82,7 @@ def _relative(grey: Singles) -> Singles | None:
     return np.asarray(grey / np.maximum(design @ terms, 1), np.float32)
 
 
-def _outline(shade: Singles) -> list[Line] | None:
+def _outline(shade: Float32Array) -> list[Line] | None:
     """Return the four lines along the longest sides of the floor's convex hull; None where the floor is cut off."""
     floor = (np.abs(shade - 1) < BAND).astype(np.uint8)
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(floor, connectivity=4)
@@ -105,7 +103,7 @@ def _outline(shade: Singles) -> list[Line] | None:
     return [(bends[k], along[k]) for k in longest]
 
 
-def _meet(lines: list[Line]) -> Floats:
+def _meet(lines: list[Line]) -> FloatArray:
     """Return (4, 2): where each of four lines meets the one before it; far away if they are parallel."""
     corners = []
     for k, (point, along) in enumerate(lines):
@@ -116,7 +114,7 @@ def _meet(lines: list[Line]) -> Floats:
     return np.array(corners)
 
 
-def _is_around_middle(corners: Floats, shape: tuple[int, ...]) -> bool:
+def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:
     """Return whether (4, 2) corners bound a convex quadrilateral around the middle of the picture."""
     rows, columns = shape
     along = np.roll(corners, -1, axis=0) - corners

@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.spread import Evaluation
-
-Floats = npt.NDArray[np.float64]
 
 ACROSS = 4
 """Moments in a row of the figure."""
@@ -18,9 +16,9 @@ ACROSS = 4
 class History(NamedTuple):
     """What was counted in a film, and what follows from it. Times are on the film's clock."""
 
-    times_s: Floats
+    times_s: FloatArray
     """(n,) of the frames."""
-    counts: npt.NDArray[np.int64]
+    counts: IntArray
     """(n,) lit rings in them."""
     evaluations: Sequence[Evaluation]
     period_s: float
@@ -44,7 +42,7 @@ class Snapshot(NamedTuple):
 
     time_s: float
     picture: Picture
-    rings_px: Floats
+    rings_px: FloatArray
     """(rings, 3) column, row, radius."""
 
 

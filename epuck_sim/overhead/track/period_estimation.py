@@ -3,13 +3,10 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.track.lag_density import Events, bell, centre, common_lags_s, lags
 from epuck_sim.overhead.track.spread import frame_ends
-
-Floats = npt.NDArray[np.float64]
-Counts = npt.NDArray[np.int64]
 
 LEAST_PERIODS = 2.5
 """A film of fewer tells no period: whatever happens to look alike twice would do."""
@@ -35,7 +32,7 @@ ORDER_PARAMETER = 0.95
 """r_sync of thesis 4.2.1."""
 
 
-def estimate_period_s(times_s: Floats, counts: Counts) -> float | None:
+def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
     """Return the oscillators' period, from (n,) counts of lit rings in frames at (n,) times; None if it is not clear.
 
     About where it lies is the highest peak of the counts' autocorrelation; as counts are multiplied, cycles in which
@@ -56,7 +53,7 @@ def estimate_period_s(times_s: Floats, counts: Counts) -> float | None:
     return _over_cycles_s(onsets, float(lags_s[-1]), frame_s, times_s[-1] - times_s[0]) if len(lags_s) else None
 
 
-def estimate_flash_s(times_s: Floats, counts: Counts) -> float | None:
+def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
     """Return for how long a ring is lit, from (n,) counts in frames at (n,) times; None if none goes on and off.
 
     It is the commonest time from rings that go on to rings that go off. The light of all rings divided by how often one
@@ -73,13 +70,13 @@ def estimate_flash_s(times_s: Floats, counts: Counts) -> float | None:
     return float(lags_s[0]) if len(lags_s) else None
 
 
-def _growing(times_s: Floats, counts: Counts) -> tuple[Floats, Counts]:
+def _growing(times_s: FloatArray, counts: IntArray) -> tuple[FloatArray, IntArray]:
     """Return the frames whose times are after those of all before."""
     is_later = np.append(True, times_s[1:] > np.maximum.accumulate(times_s)[:-1])[: len(times_s)]
     return times_s[is_later], counts[is_later]
 
 
-def _correlated_lag_s(times_s: Floats, counts: Counts, frame_s: float) -> float | None:
+def _correlated_lag_s(times_s: FloatArray, counts: IntArray, frame_s: float) -> float | None:
     """Return the lag at which the counts are most like themselves, to a frame or so; None if they clearly never are."""
     smooth = np.convolve(_on_grid(times_s, counts, frame_s), bell(np.arange(-3.0, 4.0)), "same")
     correlation = _autocorrelation(smooth)
@@ -99,25 +96,25 @@ def _correlated_lag_s(times_s: Floats, counts: Counts, frame_s: float) -> float 
     return float(lag * frame_s) if is_clear else None
 
 
-def _on_grid(times_s: Floats, counts: Counts, frame_s: float) -> Floats:
+def _on_grid(times_s: FloatArray, counts: IntArray, frame_s: float) -> FloatArray:
     """Return (m,) mean counts over intervals of a frame's length each, one after another."""
     ends_s = frame_ends(times_s, times_s[-1] + frame_s)
     corners_s = np.column_stack([times_s, ends_s]).ravel()
     lit_s = np.append(0.0, np.repeat(np.cumsum((ends_s - times_s) * counts), 2)[:-1])
     edges_s = np.arange(times_s[0], times_s[-1] + 1.5 * frame_s, frame_s)
-    means: Floats = np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s
+    means: FloatArray = np.diff(np.interp(edges_s, corners_s, lit_s)) / frame_s
     return means
 
 
-def _autocorrelation(values: Floats) -> Floats:
+def _autocorrelation(values: FloatArray) -> FloatArray:
     """Return (m,): sums of products of (m,) values, less their mean, with those so much later; 1 at 0, or all 0."""
     values = values - values.mean()
     room = 1 << (2 * len(values)).bit_length()
-    products: Floats = np.fft.irfft(np.abs(np.fft.rfft(values, room)) ** 2, room)[: len(values)]
+    products: FloatArray = np.fft.irfft(np.abs(np.fft.rfft(values, room)) ** 2, room)[: len(values)]
     return products / products[0] if products[0] > 1e-9 else np.zeros(len(values))
 
 
-def _changes(times_s: Floats, counts: Counts, sign: int) -> Events:
+def _changes(times_s: FloatArray, counts: IntArray, sign: int) -> Events:
     """Return when counts grow (sign 1) or fall (-1), in the middle between two frames, and by how much."""
     sizes = sign * np.diff(counts)
     changes = np.flatnonzero(sizes > 0)

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import Floats, Lens
+from epuck_sim.arrays import FloatArray
+from epuck_sim.overhead.camera_model import Lens
 
 Light = npt.NDArray[np.uint8]
 """One channel of a picture, or of the plane."""
@@ -33,7 +34,7 @@ STRAY_CM = 0.5
 class RingPlane(NamedTuple):
     """A grid of square cells on the plane of the rings, axes as the arena's; row 0 is the lowest."""
 
-    origin_cm: Floats
+    origin_cm: FloatArray
     """(2,) of the middle of the cell in row 0, column 0."""
     cells_per_cm: int
     """A multiple of `COARSE_PER_CM`."""
@@ -81,7 +82,7 @@ def ring_plane(lens: Lens) -> RingPlane:
     return RingPlane(low, per_cm, np.asarray(where, np.int16), np.asarray(fraction, np.uint16))
 
 
-def _extent_cm(lens: Lens, above_cm: float) -> tuple[Floats, Floats]:
+def _extent_cm(lens: Lens, above_cm: float) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and highest x and y of the plane that the picture shows."""
     edge = np.linspace(0, 1, 33)
     border = np.concatenate([np.column_stack([edge, np.full(33, end)]) for end in (0.0, 1.0)])

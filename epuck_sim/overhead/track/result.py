@@ -4,8 +4,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera_model import Lens
 from epuck_sim.overhead.track.history import History
@@ -76,9 +76,9 @@ class Track(NamedTuple):
     t_sync_flashes: float | None
     """How often a robot had flashed by then: coupling shortens cycles, and a simulated trial counts firings."""
     warnings: tuple[str, ...]
-    times_s: npt.NDArray[np.float64]
+    times_s: FloatArray
     """(frames,) of the trial."""
-    counts: npt.NDArray[np.int64]
+    counts: IntArray
     """(frames,) lit rings in each of them."""
     evaluations: tuple[Evaluation, ...]
     lens: Lens
@@ -156,7 +156,7 @@ def conclude(film: str, tracker: Tracker, calibration: str, known: Known, warnin
     )
 
 
-def _period_s(film: str, times_s: npt.NDArray[np.float64], counts: npt.NDArray[np.int64]) -> float:
+def _period_s(film: str, times_s: FloatArray, counts: IntArray) -> float:
     period_s = estimate_period_s(times_s, counts)
     if period_s is None:
         raise FilmError(
@@ -171,7 +171,7 @@ def threshold_so_far_s(tracker: Tracker, period_s: float, known: Known) -> float
     return choose_threshold_s(period_s, _flash_s(tracker.times_s, tracker.counts, period_s), known)
 
 
-def _flash_s(times_s: npt.NDArray[np.float64], counts: npt.NDArray[np.int64], period_s: float) -> float:
+def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:
     return estimate_flash_s(times_s, counts) or FLASH_FRACTION * period_s
 
 

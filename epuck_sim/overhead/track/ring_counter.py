@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera_model import Lens
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder, is_lit
@@ -53,12 +53,12 @@ class Tracker:
         return rings
 
     @property
-    def times_s(self) -> npt.NDArray[np.float64]:
+    def times_s(self) -> FloatArray:
         """(frames,) s: when the trial's frames were taken."""
         return np.array(self._times, np.float64)
 
     @property
-    def counts(self) -> npt.NDArray[np.int64]:
+    def counts(self) -> IntArray:
         """(frames,): lit rings in each of them."""
         return np.array(self._counts, np.int64)
 

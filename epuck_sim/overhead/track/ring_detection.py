@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import Floats, Lens
+from epuck_sim.arrays import Float32Array, FloatArray
+from epuck_sim.overhead.camera_model import Lens
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.rectified_view import COARSE_PER_CM, Light, ring_plane
 from epuck_sim.overhead.track.ring_fit import Fit, fit_ring
@@ -135,7 +135,7 @@ class RingFinder:
         return [Ring(*row) for row in table[np.lexsort((table[:, 4], table[:, 3]))].tolist()]
 
 
-def _matched_filter() -> npt.NDArray[np.float32]:
+def _matched_filter() -> Float32Array:
     """Return the filter on the coarse grid: mean light on the circle minus that inside."""
     half = round((epuck.RING_RADIUS_CM + 2 * CROSS_CM) * COARSE_PER_CM)
     offsets = np.arange(-half, half + 1) / COARSE_PER_CM
@@ -145,7 +145,7 @@ def _matched_filter() -> npt.NDArray[np.float32]:
     return np.asarray(ring / ring.sum() - inner / inner.sum(), np.float32)
 
 
-def _peaks(response: npt.NDArray[np.float32], least: float) -> Floats:
+def _peaks(response: Float32Array, least: float) -> FloatArray:
     """Return (n, 2) columns and rows of the highest responses within 1 cm, from the highest."""
     size = 2 * COARSE_PER_CM + 1
     highest = np.asarray(cv2.dilate(response, np.ones((size, size), np.uint8)))
@@ -154,7 +154,7 @@ def _peaks(response: npt.NDArray[np.float32], least: float) -> Floats:
     return np.column_stack([columns[order], rows[order]]).astype(float)
 
 
-def _separate(plane: Light, cells_per_cm: int, places: Floats, least: float) -> list[Fit]:
+def _separate(plane: Light, cells_per_cm: int, places: FloatArray, least: float) -> list[Fit]:
     """Return the rings at (n, 2) places of the plane, which are looked at in this order."""
     fits: list[Fit] = []
     for column, row in places:

@@ -8,10 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-
-Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
-Truths = npt.NDArray[np.bool_]
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 
 BINS = 72
 """Directions in which a ring is looked at: nine for each of its LEDs."""
@@ -59,7 +56,7 @@ class Fit(NamedTuple):
     radius_cm: float
     misfit_cm: float
     """Root mean square distance of the inner edge from a circle, without what is `BEND_CM` off."""
-    covered: Truths
+    covered: BoolArray
     """(BINS,) whether there is light on the circle in each direction."""
     hollow: float
     """Mean light within half the radius, over the median on the circle."""
@@ -99,14 +96,14 @@ def fit_ring(plane: npt.NDArray[np.uint8], cells_per_cm: int, column: float, row
     return Fit(column, row, radius, misfit, (on >= DARKEST * bright) & ~(off > BEND_CM), hollow)
 
 
-def _polar(plane: npt.NDArray[np.uint8], cells_per_cm: int, column: float, row: float) -> Singles:
+def _polar(plane: npt.NDArray[np.uint8], cells_per_cm: int, column: float, row: float) -> Float32Array:
     """Return (BINS, radii) light in each direction from a cell."""
     flags = cv2.INTER_LINEAR | cv2.WARP_POLAR_LINEAR | cv2.WARP_FILL_OUTLIERS
     size = len(_RADII), BINS
     return np.asarray(cv2.warpPolar(plane, size, (column, row), REACH_CM * cells_per_cm, flags), np.float32)
 
 
-def _edge(profile: Singles, level: float) -> tuple[Floats, Truths]:
+def _edge(profile: Float32Array, level: float) -> tuple[FloatArray, BoolArray]:
     """Return (BINS,) cm from the first of (BINS, n) samples to where the level is reached, and whether it is."""
     above = profile >= level
     first = above.argmax(axis=1)
@@ -116,7 +113,7 @@ def _edge(profile: Singles, level: float) -> tuple[Floats, Truths]:
     return STEP_CM * (first - back), np.asarray(above.any(axis=1))
 
 
-def _circle(edge: Floats, has: Truths) -> tuple[Floats, Floats]:
+def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return (3,) cm R, dx, dy of the circle through (BINS,) cm of an edge, and how far off that is, NaN without it."""
     near = has
     for _ in range(2):

@@ -19,10 +19,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
-Counts = npt.NDArray[np.int64]
+from epuck_sim.arrays import FloatArray, IntArray
 
 LONGEST = 3.0
 """A frame stands for so many median intervals at most: one or two frames dropped in a row are bridged, as is a camera
@@ -110,14 +108,14 @@ class SpreadWatch:
             del self._times[:unneeded], self._counts[:unneeded]
 
 
-def evaluate(times_s: Floats, counts: Counts, period_s: float, start_s: float) -> list[Evaluation]:
+def evaluate(times_s: FloatArray, counts: IntArray, period_s: float, start_s: float) -> list[Evaluation]:
     """Return what a `SpreadWatch` says of a film with (n,) counts in frames at (n,) times."""
     watch = SpreadWatch(period_s, start_s)
     looks = map(watch.look, times_s.tolist(), counts.tolist())
     return [evaluation for evaluation in looks if evaluation is not None]
 
 
-def evaluate_around(middle_s: float, period_s: float, times_s: Floats, counts: Counts) -> Evaluation:
+def evaluate_around(middle_s: float, period_s: float, times_s: FloatArray, counts: IntArray) -> Evaluation:
     """Return what the (n,) counts of frames at (n,) times are in the period around a time.
 
     The frames: those within that period, and the one before, which stands for its beginning; two at least, and some
@@ -131,17 +129,17 @@ def evaluate_around(middle_s: float, period_s: float, times_s: Floats, counts: C
     return Evaluation(middle_s, int(counts.max()), spread_s, float(seconds.sum() / period_s))
 
 
-def frame_ends(times_s: Floats, end_s: float) -> Floats:
+def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:
     """Return (n,) s: until when each frame stands; the last one until `end_s`, none longer than `LONGEST` allows.
 
     times_s: (n,), ascending, two at least.
     """
     longest_s = LONGEST * np.median(np.diff(times_s))
-    ends_s: Floats = np.minimum(np.append(times_s[1:], end_s), times_s + longest_s)
+    ends_s: FloatArray = np.minimum(np.append(times_s[1:], end_s), times_s + longest_s)
     return ends_s
 
 
-def weighted_spread(values: Floats, weights: Floats) -> float:
+def weighted_spread(values: FloatArray, weights: FloatArray) -> float:
     """Return the standard deviation of (n,) values that weigh (n,), not all of them nothing.
 
     >>> weighted_spread(np.array([1.0, 2.0, 5.0]), np.array([1.0, 1.0, 0.0]))

@@ -21,7 +21,7 @@ from epuck_sim.overhead.track.history import Snapshot
 from epuck_sim.overhead.track.result import Known, Track, conclude, threshold_so_far_s
 from epuck_sim.overhead.track.ring_counter import Moment, Tracker, follow
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
-from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.util.atomic_write import atomic_write
 
 HEAD_FRAMES = 90
 """So many frames are kept while a camera's lens is not known yet, in which there may be flashes: 6 s of 15 a second."""
@@ -128,7 +128,7 @@ def ring_table(path: Path | None) -> Iterator[Callable[[Frame, Sequence[Ring]], 
     if path is None:
         yield lambda *_: None
         return
-    with written_whole(path) as part, part.open("w", newline="") as file:
+    with atomic_write(path) as part, part.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["time_s", *Ring._fields])
 

@@ -8,20 +8,16 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import RecordingError
-from epuck_sim.particles.simulation import Event, Swarm
+from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording.buffers.robots import Columns
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import FRAMES
 from epuck_sim.recording.relations.pulses import Hearing
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.trial.synchrony import METRICS
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-Whole = npt.NDArray[np.int64]
 
 GLOW = 0.075
 """For such a share of a period, who has fired is shown as lit: an instant would hardly be seen."""
@@ -34,21 +30,21 @@ class _Moment(NamedTuple):
     """A swarm just after an event."""
 
     time_s: float
-    positions: Floats
+    positions: FloatArray
     """(agents, dimensions) cm"""
-    headings: Floats
+    headings: FloatArray
     """(agents, dimensions) unit vectors."""
-    phases: Floats
+    phases: FloatArray
     """(agents,)"""
 
 
 class _Rows(NamedTuple):
     """Some rows of the columns of the same names; arrays begin with (rows, agents)."""
 
-    time_ns: Whole
-    poses: Floats
-    phase_ms: Floats
-    ring_on: Bools
+    time_ns: IntArray
+    poses: FloatArray
+    phase_ms: FloatArray
+    ring_on: BoolArray
 
 
 class SwarmWindow:
@@ -60,7 +56,7 @@ class SwarmWindow:
     def __init__(self, scenario: ParticleScenario, seed: int, level: Level, rows: int) -> None:
         """Make room for about so many rows: a window may be full to overflowing by those of one event."""
         # onlookers are shown no swarm before its first event
-        fresh = Swarm(scenario, seed)
+        fresh = ParticleSimulation(scenario, seed)
         self._before = _look(fresh)
         self._speeds, self._periods_s = fresh.speeds_cm_s, fresh.periods_s
         self._most = rows
@@ -75,16 +71,16 @@ class SwarmWindow:
     def _begin(self) -> None:
         self.taken = 0
         self._rows: list[_Rows] = []
-        self._flash_rows: list[Whole] = []
+        self._flash_rows: list[IntArray] = []
         self._firings: list[tuple[int, float]] = []
-        self._links: list[Whole] = []
+        self._links: list[IntArray] = []
 
     @property
     def is_full(self) -> bool:
         """Whether it is to be emptied."""
         return self.taken >= self._most
 
-    def take(self, swarm: Swarm, event: Event) -> None:
+    def take(self, swarm: ParticleSimulation, event: Event) -> None:
         """Take note of an event, and of what led there; raises RecordingError for a time that cannot be counted."""
         if event.time_s > LATEST_S:
             raise RecordingError(f"{swarm.scenario.name}: lasts more than {LATEST_S:g} s, and cannot be recorded")
@@ -115,7 +111,7 @@ class SwarmWindow:
             flown = (since * self._speeds)[..., None] * before.headings
             self._add(time_ns, before.positions + flown, before.headings, before.phases + since / self._periods_s)
 
-    def _take_flashes(self, swarm: Swarm, event: Event) -> None:
+    def _take_flashes(self, swarm: ParticleSimulation, event: Event) -> None:
         """Take note of who fires at an instant, whose row comes next."""
         fired = np.sort(event.fired)
         self._flashes[fired] += 1
@@ -124,7 +120,7 @@ class SwarmWindow:
         if self._stop.reference in event.fired and swarm.order_parameter is not None:
             self._firings.append((self.taken, swarm.order_parameter))
 
-    def _add(self, time_ns: Whole, positions: Floats, headings: Floats, phases: Floats) -> None:
+    def _add(self, time_ns: IntArray, positions: FloatArray, headings: FloatArray, phases: FloatArray) -> None:
         """Add rows.
 
         time_ns: (rows,); positions: (rows, agents, dimensions) cm; headings: (agents, dimensions) unit vectors;
@@ -153,16 +149,16 @@ class SwarmWindow:
         return columns
 
 
-def _look(swarm: Swarm) -> _Moment:
+def _look(swarm: ParticleSimulation) -> _Moment:
     return _Moment(swarm.time_s, swarm.positions(), swarm.headings(), swarm.phases())
 
 
-def _from_above(vectors: Floats) -> Floats:
+def _from_above(vectors: FloatArray) -> FloatArray:
     """Return (..., 2) of (..., dimensions): what a third one adds cannot be seen, and a segment lies along x."""
     across = vectors[..., 1:2] if vectors.shape[-1] > 1 else np.zeros_like(vectors)
     return np.concatenate([vectors[..., :1], across], axis=-1)
 
 
-def _joined(parts: Sequence[Whole], width: int) -> Whole:
+def _joined(parts: Sequence[IntArray], width: int) -> IntArray:
     """Return (rows, width) the parts, one after the other; there may be none."""
     return np.concatenate([np.empty((0, width), np.int64), *parts])

@@ -5,15 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.embodied.step import Step
 from epuck_sim.recording.level import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.trial.synchrony import SynchronyWatch
-
-Floats = npt.NDArray[np.float64]
-Bools = npt.NDArray[np.bool_]
-Whole = npt.NDArray[np.int64]
 
 
 class Columns(NamedTuple):
@@ -22,30 +19,30 @@ class Columns(NamedTuple):
     Arrays begin with (rows, count), unless told; those that the level or the model leaves out have no rows.
     """
 
-    time_ns: Whole
+    time_ns: IntArray
     """(rows,) simulated time."""
-    ring_on: Bools
+    ring_on: BoolArray
     """Of agents: who fired just before."""
-    phase_ms: Floats
-    poses: Floats
+    phase_ms: FloatArray
+    poses: FloatArray
     """(rows, count, 3) cm, cm, rad."""
-    order_parameter: Floats
+    order_parameter: FloatArray
     """(rows,) of all oscillators."""
-    flashes: Whole
+    flashes: IntArray
     """(flashes, 3) place among the rows, who flashes, and which of its own flashes it is, from 1."""
-    firings: Whole
+    firings: IntArray
     """(firings,) places of the rows in which the reference fires."""
-    firing_order: Floats
+    firing_order: FloatArray
     """(firings,) the order parameter that was measured then."""
-    ring_before: Bools = np.empty((0, 0), np.bool_)
+    ring_before: BoolArray = np.empty((0, 0), np.bool_)
     """The rings of the step before, which are the ones that other robots see."""
     camera: npt.NDArray[np.uint8] = np.empty((0, 0, 0), np.uint8)
     """(rows, robots, pixels)"""
     distance_mm: npt.NDArray[np.uint16] = np.empty((0, 0, SENSORS), np.uint16)
     """(rows, robots, 8)"""
-    wheels_cm_s: Floats = np.empty((0, 0, 2))
+    wheels_cm_s: FloatArray = np.empty((0, 0, 2))
     """(rows, robots, 2)"""
-    links: Whole = np.empty((0, 4), np.int64)
+    links: IntArray = np.empty((0, 4), np.int64)
     """(links, 4) place among the rows, who fires, who hears it, and 1 where that shifted a phase; of agents."""
 
 

@@ -4,17 +4,15 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 from rerun.chunk import Chunk
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.recording.buffers.robots import Columns
 from epuck_sim.recording.chunks import moving, still
 from epuck_sim.recording.layers.arena import FAINT, ends_of_rays, strip_columns, towards
-from epuck_sim.recording.population import Subject
+from epuck_sim.recording.population import Population
 from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
-
-Floats = npt.NDArray[np.float64]
 
 CONES = "/arena/cones"
 """(agents,) strips in each row, around the cone of vision or emission, within the arena."""
@@ -40,14 +38,14 @@ class SwarmDetails:
     Cones are drawn in squares only: in a segment there is no angle, and a cube is seen from above.
     """
 
-    def __init__(self, scenario: ParticleScenario, subject: Subject) -> None:
+    def __init__(self, scenario: ParticleScenario, subject: Population) -> None:
         rule = scenario.neighbourhood
         radius_cm = rule.radius_cm if isinstance(rule, Cone | Range) else None
         is_sector = isinstance(rule, Cone) and rule.angle_deg < 360
         self._subject = subject
         self._range_cm = None if is_sector else radius_cm
         self._cone_cm = DRAWN_SHARE * scenario.space.side_cm if radius_cm is None else radius_cm
-        self._arc: Floats | None = None
+        self._arc: FloatArray | None = None
         """(corners,) rad from the heading."""
         if isinstance(rule, Cone) and is_sector and scenario.space.dimensions == 2:
             half = math.radians(rule.angle_deg) / 2

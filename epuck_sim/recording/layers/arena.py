@@ -8,17 +8,15 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 import pyarrow as pa
 import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arena import Arena
+from epuck_sim.arrays import FloatArray
 from epuck_sim.recording.buffers.robots import Columns
 from epuck_sim.recording.chunks import moving, still
-from epuck_sim.recording.population import Subject
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.recording.population import Population
 
 ARENA = "/arena"
 WALLS = "/arena/walls"
@@ -45,7 +43,7 @@ SHAFT = 0.25 / 3.7
 """Half as thick is an arrow that shows a heading, if the disc has radius 1."""
 
 
-def set_ground(subject: Subject) -> Iterator[Chunk]:
+def set_ground(subject: Population) -> Iterator[Chunk]:
     """Yield what does not move, and how it looks."""
     width, height = subject.arena.width_cm, subject.arena.height_cm
     yield still(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
@@ -77,12 +75,12 @@ def ground(columns: Columns, radius_cm: float) -> Iterator[Chunk]:
     yield moving(HEADINGS, time_ns, *rr.Arrows2D.columns(origins=middles, vectors=ahead).partition(each))
 
 
-def towards(angle: Floats) -> Floats:
+def towards(angle: FloatArray) -> FloatArray:
     """Return (..., 2) the unit vectors of (...) angles, rad."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def ends_of_rays(origins: Floats, rays: Floats, longest_cm: float, arena: Arena) -> Floats:
+def ends_of_rays(origins: FloatArray, rays: FloatArray, longest_cm: float, arena: Arena) -> FloatArray:
     """Return (..., 2) cm where rays end that go as far as `longest_cm`, or to the arena's outer walls.
 
     origins: (..., 2) cm, within the walls; rays: (..., 2) unit vectors.
@@ -90,11 +88,11 @@ def ends_of_rays(origins: Floats, rays: Floats, longest_cm: float, arena: Arena)
     walls = np.array([arena.width_cm, arena.height_cm])
     ahead = np.where(rays > 0, walls - origins, origins)  # how far the next wall is, along each axis
     to_walls = (ahead / np.maximum(np.abs(rays), 1e-9)).min(axis=-1)
-    ends: Floats = origins + np.clip(to_walls, 0, longest_cm)[..., None] * rays
+    ends: FloatArray = origins + np.clip(to_walls, 0, longest_cm)[..., None] * rays
     return ends
 
 
-def strip_columns(strips: Floats) -> rr.ComponentColumnList:
+def strip_columns(strips: FloatArray) -> rr.ComponentColumnList:
     """Return (rows, strips, k, 2) points as strips of k, a row each: rerun's own conversion takes them one by one."""
     rows, count, corners, _ = strips.shape
     flat = pa.FixedSizeListArray.from_arrays(pa.array(strips.astype(np.float32).ravel()), 2)

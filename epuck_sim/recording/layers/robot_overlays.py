@@ -5,13 +5,13 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
-from epuck_sim.embodied.cell_list import Cells, make_cells
+from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.cell_list import CellList, make_cell_list
 from epuck_sim.embodied.line_camera import Camera
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.recording.buffers.robots import Columns
@@ -20,8 +20,6 @@ from epuck_sim.recording.layers.arena import FAINT, ends_of_rays, strip_columns,
 from epuck_sim.recording.relations.contacts import find_contacts
 from epuck_sim.recording.relations.visibility import find_sightings
 from epuck_sim.scenario.embodied import EmbodiedScenario
-
-Floats = npt.NDArray[np.float64]
 
 VIEWS = "/arena/views"
 """(robots,) strips at each step, along the outermost rays of the camera's central window."""
@@ -43,7 +41,7 @@ class Stage(NamedTuple):
     """What stays as it is during a trial."""
 
     arena: Arena
-    cells: Cells
+    cells: CellList
     eyes: list[tuple[int, int, Camera]]
     """Of each group: the number of its first robot, its robots, and their camera."""
 
@@ -55,7 +53,7 @@ def make_stage(scenario: EmbodiedScenario) -> Stage:
     for group in scenario.robots:
         eyes.append((first, group.count, build_camera(group.camera)))
         first += group.count
-    return Stage(arena, make_cells(arena.width_cm, arena.height_cm, scenario.robot_count), eyes)
+    return Stage(arena, make_cell_list(arena.width_cm, arena.height_cm, scenario.robot_count), eyes)
 
 
 def warm_up(stage: Stage) -> None:
@@ -83,7 +81,7 @@ def scene(columns: Columns, stage: Stage) -> Iterator[Chunk]:
     yield moving(CONTACTS, time_ns, *rr.Points2D.columns(positions=points).partition(touching))
 
 
-def _views(poses: Floats, stage: Stage) -> Floats:
+def _views(poses: FloatArray, stage: Stage) -> FloatArray:
     """Return (steps, robots, 3, 2) cm: left end, camera and right end of each field of view, within the walls."""
     views = np.empty((*poses.shape[:2], 3, 2))
     for first, robots, camera in stage.eyes:

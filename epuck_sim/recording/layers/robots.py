@@ -9,7 +9,7 @@ from epuck_sim.recording.buffers.robots import Columns
 from epuck_sim.recording.layers.images import SpaceTime, pictures, set_pictures
 from epuck_sim.recording.layers.robot_overlays import make_stage, scene, set_scene, warm_up
 from epuck_sim.recording.layers.time_series import set_wheels, wheels
-from epuck_sim.recording.population import Subject
+from epuck_sim.recording.population import Population
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 
@@ -29,7 +29,7 @@ class Details(Protocol):
 class RobotDetails:
     """What robots see and sense, their wheels, and contacts."""
 
-    def __init__(self, scenario: EmbodiedScenario, subject: Subject) -> None:
+    def __init__(self, scenario: EmbodiedScenario, subject: Population) -> None:
         self._scenario, self._subject = scenario, subject
         self._stage = make_stage(scenario)
         self._space_time = SpaceTime(scenario)

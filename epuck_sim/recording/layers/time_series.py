@@ -4,16 +4,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import rerun as rr
 from rerun.chunk import Chunk
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.recording.buffers.robots import Columns
 from epuck_sim.recording.chunks import moving, still
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Subject
-
-Floats = npt.NDArray[np.float64]
+from epuck_sim.recording.population import Population
 
 FLASHES = "/flashes"
 """A scalar at each flash: whose it is, by number; `cycle`: which of its flashes it is, from 1."""
@@ -41,7 +39,7 @@ GREY = (150, 150, 150)
 BLUE = (60, 130, 230)
 
 
-def series_styles(subject: Subject, level: Level) -> Iterator[Chunk]:
+def series_styles(subject: Population, level: Level) -> Iterator[Chunk]:
     """Yield how the plots look."""
     yield still(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))
     yield still(ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names=f"at each {subject.moment}", **UNBLURRED))
@@ -68,7 +66,7 @@ def series(columns: Columns, threshold: float | None, level: Level) -> Iterator[
         yield moving(PHASES, time_ns, *_rows_of(columns.phase_ms))
 
 
-def set_wheels(subject: Subject) -> Iterator[Chunk]:
+def set_wheels(subject: Population) -> Iterator[Chunk]:
     """Yield how the plot of the wheels looks."""
     sides = [f"{robot} {side}" for robot in _names(subject) for side in ("left", "right")]
     yield still(WHEELS, rr.SeriesLines(names=sides, **UNBLURRED))
@@ -79,11 +77,11 @@ def wheels(columns: Columns) -> Iterator[Chunk]:
     yield moving(WHEELS, columns.time_ns, *_rows_of(columns.wheels_cm_s))
 
 
-def _names(subject: Subject) -> list[str]:
+def _names(subject: Population) -> list[str]:
     return [f"{subject.noun} {number}" for number in range(subject.size)]
 
 
-def _rows_of(values: Floats) -> rr.ComponentColumnList:
+def _rows_of(values: FloatArray) -> rr.ComponentColumnList:
     """Return (rows, ...) values as scalars, row by row."""
     flat = values.reshape(len(values), -1)
     return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))

@@ -6,16 +6,13 @@ For onlookers. The bodies themselves are pymunk's, which settles contacts severa
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
-from epuck_sim.embodied.cell_list import Cells, slot, sort_into_cells
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.embodied.cell_list import CellList, cell_index, sort_into_cells
 from epuck_sim.embodied.rigid_bodies import MARGIN_CM
-from epuck_sim.util.jit import kernel
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from epuck_sim.util.jit import jit
 
 GAP_CM = 2 * MARGIN_CM
 """Surfaces that are no farther apart touch: pymunk knows of them by then (see `world`)."""
@@ -23,7 +20,7 @@ GAP_CM = 2 * MARGIN_CM
 _RADIUS = epuck.RADIUS_CM
 
 
-def find_contacts(poses: Floats, arena: Arena, cells: Cells) -> tuple[Whole, Floats]:
+def find_contacts(poses: FloatArray, arena: Arena, cells: CellList) -> tuple[IntArray, FloatArray]:
     """Return (contacts,) steps, in their order, and (contacts, 2) cm: points on the surfaces that touch.
 
     poses: (steps, robots, 3) x cm, y cm, heading rad. Two robots that touch have one point, midway between them; on
@@ -40,17 +37,17 @@ def find_contacts(poses: Floats, arena: Arena, cells: Cells) -> tuple[Whole, Flo
     return steps[:contacts], points[:contacts]
 
 
-@kernel
+@jit
 def _write_contacts(
-    poses: Floats,
+    poses: FloatArray,
     width_cm: float,
     height_cm: float,
-    circles: Floats,
-    edges: Floats,
-    corners: Whole,
-    cells: Cells,
-    steps: Whole,
-    points: Floats,
+    circles: FloatArray,
+    edges: FloatArray,
+    corners: IntArray,
+    cells: CellList,
+    steps: IntArray,
+    points: FloatArray,
 ) -> int:
     """Write what `find_contacts` returns, as far as there is room; return how many contacts there are.
 
@@ -79,15 +76,15 @@ def _write_contacts(
     return contacts
 
 
-@kernel
+@jit
 def _touch_robots(
-    poses: Floats, robot: int, cells: Cells, step: int, steps: Whole, points: Floats, contacts: int
+    poses: FloatArray, robot: int, cells: CellList, step: int, steps: IntArray, points: FloatArray, contacts: int
 ) -> int:
     """Note the contacts of a robot with those of higher numbers; return how many contacts there are by now."""
     x, y = poses[robot, 0], poses[robot, 1]
     apart = 2.0 * _RADIUS + GAP_CM
-    column = slot(x, cells.width_cm, cells.columns)
-    line = slot(y, cells.height_cm, cells.rows)
+    column = cell_index(x, cells.width_cm, cells.columns)
+    line = cell_index(y, cells.height_cm, cells.rows)
     for r in range(max(line - 1, 0), min(line + 2, cells.rows)):
         start = cells.first[r * cells.columns + max(column - 1, 0)]
         end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
@@ -98,8 +95,8 @@ def _touch_robots(
     return contacts
 
 
-@kernel
-def _nearest(edges: Floats, x: float, y: float) -> tuple[float, float]:
+@jit
+def _nearest(edges: FloatArray, x: float, y: float) -> tuple[float, float]:
     """Return the point on a polygon's (m, 4) edges that is nearest to (x, y)."""
     nearest_x, nearest_y, nearest = math.inf, math.inf, math.inf
     for edge in edges:
@@ -113,8 +110,8 @@ def _nearest(edges: Floats, x: float, y: float) -> tuple[float, float]:
     return nearest_x, nearest_y
 
 
-@kernel
-def _note(step: int, x: float, y: float, steps: Whole, points: Floats, contacts: int) -> int:
+@jit
+def _note(step: int, x: float, y: float, steps: IntArray, points: FloatArray, contacts: int) -> int:
     """Write a contact where there is room; return how many there are by now."""
     if contacts < len(steps):
         steps[contacts] = step

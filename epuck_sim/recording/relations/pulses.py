@@ -4,15 +4,12 @@ For onlookers, who are told who fired and whose phase was shifted, but not by wh
 """
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.motion import take_off
 from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import make_neighbourhood
 from epuck_sim.scenario.particles import Everybody, ParticleScenario
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 
 MANY = 50
 """Of so many agents, only those are told whose phase was shifted: when all fire at once, all would hear all."""
@@ -35,7 +32,7 @@ class Hearing:
         self._tells_all = agents < MANY
         find_neighbours(self._hood, self._flights, 0, 0.0)
 
-    def find_links(self, positions: Floats, headings: Floats, fired: Whole, heard: Whole) -> Whole:
+    def find_links(self, positions: FloatArray, headings: FloatArray, fired: IntArray, heard: IntArray) -> IntArray:
         """Return (links, 3) who fires, who hears it, and 1 where that shifts a phase, in the order of the cascade.
 
         positions, headings: (agents, dimensions) cm and unit vectors at the instant, before anybody reorients;

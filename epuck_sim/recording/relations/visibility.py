@@ -4,18 +4,17 @@ For onlookers. Robots themselves see red pixels, and do not know whose they are.
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim.arena import Arena
-from epuck_sim.embodied.cell_list import Cells, sort_into_cells
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.embodied.cell_list import CellList, sort_into_cells
 from epuck_sim.embodied.line_camera import Camera, see
-from epuck_sim.util.jit import kernel
-
-Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+from epuck_sim.util.jit import jit
 
 
-def find_sightings(poses: Floats, arena: Arena, cells: Cells, camera: Camera, first: int, observers: int) -> Whole:
+def find_sightings(
+    poses: FloatArray, arena: Arena, cells: CellList, camera: Camera, first: int, observers: int
+) -> IntArray:
     """Return (sightings, 3) step, observer, robot seen: in order of steps, observers, and from left to right.
 
     poses: (steps, robots, 3) x cm, y cm, heading rad; the observers are the robots from number `first` on. A robot is
@@ -30,16 +29,16 @@ def find_sightings(poses: Floats, arena: Arena, cells: Cells, camera: Camera, fi
     return found[:sightings]
 
 
-@kernel
+@jit
 def _write_sightings(
-    poses: Floats,
-    circles: Floats,
-    edges: Floats,
-    cells: Cells,
+    poses: FloatArray,
+    circles: FloatArray,
+    edges: FloatArray,
+    cells: CellList,
     camera: Camera,
     first: int,
     observers: int,
-    found: Whole,
+    found: IntArray,
 ) -> int:
     """Write what `find_sightings` returns, as far as there is room; return how many sightings there are."""
     numbers = np.arange(1, poses.shape[1] + 1)  # 0 is what a dark pixel holds

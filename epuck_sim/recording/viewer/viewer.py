@@ -11,7 +11,7 @@ from urllib.parse import quote
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import TIMELINE
 from epuck_sim.recording.viewer.process import HERE, Viewer, check_port, free_port, in_background, proxy
-from epuck_sim.util.atomic_write import written_whole
+from epuck_sim.util.atomic_write import atomic_write
 
 PAINT_S = 60
 """So long a viewer may take to paint a recording: without a graphics card, that takes seconds."""
@@ -66,7 +66,7 @@ def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x90
 
     port = free_port()
     hidden = ("--headless", "--window-size", size, "--hide-welcome-screen", "--port", str(port))
-    with written_whole(picture) as part, in_background(*hidden) as canvas:
+    with atomic_write(picture) as part, in_background(*hidden) as canvas:
         canvas.wait_for(port)
         try:
             client = ViewerClient.connect(proxy(port))

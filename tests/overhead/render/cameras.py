@@ -3,16 +3,15 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.arena import Arena, box_corners, make_arena
+from epuck_sim.arena import Arena, make_arena
+from epuck_sim.arrays import FloatArray
+from epuck_sim.geometry import box_corners
 from epuck_sim.overhead.camera_model import Lens, overhead_lens
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.render.renderer import Instant, Painter
 from epuck_sim.scenario.overhead import OverheadSection
-
-Floats = npt.NDArray[np.float64]
 
 CLEAN = {"noise_levels": 0, "vignetting": 0, "bloom": 0, "blur_px": 0}
 """Settings of a camera that is a pinhole with a radial distortion, and no more."""
@@ -46,8 +45,8 @@ def pixel_at(lens: Lens, x_cm: float, y_cm: float, z_cm: float = 0.0) -> tuple[i
     return int(row), int(column)
 
 
-def ring_centroid(picture: Picture, lens: Lens) -> Floats:
+def ring_centroid(picture: Picture, lens: Lens) -> FloatArray:
     """Return (2,) cm: the middle of what is red in a picture, as if it lay at the height of the rings."""
     red = picture[..., 0].astype(float)
-    centroid: Floats = (red[..., None] * lens.plane_map(epuck.RING_HEIGHT_CM)).sum(axis=(0, 1)) / red.sum()
+    centroid: FloatArray = (red[..., None] * lens.plane_map(epuck.RING_HEIGHT_CM)).sum(axis=(0, 1)) / red.sum()
     return centroid

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import av
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError, FilmError, ScenarioError
@@ -52,15 +52,15 @@ class Truth:
 
     def __init__(self) -> None:
         self.time_s: list[float] = []
-        self.places: list[npt.NDArray[np.float64]] = []
-        self.ring_on: list[npt.NDArray[np.bool_]] = []
+        self.places: list[FloatArray] = []
+        self.ring_on: list[BoolArray] = []
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         self.time_s.append(step.time_s)
         self.places.append(step.poses[:, :2].copy())
         self.ring_on.append(step.ring_on.copy())
 
-    def lit(self, frame_s: float, section: OverheadSection) -> tuple[npt.NDArray[np.float64], ...]:
+    def lit(self, frame_s: float, section: OverheadSection) -> tuple[FloatArray, ...]:
         """Return (n, 2) cm, in mid-exposure, of the rings lit for a frame's whole exposure, and (m, 2) for a part."""
         begins_s, ends_s = frame_s, frame_s + section.exposure_ms / 1000
         first = np.searchsorted(self.time_s, begins_s + 1e-6, side="right") - 1

@@ -4,13 +4,13 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.overhead.camera_model import overhead_lens
 from epuck_sim.overhead.film.frame import Frame
@@ -20,18 +20,17 @@ from epuck_sim.overhead.render.virtual_camera import SAMPLES, Webcam
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.render.cameras import ARENA, CLEAN, pixel_at, ring_centroid
 
-Floats = npt.NDArray[np.float64]
 STILL = np.array([[30.0, 30.0, 0.0]])
 SMALL = {"width_px": 64, "height_px": 64}
 
 
-def shoot(section: OverheadSection, steps: list[tuple[float, Floats, list[bool]]]) -> list[Frame]:
+def shoot(section: OverheadSection, steps: list[tuple[float, FloatArray, list[bool]]]) -> list[Frame]:
     webcam = Webcam(section, ARENA, 0)
     frames = [frame for time_s, poses, on in steps for frame in webcam.take(time_s, poses, np.array(on))]
     return frames + list(webcam.end())
 
 
-def flashing(is_on: Any, seconds: float = 3.0, step_s: float = 0.1) -> list[tuple[float, Floats, list[bool]]]:
+def flashing(is_on: Any, seconds: float = 3.0, step_s: float = 0.1) -> list[tuple[float, FloatArray, list[bool]]]:
     """Return steps of one robot that stands still, its ring on where `is_on` says so of a step's number."""
     return [(number * step_s, STILL, [is_on(number)]) for number in range(round(seconds / step_s) + 1)]
 

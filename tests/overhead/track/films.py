@@ -11,15 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import make_arena
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.camera_model import Lens, overhead_lens
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.render.renderer import Instant, Painter
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.scenario.overhead import OverheadSection
-
-Floats = npt.NDArray[np.float64]
-Truths = npt.NDArray[np.bool_]
 
 PERIOD_S = 1.0
 FLASH_S = 0.1
@@ -33,17 +31,17 @@ SMALL = {"width_px": 240, "height_px": 240, "frames_per_s": 30}
 FLOOR = make_arena(60, 60, [], [])
 
 
-def even(seconds: float, per_s: float = 30.0) -> Floats:
+def even(seconds: float, per_s: float = 30.0) -> FloatArray:
     """Return the times of frames at an even rate."""
     return np.arange(round(seconds * per_s)) / per_s
 
 
-def flashing(times_s: Floats, phases_s: Sequence[float] | Floats, period_s: float = PERIOD_S) -> Truths:
+def flashing(times_s: FloatArray, phases_s: Sequence[float] | FloatArray, period_s: float = PERIOD_S) -> BoolArray:
     """Return (frames, robots) whose ring is lit, of robots that each flash at their phase of every period."""
     return ((times_s[:, None] - np.asarray(phases_s) + 1e-9) % period_s) < FLASH_S
 
 
-def in_step(times_s: Floats, robots: int = len(PLACES), from_s: float = 2.0) -> Truths:
+def in_step(times_s: FloatArray, robots: int = len(PLACES), from_s: float = 2.0) -> BoolArray:
     """Return (frames, robots) of robots that flash evenly spread over the period at first, and together later."""
     spread = flashing(times_s, TOGETHER_S + np.arange(robots) * PERIOD_S / robots)
     return np.where(times_s[:, None] < from_s, spread, flashing(times_s, [TOGETHER_S] * robots))
@@ -53,7 +51,7 @@ def lens(**settings: Any) -> Lens:
     return overhead_lens(OverheadSection(**SMALL | settings), 60, 60)
 
 
-def shoot(times_s: Floats, ring_on: Truths, lit_until_s: float = 0.0, **settings: Any) -> list[Frame]:
+def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **settings: Any) -> list[Frame]:
     """Return frames at such times of robots at `PLACES`; until then the room is lit, and the rings are off."""
     section = OverheadSection(**SMALL | settings)
     painter = Painter(section, overhead_lens(section, 60, 60), FLOOR, 0)

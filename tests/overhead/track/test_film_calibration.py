@@ -4,10 +4,10 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
 from epuck_sim import epuck
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera_model import Lens
 from epuck_sim.overhead.film.frame import Frame
@@ -61,7 +61,7 @@ def worst_cm(found: Lens, **settings: Any) -> float:
     return float(np.linalg.norm(seen - PLACES, axis=1).max())
 
 
-def floor_corners(**settings: Any) -> npt.NDArray[np.float64]:
+def floor_corners(**settings: Any) -> FloatArray:
     return lens(**settings).pixels(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
 
 

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from epuck_sim.order_parameter import order_parameter
 from epuck_sim.overhead.track.lag_density import lags
 from epuck_sim.overhead.track.period_estimation import (
     LEAST_PERIODS,
@@ -17,7 +18,6 @@ from epuck_sim.overhead.track.period_estimation import (
     spread_threshold_s,
 )
 from epuck_sim.overhead.track.spread import evaluate
-from epuck_sim.trial.synchrony import order_parameter
 from tests.overhead.track.counts import counted, frames, steady, uneven
 
 PERIOD = 5.0

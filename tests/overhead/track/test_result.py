@@ -5,17 +5,15 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
 from epuck_sim.overhead.track.result import Known, Track, choose_threshold_s, conclude
 from epuck_sim.overhead.track.ring_counter import Tracker
 from tests.overhead.track.counts import counted
 from tests.overhead.track.films import Coded, coded, lens
-
-Floats = npt.NDArray[np.float64]
 
 RATE = 30.0
 PHASES = 0.5 + np.arange(6) / 6
@@ -34,7 +32,7 @@ def told(times_s: Any, counts: Any, known: Known = Known(), lit_until_s: float =
     return conclude("film", tracker, "somewhere", known, ("first",))
 
 
-def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[Floats, npt.NDArray[np.int64]]:
+def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[FloatArray, IntArray]:
     """Return times and counts of robots of a period of 1 s that flash for 0.1 s, and together from a time on."""
     times_s = np.arange(round(seconds * RATE)) / RATE
     cycles = np.arange(-1, math.ceil(seconds) + 1)[:, None]

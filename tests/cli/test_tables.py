@@ -7,10 +7,11 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from epuck_sim.cli import sweep_tables
-from epuck_sim.cli.sweep_tables import LINE_S, MOST_FAILURES, SweepProgress, in_words, print_failures, print_status
+from epuck_sim.cli import progress as progress_module
+from epuck_sim.cli.progress import LINE_S, SweepProgressBar, in_words
+from epuck_sim.cli.tables import MOST_FAILURES, print_failures, print_status
 from epuck_sim.runs.reader import Failure, Status
-from epuck_sim.sweep.run import Tally
+from epuck_sim.runs.records import SweepProgress
 
 TRIALS = 1000
 
@@ -28,18 +29,18 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(sweep_tables, "time", clock)
+    monkeypatch.setattr(progress_module, "time", clock)
     return clock
 
 
-def tally(ended: int, before: int = 0, censored: int = 0, failed: int = 0) -> Tally:
-    return Tally(TRIALS, before + ended - failed, censored, failed, ended)
+def tally(ended: int, before: int = 0, censored: int = 0, failed: int = 0) -> SweepProgress:
+    return SweepProgress(TRIALS, before + ended - failed, censored, failed, ended)
 
 
-def shown(clock: Clock, capsys, steps: list[tuple[float, Tally]]) -> list[str]:
+def shown(clock: Clock, capsys, steps: list[tuple[float, SweepProgress]]) -> list[str]:
     """Return the lines on stderr after tallies came at these times; nothing may be on stdout."""
     began = clock.now
-    with SweepProgress() as progress:
+    with SweepProgressBar() as progress:
         for at_s, each in steps:
             clock.now = began + at_s
             progress(each)
@@ -90,7 +91,7 @@ def test_after_a_pause_there_is_one_line_not_many(clock, capsys) -> None:
 
 @pytest.mark.parametrize("pause_s", [0.0, 3.0])
 def test_the_pause_is_a_constant_of_the_module(clock, capsys, monkeypatch, pause_s: float) -> None:
-    monkeypatch.setattr(sweep_tables, "LINE_S", pause_s)
+    monkeypatch.setattr(progress_module, "LINE_S", pause_s)
     lines = shown(clock, capsys, [(number, tally(number)) for number in range(12)])
     assert len(lines) == (12 if pause_s == 0 else 4)
 
@@ -114,7 +115,7 @@ def test_trials_that_end_at_one_moment_are_no_trouble(clock, capsys) -> None:
 
 @pytest.mark.usefixtures("clock")
 def test_progress_keeps_the_last_tally_also_when_it_shows_none() -> None:
-    progress = SweepProgress()
+    progress = SweepProgressBar()
     assert progress.tally is None
     for number in range(3):
         progress(tally(number))
@@ -123,7 +124,7 @@ def test_progress_keeps_the_last_tally_also_when_it_shows_none() -> None:
 
 def stopped() -> None:
     """Show a tally, and stop the sweep as Ctrl-C does."""
-    with SweepProgress() as progress:
+    with SweepProgressBar() as progress:
         progress(tally(1))
         raise KeyboardInterrupt
 
@@ -145,7 +146,7 @@ def on_terminal(monkeypatch, width: int = 120) -> StringIO:
         assert stderr
         return Console(file=written, force_terminal=True, width=width, color_system=None, legacy_windows=False)
 
-    monkeypatch.setattr(sweep_tables, "Console", console)
+    monkeypatch.setattr(progress_module, "Console", console)
     return written
 
 
@@ -168,7 +169,7 @@ def test_on_a_terminal_there_is_a_bar_with_the_same_words(clock, capsys, monkeyp
 def test_the_bar_grows_with_trials_that_have_ended_one_way_or_the_other(capsys, monkeypatch) -> None:
     def bar_at(ended: int, failed: int) -> tuple[float, float]:
         on_terminal(monkeypatch)
-        with SweepProgress() as progress:
+        with SweepProgressBar() as progress:
             progress(tally(ended, failed=failed))
             (task,) = progress._bar.tasks
         return task.completed, task.total
@@ -182,7 +183,7 @@ def test_the_bar_moves_more_often_than_a_log_has_lines_but_not_with_every_trial(
     updates = []
     on_terminal(monkeypatch)
     began = clock.now
-    with SweepProgress() as progress:
+    with SweepProgressBar() as progress:
         monkeypatch.setattr(progress._bar, "refresh", lambda: updates.append(clock.now))
         for number in range(1000):
             clock.now = began + number / 100

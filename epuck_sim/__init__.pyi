@@ -1,0 +1,57 @@
+from .embodied.simulation import Simulation
+from .embodied.step import Step
+from .errors import (
+    ClusterError,
+    ControllerError,
+    EpuckSimError,
+    FilmError,
+    RecordingError,
+    ScenarioError,
+    StoreError,
+)
+from .overhead.render.film_trial import film_trial
+from .particles.simulation import Event, ParticleSimulation
+from .recording.reader import read_recording
+from .recording.recorder import record
+from .runs.reader import read_points
+from .scenario.embodied import EmbodiedScenario
+from .scenario.loader import load_scenario
+from .scenario.particles import ParticleScenario
+from .scenario.points import Point, points
+from .scenario.scenario import Scenario
+from .statistics.summary import summarize
+from .sweep.run import run_sweep
+from .trial.embodied import run_trial
+from .trial.result import TrialResult
+from .trial.trace import Trace
+
+__all__ = [
+    "ClusterError",
+    "ControllerError",
+    "EmbodiedScenario",
+    "EpuckSimError",
+    "Event",
+    "FilmError",
+    "ParticleScenario",
+    "ParticleSimulation",
+    "Point",
+    "RecordingError",
+    "Scenario",
+    "ScenarioError",
+    "Simulation",
+    "Step",
+    "StoreError",
+    "Trace",
+    "TrialResult",
+    "film_trial",
+    "load_scenario",
+    "points",
+    "read_points",
+    "read_recording",
+    "record",
+    "run_sweep",
+    "run_trial",
+    "summarize",
+]
+
+__version__: str

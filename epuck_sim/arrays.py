@@ -1,0 +1,11 @@
+"""Types of arrays, by what they hold; shapes and units stand where an array is described."""
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
+IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
+StreamArray = npt.NDArray[np.uint64]
+"""(n, 4) states of random number generators, one a row; see `util.rng`."""

@@ -1,0 +1,56 @@
+"""Options of commands that are more than a word or a number."""
+
+import os
+import re
+from pathlib import Path
+
+from epuck_sim.errors import FilmError
+from epuck_sim.util.atomic_write import check_target
+
+NUMBER = r"\s*([0-9]*\.?[0-9]+)\s*"
+
+
+def parse_arena(text: str) -> tuple[float, float]:
+    """Return width and height of a floor, given as SIDE or as WIDTHxHEIGHT in cm; raises FilmError.
+
+    >>> parse_arena("60"), parse_arena("60x100")
+    ((60.0, 60.0), (60.0, 100.0))
+    """
+    match = re.fullmatch(f"{NUMBER}(?:x{NUMBER})?", text)
+    sides = [float(side) for side in match.groups() if side is not None] if match else []
+    if not sides or not all(1 <= side <= 1e6 for side in sides):
+        raise FilmError(f"--arena-cm is {text}; allowed: a side of 1 to 1000000 cm, such as 60, or two, such as 60x100")
+    return sides[0], sides[-1]
+
+
+def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
+    """Return the pixels of four corners, given as X,Y,X,Y,X,Y,X,Y; raises FilmError.
+
+    >>> parse_corners("10,12, 470,11, 468,470, 12,469")
+    ((10.0, 12.0), (470.0, 11.0), (468.0, 470.0), (12.0, 469.0))
+    """
+    numbers = re.fullmatch(",".join([NUMBER] * 8), text)
+    if numbers is None:
+        raise FilmError(f"--corners is {text}; allowed: four corners in pixels, such as 10,12,470,11,468,470,12,469")
+    values = [float(value) for value in numbers.groups()]
+    return tuple(zip(values[::2], values[1::2], strict=True))
+
+
+def check_outputs(film: str | None, plot: Path | None, rings: Path | None, annotate: Path | None) -> None:
+    """Refuse files that cannot be written or would replace one another, before a film is read, which takes a while.
+
+    Raises FilmError for a name with another ending than its option's, and for one that is given twice or is the film's,
+    and EpuckSimError as `check_target` does.
+    """
+    given = (("--plot", plot, ".png"), ("--rings", rings, ".csv"), ("--annotate", annotate, ".mp4"))
+    owners = {} if film is None else {os.path.realpath(film): "the film"}
+    for option, path, ending in given:
+        if path is None:
+            continue
+        if path.suffix != ending:
+            raise FilmError(f"{option} is {path}; allowed: a name that ends in {ending}")
+        for target in (path, path.with_suffix(".csv")) if option == "--plot" else (path,):
+            check_target(target)
+            owner = owners.setdefault(os.path.realpath(target), option)
+            if owner != option:
+                raise FilmError(f"{option} is {path}; allowed: another name, for {target} is of {owner}")

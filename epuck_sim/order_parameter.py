@@ -1,0 +1,31 @@
+"""Order parameters: how synchronised a swarm is, from the phases of its oscillators (eqs. 3.4, 4.2, 5.7)."""
+
+import math
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+
+
+def order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
+    """Return r, the modulus of the complex order parameter (eq. 4.2): 0 incoherent, 1 synchronised.
+
+    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
+
+    >>> f"{order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0):.6f}"
+    '1.000000'
+    """
+    r: FloatArray = np.abs(np.exp(2j * math.pi * phases / periods).mean(axis=-1))
+    return r
+
+
+def reference_order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
+    """Return eta (eq. 3.4): the mean cosine of the phases at a firing of the reference, whose own phase is 0.
+
+    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
+    """
+    eta: FloatArray = np.cos(2 * math.pi * phases / periods).mean(axis=-1)
+    return eta
+
+
+METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
