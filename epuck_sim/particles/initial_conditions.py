@@ -3,8 +3,7 @@
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, StreamArray
-from epuck_sim.particles.heading import set_out_anywhere
-from epuck_sim.particles.motion import Flights, take_off
+from epuck_sim.particles.motion import Flights, set_out_anywhere, take_off
 from epuck_sim.particles.oscillators import Oscillators, start_oscillators
 from epuck_sim.scenario.particles import AgentsSection, ParticleScenario
 from epuck_sim.util.jit import jit_inline

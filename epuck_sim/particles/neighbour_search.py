@@ -6,9 +6,9 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.cell_list import look_around
-from epuck_sim.particles.least import least, place_of_least
 from epuck_sim.particles.motion import Flights, ends_at, locate, place_at
 from epuck_sim.particles.neighbourhood import FULL_CIRCLE, NEAREST, REACHED, SEEN, Neighbourhood, is_worth_keeping, keep
+from epuck_sim.particles.oscillators import argmin, minimum
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 FARTHER = 1.5
@@ -108,7 +108,7 @@ def take_nearest(
     square = hood.square
     farthest = 0.0
     for rank in range(hood.k):
-        place = place_of_least(square, candidates)
+        place = argmin(square, candidates)
         members[rank] = place
         farthest = square[place]
         square[place] = math.inf
@@ -117,7 +117,7 @@ def take_nearest(
     hood.counts[agent] = hood.k
     if is_worth_keeping(hood, agent):
         # both distances may change
-        gap = min(math.sqrt(least(square, 0, candidates)), reach_cm) - math.sqrt(farthest)
+        gap = min(math.sqrt(minimum(square, 0, candidates)), reach_cm) - math.sqrt(farthest)
         keep(hood, agent, time, time + gap / 2 * hood.patience)
     return True
 
@@ -162,7 +162,7 @@ def take_cone(
             for place in range(candidates):
                 hood.ends[place] = ends_at(flights, hood.who[place])
             find_stays(hood, time, candidates)
-        keep(hood, agent, time, min(until, least(stays, 0, candidates)))
+        keep(hood, agent, time, min(until, minimum(stays, 0, candidates)))
 
 
 @jit_inline

@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.particles.least import least
 from epuck_sim.util.jit import jit_inline
 
 BLOCK = 32
@@ -62,7 +61,7 @@ def earliest_firing(clocks: Oscillators) -> float:
     for block in range(len(clocks.earliest)):
         if clocks.is_stale[block]:
             last = min((block + 1) * BLOCK, len(clocks.due))
-            clocks.earliest[block] = least(clocks.due, block * BLOCK, last)
+            clocks.earliest[block] = minimum(clocks.due, block * BLOCK, last)
             clocks.is_stale[block] = False
         soonest = min(soonest, clocks.earliest[block])
     return soonest
@@ -96,3 +95,32 @@ def begin_next_cycle(clocks: Oscillators) -> None:
         clocks.earliest[block] -= 1.0
     clocks.now[0] -= 1.0
     clocks.cycle[0] += 1
+
+
+@jit_inline
+def minimum(values: FloatArray, first: int, last: int) -> float:
+    """Return the minimum of `values[first:last]`, inf if it is empty, without branches.
+
+    Which of two values is smaller cannot be predicted, so that branches would often be mispredicted. Four minima are
+    kept side by side, because each comparison has to wait for the one before.
+    """
+    a = b = c = d = math.inf
+    whole = last - (last - first) % 4
+    for place in range(first, whole, 4):
+        a = min(a, values[place])
+        b = min(b, values[place + 1])
+        c = min(c, values[place + 2])
+        d = min(d, values[place + 3])
+    for place in range(whole, last):
+        a = min(a, values[place])
+    return min(a, b, c, d)
+
+
+@jit_inline
+def argmin(values: FloatArray, last: int) -> int:
+    """Return the index of the first minimum of `values[:last]`, at least one value, without branches."""
+    lowest = minimum(values, 0, last)
+    found = 0
+    for place in range(last - 1, -1, -1):
+        found = place if values[place] == lowest else found
+    return found
