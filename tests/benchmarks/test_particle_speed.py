@@ -91,8 +91,8 @@ def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, growth, ag
     side_cm = (agents / DENSITY) ** 0.5
     cycles = max(3, 20_000 // agents)
     in_cells, all_pairs = (swarm_of(agents, RANGE, side_cm, 1.0, 0) for _ in range(2))
-    flights, hood, *rest = all_pairs._state
-    all_pairs._state = (flights, hood._replace(has_lattice=False), *rest)
+    trajectories, neighbourhood, *rest = all_pairs._state
+    all_pairs._state = (trajectories, neighbourhood._replace(uses_cell_list=False), *rest)
     _, firings_s = benchmark.pedantic(measured, ([in_cells], cycles), rounds=1)
     found = [1e9 / firings_s, 1e9 / measured([all_pairs], cycles)[1]]
     growth.append((agents, *found))

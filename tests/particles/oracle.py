@@ -11,7 +11,7 @@ from typing import NamedTuple
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.util.rng import uniform
 
-ONE_INSTANT = 1e-12
+SIMULTANEITY_CYCLES = 1e-12
 """Cycles: firings that are no farther apart happen at once."""
 
 
@@ -32,14 +32,14 @@ class Oracle:
 
     def __init__(self, swarm: ParticleSimulation) -> None:
         self.scenario = swarm.scenario
-        flights, clocks = swarm._flights, swarm._clocks
+        trajectories, oscillators = swarm._trajectories, swarm._oscillators
         agents = range(self.scenario.agents.count)
-        self.positions = [[float(x) for x in flights.origin[:, agent]] for agent in agents]
-        self.headings = [[float(x) for x in flights.heading[:, agent]] for agent in agents]
-        self.speeds = [float(speed) for speed in flights.speed]
-        self.periods = [float(period) for period in clocks.period]
-        self.phases = [1 - float(clocks.due[agent]) / self.periods[agent] for agent in agents]
-        self.streams = flights.streams.copy()
+        self.positions = [[float(x) for x in trajectories.origin[:, agent]] for agent in agents]
+        self.headings = [[float(x) for x in trajectories.heading[:, agent]] for agent in agents]
+        self.speeds = [float(speed) for speed in trajectories.speed]
+        self.periods = [float(period) for period in oscillators.period]
+        self.phases = [1 - float(oscillators.next_firing[agent]) / self.periods[agent] for agent in agents]
+        self.streams = trajectories.streams.copy()
         self.time = 0.0
         self.cycles = 0
         self.order: float | None = None
@@ -61,9 +61,11 @@ class Oracle:
             self.reach(turned, wall[1], wall[2])
             return Occasion(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
         self.forward(firing)
-        at_once = {agent for agent in agents if left[agent] <= firing + ONE_INSTANT}
+        at_once = {agent for agent in agents if left[agent] <= firing + SIMULTANEITY_CYCLES}
         # those merged are apart by rounding; who is apart by about the limit may or may not fire with them
-        margins = [abs(gap - firing - ONE_INSTANT) if gap - firing > ONE_INSTANT / 10 else 1.0 for gap in left]
+        margins = [
+            abs(gap - firing - SIMULTANEITY_CYCLES) if gap - firing > SIMULTANEITY_CYCLES / 10 else 1.0 for gap in left
+        ]
         margins += [abs(until - firing) for until, _, _ in walls]
         fired, heard = self.cascade(at_once, margins)
         return Occasion(self.time, None, frozenset(fired), frozenset(heard), min(margins))
@@ -110,7 +112,7 @@ class Oracle:
             height, azimuth = 1 - uniform(stream), 2 * math.pi * uniform(stream)
             self.head(heading, axis, normal * height, azimuth)
 
-    def set_out_anywhere(self, agent: int) -> None:
+    def random_heading(self, agent: int) -> None:
         """Reorient an agent (D.1)."""
         heading, stream = self.headings[agent], self.streams[agent]
         if len(heading) == 1:
@@ -213,7 +215,7 @@ class Oracle:
         motion = self.scenario.agents.reorient_on
         for agent in sorted(fired | heard):
             if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in heard):
-                self.set_out_anywhere(agent)
+                self.reorient(agent)
         if self.scenario.stop.reference in fired:
             self.cycles += 1
             self.order = self.measure()

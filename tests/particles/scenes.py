@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.particles.motion import plan_all
+from epuck_sim.particles.motion import find_wall_hits
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from tests.particles.oracle import Oracle
 
@@ -29,21 +29,21 @@ def swarm_of(seed: int = 0, **sections: Any) -> ParticleSimulation:
 
 def set_phases(swarm: ParticleSimulation, phases: Sequence[float]) -> None:
     """Set the oscillators of a fresh swarm."""
-    clocks = swarm._clocks
-    clocks.due[:] = (1 - np.array(phases, float)) * clocks.period
-    clocks.is_stale[:] = True
+    oscillators = swarm._oscillators
+    oscillators.next_firing[:] = (1 - np.array(phases, float)) * oscillators.period
+    oscillators.is_stale[:] = True
 
 
 def set_flights(
     swarm: ParticleSimulation, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
 ) -> None:
     """Set the agents of a fresh swarm, (agents, dimensions) both; unit vectors from headings of any length."""
-    flights = swarm._flights
-    flights.origin[:] = np.array(positions, float).T
+    trajectories = swarm._trajectories
+    trajectories.origin[:] = np.array(positions, float).T
     if headings is not None:
         given = np.array(headings, float)
-        flights.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
-    plan_all(flights)
+        trajectories.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
+    find_wall_hits(trajectories)
 
 
 def hand_made(
@@ -94,7 +94,7 @@ def agree(swarm: ParticleSimulation, twin: Oracle, cycles: float, tolerance: flo
         event = next(swarm)
         assert event.turned == expected.turned
         assert who(event.fired) == expected.fired
-        assert who(event.heard) == expected.heard
+        assert who(event.received) == expected.received
         late = abs(event.time_s / swarm.scenario.clocks.period_s - expected.time)
         apart = np.abs(swarm.positions() - np.array(twin.positions)) / side
         if swarm.scenario.space.boundary == "cyclic":

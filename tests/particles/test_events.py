@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.motion import plan_all
-from epuck_sim.particles.order_kernel import near_enough
+from epuck_sim.particles.motion import find_wall_hits
+from epuck_sim.particles.order_kernel import max_phase_offset
 from tests.particles.oracle import Oracle
 from tests.particles.scenes import KINDS, agree, any_sections, hand_made, next_firing, set_flights, swarm_of, who
 
@@ -96,7 +96,7 @@ def test_in_one_go_in_slices_looked_at_or_event_by_event_a_swarm_is_the_same_bit
         assert other.time_s == at_once.time_s
         assert (other.positions() == at_once.positions()).all()
         assert (other.headings() == at_once.headings()).all()
-        assert (other._flights.streams == at_once._flights.streams).all()
+        assert (other._trajectories.streams == at_once._trajectories.streams).all()
 
 
 @pytest.mark.parametrize("going_on", [watched, looked_at])
@@ -146,7 +146,7 @@ def test_stops_at_any_times_make_no_difference(kind, data, seed):
     stopped.run(10, 100)
     assert told(stopped) == told(straight)
     assert (stopped.positions() == straight.positions()).all()
-    assert (stopped._flights.streams == straight._flights.streams).all()
+    assert (stopped._trajectories.streams == straight._trajectories.streams).all()
 
 
 def test_what_happens_at_the_very_time_has_happened():
@@ -178,17 +178,20 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
     agents = sections["agents"]["count"]
     order = data.draw(st.permutations(range(agents)))
     one, other = swarm_of(seed, **sections), swarm_of(seed, **sections)
-    theirs, ours = other._flights, one._flights
+    theirs, ours = other._trajectories, one._trajectories
     for name in ("origin", "heading", "speed", "streams"):
         given_to, taken = getattr(theirs, name), getattr(ours, name)
         given_to[:] = taken[:, order] if given_to.shape == theirs.origin.shape else taken[order]
-    other._clocks.due[:], other._clocks.period[:] = one._clocks.due[order], one._clocks.period[order]
-    other._clocks.is_stale[:] = True
-    plan_all(theirs)
+    other._oscillators.next_firing[:], other._oscillators.period[:] = (
+        one._oscillators.next_firing[order],
+        one._oscillators.period[order],
+    )
+    other._oscillators.is_stale[:] = True
+    find_wall_hits(theirs)
     for _ in range(20 * agents):
         event, same = next(one), next(other)
         assert who(event.fired) == {order[agent] for agent in who(same.fired)}
-        assert who(event.heard) == {order[agent] for agent in who(same.heard)}
+        assert who(event.received) == {order[agent] for agent in who(same.received)}
         assert event.turned == (None if same.turned is None else order[same.turned])
         assert event.time_s == same.time_s
     assert (one.phases()[list(order)] == other.phases()).all()
@@ -202,7 +205,7 @@ def fires(swarm, time_s, fired, heard, phases):
     """Whether at the next instant these fire and hear, and phases are these after it."""
     event = next_firing(swarm)
     assert event.time_s == pytest.approx(time_s, abs=1e-15)
-    assert (who(event.fired), who(event.heard)) == (set(fired), set(heard))
+    assert (who(event.fired), who(event.received)) == (set(fired), set(heard))
     assert swarm.phases() == pytest.approx(phases, abs=1e-15)
     assert event.turned is None
 
@@ -224,7 +227,7 @@ def test_both_then_fire_together_for_ever():
     next(swarm)
     for cycle in range(1, 1000):
         event = next(swarm)
-        assert (who(event.fired), who(event.heard)) == ({0, 1}, set())
+        assert (who(event.fired), who(event.received)) == ({0, 1}, set())
         assert event.time_s == pytest.approx(cycle + 0.1)
 
 
@@ -245,7 +248,7 @@ def test_a_chain_breaks_where_a_phase_does_not_reach_1():
 def test_the_order_of_a_cascade_is_told():
     swarm = hand_made([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
     event = next(swarm)
-    assert (event.fired.tolist(), event.heard.tolist()) == ([0, 1, 2], [1, 2, 3])
+    assert (event.fired.tolist(), event.received.tolist()) == ([0, 1, 2], [1, 2, 3])
 
 
 def test_two_pulses_at_one_instant_shift_a_phase_once():
@@ -278,9 +281,9 @@ def test_up_to_the_end_of_the_refractory_period_and_at_it_nothing_is_heard(refra
     for phase, hears in [(refractory, False), (refractory / 2, False), (just_after, True)]:
         # agent 1 is at `phase` when agent 0 fires: all of these are exact in binary
         swarm = hand_made([0.5, 0.0], response={"refractory": refractory})
-        swarm._clocks.due[:] = 0.5, 0.5 + (1 - phase)
+        swarm._oscillators.next_firing[:] = 0.5, 0.5 + (1 - phase)
         event = next(swarm)
-        assert who(event.heard) == ({1} if hears else set())
+        assert who(event.received) == ({1} if hears else set())
         assert swarm.phases()[1] == pytest.approx(1.1 * phase if hears else phase, abs=1e-15)
 
 
@@ -291,17 +294,17 @@ def test_one_in_the_refractory_period_hears_the_next_instant_s_pulse():
     event = next_firing(swarm)  # agent 2, whose phase went on undisturbed
     assert event.time_s == pytest.approx(1.0)
     assert who(event.fired) == {2, 0}
-    assert who(event.heard) == {0, 1}
+    assert who(event.received) == {0, 1}
     assert swarm.phases() == pytest.approx([0, 0.775 * 1.25, 0])
 
 
 @pytest.mark.parametrize(("later", "at_once"), [(0.0, True), (9e-13, True), (1.2e-12, False), (1e-9, False)])
 def test_firings_within_a_trillionth_of_a_cycle_happen_at_once(later, at_once):
     swarm = hand_made([0.5, 0.5], response={"coupling": 0})
-    swarm._clocks.due[:] = 0.5, 0.5 + later
+    swarm._oscillators.next_firing[:] = 0.5, 0.5 + later
     event = next(swarm)
     assert who(event.fired) == ({0, 1} if at_once else {0})
-    assert who(event.heard) == (set() if at_once else {1})
+    assert who(event.received) == (set() if at_once else {1})
     assert event.time_s == 0.5
     if at_once:
         assert swarm.phases().tolist() == [0, 0]
@@ -311,14 +314,14 @@ def test_firings_within_a_trillionth_of_a_cycle_happen_at_once(later, at_once):
 
 def test_an_instant_is_counted_from_the_earliest_not_from_one_to_the_next():
     swarm = hand_made([0.5, 0.5, 0.5], response={"coupling": 0})
-    swarm._clocks.due[:] = 0.5 + 8e-13, 0.5, 0.5 + 1.6e-12
+    swarm._oscillators.next_firing[:] = 0.5 + 8e-13, 0.5, 0.5 + 1.6e-12
     assert who(next(swarm).fired) == {0, 1}
     assert who(next(swarm).fired) == {2}
 
 
 def test_an_instant_at_the_end_of_a_cycle_is_one_instant():
     swarm = hand_made([0.0, 0.0], response={"coupling": 0})
-    swarm._clocks.due[:] = 1.0, 1.0 - 5e-13
+    swarm._oscillators.next_firing[:] = 1.0, 1.0 - 5e-13
     assert who(next(swarm).fired) == {0, 1}
     assert swarm.instants == 1
 
@@ -358,8 +361,8 @@ def test_a_push_beyond_1_fires(curve):
 
 def test_jittered_oscillators_keep_their_own_pace():
     swarm = hand_made([0.5, 0.5], response={"coupling": 0.0}, clocks={"jitter": 0.1, "period_s": 2.0})
-    swarm._clocks.period[:] = 0.8, 1.25
-    swarm._clocks.due[:] = 0.4, 0.625
+    swarm._oscillators.period[:] = 0.8, 1.25
+    swarm._oscillators.next_firing[:] = 0.4, 0.625
     times = {0: [], 1: []}
     while swarm.time_s < 40:
         for agent in (event := next(swarm)).fired:
@@ -370,8 +373,8 @@ def test_jittered_oscillators_keep_their_own_pace():
 
 def test_a_jittered_phase_is_measured_by_its_own_period():
     swarm = hand_made([0.5, 0.5], response={"coupling": 0.2})
-    swarm._clocks.period[:] = 0.8, 1.25
-    swarm._clocks.due[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
+    swarm._oscillators.period[:] = 0.8, 1.25
+    swarm._oscillators.next_firing[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
     fires(swarm, 0.4, [0], [1], [0, 0.984])
     assert next(swarm).time_s == pytest.approx(0.4 + 0.016 * 1.25)
 
@@ -392,17 +395,17 @@ def test_who_emits_or_receives_sets_out_anew_once_each(reorient_on, turned):
         neighbourhood={"kind": "nearest"},
         agents={"count": 4, "speed_cm_s": 0.01, "reorient_on": reorient_on},
     )
-    headings, streams = swarm.headings(), swarm._flights.streams.copy()
+    headings, streams = swarm.headings(), swarm._trajectories.streams.copy()
     event = next(swarm)
-    assert (who(event.fired), who(event.heard)) == ({0, 1}, {1, 2})
+    assert (who(event.fired), who(event.received)) == ({0, 1}, {1, 2})
     changed = (swarm.headings() != headings).any(axis=1)
     assert np.flatnonzero(changed).tolist() == turned
     # one number each, for the one who did both, too
     twin = Oracle(swarm_of(agents={"count": 4}))
     twin.streams = streams
     for agent in turned:
-        twin.set_out_anywhere(agent)
-    assert (swarm._flights.streams == twin.streams).all()
+        twin.reorient(agent)
+    assert (swarm._trajectories.streams == twin.streams).all()
     assert [swarm.headings()[agent].tolist() for agent in turned] == [
         pytest.approx(twin.headings[agent]) for agent in turned
     ]
@@ -415,7 +418,7 @@ def test_who_is_in_the_refractory_period_has_not_received():
         agents={"count": 3, "speed_cm_s": 0.01, "reorient_on": ["receiving"]},
     )
     headings = swarm.headings()
-    assert who(next(swarm).heard) == {2}
+    assert who(next(swarm).received) == {2}
     assert (swarm.headings() != headings).any(axis=1).tolist() == [False, False, True]
 
 
@@ -428,8 +431,8 @@ def test_pulses_go_by_the_headings_before_the_turn():
             neighbourhood={"kind": "cone_of_emission", "angle_deg": 90},
         )
         set_flights(swarm, places, [[1, 0], [1, 0], [1, 0]])
-        swarm._clocks.due[:] = 0.1, 0.5, 0.6
-        assert who(next(swarm).heard) == {1}
+        swarm._oscillators.next_firing[:] = 0.1, 0.5, 0.6
+        assert who(next(swarm).received) == {1}
 
 
 # --- near enough ------------------------------------------------------------------------------------
@@ -445,13 +448,13 @@ def test_near_enough_never_rejects_phases_whose_order_reaches_the_threshold(offs
     for reached in (threshold, order, np.nextafter(order, 0)):
         if 0 < reached <= 1:
             farthest = np.abs((phases + 0.5) % 1 - 0.5).max()
-            assert farthest <= near_enough(len(phases), float(reached))
+            assert farthest <= max_phase_offset(len(phases), float(reached))
 
 
 @given(st.integers(2, 50), st.floats(-12, -0.01), st.floats(0, 1))
 def test_who_is_farther_off_than_near_enough_spoils_the_order(agents, exponent, share):
     threshold = 1 - 10**exponent
-    near = near_enough(agents, threshold)
+    near = max_phase_offset(agents, threshold)
     if near < 0.5:
         phases = np.zeros(agents)
         phases[-1] = near + 2e-7 + share * (0.5 - near)
@@ -460,6 +463,6 @@ def test_who_is_farther_off_than_near_enough_spoils_the_order(agents, exponent, 
 
 
 def test_near_enough_lets_everybody_pass_where_everybody_may():
-    assert near_enough(10, 0.5) == 1.0
-    assert near_enough(2, 1e-9) > 0.4999
-    assert near_enough(100_000, 0.9) == 1.0
+    assert max_phase_offset(10, 0.5) == 1.0
+    assert max_phase_offset(2, 1e-9) > 0.4999
+    assert max_phase_offset(100_000, 0.9) == 1.0

@@ -62,7 +62,7 @@ def test_the_first_wall_is_reached_when_and_where_a_straight_line_gets_there(dim
     event = next(event for event in swarm if event.turned is not None)
     assert event.turned == 0
     assert not len(event.fired)
-    assert not len(event.heard)
+    assert not len(event.received)
     assert event.time_s == pytest.approx(ways.min(), rel=1e-12)
     axis = int(ways.argmin())
     reached = place + velocity * ways.min()
@@ -168,14 +168,14 @@ def turned_headings(dimensions, turns, seed=0):
         neighbourhood={"kind": "all"},
         response={"coupling": 0},
     )
-    flights = swarm._flights
+    trajectories = swarm._trajectories
     axes, headings = [], []
     while len(axes) < turns:
-        before = flights.wall.copy()
+        before = trajectories.wall.copy()
         event = next(swarm)
         if event.turned is not None:
             axis, is_far = divmod(int(before[event.turned]), 2)
-            heading = flights.heading[:, event.turned].copy()
+            heading = trajectories.heading[:, event.turned].copy()
             heading[axis] *= -1 if is_far else 1
             axes.append(axis)
             headings.append(heading)
@@ -338,8 +338,8 @@ def test_in_the_bounded_square_walls_are_reached_where_the_integral_equation_say
     while len(along) < 20_000:
         event = next(swarm)
         if event.turned is not None:
-            axis = int(np.isin(swarm._flights.origin[:, event.turned], (0.0, 100.0)).argmax())
-            along.append(swarm._flights.origin[1 - axis, event.turned] / 100)
+            axis = int(np.isin(swarm._trajectories.origin[:, event.turned], (0.0, 100.0)).argmax())
+            along.append(swarm._trajectories.origin[1 - axis, event.turned] / 100)
     edges, rate = wall_hits()
     reached = np.interp(np.linspace(0, 1, 17), edges, np.concatenate([[0], np.cumsum(rate * np.diff(edges))]))
     assert fits(np.histogram(along, 16, (0, 1))[0], np.diff(reached))

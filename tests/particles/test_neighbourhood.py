@@ -63,7 +63,7 @@ def are_found(swarm, firings):
             continue
         inside, close = hearers(swarm, int(event.fired[0]))
         heard = np.zeros(len(inside), bool)
-        heard[event.heard] = True
+        heard[event.received] = True
         assert (heard == inside)[~close].all()
         compared += not close.any()
     return compared
@@ -179,7 +179,7 @@ def heard_by(places, headings, firing=0, side_cm=100.0, boundary="bounded", **ru
     phases = np.full(count, 0.5)
     phases[firing] = 0.9
     space = {"dimensions": len(places[0]), "side_cm": side_cm, "boundary": boundary}
-    return who(next(hand_made(phases, places, headings, neighbourhood=rule, space=space)).heard)
+    return who(next(hand_made(phases, places, headings, neighbourhood=rule, space=space)).received)
 
 
 PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
@@ -261,7 +261,7 @@ def test_in_a_cyclic_space_ways_lead_over_the_edge_where_that_is_shorter():
 def test_nobody_hears_itself(rule):
     swarm = hand_made([0.9], [[50.0, 50.0]], neighbourhood=rule)
     event = next(swarm)
-    assert (who(event.fired), who(event.heard)) == ({0}, set())
+    assert (who(event.fired), who(event.received)) == ({0}, set())
 
 
 # --- limits in which neighbourhoods are the same ----------------------------------------------------
@@ -275,7 +275,7 @@ def are_alike(one, other, seed, events=1500, **sections):
         assert mine.time_s == yours.time_s
         assert mine.turned == yours.turned
         assert who(mine.fired) == who(yours.fired)
-        assert who(mine.heard) == who(yours.heard)
+        assert who(mine.received) == who(yours.received)
         assert (left.phases() == right.phases()).all()
     return True
 

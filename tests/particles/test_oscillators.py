@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.particles.oscillators import (
-    BLOCK,
-    ONE_INSTANT,
+    BLOCK_SIZE,
+    SIMULTANEITY_CYCLES,
     earliest_firing,
     firing_now,
     phase_at,
@@ -18,12 +18,12 @@ from epuck_sim.particles.oscillators import (
 )
 from tests.particles.scenes import off_round, swarm_of, who
 
-phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK)
+phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK_SIZE)
 
 
 def test_oscillators_fire_when_their_phase_reaches_1():
-    clocks = start_oscillators(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
-    assert clocks.due.tolist() == [0.75, 0.25, 1.0]
+    oscillators = start_oscillators(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
+    assert oscillators.next_firing.tolist() == [0.75, 0.25, 1.0]
     slower = start_oscillators(np.array([0.25]), np.array([1.5]))
     assert slower.due[0] == 0.75 * 1.5
     assert phase_at(slower, 0, 0.0) == pytest.approx(0.25)
@@ -33,24 +33,26 @@ def test_oscillators_fire_when_their_phase_reaches_1():
 @given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
 def test_the_earliest_is_the_earliest_of_all_after_any_changes(given_phases, changes):
     agents = len(given_phases)
-    clocks = start_oscillators(np.array(given_phases), np.ones(agents))
+    oscillators = start_oscillators(np.array(given_phases), np.ones(agents))
     found = np.zeros(agents + 1, np.int64)
     for number, time in changes:
-        set_next_firing(clocks, number % agents, time)
-        earliest = earliest_firing(clocks)
-        assert earliest == clocks.due.min()
-        count = firing_now(clocks, earliest, found)
-        assert found[:count].tolist() == np.flatnonzero(clocks.due <= earliest + ONE_INSTANT).tolist()
-    assert earliest_firing(clocks) == clocks.due.min()
+        set_next_firing(oscillators, number % agents, time)
+        earliest = earliest_firing(oscillators)
+        assert earliest == oscillators.next_firing.min()
+        count = firing_now(oscillators, earliest, found)
+        assert (
+            found[:count].tolist() == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
+        )
+    assert earliest_firing(oscillators) == oscillators.next_firing.min()
 
 
 @given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
 def test_the_earliest_is_found_after_many_changes_at_once(given_phases, changes):
     agents = len(given_phases)
-    clocks = start_oscillators(np.array(given_phases), np.ones(agents))
+    oscillators = start_oscillators(np.array(given_phases), np.ones(agents))
     for number, time in changes:
-        set_next_firing(clocks, number % agents, time)
-    assert earliest_firing(clocks) == clocks.due.min()
+        set_next_firing(oscillators, number % agents, time)
+    assert earliest_firing(oscillators) == oscillators.next_firing.min()
 
 
 # --- no drift ---------------------------------------------------------------------------------------
@@ -67,7 +69,7 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
         response={"coupling": 0},
         clocks={"jitter": jitter, "period_s": period_s},
     )
-    start, periods = swarm.phases(), swarm._clocks.period.copy()
+    start, periods = swarm.phases(), swarm._oscillators.period.copy()
     assert (periods == 1).all() == (not jitter)
     for cycle in (10, 1001, CYCLES):
         swarm.run_to((cycle + 0.375) * period_s)
@@ -81,7 +83,7 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
 @pytest.mark.parametrize("jitter", [0, 0.1])
 def test_after_a_million_cycles_firings_are_on_time(jitter):
     swarm = swarm_of(4, agents={"count": 4}, response={"coupling": 0}, clocks={"jitter": jitter})
-    start, periods = swarm.phases(), swarm._clocks.period.copy()
+    start, periods = swarm.phases(), swarm._oscillators.period.copy()
     swarm.run(CYCLES)
     for _ in range(20):
         event = next(swarm)
@@ -93,9 +95,9 @@ def test_after_a_million_cycles_firings_are_on_time(jitter):
 def test_without_jitter_phases_keep_their_distances_to_the_last_digit():
     swarm = swarm_of(4, agents={"count": 5}, response={"coupling": 0})
     swarm.run(2)
-    due = np.sort(swarm._clocks.due - swarm._clocks.now[0])
+    due = np.sort(swarm._oscillators.next_firing - swarm._oscillators.now[0])
     swarm.run(100_002)
-    assert (np.sort(swarm._clocks.due - swarm._clocks.now[0]) == due).all()
+    assert (np.sort(swarm._oscillators.next_firing - swarm._oscillators.now[0]) == due).all()
 
 
 def test_merged_oscillators_stay_merged():

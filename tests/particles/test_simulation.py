@@ -20,9 +20,17 @@ SEEDS = st.integers(0, 2**63 - 1)
 
 def digest(swarm):
     """Return all bits of a swarm's state."""
-    flights, clocks = swarm._flights, swarm._clocks
-    arrays = [flights.origin, flights.heading, flights.speed, flights.began, flights.streams, clocks.due, clocks.period]
-    return b"".join(array.tobytes() for array in arrays) + clocks.now.tobytes() + clocks.cycle.tobytes()
+    trajectories, oscillators = swarm._trajectories, swarm._oscillators
+    arrays = [
+        trajectories.origin,
+        trajectories.heading,
+        trajectories.speed,
+        trajectories.start_time,
+        trajectories.streams,
+        oscillators.next_firing,
+        oscillators.period,
+    ]
+    return b"".join(array.tobytes() for array in arrays) + oscillators.now.tobytes() + oscillators.cycle.tobytes()
 
 
 @given(st.data(), SEEDS, st.sampled_from(KINDS))
@@ -35,7 +43,7 @@ def test_equal_seeds_give_equal_bits(data, seed, kind):
         mine, yours = next(one), next(other)
         assert (mine.time_s, mine.turned) == (yours.time_s, yours.turned)
         assert mine.fired.tolist() == yours.fired.tolist()
-        assert mine.heard.tolist() == yours.heard.tolist()
+        assert mine.received.tolist() == yours.received.tolist()
 
 
 def test_other_seeds_give_other_swarms():
@@ -45,9 +53,9 @@ def test_other_seeds_give_other_swarms():
 
 
 SCRIPT = """
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 scene = {"model": "particles", "agents": {"speed_cm_s": 30, "reorient_on": ["receiving"]}, "clocks": {"jitter": 0.01}}
-swarm = Swarm(scene, seed=123456789)
+swarm = ParticleSimulation(scene, seed=123456789)
 swarm.run(200)
 print(swarm.phases().tobytes().hex(), swarm.positions().tobytes().hex(), swarm.time_s.hex(), swarm.instants)
 """
@@ -106,9 +114,9 @@ def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dime
         two.run_to(time_s)
         # where they are now is told to the last digit but one: `now` may be counted from one cycle or the next
         assert one.positions() == pytest.approx(two.positions(), abs=1e-11)
-        for name in ("origin", "heading", "began_cycle", "began", "end_cycle", "ends"):
-            assert (getattr(one._flights, name) == getattr(two._flights, name)).all()
-        assert (one._flights.streams == two._flights.streams).all()  # as many walls each
+        for name in ("origin", "heading", "start_cycle", "start_time", "end_cycle", "end_time"):
+            assert (getattr(one._trajectories, name) == getattr(two._trajectories, name)).all()
+        assert (one._trajectories.streams == two._trajectories.streams).all()  # as many walls each
 
 
 def test_a_displaced_start_differs_by_the_displacement_alone():
@@ -125,7 +133,7 @@ def test_a_period_scales_time_alone():
         event, later = next(one), next(slower)
         assert later.time_s == 4 * event.time_s
         assert later.fired.tolist() == event.fired.tolist()
-        assert later.heard.tolist() == event.heard.tolist()
+        assert later.received.tolist() == event.received.tolist()
         assert later.turned == event.turned
 
 
@@ -138,7 +146,7 @@ def speeds(**agents):
     """Return the speeds of many agents, in shares of the mean, as their flights show."""
     swarm = swarm_of(3, agents={"count": MANY, "speed_cm_s": 4.0, **agents}, space={"side_cm": 1e6})
     start = swarm.positions()
-    swarm._clocks.now[0] = 0.1  # before anybody fires or comes far
+    swarm._oscillators.now[0] = 0.1  # before anybody fires or comes far
     return np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
 
 
@@ -172,16 +180,16 @@ def test_exponential_speeds_are_exponential():
 def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
     swarm = swarm_of(1, agents={"count": MANY}, clocks={"jitter": jitter, "period_s": 3.0})
     start = swarm.phases()
-    swarm._clocks.now[0] = 1e-3
+    swarm._oscillators.now[0] = 1e-3
     periods = 1e-3 / (swarm.phases() - start)
-    assert stats.kstest(swarm._clocks.period, "norm", args=(1, jitter)).pvalue > UNLIKELY
-    assert periods == pytest.approx(swarm._clocks.period, rel=1e-9)
-    assert swarm._clocks.period.min() >= 0.1
+    assert stats.kstest(swarm._oscillators.period, "norm", args=(1, jitter)).pvalue > UNLIKELY
+    assert periods == pytest.approx(swarm._oscillators.period, rel=1e-9)
+    assert swarm._oscillators.period.min() >= 0.1
     assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
 
 
 def test_without_jitter_periods_are_exactly_nominal():
-    assert (swarm_of(agents={"count": 100})._clocks.period == 1).all()
+    assert (swarm_of(agents={"count": 100})._oscillators.period == 1).all()
 
 
 @pytest.mark.parametrize("time_s", [3.9, -1.0, math.nan, math.inf])

@@ -57,7 +57,7 @@ def test_two_oscillators_follow_the_return_map_and_become_one_when_it_says(one, 
         turn = (leader + firing - 1) % 2
         assert event.time_s == pytest.approx(time_s, abs=1e-9)
         assert event.fired[0] == turn
-        assert who(event.heard) == {1 - turn}
+        assert who(event.received) == {1 - turn}
         assert len(event.fired) == 1 + (firing == until)
         phase = 1 - (1 + epsilon) * phase
         time_s += phase

@@ -35,7 +35,7 @@ def pairs(monkeypatch):
             super().__init__(*given)
             made.append(self)
 
-    monkeypatch.setattr(twin, "Swarm", Kept)
+    monkeypatch.setattr(twin, "ParticleSimulation", Kept)
     return made
 
 

@@ -285,7 +285,7 @@ def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
     headings[trial.seen[0].time_ns] = ParticleSimulation(trial.scenario, 4).headings()
     shifts = 0
     for row, each in zip(trial.places, trial.instants, strict=True):
-        waits, expected = {*each.event.heard.tolist()}, []
+        waits, expected = {*each.event.received.tolist()}, []
         for agent in each.event.fired.tolist():
             heard = hearers(trial.scenario, each.positions, headings[each.time_ns], agent)
             for other in heard if trial.scenario.agents.count < pulses.MANY else heard & waits:
@@ -295,7 +295,7 @@ def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
                 expected.append((*flat(each.positions[agent]), *flat(way), other in waits))
             waits -= heard
         assert not waits
-        shifts += len(each.event.heard)
+        shifts += len(each.event.received)
         drawn = [(*origin, *way, kind) for origin, way, kind in zip(*(part[row] for part in parts), strict=True)]
         np.testing.assert_allclose(
             np.array(sorted(drawn)).reshape(-1, 5), np.array(sorted(expected)).reshape(-1, 5), atol=1e-4 * side_cm

@@ -95,8 +95,8 @@ def test_the_order_parameter_at_any_time_is_the_one_that_is_told_event_by_event(
 
 def next_time(swarm):
     """Return when the next event of a swarm is, in s."""
-    soonest = min(swarm._clocks.due.min(), swarm._flights.soonest[0])
-    return (swarm._clocks.cycle[0] + soonest) * swarm.scenario.clocks.period_s
+    soonest = min(swarm._oscillators.next_firing.min(), swarm._trajectories.earliest_end[0])
+    return (swarm._oscillators.cycle[0] + soonest) * swarm.scenario.clocks.period_s
 
 
 # --- synchronised -----------------------------------------------------------------------------------

@@ -89,7 +89,7 @@ class SwarmWindow:
         self._take_frames(time_ns)
         if len(event.fired):
             if self._hearing is not None:
-                links = self._hearing.find_links(now.positions, self._before.headings, event.fired, event.heard)
+                links = self._hearing.find_links(now.positions, self._before.headings, event.fired, event.received)
                 self._links.append(np.column_stack([np.full(len(links), self.taken), links]))
             self._take_flashes(swarm, event)
             self._add(np.array([time_ns]), now.positions[None], now.headings, now.phases[None])

@@ -6,7 +6,7 @@ For onlookers, who are told who fired and whose phase was shifted, but not by wh
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.particles.motion import take_off
+from epuck_sim.particles.motion import start_trajectories
 from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import make_neighbourhood
 from epuck_sim.scenario.particles import Everybody, ParticleScenario
@@ -25,29 +25,32 @@ class Hearing:
         streams = np.zeros((agents, 4), np.uint64)
         is_cyclic = space.boundary == "cyclic"
         # these stand still and draw no directions: at each instant they are put where the swarm's are
-        self._flights = take_off(space.side_cm, is_cyclic, nowhere, nowhere.copy(), np.zeros(agents), streams)
-        hood = make_neighbourhood(scenario, 0.0)
+        self._trajectories = start_trajectories(
+            space.side_cm, is_cyclic, nowhere, nowhere.copy(), np.zeros(agents), streams
+        )
+        neighbourhood = make_neighbourhood(scenario, 0.0)
         # whose neighbours may be others at the next one, but where all are neighbours
-        self._hood = hood._replace(keeps=hood.keeps and isinstance(scenario.neighbourhood, Everybody))
+        is_cached = neighbourhood.is_cached and isinstance(scenario.neighbourhood, Everybody)
+        self._neighbourhood = neighbourhood._replace(is_cached=is_cached)
         self._tells_all = agents < MANY
-        find_neighbours(self._hood, self._flights, 0, 0.0)
+        find_neighbours(self._neighbourhood, self._trajectories, 0, 0.0)
 
-    def find_links(self, positions: FloatArray, headings: FloatArray, fired: IntArray, heard: IntArray) -> IntArray:
+    def find_links(self, positions: FloatArray, headings: FloatArray, fired: IntArray, received: IntArray) -> IntArray:
         """Return (links, 3) who fires, who hears it, and 1 where that shifts a phase, in the order of the cascade.
 
         positions, headings: (agents, dimensions) cm and unit vectors at the instant, before anybody reorients;
-        fired: in the order of the cascade; heard: whose phase was shifted.
+        fired: in the order of the cascade; received: whose phase was shifted.
         """
-        self._flights.origin[:] = positions.T
-        self._flights.heading[:] = headings.T
-        self._hood.placed[0] = np.nan
-        self._hood.lattice.sorted[0] = -np.inf
+        self._trajectories.origin[:] = positions.T
+        self._trajectories.heading[:] = headings.T
+        self._neighbourhood.positions_time[0] = np.nan
+        self._neighbourhood.cell_list.sorted_at[0] = -np.inf
         waits = np.zeros(len(positions), np.bool_)
-        waits[heard] = True
+        waits[received] = True
         links = [np.empty((0, 3), np.int64)]
         for agent in fired:
-            row = find_neighbours(self._hood, self._flights, agent, 0.0)
-            hearers = self._hood.members[row, : self._hood.counts[agent]]
+            row = find_neighbours(self._neighbourhood, self._trajectories, agent, 0.0)
+            hearers = self._neighbourhood.members[row, : self._neighbourhood.counts[agent]]
             is_shifted = waits[hearers]
             waits[hearers] = False  # nobody hears two pulses at one instant
             told = np.column_stack([np.full(len(hearers), agent), hearers, is_shifted])
