@@ -9,6 +9,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
+from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.events import (
     CYCLES,
     FIRINGS,
@@ -25,7 +26,7 @@ from epuck_sim.particles.motion import compute_positions
 from epuck_sim.particles.neighbourhood import make_neighbourhood
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import Scenario, require_model
 
 
 class Event(NamedTuple):
@@ -65,11 +66,8 @@ class ParticleSimulation:
         Raises:
             ScenarioError: The scenario is of another model, is a sweep, or the seed is negative.
         """
-        loaded = load_scenario(scenario)
-        if not isinstance(loaded, ParticleScenario):
-            raise ScenarioError(
-                f"{loaded.name}: model is {loaded.model!r}; ParticleSimulation needs model: particles, use Simulation"
-            )
+        why = "a ParticleSimulation needs model: particles"
+        loaded = require_model(load_scenario(scenario), ParticleScenario, why)
         if loaded.sweep is not None:
             raise ScenarioError(
                 f"{loaded.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`"
@@ -169,6 +167,11 @@ class ParticleSimulation:
         None before its first firing; it may also be None after `run` has reached its limit of periods.
         """
         return None if math.isnan(self._instant.order_parameter[0]) else float(self._instant.order_parameter[0])
+
+    @property
+    def outcome(self) -> Firing:
+        """The last firing of the reference; a trial ends with the one at which the swarm is synchronised."""
+        return Firing(self.cycles, self.order_parameter)
 
     @property
     def is_synchronised(self) -> bool:

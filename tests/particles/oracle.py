@@ -112,7 +112,7 @@ class Oracle:
             height, azimuth = 1 - uniform(stream), 2 * math.pi * uniform(stream)
             self.head(heading, axis, normal * height, azimuth)
 
-    def random_heading(self, agent: int) -> None:
+    def reorient(self, agent: int) -> None:
         """Reorient an agent (D.1)."""
         heading, stream = self.headings[agent], self.streams[agent]
         if len(heading) == 1:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift, phase_after_pulse
+from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_after_pulse, phase_shift
 
 MULTIPLICATIVE, SAWTOOTH, SINE = range(3)
 PHASES = np.linspace(0, 1, 2001)
