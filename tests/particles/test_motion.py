@@ -19,12 +19,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
 
-from tests.particles.scenes import set_flights, swarm_of, who
-
-UNLIKELY = 1e-4
-"""Seeds are fixed: chance fails no test; what is wrong gives far less than this."""
+from tests.particles.distributions import fits, is_anywhere, is_uniform
+from tests.particles.simulations import as_set, make_simulation, set_trajectories
 
 dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
 boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
@@ -33,18 +30,7 @@ boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 def deaf(count, speed_cm_s=100.0, seed=0, **sections):
     """Return agents that fire together once a cycle, so that nothing is in the way of their flights."""
     agents = {"count": count, "speed_cm_s": speed_cm_s}
-    return swarm_of(seed, agents=agents, start={"phases": "synchronised"}, response={"coupling": 0}, **sections)
-
-
-def fits(observed, expected):
-    """Whether counts are those of a distribution with these shares, by a chi-square test."""
-    shares = np.asarray(expected) / np.sum(expected)
-    assert (shares * np.sum(observed)).min() > 20
-    return stats.chisquare(np.ravel(observed), np.ravel(shares * np.sum(observed))).pvalue > UNLIKELY
-
-
-def is_uniform(values, low, high):
-    return stats.kstest(np.ravel(values), "uniform", args=(low, high - low)).pvalue > UNLIKELY
+    return make_simulation(seed, agents=agents, start={"phases": "synchronised"}, response={"coupling": 0}, **sections)
 
 
 # --- walls ------------------------------------------------------------------------------------------
@@ -56,7 +42,7 @@ def is_uniform(values, low, high):
 @settings(max_examples=25)
 def test_the_first_wall_is_reached_when_and_where_a_straight_line_gets_there(dimensions, boundary, seed, side, pace):
     space = {"dimensions": dimensions, "side_cm": side, "boundary": boundary}
-    swarm = swarm_of(seed, space=space, agents={"count": 1, "speed_cm_s": pace}, neighbourhood={"kind": "all"})
+    swarm = make_simulation(seed, space=space, agents={"count": 1, "speed_cm_s": pace}, neighbourhood={"kind": "all"})
     place, velocity = swarm.positions()[0], pace * swarm.headings()[0]
     ways = np.where(velocity > 0, side - place, place) / np.abs(velocity)
     event = next(event for event in swarm if event.turned is not None)
@@ -77,7 +63,7 @@ def test_the_first_wall_is_reached_when_and_where_a_straight_line_gets_there(dim
 
 
 def test_a_flight_that_reflects_in_a_segment_is_a_triangle_wave_of_period_two_lengths():
-    swarm = swarm_of(agents={"count": 3, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
+    swarm = make_simulation(agents={"count": 3, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
     start = swarm.positions()[:, 0] * swarm.headings()[:, 0] % 40  # unfolded: on the way back one is beyond 20
     for time_s in [0.3, 40 / 37, 2.0, 111.25, 1e4 + 0.5]:
         swarm.run_to(time_s)
@@ -86,7 +72,7 @@ def test_a_flight_that_reflects_in_a_segment_is_a_triangle_wave_of_period_two_le
 
 
 def test_in_a_segment_walls_are_a_length_apart_for_ever():
-    swarm = swarm_of(agents={"count": 1, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
+    swarm = make_simulation(agents={"count": 1, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
     times = []
     while len(times) < 900:
         event = next(swarm)
@@ -99,7 +85,7 @@ def test_in_a_segment_walls_are_a_length_apart_for_ever():
 @pytest.mark.parametrize("speed_cm_s", [0.01, 3.0, 250.0])
 def test_in_a_cyclic_space_flights_are_straight_lines_round_the_side(dimensions, speed_cm_s):
     space = {"dimensions": dimensions, "boundary": "cyclic"}
-    swarm = swarm_of(3, agents={"count": 6, "speed_cm_s": speed_cm_s}, space=space)
+    swarm = make_simulation(3, agents={"count": 6, "speed_cm_s": speed_cm_s}, space=space)
     start, heading = swarm.positions(), swarm.headings()
     for time_s in [0.7, 33.0, 2000.25]:
         swarm.run_to(time_s)
@@ -112,7 +98,7 @@ def test_in_a_cyclic_space_flights_are_straight_lines_round_the_side(dimensions,
 @boundaries
 def test_who_stands_still_stays(dimensions, boundary):
     space = {"dimensions": dimensions, "boundary": boundary}
-    swarm = swarm_of(agents={"count": 4, "speed_cm_s": 0}, space=space)
+    swarm = make_simulation(agents={"count": 4, "speed_cm_s": 0}, space=space)
     start = swarm.positions()
     assert all(next(swarm).turned is None for _ in range(100))
     swarm.run_to(1e6)
@@ -124,7 +110,7 @@ def test_who_stands_still_stays(dimensions, boundary):
 @pytest.mark.parametrize("speed_cm_s", [1e-5, 0.3, 77.0])
 @pytest.mark.parametrize("kind", ["nearest", "all"])
 def test_nobody_ever_leaves_the_space(dimensions, boundary, speed_cm_s, kind):
-    swarm = swarm_of(
+    swarm = make_simulation(
         space={"dimensions": dimensions, "boundary": boundary},
         agents={"count": 3, "speed_cm_s": speed_cm_s},
         neighbourhood={"kind": kind},
@@ -148,8 +134,8 @@ def test_nobody_ever_leaves_the_space_in_a_million_cycles(boundary):
 
 
 def test_an_agent_that_comes_in_from_a_corner_goes_on_inside():
-    swarm = swarm_of(agents={"count": 4, "speed_cm_s": 50.0})
-    set_flights(swarm, [[0, 0], [100, 100], [0, 100], [100, 0]], [[-1, -1], [1, 1], [-1, 1], [1, -1]])
+    swarm = make_simulation(agents={"count": 4, "speed_cm_s": 50.0})
+    set_trajectories(swarm, [[0, 0], [100, 100], [0, 100], [100, 0]], [[-1, -1], [1, 1], [-1, 1], [1, -1]])
     for _ in range(40):
         next(swarm)
         assert ((swarm.positions() >= 0) & (swarm.positions() <= 100)).all()
@@ -161,7 +147,7 @@ def test_an_agent_that_comes_in_from_a_corner_goes_on_inside():
 
 def turned_headings(dimensions, turns, seed=0):
     """Return (turns,) the axis of the wall and (turns, dimensions) headings there, 1 along the normal inwards."""
-    swarm = swarm_of(
+    swarm = make_simulation(
         seed,
         space={"dimensions": dimensions},
         agents={"count": 50, "speed_cm_s": 1000.0},
@@ -203,36 +189,17 @@ def test_in_a_segment_agents_are_turned_back():
     assert (headings == 1).all()
 
 
-def is_anywhere(headings):
-    """Whether (agents, dimensions) headings are uniform over all directions."""
-    if headings.shape[1] == 1:
-        return set(headings.ravel()) == {-1.0, 1.0} and fits(np.unique(headings, return_counts=True)[1], [1, 1])
-    if headings.shape[1] == 2:
-        return is_uniform(np.arctan2(headings[:, 1], headings[:, 0]), -math.pi, math.pi)
-    azimuth = np.arctan2(headings[:, 1], headings[:, 0])
-    return is_uniform(headings[:, 2], -1, 1) and is_uniform(azimuth, -math.pi, math.pi)
-
-
-@dimensions
-def test_agents_begin_anywhere_in_any_direction_at_any_phase(dimensions):
-    swarm = swarm_of(5, space={"dimensions": dimensions}, agents={"count": 20_000})
-    assert is_uniform(swarm.positions(), 0, 100)
-    assert is_anywhere(swarm.headings())
-    assert is_uniform(swarm.phases(), 0, 1)
-    assert abs(np.corrcoef(swarm.positions()[:, 0], swarm.phases())[0, 1]) < 0.03
-
-
 @dimensions
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 def test_reorientation_is_uniform_over_all_directions(dimensions, boundary):
-    swarm = swarm_of(
+    swarm = make_simulation(
         space={"dimensions": dimensions, "boundary": boundary},
         agents={"count": 5000, "speed_cm_s": 1.0, "reorient_on": ["emitting"]},
         start={"phases": "synchronised"},
     )
     before, places = swarm.headings(), swarm.positions()
     event = next(event for event in swarm if event.turned is None)
-    assert who(event.fired) == set(range(5000))
+    assert as_set(event.fired) == set(range(5000))
     off = (swarm.positions() - places) / 100
     assert np.abs(off - np.rint(off)).max() < 0.03
     assert is_anywhere(swarm.headings())

@@ -16,7 +16,7 @@ from epuck_sim.particles.oscillators import (
     set_next_firing,
     start_oscillators,
 )
-from tests.particles.scenes import off_round, swarm_of, who
+from tests.particles.simulations import as_set, make_simulation, max_phase_difference
 
 phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK_SIZE)
 
@@ -63,7 +63,7 @@ CYCLES = 1_000_000
 @pytest.mark.parametrize("jitter", [0, 5e-5, 0.1])
 @pytest.mark.parametrize("period_s", [1.0, 0.3])
 def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter, period_s):
-    swarm = swarm_of(
+    swarm = make_simulation(
         4,
         agents={"count": 4, "speed_cm_s": 12.0},
         response={"coupling": 0},
@@ -74,7 +74,7 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
     for cycle in (10, 1001, CYCLES):
         swarm.run_to((cycle + 0.375) * period_s)
         turns = start + (cycle + 0.375) / periods
-        assert off_round(swarm.phases(), turns % 1) < 1e-9
+        assert max_phase_difference(swarm.phases(), turns % 1) < 1e-9
         assert swarm.firings == np.floor(turns).sum()
         assert swarm.cycles == math.floor(turns[0])
         assert swarm.time_s == pytest.approx((cycle + 0.375) * period_s, rel=1e-15)
@@ -82,18 +82,18 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
 
 @pytest.mark.parametrize("jitter", [0, 0.1])
 def test_after_a_million_cycles_firings_are_on_time(jitter):
-    swarm = swarm_of(4, agents={"count": 4}, response={"coupling": 0}, clocks={"jitter": jitter})
+    swarm = make_simulation(4, agents={"count": 4}, response={"coupling": 0}, clocks={"jitter": jitter})
     start, periods = swarm.phases(), swarm._oscillators.period.copy()
     swarm.run(CYCLES)
     for _ in range(20):
         event = next(swarm)
-        for agent in who(event.fired):
+        for agent in as_set(event.fired):
             turn = round(start[agent] + event.time_s / periods[agent])
             assert event.time_s == pytest.approx((turn - start[agent]) * periods[agent], abs=1e-9)
 
 
 def test_without_jitter_phases_keep_their_distances_to_the_last_digit():
-    swarm = swarm_of(4, agents={"count": 5}, response={"coupling": 0})
+    swarm = make_simulation(4, agents={"count": 5}, response={"coupling": 0})
     swarm.run(2)
     due = np.sort(swarm._oscillators.next_firing - swarm._oscillators.now[0])
     swarm.run(100_002)
@@ -101,7 +101,7 @@ def test_without_jitter_phases_keep_their_distances_to_the_last_digit():
 
 
 def test_merged_oscillators_stay_merged():
-    swarm = swarm_of(1, agents={"count": 20}, neighbourhood={"kind": "all"})
+    swarm = make_simulation(1, agents={"count": 20}, neighbourhood={"kind": "all"})
     swarm.run(300)
     instants, firings = swarm.instants, swarm.firings
     swarm.run(100_300)

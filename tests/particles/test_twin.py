@@ -11,7 +11,7 @@ from epuck_sim.particles import twin
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.loader import load_scenario
-from tests.particles.scenes import KINDS, any_sections, scenario, swarm_of
+from tests.particles.simulations import KINDS, any_sections, make_simulation, scenario
 
 MIDDLES = np.arange(0.5, 30)
 SYNCHRONISED = {"phases": "synchronised"}
@@ -97,7 +97,7 @@ def test_with_jitter_deviations_grow_as_fast_as_clocks_are_wrong_and_wrap_at_hal
     given = {"clocks": {"jitter": 1e-3, "period_s": 2.0}, "response": {"coupling": 0}, "start": SYNCHRONISED}
     times = np.linspace(0, 8000, 400)
     found = followed(7, times, **given)
-    apart = np.abs(times[:, None] / swarm_of(7, **given).periods_s - times[:, None] / 2.0) % 1
+    apart = np.abs(times[:, None] / make_simulation(7, **given).periods_s - times[:, None] / 2.0) % 1
     np.testing.assert_allclose(found.deviation, np.minimum(apart, 1 - apart), atol=1e-8)
     early = times < 200
     slopes = found.deviation[early][1:] / times[early][1:, None]
@@ -112,7 +112,7 @@ def test_with_jitter_deviations_grow_as_fast_as_clocks_are_wrong_and_wrap_at_hal
 def test_the_order_parameter_is_that_of_all_phases_at_each_time(metric):
     given = {"clocks": {"jitter": 0.01}, "stop": {"metric": metric}, "agents": {"count": 7, "speed_cm_s": 20}}
     found = followed(5, MIDDLES + 0.123, **given)
-    swarm = swarm_of(5, **given)
+    swarm = make_simulation(5, **given)
     for time, order in zip(MIDDLES + 0.123, found.order_parameter, strict=True):
         swarm.run_to(time)
         assert order == pytest.approx(abs(np.exp(2j * math.pi * swarm.phases()).mean()), abs=1e-12)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from epuck_sim.arrays import IntArray
 from epuck_sim.particles.motion import find_wall_hits
 from epuck_sim.particles.simulation import Event, ParticleSimulation
-from tests.particles.oracle import Oracle
+from tests.particles.naive_model import NaiveModel
 
-UNSURE = 1e-11
+TOO_CLOSE = 1e-11
 """A decision that was closer than this may as well go the other way: rounding of the kernel's is another."""
 
 KINDS = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
@@ -23,7 +23,7 @@ def scenario(**sections: Any) -> dict[str, Any]:
     return {"model": "particles", "name": "test", "stop": stop, **sections}
 
 
-def swarm_of(seed: int = 0, **sections: Any) -> ParticleSimulation:
+def make_simulation(seed: int = 0, **sections: Any) -> ParticleSimulation:
     return ParticleSimulation(scenario(**sections), seed)
 
 
@@ -34,7 +34,7 @@ def set_phases(swarm: ParticleSimulation, phases: Sequence[float]) -> None:
     oscillators.is_stale[:] = True
 
 
-def set_flights(
+def set_trajectories(
     swarm: ParticleSimulation, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
 ) -> None:
     """Set the agents of a fresh swarm, (agents, dimensions) both; unit vectors from headings of any length."""
@@ -46,7 +46,7 @@ def set_flights(
     find_wall_hits(trajectories)
 
 
-def hand_made(
+def make_resting(
     phases: Sequence[float],
     positions: Sequence[Sequence[float]] | None = None,
     headings: Sequence[Sequence[float]] | None = None,
@@ -54,7 +54,7 @@ def hand_made(
 ) -> ParticleSimulation:
     """Return agents that stand still, everybody's neighbours unless `neighbourhood` says otherwise."""
     dimensions = len(positions[0]) if positions else 2
-    swarm = swarm_of(
+    swarm = make_simulation(
         **{
             "space": {"dimensions": dimensions},
             "agents": {"count": len(phases), "speed_cm_s": 0},
@@ -64,22 +64,22 @@ def hand_made(
     )
     set_phases(swarm, phases)
     if positions:
-        set_flights(swarm, positions, headings)
+        set_trajectories(swarm, positions, headings)
     return swarm
 
 
-def next_firing(swarm: ParticleSimulation) -> Event:
+def next_firing_event(swarm: ParticleSimulation) -> Event:
     """Go on to the next instant at which somebody fires."""
     return next(event for event in swarm if event.turned is None)
 
 
-def who(agents: IntArray) -> set[int]:
+def as_set(agents: IntArray) -> set[int]:
     """Return agents of an event as a set; nobody is named twice."""
     assert len(set(agents.tolist())) == len(agents)
     return set(agents.tolist())
 
 
-def agree(swarm: ParticleSimulation, twin: Oracle, cycles: float, tolerance: float = 1e-7) -> int:
+def compare_events(swarm: ParticleSimulation, twin: NaiveModel, cycles: float, tolerance: float = 1e-7) -> int:
     """Compare a swarm with its twin, event by event, for so long; return how many firings were compared.
 
     It ends early where a decision was so close that rounding makes it, and once rounding has grown to a hundredth of
@@ -89,17 +89,17 @@ def agree(swarm: ParticleSimulation, twin: Oracle, cycles: float, tolerance: flo
     side = swarm.scenario.space.side_cm
     while twin.time < cycles and grown < tolerance / 100:
         expected = twin.step()
-        if expected.margin < UNSURE:
+        if expected.margin < TOO_CLOSE:
             break
         event = next(swarm)
         assert event.turned == expected.turned
-        assert who(event.fired) == expected.fired
-        assert who(event.received) == expected.received
+        assert as_set(event.fired) == expected.fired
+        assert as_set(event.received) == expected.received
         late = abs(event.time_s / swarm.scenario.clocks.period_s - expected.time)
         apart = np.abs(swarm.positions() - np.array(twin.positions)) / side
         if swarm.scenario.space.boundary == "cyclic":
             apart = np.minimum(apart, np.abs(1 - apart))  # 0 and the side are one place
-        out = off_round(swarm.phases(), twin.phases)
+        out = max_phase_difference(swarm.phases(), twin.phases)
         turned = np.abs(swarm.headings() - np.array(twin.headings)).max()
         grown = max(late, out, apart.max(), turned)
         assert grown < tolerance
@@ -112,7 +112,7 @@ def agree(swarm: ParticleSimulation, twin: Oracle, cycles: float, tolerance: flo
     return firings
 
 
-def off_round(some: Sequence[float], others: Sequence[float]) -> float:
+def max_phase_difference(some: Sequence[float], others: Sequence[float]) -> float:
     """Return the largest difference between phases, of which 0 and 1 are the same."""
     difference = np.abs(np.asarray(some) - np.asarray(others))
     return float(np.minimum(difference, 1 - difference).max())

@@ -7,8 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.particles.oracle import Oracle
-from tests.particles.scenes import KINDS, UNSURE, agree, any_sections, hand_made, neighbourhoods, swarm_of, who
+from tests.particles.naive_model import NaiveModel
+from tests.particles.simulations import (
+    KINDS,
+    TOO_CLOSE,
+    any_sections,
+    as_set,
+    compare_events,
+    make_resting,
+    make_simulation,
+    neighbourhoods,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)
@@ -35,20 +44,20 @@ def hearers(swarm, firing):
     if rule.kind == "nearest":
         reach = np.sort(distance[others])[rule.k - 1]
         ranked = np.sort(distance[others])
-        if rule.k < agents - 1 and ranked[rule.k] - ranked[rule.k - 1] < UNSURE * side:
-            close = np.abs(distance - reach) < UNSURE * side
+        if rule.k < agents - 1 and ranked[rule.k] - ranked[rule.k - 1] < TOO_CLOSE * side:
+            close = np.abs(distance - reach) < TOO_CLOSE * side
         return others & (distance <= reach), close
     inside = others.copy()
     if rule.radius_cm is not None:
         inside &= distance <= rule.radius_cm
-        close |= np.abs(distance - rule.radius_cm) < UNSURE * side
+        close |= np.abs(distance - rule.radius_cm) < TOO_CLOSE * side
     if rule.kind != "range" and rule.angle_deg < 360:
         with np.errstate(invalid="ignore"):
             unit = way / distance[:, None]
         ahead = (-unit * headings).sum(axis=1) if rule.kind == "cone_of_vision" else unit @ headings[firing]
         edge = math.cos(math.radians(rule.angle_deg / 2))
         inside &= ahead >= edge
-        close |= np.abs(ahead - edge) < UNSURE
+        close |= np.abs(ahead - edge) < TOO_CLOSE
     return inside, close
 
 
@@ -76,7 +85,7 @@ def are_found(swarm, firings):
 def test_who_hears_is_who_is_in_the_neighbourhood_at_that_time(kind, boundary, data, seed):
     agents = data.draw(st.integers(20, 60))
     pace = data.draw(st.sampled_from([0.0, 1e-3, 0.02, 0.3, 2.0, 50.0]))
-    swarm = swarm_of(
+    swarm = make_simulation(
         seed,
         space={"dimensions": data.draw(st.integers(1, 3)), "side_cm": SIDE_CM, "boundary": boundary},
         agents={"count": agents, "speed_cm_s": pace, "speed_distribution": "exponential"},
@@ -107,7 +116,7 @@ def test_who_hears_is_who_is_in_the_neighbourhood_at_that_time(kind, boundary, d
     ids=lambda rule: "-".join(map(str, rule.values())),
 )
 def test_a_neighbourhood_that_is_known_is_given_up_in_time(rule, dimensions, speed_cm_s, cycles):
-    swarm = swarm_of(
+    swarm = make_simulation(
         7,
         space={"dimensions": dimensions, "side_cm": 30.0},
         agents={"count": 25, "speed_cm_s": speed_cm_s},
@@ -125,7 +134,7 @@ def test_a_neighbourhood_that_is_known_is_given_up_in_time(rule, dimensions, spe
 @settings(max_examples=150)
 def test_who_hears_is_who_is_in_the_neighbourhood_in_many_more_swarms(kind, boundary, data, seed):
     agents = data.draw(st.integers(2, 150))
-    swarm = swarm_of(
+    swarm = make_simulation(
         seed,
         space={"dimensions": data.draw(st.integers(1, 3)), "side_cm": SIDE_CM, "boundary": boundary},
         agents={"count": agents, "speed_cm_s": 10 ** data.draw(st.floats(-4, 2))},
@@ -139,8 +148,8 @@ def test_who_hears_is_who_is_in_the_neighbourhood_in_many_more_swarms(kind, boun
 @given(st.data(), SEEDS)
 @settings(max_examples=6)
 def test_larger_swarms_do_what_the_plain_twin_does(kind, data, seed):
-    swarm = swarm_of(seed, **data.draw(any_sections(kind, most_agents=50, fewest_agents=20)))
-    agree(swarm, Oracle(swarm), cycles=6)
+    swarm = make_simulation(seed, **data.draw(any_sections(kind, most_agents=50, fewest_agents=20)))
+    compare_events(swarm, NaiveModel(swarm), cycles=6)
 
 
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
@@ -158,7 +167,7 @@ def test_larger_swarms_do_what_the_plain_twin_does(kind, data, seed):
 @pytest.mark.parametrize(("agents", "speed_cm_s"), [(700, 1.0), (2500, 0.01), (2500, 40.0)])
 def test_in_a_crowd_too_who_hears_is_who_is_in_the_neighbourhood(agents, speed_cm_s, rule, boundary):
     for dimensions in (1, 2, 3):
-        swarm = swarm_of(
+        swarm = make_simulation(
             2,
             space={"dimensions": dimensions, "side_cm": SIDE_CM, "boundary": boundary},
             agents={"count": agents, "speed_cm_s": speed_cm_s},
@@ -179,7 +188,7 @@ def heard_by(places, headings, firing=0, side_cm=100.0, boundary="bounded", **ru
     phases = np.full(count, 0.5)
     phases[firing] = 0.9
     space = {"dimensions": len(places[0]), "side_cm": side_cm, "boundary": boundary}
-    return who(next(hand_made(phases, places, headings, neighbourhood=rule, space=space)).received)
+    return as_set(next(make_resting(phases, places, headings, neighbourhood=rule, space=space)).received)
 
 
 PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
@@ -259,9 +268,9 @@ def test_in_a_cyclic_space_ways_lead_over_the_edge_where_that_is_shorter():
 
 @pytest.mark.parametrize("rule", [{"kind": "nearest"}, {"kind": "all"}, {"kind": "range", "radius_cm": 5}])
 def test_nobody_hears_itself(rule):
-    swarm = hand_made([0.9], [[50.0, 50.0]], neighbourhood=rule)
+    swarm = make_resting([0.9], [[50.0, 50.0]], neighbourhood=rule)
     event = next(swarm)
-    assert (who(event.fired), who(event.received)) == ({0}, set())
+    assert (as_set(event.fired), as_set(event.received)) == ({0}, set())
 
 
 # --- limits in which neighbourhoods are the same ----------------------------------------------------
@@ -269,13 +278,13 @@ def test_nobody_hears_itself(rule):
 
 def are_alike(one, other, seed, events=1500, **sections):
     """Whether two rules make no difference to any event."""
-    left, right = (swarm_of(seed, neighbourhood=rule, **sections) for rule in (one, other))
+    left, right = (make_simulation(seed, neighbourhood=rule, **sections) for rule in (one, other))
     for _ in range(events):
         mine, yours = next(left), next(right)
         assert mine.time_s == yours.time_s
         assert mine.turned == yours.turned
-        assert who(mine.fired) == who(yours.fired)
-        assert who(mine.received) == who(yours.received)
+        assert as_set(mine.fired) == as_set(yours.fired)
+        assert as_set(mine.received) == as_set(yours.received)
         assert (left.phases() == right.phases()).all()
     return True
 

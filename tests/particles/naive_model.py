@@ -15,19 +15,19 @@ SIMULTANEITY_CYCLES = 1e-12
 """Cycles: firings that are no farther apart happen at once."""
 
 
-class Occasion(NamedTuple):
+class NaiveEvent(NamedTuple):
     """What happens at one time."""
 
     time: float
     """In cycles."""
     turned: int | None
     fired: frozenset[int]
-    heard: frozenset[int]
+    received: frozenset[int]
     margin: float
     """By how much, relative to what was compared, the closest decision was made; of rounding's size: anything goes."""
 
 
-class Oracle:
+class NaiveModel:
     """A twin of a swarm that has not begun yet."""
 
     def __init__(self, swarm: ParticleSimulation) -> None:
@@ -47,30 +47,30 @@ class Oracle:
 
     # --- from one event to the next ------------------------------------------------------------------
 
-    def step(self) -> Occasion:
+    def step(self) -> NaiveEvent:
         """Go on to the next event."""
         agents = range(len(self.phases))
         left = [(1 - self.phases[agent]) * self.periods[agent] for agent in agents]
-        walls = [self.to_wall(agent) for agent in agents]
+        walls = [self.wall_hit(agent) for agent in agents]
         firing, wall = min(left), min(walls)
         others = sorted([*left, *(until for until, _, _ in walls)])
         self.is_synchronised = False
         if wall[0] <= firing:
-            self.forward(wall[0])
+            self.advance(wall[0])
             turned = walls.index(wall)
-            self.reach(turned, wall[1], wall[2])
-            return Occasion(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
-        self.forward(firing)
+            self.reflect(turned, wall[1], wall[2])
+            return NaiveEvent(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
+        self.advance(firing)
         at_once = {agent for agent in agents if left[agent] <= firing + SIMULTANEITY_CYCLES}
         # those merged are apart by rounding; who is apart by about the limit may or may not fire with them
         margins = [
             abs(gap - firing - SIMULTANEITY_CYCLES) if gap - firing > SIMULTANEITY_CYCLES / 10 else 1.0 for gap in left
         ]
         margins += [abs(until - firing) for until, _, _ in walls]
-        fired, heard = self.cascade(at_once, margins)
-        return Occasion(self.time, None, frozenset(fired), frozenset(heard), min(margins))
+        fired, received = self.cascade(at_once, margins)
+        return NaiveEvent(self.time, None, frozenset(fired), frozenset(received), min(margins))
 
-    def forward(self, cycles: float) -> None:
+    def advance(self, cycles: float) -> None:
         """Let time pass (eqs. 3.1 and 5.9)."""
         for agent, position in enumerate(self.positions):
             self.phases[agent] += cycles / self.periods[agent]
@@ -80,11 +80,11 @@ class Oracle:
 
     def run_to(self, time: float) -> None:
         """Let time pass until then, at which nothing happens."""
-        self.forward(time - self.time)
+        self.advance(time - self.time)
 
     # --- motion (3.1, 5.1.2, D) ----------------------------------------------------------------------
 
-    def to_wall(self, agent: int) -> tuple[float, int, bool]:
+    def wall_hit(self, agent: int) -> tuple[float, int, bool]:
         """Return when, from now, an agent reaches a wall, along which axis, and whether it is the far one."""
         found = (math.inf, 0, False)
         for axis, (place, ahead) in enumerate(zip(self.positions[agent], self.headings[agent], strict=True)):
@@ -94,7 +94,7 @@ class Oracle:
                 found = min(found, (max(way, 0.0) / abs(pace), axis, pace > 0))
         return found
 
-    def reach(self, agent: int, axis: int, is_far: bool) -> None:
+    def reflect(self, agent: int, axis: int, is_far: bool) -> None:
         """Have an agent reach a wall: in a cyclic space it comes in opposite, else it sets out anew."""
         side = self.scenario.space.side_cm
         self.positions[agent][axis] = side if is_far else 0.0
@@ -110,7 +110,7 @@ class Oracle:
             heading[axis], heading[1 - axis] = normal * math.cos(angle), math.sin(angle)
         else:  # uniform over a hemisphere: so is the height above its rim (Archimedes)
             height, azimuth = 1 - uniform(stream), 2 * math.pi * uniform(stream)
-            self.head(heading, axis, normal * height, azimuth)
+            self.set_heading(heading, axis, normal * height, azimuth)
 
     def reorient(self, agent: int) -> None:
         """Reorient an agent (D.1)."""
@@ -122,10 +122,10 @@ class Oracle:
             heading[:] = math.cos(angle), math.sin(angle)
         else:
             height, azimuth = 2 * uniform(stream) - 1, 2 * math.pi * uniform(stream)
-            self.head(heading, 2, height, azimuth)
+            self.set_heading(heading, 2, height, azimuth)
 
     @staticmethod
-    def head(heading: list[float], axis: int, height: float, azimuth: float) -> None:
+    def set_heading(heading: list[float], axis: int, height: float, azimuth: float) -> None:
         rim = math.sqrt(1 - height**2)
         heading[axis] = height
         heading[(axis + 1) % 3] = rim * math.cos(azimuth)
@@ -133,7 +133,7 @@ class Oracle:
 
     # --- who hears whom (3.1.2, 5.1.3) ---------------------------------------------------------------
 
-    def apart(self, of: int, seen_from: int) -> list[float]:
+    def offset(self, of: int, seen_from: int) -> list[float]:
         """Return the way from one agent to another; in a cyclic space the shorter one along each axis."""
         side = self.scenario.space.side_cm
         ways = []
@@ -152,13 +152,13 @@ class Oracle:
         if rule.kind == "all":
             return set(others)
         if rule.kind == "nearest":
-            by_distance = sorted((math.hypot(*self.apart(other, firing)), other) for other in others)
+            by_distance = sorted((math.hypot(*self.offset(other, firing)), other) for other in others)
             if 0 < rule.k < len(others):
                 margins.append((by_distance[rule.k][0] - by_distance[rule.k - 1][0]) / side)
             return {other for _, other in by_distance[: rule.k]}
         found = set()
         for other in others:
-            way = self.apart(other, firing)
+            way = self.offset(other, firing)
             distance = math.hypot(*way)
             is_near, is_ahead = True, True
             if rule.radius_cm is not None:
@@ -191,16 +191,16 @@ class Oracle:
 
     def cascade(self, at_once: set[int], margins: list[float]) -> tuple[set[int], set[int]]:
         """Let these fire, and all whom that makes fire; return who has fired and who has had its phase shifted."""
-        fired, heard, waiting = set(at_once), set(), set(at_once)
+        fired, received, waiting = set(at_once), set(), set(at_once)
         while waiting:
             for hearer in self.neighbours(waiting.pop(), margins):
                 phase, refractory = self.phases[hearer], self.scenario.response.refractory
-                if hearer in fired or hearer in heard:
+                if hearer in fired or hearer in received:
                     continue
                 margins.append(abs(phase - refractory))
                 if phase <= refractory:
                     continue
-                heard.add(hearer)
+                received.add(hearer)
                 after = phase + self.shift(phase)
                 if self.scenario.response.curve == "sawtooth":
                     margins.append(abs(phase - 0.5))
@@ -213,20 +213,20 @@ class Oracle:
         for agent in fired:
             self.phases[agent] = 0.0
         motion = self.scenario.agents.reorient_on
-        for agent in sorted(fired | heard):
-            if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in heard):
+        for agent in sorted(fired | received):
+            if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in received):
                 self.reorient(agent)
         if self.scenario.stop.reference in fired:
             self.cycles += 1
-            self.order = self.measure()
+            self.order = self.measure_order()
             threshold = self.scenario.stop.order_parameter
             if threshold is not None and len(self.phases) > 1:
                 self.is_synchronised = self.order >= threshold
-        return fired, heard
+        return fired, received
 
     # --- the metric (3.1.5, 5.1.4) -------------------------------------------------------------------
 
-    def measure(self) -> float:
+    def measure_order(self) -> float:
         """Return the order parameter: eq. 5.7 or 3.4."""
         angles = [2 * math.pi * phase for phase in self.phases]
         eta = sum(map(math.cos, angles)) / len(angles)
