@@ -1,8 +1,8 @@
-"""The model of thesis chapters 3 and 5 again, in plain Python: slow, without a trick, for comparison with the kernel.
+"""A naive implementation of thesis chapters 3 and 5 in plain Python: slow, for comparison with the kernel.
 
-Written from the thesis (3.1, 5.1, Appendix D) and the project's facts. Phases and positions are moved forward at every
-event; neighbours are found among all from where everybody is; the cascade is one of sets. Only two things are taken
-from the swarm that it is compared with: the state at the beginning, and each agent's own stream of random numbers.
+It was written from the thesis (3.1, 5.1, Appendix D) and from nothing else. Phases and positions are updated at every
+event, neighbours are searched for among all agents, and a cascade is computed with sets. Only two things are taken
+from the simulation that it is compared with: the initial state, and each agent's stream of random numbers.
 """
 
 import math
@@ -12,23 +12,23 @@ from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.util.rng import uniform
 
 SIMULTANEITY_CYCLES = 1e-12
-"""Cycles: firings that are no farther apart happen at once."""
+"""Firings that are no farther apart than this happen at once."""
 
 
 class NaiveEvent(NamedTuple):
-    """What happens at one time."""
+    """What happens at one time, and how close its decisions were."""
 
     time: float
-    """In cycles."""
+    """Cycles since the beginning."""
     turned: int | None
     fired: frozenset[int]
     received: frozenset[int]
     margin: float
-    """By how much, relative to what was compared, the closest decision was made; of rounding's size: anything goes."""
+    """Relative margin of the closest decision; one of the size of rounding errors may go either way."""
 
 
 class NaiveModel:
-    """A twin of a swarm that has not begun yet."""
+    """A second implementation, which starts from the state of a fresh simulation."""
 
     def __init__(self, swarm: ParticleSimulation) -> None:
         self.scenario = swarm.scenario
@@ -48,7 +48,7 @@ class NaiveModel:
     # --- from one event to the next ------------------------------------------------------------------
 
     def step(self) -> NaiveEvent:
-        """Go on to the next event."""
+        """Simulate up to the next event and return it."""
         agents = range(len(self.phases))
         left = [(1 - self.phases[agent]) * self.periods[agent] for agent in agents]
         walls = [self.wall_hit(agent) for agent in agents]
@@ -62,7 +62,7 @@ class NaiveModel:
             return NaiveEvent(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
         self.advance(firing)
         at_once = {agent for agent in agents if left[agent] <= firing + SIMULTANEITY_CYCLES}
-        # those merged are apart by rounding; who is apart by about the limit may or may not fire with them
+        # merged oscillators differ by rounding; those about as far apart as the limit may or may not fire with them
         margins = [
             abs(gap - firing - SIMULTANEITY_CYCLES) if gap - firing > SIMULTANEITY_CYCLES / 10 else 1.0 for gap in left
         ]
@@ -71,7 +71,7 @@ class NaiveModel:
         return NaiveEvent(self.time, None, frozenset(fired), frozenset(received), min(margins))
 
     def advance(self, cycles: float) -> None:
-        """Let time pass (eqs. 3.1 and 5.9)."""
+        """Let time pass (eqs. 3.1 and 5.9); nothing else happens."""
         for agent, position in enumerate(self.positions):
             self.phases[agent] += cycles / self.periods[agent]
             for axis, ahead in enumerate(self.headings[agent]):
@@ -79,7 +79,7 @@ class NaiveModel:
         self.time += cycles
 
     def run_to(self, time: float) -> None:
-        """Let time pass until then, at which nothing happens."""
+        """Let time pass up to a time before the next event."""
         self.advance(time - self.time)
 
     # --- motion (3.1, 5.1.2, D) ----------------------------------------------------------------------
@@ -95,7 +95,7 @@ class NaiveModel:
         return found
 
     def reflect(self, agent: int, axis: int, is_far: bool) -> None:
-        """Have an agent reach a wall: in a cyclic space it comes in opposite, else it sets out anew."""
+        """Reflect an agent at a wall in a random direction; in a cyclic space, let it enter on the opposite side."""
         side = self.scenario.space.side_cm
         self.positions[agent][axis] = side if is_far else 0.0
         if self.scenario.space.boundary == "cyclic":
@@ -113,7 +113,7 @@ class NaiveModel:
             self.set_heading(heading, axis, normal * height, azimuth)
 
     def reorient(self, agent: int) -> None:
-        """Reorient an agent (D.1)."""
+        """Turn an agent in a random direction (D.1)."""
         heading, stream = self.headings[agent], self.streams[agent]
         if len(heading) == 1:
             heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
@@ -131,10 +131,10 @@ class NaiveModel:
         heading[(axis + 1) % 3] = rim * math.cos(azimuth)
         heading[(axis + 2) % 3] = rim * math.sin(azimuth)
 
-    # --- who hears whom (3.1.2, 5.1.3) ---------------------------------------------------------------
+    # --- neighbourhoods (3.1.2, 5.1.3) ---------------------------------------------------------------
 
     def offset(self, of: int, seen_from: int) -> list[float]:
-        """Return the way from one agent to another; in a cyclic space the shorter one along each axis."""
+        """Return the offset between two agents; in a cyclic space, the shorter one along each axis."""
         side = self.scenario.space.side_cm
         ways = []
         for there, here in zip(self.positions[of], self.positions[seen_from], strict=True):
@@ -145,7 +145,7 @@ class NaiveModel:
         return ways
 
     def neighbours(self, firing: int, margins: list[float]) -> set[int]:
-        """Return who hears an agent that fires."""
+        """Return the agents that receive the pulse of a firing agent."""
         rule = self.scenario.neighbourhood
         others = [agent for agent in range(len(self.phases)) if agent != firing]
         side = self.scenario.space.side_cm
@@ -165,7 +165,7 @@ class NaiveModel:
                 is_near = distance <= rule.radius_cm
                 margins.append(abs(distance - rule.radius_cm) / side)
             if rule.kind != "range" and rule.angle_deg < 360:
-                if rule.kind == "cone_of_vision":  # that of the one who hears
+                if rule.kind == "cone_of_vision":  # the cone of the receiver
                     eye, way = other, [-along for along in way]
                 else:
                     eye = firing
@@ -190,26 +190,26 @@ class NaiveModel:
         return -response.coupling * phase if phase <= 0.5 else response.coupling * (1 - phase)
 
     def cascade(self, at_once: set[int], margins: list[float]) -> tuple[set[int], set[int]]:
-        """Let these fire, and all whom that makes fire; return who has fired and who has had its phase shifted."""
+        """Fire these agents and all that their pulses make fire; return the agents that fired, and that received."""
         fired, received, waiting = set(at_once), set(), set(at_once)
         while waiting:
-            for hearer in self.neighbours(waiting.pop(), margins):
-                phase, refractory = self.phases[hearer], self.scenario.response.refractory
-                if hearer in fired or hearer in received:
+            for receiver in self.neighbours(waiting.pop(), margins):
+                phase, refractory = self.phases[receiver], self.scenario.response.refractory
+                if receiver in fired or receiver in received:
                     continue
                 margins.append(abs(phase - refractory))
                 if phase <= refractory:
                     continue
-                received.add(hearer)
+                received.add(receiver)
                 after = phase + self.shift(phase)
                 if self.scenario.response.curve == "sawtooth":
                     margins.append(abs(phase - 0.5))
                 if self.scenario.response.coupling:
                     margins.append(abs(after - 1) or 1.0)  # sawtooth and kappa = 1: exactly 1
-                self.phases[hearer] = min(max(after, 0.0), 1.0)
+                self.phases[receiver] = min(max(after, 0.0), 1.0)
                 if after >= 1:
-                    fired.add(hearer)
-                    waiting.add(hearer)
+                    fired.add(receiver)
+                    waiting.add(receiver)
         for agent in fired:
             self.phases[agent] = 0.0
         motion = self.scenario.agents.reorient_on

@@ -1,4 +1,4 @@
-"""Cells find whom a look at all pairs finds, and trials come out alike to the bit."""
+"""The cell list finds all agents within a radius, and trials with and without it are equal to the bit."""
 
 import numpy as np
 import pytest
@@ -49,7 +49,7 @@ def test_trials_with_and_without_cells_are_the_same_to_the_bit(neighbourhood, bo
 
 
 @pytest.mark.parametrize("dimensions", [1, 3])
-def test_so_are_those_in_a_segment_and_a_cube(dimensions: int) -> None:
+def test_trials_in_a_segment_and_a_cube_are_the_same_with_and_without_cells(dimensions: int) -> None:
     rule = {"neighbourhood": {"kind": "range", "radius_cm": 9}, "response": {"refractory": 0.2}}
     in_cells, all_pairs = swarm_of(3, dimensions, **rule), without_cells(swarm_of(3, dimensions, **rule))
     for swarm in (in_cells, all_pairs):
@@ -59,7 +59,7 @@ def test_so_are_those_in_a_segment_and_a_cube(dimensions: int) -> None:
 
 @pytest.mark.parametrize(("dimensions", "cell_cm"), [(1, 3), (2, 4), (2, 90), (3, 11)])
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-def test_nobody_within_reach_is_missed_and_nobody_found_twice(boundary, dimensions, cell_cm) -> None:
+def test_all_agents_within_the_radius_are_found_and_none_twice(boundary, dimensions, cell_cm) -> None:
     swarm = swarm_of(20, dimensions, boundary, neighbourhood={"kind": "all"})
     trajectories = swarm._trajectories
     cell_list = make_cell_list(dimensions, 100, 450, cell_cm, float(trajectories.speed.max()))
@@ -77,7 +77,7 @@ def test_nobody_within_reach_is_missed_and_nobody_found_twice(boundary, dimensio
 
 
 def position_at(trajectories, agent: int, time: float) -> np.ndarray:
-    """Return where an agent is; one whose flight has ended is where that was, which may be a little behind."""
+    """Return the position of an agent, or that of its wall hit if its trajectory has ended."""
     time = min(time, trajectories.end_cycle[agent] + trajectories.end_time[agent])
     lasts = time - trajectories.start_cycle[agent] - trajectories.start_time[agent]
     return trajectories.origin[:, agent] + trajectories.heading[:, agent] * trajectories.speed[agent] * lasts

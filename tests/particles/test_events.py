@@ -1,4 +1,4 @@
-"""The kernel does what a plain twin does, event by event, and cascades go by the letter of the rules."""
+"""The kernel agrees with the naive model, event by event, and cascades follow the rules to the letter."""
 
 import numpy as np
 import pytest
@@ -22,13 +22,13 @@ SEEDS = st.integers(0, 2**32 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)
 
 
-# --- beside the twin --------------------------------------------------------------------------------
+# --- compared with the naive model ------------------------------------------------------------------
 
 
 @kinds
 @given(st.data(), SEEDS)
 @settings(max_examples=60)
-def test_every_event_is_that_of_the_plain_twin(kind, data, seed):
+def test_every_event_is_that_of_the_naive_model(kind, data, seed):
     swarm = make_simulation(seed, **data.draw(any_sections(kind)))
     compare_events(swarm, NaiveModel(swarm), cycles=50)
 
@@ -37,7 +37,7 @@ def test_every_event_is_that_of_the_plain_twin(kind, data, seed):
 @given(st.data(), SEEDS)
 @settings(max_examples=1500)
 @pytest.mark.slow
-def test_every_event_is_that_of_the_plain_twin_in_many_more_swarms(kind, data, seed):
+def test_every_event_is_that_of_the_naive_model_in_many_more_swarms(kind, data, seed):
     swarm = make_simulation(seed, **data.draw(any_sections(kind)))
     compare_events(swarm, NaiveModel(swarm), cycles=50)
 
@@ -45,7 +45,7 @@ def test_every_event_is_that_of_the_plain_twin_in_many_more_swarms(kind, data, s
 @kinds
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-def test_the_comparison_with_the_twin_does_not_end_early(kind, dimensions, boundary):
+def test_the_comparison_with_the_naive_model_does_not_end_early(kind, dimensions, boundary):
     rule = {
         "nearest": {"k": 2},
         "range": {"radius_cm": 30},
@@ -63,22 +63,22 @@ def test_the_comparison_with_the_twin_does_not_end_early(kind, dimensions, bound
     assert twin.time >= 50
 
 
-# --- the same trial, told in other ways -------------------------------------------------------------
+# --- one trial, advanced in different ways ----------------------------------------------------------
 
 
-def told(swarm):
-    """Return the state of the oscillators, and how often what has happened."""
+def state_of(swarm):
+    """Return the state of the oscillators and all counts."""
     return [*swarm.phases(), swarm.cycles, swarm.instants, swarm.firings, swarm.order_parameter, swarm.is_synchronised]
 
 
-def watched(swarm, cycles):
-    """Go on event by event as `run` does at once."""
+def by_events(swarm, cycles):
+    """Simulate event by event as far as `run(cycles)` does."""
     while swarm.cycles < cycles and not swarm.is_synchronised:
         next(swarm)
 
 
-def looked_at(swarm, cycles):
-    """Go on as `run` does, but look where everybody is on the way there."""
+def with_positions(swarm, cycles):
+    """Simulate as `run(cycles)` does, but ask for positions on the way."""
     while swarm.cycles < cycles and not swarm.is_synchronised:
         swarm.run(cycles, 1)
         swarm.positions()
@@ -97,22 +97,22 @@ def test_in_one_go_in_slices_looked_at_or_event_by_event_a_swarm_is_the_same_bit
     for periods in [*slices, *[1, 3] * 200]:
         if sliced.cycles < cycles and not sliced.is_synchronised:
             sliced.run(cycles, periods)
-    looked_at(looked, cycles)
-    watched(by_event, cycles)
+    with_positions(looked, cycles)
+    by_events(by_event, cycles)
     for other in (sliced, looked, by_event):
-        assert told(other) == told(at_once)
+        assert state_of(other) == state_of(at_once)
         assert other.time_s == at_once.time_s
         assert (other.positions() == at_once.positions()).all()
         assert (other.headings() == at_once.headings()).all()
         assert (other._trajectories.streams == at_once._trajectories.streams).all()
 
 
-@pytest.mark.parametrize("going_on", [watched, looked_at])
+@pytest.mark.parametrize("going_on", [by_events, with_positions])
 @pytest.mark.parametrize(
     "neighbourhood", [{"kind": "all"}, {"kind": "cone_of_emission", "angle_deg": 60}], ids=lambda rule: rule["kind"]
 )
 def test_wild_motion_which_makes_much_of_any_bit_is_the_same_however_a_swarm_goes_on(going_on, neighbourhood):
-    # `all`, because only there nobody is looked for: all flights are carried on long after they ended
+    # `all`, because there nothing asks for positions: trajectories are continued long after they ended
     scene = {
         "space": {"dimensions": 3},
         "agents": {"count": 3, "speed_cm_s": 400.0, "reorient_on": ["emitting"]},
@@ -122,15 +122,15 @@ def test_wild_motion_which_makes_much_of_any_bit_is_the_same_however_a_swarm_goe
     at_once, otherwise = make_simulation(0, **scene), make_simulation(0, **scene)
     at_once.run(200)
     going_on(otherwise, 200)
-    assert told(otherwise) == told(at_once)
+    assert state_of(otherwise) == state_of(at_once)
     assert (otherwise.positions() == at_once.positions()).all()
 
 
-def test_flights_that_nobody_looks_at_for_long_are_the_same_bit_for_bit():
+def test_trajectories_whose_positions_are_not_asked_for_are_the_same_bit_for_bit():
     scene = {"agents": {"speed_cm_s": 70.0}, "neighbourhood": {"kind": "all"}, "response": {"coupling": 0}}
     at_once, looked = make_simulation(1, **scene), make_simulation(1, **scene)
     at_once.run(20_000)
-    looked_at(looked, 20_000)
+    with_positions(looked, 20_000)
     assert (at_once.positions() == looked.positions()).all()
 
 
@@ -152,7 +152,7 @@ def test_stops_at_any_times_make_no_difference(kind, data, seed):
         assert ((stopped.phases() >= -1e-9) & (stopped.phases() <= 1 + 1e-9)).all()
         assert not stopped.is_synchronised  # `straight` stopped where that is first so
     stopped.run(10, 100)
-    assert told(stopped) == told(straight)
+    assert state_of(stopped) == state_of(straight)
     assert (stopped.positions() == straight.positions()).all()
     assert (stopped._trajectories.streams == straight._trajectories.streams).all()
 
@@ -206,11 +206,11 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
     assert (one.positions()[list(order)] == other.positions()).all()
 
 
-# --- cascades, by the letter ------------------------------------------------------------------------
+# --- cascades, to the letter ------------------------------------------------------------------------
 
 
-def fires(swarm, time_s, fired, heard, phases):
-    """Whether at the next instant these fire and hear, and phases are these after it."""
+def check_next_firing(swarm, time_s, fired, heard, phases):
+    """Check the time of the next instant, the agents that fire and receive, and the phases after it."""
     event = next_firing_event(swarm)
     assert event.time_s == pytest.approx(time_s, abs=1e-15)
     assert (as_set(event.fired), as_set(event.received)) == (set(fired), set(heard))
@@ -218,16 +218,16 @@ def fires(swarm, time_s, fired, heard, phases):
     assert event.turned is None
 
 
-def test_one_who_fires_goes_back_to_0_and_shifts_the_phase_of_who_hears_it():
-    fires(make_resting([0.9, 0.5]), 0.1, [0], [1], [0, 0.66])
+def test_firing_resets_the_phase_to_0_and_shifts_that_of_a_receiver():
+    check_next_firing(make_resting([0.9, 0.5]), 0.1, [0], [1], [0, 0.66])
 
 
-def test_one_whose_phase_reaches_1_fires_at_the_same_instant():
-    fires(make_resting([0.9, 0.85]), 0.1, [0, 1], [1], [0, 0])
+def test_a_receiver_whose_phase_reaches_1_fires_at_the_same_instant():
+    check_next_firing(make_resting([0.9, 0.85]), 0.1, [0, 1], [1], [0, 0])
 
 
 def test_a_phase_of_exactly_1_after_a_pulse_fires():
-    fires(make_resting([0.75, 0.25], response={"coupling": 1.0}), 0.25, [0, 1], [1], [0, 0])
+    check_next_firing(make_resting([0.75, 0.25], response={"coupling": 1.0}), 0.25, [0, 1], [1], [0, 0])
 
 
 def test_both_then_fire_together_for_ever():
@@ -240,65 +240,65 @@ def test_both_then_fire_together_for_ever():
 
 
 LINE = [[0.0], [10.0], [19.0], [27.0]]
-"""Nearest: of 0, 1; of 1, 2; of 2, 3; of 3, 2."""
+"""Positions of four agents; nearest to agent 0 is 1, to 1 it is 2, to 2 it is 3, and to 3 it is 2."""
 
 
-def test_who_was_made_to_fire_makes_others_fire_whom_the_first_did_not_reach():
+def test_an_agent_made_to_fire_makes_others_fire_that_the_first_did_not_reach():
     swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
-    fires(swarm, 0.1, [0, 1, 2], [1, 2, 3], [0, 0, 0, 0.66])
+    check_next_firing(swarm, 0.1, [0, 1, 2], [1, 2, 3], [0, 0, 0, 0.66])
 
 
 def test_a_chain_breaks_where_a_phase_does_not_reach_1():
     swarm = make_resting([0.9, 0.85, 0.5, 0.85], LINE, neighbourhood={"kind": "nearest"})
-    fires(swarm, 0.1, [0, 1], [1, 2], [0, 0, 0.66, 0.95])
+    check_next_firing(swarm, 0.1, [0, 1], [1, 2], [0, 0, 0.66, 0.95])
 
 
-def test_the_order_of_a_cascade_is_told():
+def test_an_event_lists_agents_in_the_order_of_the_cascade():
     swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
     event = next(swarm)
     assert (event.fired.tolist(), event.received.tolist()) == ([0, 1, 2], [1, 2, 3])
 
 
 def test_two_pulses_at_one_instant_shift_a_phase_once():
-    fires(make_resting([0.9, 0.9, 0.4]), 0.1, [0, 1], [2], [0, 0, 0.55])
+    check_next_firing(make_resting([0.9, 0.9, 0.4]), 0.1, [0, 1], [2], [0, 0, 0.55])
 
 
-def test_a_second_pulse_at_one_instant_makes_nobody_fire():
-    fires(make_resting([0.9, 0.9, 0.8]), 0.1, [0, 1], [2], [0, 0, 0.99])  # twice would be 1.089
+def test_a_second_pulse_at_one_instant_makes_no_agent_fire():
+    check_next_firing(make_resting([0.9, 0.9, 0.8]), 0.1, [0, 1], [2], [0, 0, 0.99])  # twice would be 1.089
 
 
-def test_the_pulse_of_one_who_was_made_to_fire_is_a_second_pulse_too():
-    fires(make_resting([0.9, 0.85, 0.8]), 0.1, [0, 1], [1, 2], [0, 0, 0.99])
+def test_the_pulse_of_an_agent_made_to_fire_counts_as_a_second_pulse():
+    check_next_firing(make_resting([0.9, 0.85, 0.8]), 0.1, [0, 1], [1, 2], [0, 0, 0.99])
 
 
-def test_one_who_fires_hears_nobody():
-    fires(make_resting([0.9, 0.9]), 0.1, [0, 1], [], [0, 0])
-    fires(make_resting([0.9, 0.85, 0.9]), 0.1, [0, 1, 2], [1], [0, 0, 0])
+def test_a_firing_agent_receives_no_pulse():
+    check_next_firing(make_resting([0.9, 0.9]), 0.1, [0, 1], [], [0, 0])
+    check_next_firing(make_resting([0.9, 0.85, 0.9]), 0.1, [0, 1, 2], [1], [0, 0, 0])
 
 
 def test_pulses_at_two_instants_shift_a_phase_twice():
     swarm = make_resting([0.9, 0.5, 0.7], [[0.0], [10.0], [20.0]], neighbourhood={"kind": "range", "radius_cm": 10})
-    fires(swarm, 0.1, [0], [1], [0, 0.66, 0.8])
-    fires(swarm, 0.3, [2], [1], [0.2, 0.86 * 1.1, 0])
-    fires(swarm, 0.3 + 1 - 0.86 * 1.1, [1], [0, 2], [1.1 * (0.2 + 0.054), 0, 1.1 * 0.054])
+    check_next_firing(swarm, 0.1, [0], [1], [0, 0.66, 0.8])
+    check_next_firing(swarm, 0.3, [2], [1], [0.2, 0.86 * 1.1, 0])
+    check_next_firing(swarm, 0.3 + 1 - 0.86 * 1.1, [1], [0, 2], [1.1 * (0.2 + 0.054), 0, 1.1 * 0.054])
 
 
 @pytest.mark.parametrize("refractory", [0.25, 0.0, 0.4375])
-def test_up_to_the_end_of_the_refractory_period_and_at_it_nothing_is_heard(refractory):
+def test_up_to_and_at_the_end_of_the_refractory_period_no_pulse_is_received(refractory):
     just_after = refractory + 2.0**-40
-    for phase, hears in [(refractory, False), (refractory / 2, False), (just_after, True)]:
+    for phase, is_received in [(refractory, False), (refractory / 2, False), (just_after, True)]:
         # agent 1 is at `phase` when agent 0 fires: all of these are exact in binary
         swarm = make_resting([0.5, 0.0], response={"refractory": refractory})
         swarm._oscillators.next_firing[:] = 0.5, 0.5 + (1 - phase)
         event = next(swarm)
-        assert as_set(event.received) == ({1} if hears else set())
-        assert swarm.phases()[1] == pytest.approx(1.1 * phase if hears else phase, abs=1e-15)
+        assert as_set(event.received) == ({1} if is_received else set())
+        assert swarm.phases()[1] == pytest.approx(1.1 * phase if is_received else phase, abs=1e-15)
 
 
-def test_one_in_the_refractory_period_hears_the_next_instant_s_pulse():
+def test_an_agent_in_the_refractory_period_receives_the_pulse_of_a_later_instant():
     swarm = make_resting([0.9, 0.6, 0.0], response={"refractory": 0.3, "coupling": 0.25})
-    fires(swarm, 0.1, [0], [1], [0, 0.875, 0.1])
-    fires(swarm, 0.225, [1], [], [0.125, 0, 0.225])
+    check_next_firing(swarm, 0.1, [0], [1], [0, 0.875, 0.1])
+    check_next_firing(swarm, 0.225, [1], [], [0.125, 0, 0.225])
     event = next_firing_event(swarm)  # agent 2, whose phase went on undisturbed
     assert event.time_s == pytest.approx(1.0)
     assert as_set(event.fired) == {2, 0}
@@ -334,14 +334,16 @@ def test_an_instant_at_the_end_of_a_cycle_is_one_instant():
     assert swarm.instants == 1
 
 
-def test_who_is_out_of_reach_hears_nothing():
+def test_an_agent_out_of_reach_receives_no_pulse():
     places = [[50.0, 50.0], [59.9, 50.0], [50.0, 60.1]]
     swarm = make_resting([0.9, 0.5, 0.5], places, neighbourhood={"kind": "range", "radius_cm": 10})
-    fires(swarm, 0.1, [0], [1], [0, 0.66, 0.6])
+    check_next_firing(swarm, 0.1, [0], [1], [0, 0.66, 0.6])
 
 
 def test_all_are_synchronised_at_once_by_a_strong_pulse():
-    fires(make_resting([0.9, 0.1, 0.5, 0.3], response={"coupling": 10.0}), 0.1, range(4), [1, 2, 3], [0] * 4)
+    check_next_firing(
+        make_resting([0.9, 0.1, 0.5, 0.3], response={"coupling": 10.0}), 0.1, range(4), [1, 2, 3], [0] * 4
+    )
 
 
 @pytest.mark.parametrize(
@@ -358,13 +360,13 @@ def test_all_are_synchronised_at_once_by_a_strong_pulse():
 )
 def test_delay_advance_curves_hold_back_early_phases_and_push_late_ones(curve, phase, after):
     swarm = make_resting([0.75, phase - 0.25], response={"curve": curve, "coupling": 0.5})
-    fires(swarm, 0.25, [0], [1], [0, after])
+    check_next_firing(swarm, 0.25, [0], [1], [0, after])
 
 
 @pytest.mark.parametrize("curve", ["sawtooth", "sine"])
 def test_a_push_beyond_1_fires(curve):
     swarm = make_resting([0.75, 0.625], response={"curve": curve, "coupling": 1.0})
-    fires(swarm, 0.25, [0, 1], [1], [0, 0])
+    check_next_firing(swarm, 0.25, [0, 1], [1], [0, 0])
 
 
 def test_jittered_oscillators_keep_their_own_pace():
@@ -383,7 +385,7 @@ def test_a_jittered_phase_is_measured_by_its_own_period():
     swarm = make_resting([0.5, 0.5], response={"coupling": 0.2})
     swarm._oscillators.period[:] = 0.8, 1.25
     swarm._oscillators.next_firing[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
-    fires(swarm, 0.4, [0], [1], [0, 0.984])
+    check_next_firing(swarm, 0.4, [0], [1], [0, 0.984])
     assert next(swarm).time_s == pytest.approx(0.4 + 0.016 * 1.25)
 
 
@@ -396,7 +398,7 @@ ROW = [[10.0, 10.0], [20.0, 10.0], [29.0, 10.0], [90.0, 10.0]]
     ("reorient_on", "turned"),
     [([], []), (["emitting"], [0, 1]), (["receiving"], [1, 2]), (["emitting", "receiving"], [0, 1, 2])],
 )
-def test_who_emits_or_receives_sets_out_anew_once_each(reorient_on, turned):
+def test_agents_that_emit_or_receive_reorient_once_each(reorient_on, turned):
     swarm = make_resting(
         [0.9, 0.85, 0.5, 0.2],
         ROW,
@@ -408,7 +410,7 @@ def test_who_emits_or_receives_sets_out_anew_once_each(reorient_on, turned):
     assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, {1, 2})
     changed = (swarm.headings() != headings).any(axis=1)
     assert np.flatnonzero(changed).tolist() == turned
-    # one number each, for the one who did both, too
+    # each draws once, even the agent that did both
     twin = NaiveModel(make_simulation(agents={"count": 4}))
     twin.streams = streams
     for agent in turned:
@@ -419,7 +421,7 @@ def test_who_emits_or_receives_sets_out_anew_once_each(reorient_on, turned):
     ]
 
 
-def test_who_is_in_the_refractory_period_has_not_received():
+def test_a_refractory_agent_has_not_received_the_pulse():
     swarm = make_resting(
         [0.9, 0.2, 0.5],
         response={"refractory": 0.4},

@@ -24,7 +24,7 @@ def test_a_displaced_start_differs_by_the_displacement_alone():
     assert two.phases() - one.phases() == pytest.approx([0.001] + [0.0] * 19)
 
 
-def test_a_push_of_one_in_a_synchronised_swarm_is_what_the_start_says():
+def test_the_displacement_of_one_agent_in_a_synchronised_swarm_is_that_of_the_scenario():
     swarm = make_simulation(start={"phases": "synchronised", "displacement": 0.001}, agents={"count": 20})
     assert swarm.phases().tolist() == pytest.approx([0.001] + [0.0] * 19)
     event = next(event for event in swarm if event.turned is None)
@@ -39,7 +39,7 @@ MANY = 20_000
 
 
 def speeds(**agents):
-    """Return the speeds of many agents, in shares of the mean, as their flights show."""
+    """Return the speeds of many agents, measured from their motion, as shares of the mean."""
     swarm = make_simulation(3, agents={"count": MANY, "speed_cm_s": 4.0, **agents}, space={"side_cm": 1e6})
     start = swarm.positions()
     swarm._oscillators.now[0] = 0.1  # before anybody fires or comes far

@@ -1,16 +1,16 @@
-"""Motion: walls are reached on time, directions are drawn as the thesis says, and everybody is where theory has them.
+"""Walls are reached on time, directions have the thesis's distributions, and positions those of theory.
 
-Where agents are after a long time, exactly:
+Exact distributions after a long time:
 
-- In a cyclic space positions stay uniform and headings never change: p(t) = p(0) + v t, round the side.
-- In a segment with walls that only turn agents back, they stay uniform too: each is on a triangle wave.
-- In a square whose walls reflect by the cosine law they would; by this one, uniform in the angle to the normal, they do
-  not. Let J(s) be how many reach the wall at s in a unit of time. Who sets out there at an angle a has the phase-space
-  density J(s) / (pi V cos a), and keeps it along its flight. Seen from a point x, the piece ds of the wall covers the
-  angle cos a ds / |x - s|. So the density is rho(x) = (1 / pi V) * closed integral of J(s) / |x - s| ds, and, as
-  those who reach the wall at t come in at an angle b to its normal,
-  J(t) = (1 / pi) * closed integral of J(s) cos b / |t - s| ds. The density is that of a charge J on the wall: it grows
-  without bound, by a logarithm, towards the wall, where those fly who set out along it.
+- In a cyclic space positions stay uniform and headings never change: p(t) = p(0) + v t, modulo the side.
+- In a segment with walls that only turn agents back, they stay uniform too: each agent is on a triangle wave.
+- In a square whose walls reflect by the cosine law they would be uniform; with this law, uniform in the angle to the
+  normal, they are not. Let J(s) be the number of agents that reach the wall at s per unit of time. An agent that leaves
+  s at an angle a to the normal has the phase-space density J(s) / (pi V cos a), and keeps it along its trajectory.
+  Seen from a point x, the piece ds of the wall covers the angle cos a ds / |x - s|. So the density is
+  rho(x) = (1 / pi V) * closed integral of J(s) / |x - s| ds, and, as agents reach the wall at t at an angle b to its
+  normal, J(t) = (1 / pi) * closed integral of J(s) cos b / |t - s| ds. The density is that of a charge J on the wall:
+  it diverges logarithmically towards the wall, where agents that left at grazing angles move along it.
 """
 
 import math
@@ -27,8 +27,8 @@ dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
 boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 
 
-def deaf(count, speed_cm_s=100.0, seed=0, **sections):
-    """Return agents that fire together once a cycle, so that nothing is in the way of their flights."""
+def uncoupled(count, speed_cm_s=100.0, seed=0, **sections):
+    """Return uncoupled agents that fire together once a cycle, so that simulating their motion is fast."""
     agents = {"count": count, "speed_cm_s": speed_cm_s}
     return make_simulation(seed, agents=agents, start={"phases": "synchronised"}, response={"coupling": 0}, **sections)
 
@@ -62,7 +62,7 @@ def test_the_first_wall_is_reached_when_and_where_a_straight_line_gets_there(dim
         assert np.linalg.norm(heading) == pytest.approx(1)
 
 
-def test_a_flight_that_reflects_in_a_segment_is_a_triangle_wave_of_period_two_lengths():
+def test_motion_in_a_segment_is_a_triangle_wave_of_period_two_lengths():
     swarm = make_simulation(agents={"count": 3, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
     start = swarm.positions()[:, 0] * swarm.headings()[:, 0] % 40  # unfolded: on the way back one is beyond 20
     for time_s in [0.3, 40 / 37, 2.0, 111.25, 1e4 + 0.5]:
@@ -83,7 +83,7 @@ def test_in_a_segment_walls_are_a_length_apart_for_ever():
 
 @dimensions
 @pytest.mark.parametrize("speed_cm_s", [0.01, 3.0, 250.0])
-def test_in_a_cyclic_space_flights_are_straight_lines_round_the_side(dimensions, speed_cm_s):
+def test_in_a_cyclic_space_trajectories_are_straight_lines_modulo_the_side(dimensions, speed_cm_s):
     space = {"dimensions": dimensions, "boundary": "cyclic"}
     swarm = make_simulation(3, agents={"count": 6, "speed_cm_s": speed_cm_s}, space=space)
     start, heading = swarm.positions(), swarm.headings()
@@ -96,7 +96,7 @@ def test_in_a_cyclic_space_flights_are_straight_lines_round_the_side(dimensions,
 
 @dimensions
 @boundaries
-def test_who_stands_still_stays(dimensions, boundary):
+def test_agents_without_speed_stay(dimensions, boundary):
     space = {"dimensions": dimensions, "boundary": boundary}
     swarm = make_simulation(agents={"count": 4, "speed_cm_s": 0}, space=space)
     start = swarm.positions()
@@ -109,7 +109,7 @@ def test_who_stands_still_stays(dimensions, boundary):
 @boundaries
 @pytest.mark.parametrize("speed_cm_s", [1e-5, 0.3, 77.0])
 @pytest.mark.parametrize("kind", ["nearest", "all"])
-def test_nobody_ever_leaves_the_space(dimensions, boundary, speed_cm_s, kind):
+def test_no_agent_ever_leaves_the_space(dimensions, boundary, speed_cm_s, kind):
     swarm = make_simulation(
         space={"dimensions": dimensions, "boundary": boundary},
         agents={"count": 3, "speed_cm_s": speed_cm_s},
@@ -125,8 +125,8 @@ def test_nobody_ever_leaves_the_space(dimensions, boundary, speed_cm_s, kind):
 
 @boundaries
 @pytest.mark.slow
-def test_nobody_ever_leaves_the_space_in_a_million_cycles(boundary):
-    swarm = deaf(5, 77.0, space={"boundary": boundary})
+def test_no_agent_ever_leaves_the_space_in_a_million_cycles(boundary):
+    swarm = uncoupled(5, 77.0, space={"boundary": boundary})
     for time_s in np.linspace(1, 1e6, 1000):
         swarm.run_to(time_s)
         places = swarm.positions()
@@ -218,8 +218,8 @@ def gauss(low, high, points=24):
 def wall_hits(bins=300):
     """Return (bins + 1,) the edges along a wall of length 1, and (bins,) J there: a fixed point of its equation.
 
-    All walls are alike. Where flights land that set out at s is exact: an interval of a wall, seen from s, covers the
-    angle between its ends, and the same share of pi.
+    All walls are alike. The shares of trajectories from s that end in each interval of a wall are exact: the angle
+    which the interval covers, seen from s, divided by pi.
     """
     edges = (1 - np.cos(np.linspace(0, math.pi, bins + 1))) / 2  # closer together at the corners
     lands = np.zeros((bins, bins))
@@ -254,10 +254,10 @@ def stationary_density(cells):
 
 
 def stationary_headings(bins):
-    """Return (bins,) shares of headings in the first quadrant: flights count by how long they last.
+    """Return (bins,) shares of headings in the first quadrant: trajectories are weighted by their durations.
 
-    A flight from the lower wall at s, at an angle a to its normal, has the length min(1 / cos a, (1 - s) / sin a); one
-    from the left wall is the same with the angle to the other axis. The other two walls send nobody there.
+    A trajectory from the lower wall at s, at an angle a to its normal, has the length min(1 / cos a, (1 - s) / sin a); one
+    from the left wall is the same with the angle to the other axis. No trajectory from the other two walls has such a heading.
     """
     edges, rate = wall_hits()
     middles, widths = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
@@ -288,7 +288,7 @@ def in_cells(places, cells):
 
 
 def test_in_the_bounded_square_positions_and_headings_are_those_of_the_integral_equation():
-    places, headings = snapshots(deaf(2000, seed=11), 30)
+    places, headings = snapshots(uncoupled(2000, seed=11), 30)
     expected = stationary_density(8)
     assert fits(in_cells(places, 8), expected)
     angles = np.arctan2(headings[:, 1], headings[:, 0]) % (math.pi / 2)
@@ -299,7 +299,7 @@ def test_in_the_bounded_square_positions_and_headings_are_those_of_the_integral_
 
 
 def test_in_the_bounded_square_walls_are_reached_where_the_integral_equation_says():
-    swarm = deaf(500, seed=3)
+    swarm = uncoupled(500, seed=3)
     swarm.run_to(20.0)
     along = []
     while len(along) < 20_000:
@@ -314,7 +314,7 @@ def test_in_the_bounded_square_walls_are_reached_where_the_integral_equation_say
 
 @dimensions
 def test_in_a_cyclic_space_positions_stay_uniform(dimensions):
-    swarm = deaf(20_000, 61.0, space={"dimensions": dimensions, "boundary": "cyclic"})
+    swarm = uncoupled(20_000, 61.0, space={"dimensions": dimensions, "boundary": "cyclic"})
     heading = swarm.headings()
     places, headings = snapshots(swarm, 1, 1234.5)
     assert fits(in_cells(places, 6), np.ones(6**dimensions))
@@ -322,6 +322,6 @@ def test_in_a_cyclic_space_positions_stay_uniform(dimensions):
 
 
 def test_in_a_segment_positions_stay_uniform_and_half_go_either_way():
-    places, headings = snapshots(deaf(20_000, 61.0, space={"dimensions": 1}), 1, 1234.5)
+    places, headings = snapshots(uncoupled(20_000, 61.0, space={"dimensions": 1}), 1, 1234.5)
     assert fits(in_cells(places, 20), np.ones(20))
     assert is_anywhere(headings)

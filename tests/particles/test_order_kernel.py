@@ -8,7 +8,7 @@ from epuck_sim.particles.order_kernel import max_phase_offset
 
 
 @given(st.lists(st.floats(-0.5, 0.5), min_size=1, max_size=30), st.floats(0, 0.5), st.floats(0, 1))
-def test_near_enough_never_rejects_phases_whose_order_reaches_the_threshold(offsets, width, share):
+def test_max_phase_offset_never_rejects_phases_whose_order_reaches_the_threshold(offsets, width, share):
     phases = np.array([0.0, *offsets]) * 2 * width  # of the reference, and of others around it
     order = abs(np.exp(2j * np.pi * phases).mean())
     threshold = share * order
@@ -21,7 +21,7 @@ def test_near_enough_never_rejects_phases_whose_order_reaches_the_threshold(offs
 
 
 @given(st.integers(2, 50), st.floats(-12, -0.01), st.floats(0, 1))
-def test_who_is_farther_off_than_near_enough_spoils_the_order(agents, exponent, share):
+def test_a_phase_beyond_max_phase_offset_keeps_the_order_below_the_threshold(agents, exponent, share):
     threshold = 1 - 10**exponent
     near = max_phase_offset(agents, threshold)
     if near < 0.5:
@@ -31,7 +31,7 @@ def test_who_is_farther_off_than_near_enough_spoils_the_order(agents, exponent, 
         assert abs(np.exp(2j * np.pi * phases).mean()) < threshold
 
 
-def test_near_enough_lets_everybody_pass_where_everybody_may():
+def test_max_phase_offset_rejects_no_phase_where_all_may_pass():
     assert max_phase_offset(10, 0.5) == 1.0
     assert max_phase_offset(2, 1e-9) > 0.4999
     assert max_phase_offset(100_000, 0.9) == 1.0

@@ -1,4 +1,4 @@
-"""Clocks keep their time however long a trial lasts, and the earliest is found without looking at all."""
+"""Firing times do not drift however long a trial lasts, and the search in blocks finds the earliest."""
 
 import math
 
@@ -25,9 +25,9 @@ def test_oscillators_fire_when_their_phase_reaches_1():
     oscillators = start_oscillators(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
     assert oscillators.next_firing.tolist() == [0.75, 0.25, 1.0]
     slower = start_oscillators(np.array([0.25]), np.array([1.5]))
-    assert slower.due[0] == 0.75 * 1.5
+    assert slower.next_firing[0] == 0.75 * 1.5
     assert phase_at(slower, 0, 0.0) == pytest.approx(0.25)
-    assert phase_at(slower, 0, slower.due[0]) == 1
+    assert phase_at(slower, 0, slower.next_firing[0]) == 1
 
 
 @given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))

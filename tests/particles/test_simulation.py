@@ -1,4 +1,4 @@
-"""Swarms are what their seed makes them, in any process, and move alike whatever their oscillators do."""
+"""A simulation depends on its seed alone, in any process, and motion does not depend on the oscillators."""
 
 import itertools
 import math
@@ -16,7 +16,7 @@ SEEDS = st.integers(0, 2**63 - 1)
 
 
 def digest(swarm):
-    """Return all bits of a swarm's state."""
+    """Return all bits of the state."""
     trajectories, oscillators = swarm._trajectories, swarm._oscillators
     arrays = [
         trajectories.origin,
@@ -76,12 +76,12 @@ def test_the_seed_is_the_scenarios_unless_one_is_given():
     assert digest(ParticleSimulation(given, 6)) != digest(ParticleSimulation(given))
 
 
-def test_a_swarm_may_be_given_by_its_scenario():
+def test_a_simulation_can_be_made_from_a_loaded_scenario():
     swarm = make_simulation(3)
     assert digest(ParticleSimulation(swarm.scenario, 3)) == digest(swarm)
 
 
-# --- motion is the oscillators' own business no more than theirs is its ------------------------------
+# --- motion is independent of the oscillators ---------------------------------------------------------
 
 OTHERS = [
     {"response": {"coupling": 0}},
@@ -109,7 +109,7 @@ def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dime
     for time_s in (0.9, 3.3, 12.6):
         one.run_to(time_s)
         two.run_to(time_s)
-        # where they are now is told to the last digit but one: `now` may be counted from one cycle or the next
+        # positions differ in the last digit, because `now` may be counted from one cycle or the next
         assert one.positions() == pytest.approx(two.positions(), abs=1e-11)
         for name in ("origin", "heading", "start_cycle", "start_time", "end_cycle", "end_time"):
             assert (getattr(one._trajectories, name) == getattr(two._trajectories, name)).all()
@@ -128,7 +128,7 @@ def test_a_period_scales_time_alone():
 
 
 @pytest.mark.parametrize("time_s", [3.9, -1.0, math.nan, math.inf])
-def test_a_swarm_cannot_go_back_nor_to_a_time_that_is_none(time_s):
+def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite(time_s):
     swarm = make_simulation(1)
     swarm.run_to(4.0)
     with pytest.raises(ValueError, match=r"the simulation is at 4\.0 s and cannot go back"):

@@ -72,7 +72,7 @@ def test_more_neighbours_weaken_the_bump_until_beyond_five_none_is_left() -> Non
         rises[k] = peak / least
     assert min(rises[1], rises[2]) > 3  # and with one neighbour more than half of the trials are censored at the peak
     assert max(rises[3], rises[6], rises[10]) < 1.5
-    for k in (6, 10, 19):  # 19 are all, who do not depend on the speed at all
+    for k in (6, 10, 19):  # 19 are all, so that speed makes no difference
         assert falls(medians([0.03, 1, 30], neighbourhood={"kind": "nearest", "k": k}), slack=1.35)
 
 
@@ -164,7 +164,7 @@ def t_sync_cycles(trials, **sections):
     return np.array([result.t_sync_cycles for result in results])
 
 
-def test_who_moves_at_intermediate_speed_takes_longer_than_who_is_slow_or_fast():
+def test_swarms_of_intermediate_speed_take_longer_than_slow_or_fast_ones():
     # 10 agents: with 20 a trial of the intermediate regime may take a million cycles
     agents = {"count": 10}
     slow, between, fast = (t_sync_cycles(40, agents={**agents, "speed_cm_s": speed}) for speed in (0.02, 1.0, 100.0))
@@ -181,11 +181,11 @@ def test_a_long_refractory_period_takes_the_intermediate_regime_away():
 
 
 @pytest.mark.parametrize("kind", ["multiplicative", "sawtooth", "sine"])
-def test_in_the_fast_regime_everybody_gets_into_step(kind):
+def test_in_the_fast_regime_all_swarms_synchronise(kind):
     assert t_sync_cycles(10, agents={"speed_cm_s": 100.0}, response={"curve": kind}).max() < 500
 
 
-def test_static_agents_that_hear_one_another_only_in_pairs_never_get_into_step():
+def test_static_agents_coupled_only_in_pairs_never_synchronise():
     swarm = make_resting(
         [0.9, 0.7, 0.3, 0.1],
         [[0.0], [10.0], [60.0], [70.0]],

@@ -1,13 +1,13 @@
-"""What two oscillators do in closed form.
+"""Two oscillators behave as closed forms predict.
 
-Two that hear each other, by the multiplicative curve, without a refractory period: let y be the phase of the other one
+Two coupled oscillators, with the multiplicative curve and no refractory period: let y be the phase of the other one
 when one fires. The pulse makes it (1 + e) y. If that is 1 or more both fire, and are one from then on. Else the other
 one fires 1 - (1 + e) y later, and that is the phase of the first one by then: y' = 1 - (1 + e) y. This map has the
 fixed point y* = 1 / (2 + e), which repels: y(n) - y* = (-(1 + e))^(n - 1) (y(1) - y*), and they are one from the first
 firing n at which y(n) >= 1 / (1 + e). As y* < 1 / 2 < 1 / (1 + e), for e < 1, that takes a deviation upwards: of odd n
 if y(1) > y*, of even n if below.
 
-Two by the sawtooth curve: whoever hears a pulse comes nearer to it by a factor of 1 - kappa, so that after n firings,
+Two by the sawtooth curve: a receiver of a pulse comes nearer to it by a factor of 1 - kappa, so that after n firings,
 one by turns, they are (1 - kappa)^n times as far apart as in the beginning. By the sine curve,
 d' = d - kappa sin(2 pi d).
 """
