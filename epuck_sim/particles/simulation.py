@@ -66,7 +66,7 @@ class ParticleSimulation:
         Raises:
             ScenarioError: The scenario is of another model, is a sweep, or the seed is negative.
         """
-        why = "a ParticleSimulation needs model: particles"
+        why = "a ParticleSimulation needs model: particles; use Simulation"
         loaded = require_model(load_scenario(scenario), ParticleScenario, why)
         if loaded.sweep is not None:
             raise ScenarioError(

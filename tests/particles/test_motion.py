@@ -256,8 +256,9 @@ def stationary_density(cells):
 def stationary_headings(bins):
     """Return (bins,) shares of headings in the first quadrant: trajectories are weighted by their durations.
 
-    A trajectory from the lower wall at s, at an angle a to its normal, has the length min(1 / cos a, (1 - s) / sin a); one
-    from the left wall is the same with the angle to the other axis. No trajectory from the other two walls has such a heading.
+    A trajectory from the lower wall at s, at an angle a to its normal, has the length min(1 / cos a, (1 - s) / sin a);
+    one from the left wall is the same with the angle to the other axis. No trajectory from the other two walls has such
+    a heading.
     """
     edges, rate = wall_hits()
     middles, widths = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
