@@ -10,7 +10,6 @@ from epuck_sim.recording.level import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.observer import Observer
-from epuck_sim.trial.trace import Trace
 from epuck_sim.util.atomic_write import trial_paths
 
 ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
@@ -54,6 +53,8 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
     """
     factories: list[ObserverFactory] = []
     if options.trace is not None:
+        from epuck_sim.trial.trace import Trace  # which needs pyarrow
+
         traced, traces = require_bodies(scenario), trial_paths(options.trace, trials)
         factories.append(lambda trial, seed: Trace(traces[trial], traced, seed))
     if options.record is not None:
