@@ -43,10 +43,8 @@ class CameraClock:
         first = np.array([interval * uniform(stream) for stream in streams])
         taken, arrival = np.zeros(robots, np.int64), np.full(robots, _NEVER)
         waiting = np.zeros_like(self.in_view)
-        self._arguments = (
-            *(interval, latency, streams, first, taken, arrival),
-            *(self.in_view, waiting, camera, new_picture),
-        )
+        own = (interval, latency, streams, first, taken, arrival)
+        self._arguments = (*own, self.in_view, waiting, camera, new_picture)
 
     def tick(self, step: int) -> None:
         """Take the pictures of this control step, and deliver those that arrive in it."""

@@ -180,7 +180,7 @@ def _see_robots(
 
 @jit
 def _see_disc(ahead: float, aside: float, label: int, camera: Camera, row: IntArray, depth: FloatArray) -> bool:
-    """Write the label of a robot at (ahead, aside) where its disc is nearest so far; return whether any pixel is lit."""
+    """Write the label of a robot at (ahead, aside) where its disc is nearest so far; return whether a pixel is lit."""
     distance = math.sqrt(ahead * ahead + aside * aside)
     nearest = distance - _RADIUS - 1e-9
     width = angular_radius_bound(distance)

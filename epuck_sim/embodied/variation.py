@@ -70,10 +70,10 @@ class Stoppages:
         """
         robots = len(streams)
         self._step_s = step_s
-        self._arguments = (
-            *(3600 / section.per_hour, section.mean_s, streams),
-            *(np.zeros(robots), np.ones(robots, np.bool_), wheel_gain.copy(), wheel_gain),
-        )
+        mean_free_s, mean_stuck_s = 3600 / section.per_hour, section.mean_s
+        until_s, is_stuck = np.zeros(robots), np.ones(robots, np.bool_)  # at time 0 all are released
+        free_gain = wheel_gain.copy()
+        self._arguments = (mean_free_s, mean_stuck_s, streams, until_s, is_stuck, free_gain, wheel_gain)
 
     def tick(self, step: int) -> None:
         """Stop and release the robots whose turn has come by this control step."""

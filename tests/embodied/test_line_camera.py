@@ -34,14 +34,14 @@ bearings = st.floats(-math.pi, math.pi)
 
 
 def _at(heading, distance, bearing=0.0):
-    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, who has the heading."""
+    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, which has that heading."""
     x = ME[0] + RADIUS_CM * math.cos(heading) + distance * math.cos(heading + bearing)
     y = ME[1] + RADIUS_CM * math.sin(heading) + distance * math.sin(heading + bearing)
     return x, y, 0.0
 
 
 def _row(heading, others, lit, lens=None, obstacles=((), ())):
-    """Return the row that ME sees, whose own ring is off."""
+    """Return the row of pixels that ME sees; its own ring is off."""
     poses = np.array([(*ME, heading), *others])
     arena = make_arena(200, 200, *obstacles)
     return rows(Scene(poses, np.array([False, *lit]), arena), lens or Lens())[0].tolist()
@@ -145,7 +145,7 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
 
 
 def _obstacle(kind, ahead):
-    """Return an obstacle whose right side lies on the line of sight of ME, who looks along x."""
+    """Return an obstacle whose right side lies on the line of sight of ME, which looks along x."""
     x, y = ME[0] + RADIUS_CM + ahead, ME[1]
     return {
         "circle": ([(x, y + 5, 5)], []),
