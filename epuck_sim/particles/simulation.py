@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.events import (
     CYCLES,
@@ -26,7 +25,7 @@ from epuck_sim.particles.motion import compute_positions
 from epuck_sim.particles.neighbourhood import make_neighbourhood
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 
 
 class Event(NamedTuple):
@@ -68,14 +67,8 @@ class ParticleSimulation:
         """
         why = "a ParticleSimulation needs model: particles; use Simulation"
         loaded = require_model(load_scenario(scenario), ParticleScenario, why)
-        if loaded.sweep is not None:
-            raise ScenarioError(
-                f"{loaded.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`"
-            )
         self.scenario = loaded
-        self.seed = loaded.seed if seed is None else seed
-        if self.seed < 0:
-            raise ScenarioError(f"{loaded.name}: seed is {self.seed}; allowed: whole numbers from 0")
+        self.seed = seed_of_trial(loaded, seed)
         position_seed, phase_seed, motion_seed = np.random.SeedSequence(self.seed).spawn(3)
         self._trajectories = initial_trajectories(loaded, position_seed, motion_seed)
         self._oscillators = initial_oscillators(loaded, phase_seed)

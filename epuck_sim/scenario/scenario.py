@@ -75,3 +75,17 @@ def require_model(scenario: Scenario, kind: type[Kind], why: str) -> Kind:
     if not isinstance(scenario, kind):
         raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}; {why}")
     return scenario
+
+
+def seed_of_trial(scenario: Scenario, seed: int | None) -> int:
+    """Return the seed with which to simulate one trial: `seed`, or the scenario's own if that is None.
+
+    Raises:
+        ScenarioError: the scenario holds a sweep, which is not one trial, or the seed is negative.
+    """
+    if scenario.sweep is not None:
+        raise ScenarioError(f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`")
+    chosen = scenario.seed if seed is None else seed
+    if chosen < 0:
+        raise ScenarioError(f"{scenario.name}: seed is {chosen}; allowed: whole numbers from 0")
+    return chosen
