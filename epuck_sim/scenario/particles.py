@@ -160,3 +160,8 @@ class ParticleScenario(Scenario):
         if self.stop.reference > others:
             raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")
         return self
+
+    @property
+    def population(self) -> int:
+        """Number of agents."""
+        return self.agents.count
