@@ -1,6 +1,5 @@
 """The `epuck-sim` command: parse, call, print."""
 
-import signal
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ import typer
 from epuck_sim import __version__
 from epuck_sim.cli.errors import exit_on_error, prefix_scenario, reject_first
 from epuck_sim.cli.film import films
+from epuck_sim.cli.interrupt import end_on_request
 from epuck_sim.cli.replay import WEB_PORT, replays
 from epuck_sim.cli.results import results
 from epuck_sim.errors import EpuckSimError
@@ -188,7 +188,5 @@ def list_shipped() -> None:
 
 def main() -> None:
     """Run the command; a polite request to end, or a terminal that is closed, is as good as Ctrl-C."""
-    for request in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(request) is not signal.SIG_IGN:  # as under nohup
-            signal.signal(request, signal.default_int_handler)
+    end_on_request()
     app()
