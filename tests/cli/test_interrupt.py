@@ -28,12 +28,25 @@ def step(sensors, memory, actuators, parameters, random):
 """A controller that never returns from its sixth step."""
 
 
-@pytest.fixture
-def scene(tmp_path) -> Path:
-    (tmp_path / "endless.py").write_text(ENDLESS)
-    path = tmp_path / "scene.yaml"
+def write_scene(folder: Path) -> Path:
+    """Write a scenario whose sixth step never ends."""
+    (folder / "endless.py").write_text(ENDLESS)
+    path = folder / "scene.yaml"
     path.write_text("name: endless\nrobots: [{controller: endless.py, count: 1}]\nstop: {max_time_s: 60}\n")
     return path
+
+
+@pytest.fixture(scope="module")
+def _compiled(tmp_path_factory) -> None:
+    """Compile, into the cache, what the trials need."""
+    folder = tmp_path_factory.mktemp("compiled")
+    short = ["--set", "stop.max_time_s=0.3", "--record", folder / "t.rrd"]
+    subprocess.run([*COMMAND, "run", write_scene(folder), *short], check=True, capture_output=True)
+
+
+@pytest.fixture
+def scene(tmp_path, _compiled) -> Path:
+    return write_scene(tmp_path)
 
 
 def hear_ctrl_c() -> None:
@@ -52,7 +65,7 @@ def running(scene: Path, *arguments: str) -> Iterator[subprocess.Popen]:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=hear_ctrl_c,
+        preexec_fn=hear_ctrl_c,  # noqa: PLW1509 this process has no other threads
     )
     try:
         yield process
@@ -70,9 +83,9 @@ def cpu_s(pid: int) -> float:
 
 
 def wait_for_the_loop(process: subprocess.Popen, scene: Path) -> None:
-    """Wait until the trace of the trial is begun, and the process computes on and on."""
+    """Wait until the trial has begun and the process computes on and on."""
     wait_until(lambda: any(scene.parent.glob("t.parquet.*.part")) or process.poll() is not None, 120)
-    time.sleep(3)  # what is left to compile, and five steps
+    time.sleep(2)  # compiled code is loaded, and five steps are taken
     before = cpu_s(process.pid)
     wait_until(lambda: cpu_s(process.pid) > before + 0.5)
 
