@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 from types import FrameType
 
 from epuck_sim.util.atomic_write import remove_unfinished
@@ -61,12 +62,15 @@ class _Watchdog:
                 time.sleep(0.02)
             unheard = 0 if self._reacted_s >= since_s else unheard + len(requests)
             if unheard > 1 or (unheard and requests != [signal.SIGINT]):
-                remove_unfinished()
-                _say("ended in the middle of compiled code")
-                os._exit(EXIT_CODE)
+                try:
+                    remove_unfinished()
+                    _say("ended in the middle of compiled code")
+                finally:
+                    os._exit(EXIT_CODE)
             if unheard:
                 _say("compiled code does not react to Ctrl-C; press it again to end at once")
 
 
 def _say(line: str) -> None:
-    os.write(sys.stderr.fileno(), f"{line}\n".encode())
+    with suppress(OSError):  # nobody listens
+        os.write(sys.stderr.fileno(), f"{line}\n".encode())

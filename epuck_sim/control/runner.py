@@ -7,7 +7,7 @@ import warnings
 from bdb import BdbQuit
 from collections.abc import Callable, Iterable
 from functools import lru_cache
-from types import FunctionType, ModuleType
+from types import CellType, FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
@@ -175,9 +175,21 @@ def _static_digest(controller: Controller) -> str:
 
 
 def _frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
-    """Return name and contents of what may become a part of compiled code."""
-    named = [item for module in modules for item in vars(module).items() if not item[0].startswith("__")]
-    return [repr((name, fingerprint(value))).encode() for name, value in named if _can_be_frozen(value)]
+    """Return names and contents of what may become a part of compiled code, as far as sources do not say it."""
+    return [
+        repr((module.__name__, name, fingerprint(value))).encode()
+        for module in modules
+        for name, named in vars(module).items()
+        if not name.startswith("__")
+        for value in (_bound_values(named) if isinstance(named, FunctionType) else [named])
+        if _can_be_frozen(value)
+    ]
+
+
+def _bound_values(function: FunctionType) -> list[object]:
+    """Return the defaults of a function, and the values that it has taken from a function around it."""
+    cells = [cell.cell_contents for cell in function.__closure__ or () if cell != CellType()]
+    return [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values(), *cells]
 
 
 def _can_be_frozen(value: object) -> bool:
@@ -190,7 +202,7 @@ def _can_be_frozen(value: object) -> bool:
 @lru_cache
 def _compile_loops(controller: Controller, contents_digest: str) -> tuple[Any, Any]:
     loops = _bind(*_jitted(controller))
-    # other threads may run meanwhile: one of them ends the process if a controller never returns
+    # nogil: other threads run meanwhile, one of which ends the process if a controller never returns
     return tuple(compile_cached(loop, contents_digest, careful=True, nogil=True) for loop in loops)
 
 

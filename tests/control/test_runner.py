@@ -184,6 +184,25 @@ def test_a_value_read_from_elsewhere_is_never_stale(tmp_path):
         assert bench.memory["x"].tolist() == [float(gain)]
 
 
+@pytest.mark.parametrize(
+    "use",
+    [
+        "def make(k):\n    def inner():\n        return k\n    return inner\ngain = make(read())\n",
+        "def gain(k=read()):\n    return k\n",
+    ],
+    ids=["closure", "default"],
+)
+def test_a_value_that_a_function_keeps_is_never_stale(use, tmp_path):
+    head = (
+        f"from pathlib import Path\ndef read():\n    return float(Path({str(tmp_path / 'gain.txt')!r}).read_text())\n"
+    )
+    for gain in ("1.5", "2.5"):
+        (tmp_path / "gain.txt").write_text(gain)
+        assert outcome(write_controller(tmp_path / "mine.py", head + use + with_step("memory.x = gain()"))) == float(
+            gain
+        )
+
+
 @MODES
 def test_actuators_keep_their_values_until_they_are_set_anew(interpret, tmp_path):
     text = with_step("if sensors.step_ms < memory.x: actuators.left_cm_s = memory.x")
