@@ -24,12 +24,13 @@ LINE_S = 10.0
 class TrialProgress:
     """Shows on stderr how far they are; to be used in a `with` block."""
 
-    def __init__(self, trials: int) -> None:
+    def __init__(self, trials: int, *, interpret: bool = False) -> None:
         self._trials = trials
         self._trial = 0
         console = Console(stderr=True)
         text = "preparing; a first run compiles what it needs, which takes some seconds"
-        self._status = Status(text, console=console) if console.is_terminal else None
+        # interpreted controllers may stop at breakpoints: a spinner would write over the debugger's prompt
+        self._status = Status(text, console=console) if console.is_terminal and not interpret else None
         self._pause_s = REFRESH_S if self._status else LINE_S
         self._next = 0.0
         self._began = 0.0

@@ -21,7 +21,7 @@ from epuck_sim.sweep.executors import dask_pool, local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import in_text, versions
+from epuck_sim.util.provenance import format_versions, versions
 from epuck_sim.util.seeds import trial_seed
 
 
@@ -56,7 +56,7 @@ def record_again(folder: Path, point: int, trial: int, options: RunOptions) -> N
         made = "; ".join(read_status(folder).versions)
         print_stderr(
             f"note: this is not the trial that is stored, which lasted {stored[0]} cycles; its controller or the "
-            f"versions may have changed: the folder was made by {made}, this is {in_text(versions())}"
+            f"versions may have changed: the folder was made by {made}, this is {format_versions(versions())}"
         )
 
 
@@ -64,7 +64,7 @@ def _run(origin: str, scenario: Scenario, seeds: Iterable[int], trials: int, opt
     results: list[TrialResult] = []
     with open_observers(options, scenario, trials) as factories:
         try:
-            with TrialProgress(trials) as progress, prefix_scenario(origin):
+            with TrialProgress(trials, interpret=options.interpret) as progress, prefix_scenario(origin):
                 for trial, seed in enumerate(seeds):
                     with ExitStack() as stack:
                         observers = [stack.enter_context(factory(trial, seed)) for factory in factories]
@@ -109,7 +109,7 @@ def _command_to_go_on(folder: Path, options: RunOptions) -> str:
 def _note_other_versions(folder: Path) -> None:
     if not (folder / DATABASE).exists():
         return
-    now = in_text(versions())
+    now = format_versions(versions())
     for made, count in read_status(folder).versions.items():
         if not made.startswith(f"{now}, "):
             print_stderr(f"note: {count} trials were made by {made}; this is {now}: last digits may differ")
