@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.violins import LINE, VIOLIN, density, draw_violins, read_violins, save_violins
-from epuck_sim.statistics.mean_estimate import LEAST_UNCENSORED, estimate_mean
+from epuck_sim.statistics.mean_estimate import MIN_UNCENSORED, estimate_mean
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, rows, six_digits, sweep, weibull
 
 ENDINGS = (".png", ".svg", ".csv")
@@ -94,7 +94,7 @@ def test_a_trial_that_synchronises_at_the_censoring_is_not_censored_and_one_afte
 
 def test_the_censoring_makes_the_estimate_undetermined_where_appendix_a_says() -> None:
     (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(range(1, 101)))
-    last = round(100 * LEAST_UNCENSORED)
+    last = round(100 * MIN_UNCENSORED)
     for limit, is_undetermined in ((last - 1, True), (last, False)):
         (group,) = read_violins([made], SPEED, limit)
         assert np.isnan(group.estimates[0, 0]) == is_undetermined
