@@ -21,7 +21,7 @@ from .scenario.points import Point, points
 from .scenario.scenario import Scenario
 from .statistics.summary import summarize
 from .sweep.run import run_sweep
-from .trial.embodied import run_trial
+from .trial.model import run_trial
 from .trial.result import TrialResult
 from .trial.trace import Trace
 

@@ -1,6 +1,7 @@
 """Order parameters: how synchronised a swarm is, from the phases of its oscillators (eqs. 3.4, 4.2, 5.7)."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,3 +30,11 @@ def reference_order_parameter(phases: FloatArray, periods: FloatArray | float) -
 
 
 METRICS = {"complex": order_parameter, "reference": reference_order_parameter}
+
+
+class Firing(NamedTuple):
+    """A firing of the reference, and what was measured at it."""
+
+    cycles: int
+    """The reference's firings up to it."""
+    order_parameter: float | None

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.cli.progress import print_stderr
-from epuck_sim.errors import ScenarioError
 from epuck_sim.recording.level import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.trace import Trace
 from epuck_sim.util.atomic_write import trial_paths
 
@@ -83,9 +82,5 @@ def open_observers(output: RunOptions, scenarios: Sequence[Scenario]) -> Iterato
 
 def require_embodied(scenario: Scenario) -> EmbodiedScenario:
     """Return a scenario that is of robots with bodies; raises ScenarioError for another."""
-    if not isinstance(scenario, EmbodiedScenario):
-        raise ScenarioError(
-            f"{scenario.name}: --trace, --film and --live are for model: embodied; give --record FILE.rrd for model: "
-            f"{scenario.model}"
-        )
-    return scenario
+    why = "--trace, --film and --live are for model: embodied; give --record FILE.rrd instead"
+    return require_model(scenario, EmbodiedScenario, why)

@@ -11,11 +11,9 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bars
 from rich.status import Status
 
-from epuck_sim.embodied.step import Step
 from epuck_sim.overhead.film.frame import Passing, Timed
-from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.runs.records import SweepProgress
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.observer import TrialState
 
 REFRESH_S = 0.2
 """How often a terminal shows how far a trial is."""
@@ -25,7 +23,7 @@ LINE_S = 10.0
 
 
 class Progress:
-    """An onlooker of trials that shows on stderr how far they are; to be used in a `with` block."""
+    """Shows on stderr how far they are; to be used in a `with` block."""
 
     def __init__(self, trials: int) -> None:
         self._trials = trials
@@ -43,23 +41,16 @@ class Progress:
         self._began = time.perf_counter()
         self._next = self._began + self._pause_s
 
-    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        """Show a step, if it is time to."""
-        if time.perf_counter() >= self._next:
-            self._show(step.time_s, watch.cycles, watch.order_parameter)
-
-    def of_swarm(self, swarm: ParticleSimulation) -> None:
-        """Show a swarm of point-like agents, if it is time to."""
-        if time.perf_counter() >= self._next:
-            self._show(swarm.time_s, swarm.cycles, swarm.order_parameter)
-
-    def _show(self, time_s: float, cycles: int, order_parameter: float | None) -> None:
+    def __call__(self, state: TrialState) -> None:
+        """Show how far the trial is, if it is time to."""
         now = time.perf_counter()
+        if now < self._next:
+            return
         self._next = now + self._pause_s
-        r = "" if order_parameter is None else f", order parameter {order_parameter:.3f}"
+        r = "" if state.order_parameter is None else f", order parameter {state.order_parameter:.3f}"
         text = (
-            f"trial {self._trial + 1} of {self._trials}: {time_s:.1f} s simulated, {cycles} cycles{r}, "
-            f"{time_s / (now - self._began):.0f} x real time"
+            f"trial {self._trial + 1} of {self._trials}: {state.time_s:.1f} s simulated, {state.cycles} cycles{r}, "
+            f"{state.time_s / (now - self._began):.0f} x real time"
         )
         if self._status:
             self._status.update(text)
@@ -84,7 +75,7 @@ def print_stderr(line: str) -> None:
 
 
 class SweepProgressBar:
-    """An onlooker of a sweep that shows on stderr how far it is; to be used in a `with` block."""
+    """Shows on stderr how far it is; to be used in a `with` block."""
 
     def __init__(self) -> None:
         console = Console(stderr=True)

@@ -19,7 +19,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.executors import dask_pool, local_pool
 from epuck_sim.sweep.run import run_sweep
-from epuck_sim.trial.model import make_model, run_model
+from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import in_text, versions
 from epuck_sim.util.seeds import trial_seed
@@ -66,10 +66,10 @@ def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: RunOptions
             with Progress(len(trials)) as progress, prefix_scenario(origin):
                 for trial, (scenario, seed) in enumerate(trials):
                     with ExitStack() as stack:
-                        onlookers = [stack.enter_context(watch(trial, scenario, seed)) for watch in watchers]
-                        model = make_model(scenario, seed, interpret=output.interpret)
+                        observers = [stack.enter_context(watch(trial, scenario, seed)) for watch in watchers]
+                        simulation = simulate(scenario, seed, interpret=output.interpret)
                         progress.begin(trial)
-                        results.append(run_model(model, onlookers, progress))
+                        results.append(run_trial(simulation, observers, progress))
                         if output.as_json:
                             print_trial_json(results[-1])
         finally:

@@ -26,7 +26,7 @@ from epuck_sim.embodied.variation import RobotClocks, Stoppages, draw_variation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.util.seeds import robot_streams
 
 
@@ -59,9 +59,7 @@ class Simulation:
         controllers as plain Python, with the same outcome.
         Raises ScenarioError where robots do not fit, ControllerError where a controller cannot start.
         """
-        scenario = load_scenario(scenario)
-        if not isinstance(scenario, EmbodiedScenario):
-            raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}, which has no bodies; use Swarm")
+        scenario = require_model(load_scenario(scenario), EmbodiedScenario, "a Simulation needs model: embodied")
         self.scenario = scenario
         if scenario.sweep is not None:
             raise ScenarioError(

@@ -9,6 +9,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
+from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.events import (
     CYCLES,
     ENDLESS,
@@ -25,7 +26,7 @@ from epuck_sim.particles.motion import locate
 from epuck_sim.particles.neighbourhood import make_neighbourhood
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import Scenario, require_model
 
 
 class Event(NamedTuple):
@@ -58,9 +59,8 @@ class ParticleSimulation:
         scenario: of particles, or what `load_scenario` takes; seed: the scenario's own if None.
         Raises ScenarioError for another model, and for a sweep.
         """
-        loaded = load_scenario(scenario)
-        if not isinstance(loaded, ParticleScenario):
-            raise ScenarioError(f"{loaded.name}: model is {loaded.model!r}; a Swarm is of particles, use Simulation")
+        why = "a ParticleSimulation needs model: particles"
+        loaded = require_model(load_scenario(scenario), ParticleScenario, why)
         if loaded.sweep is not None:
             raise ScenarioError(
                 f"{loaded.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`"
@@ -148,6 +148,11 @@ class ParticleSimulation:
     def order_parameter(self) -> float | None:
         """As it was at the last firing of the reference; None before the first, and where `run` ended by periods."""
         return None if math.isnan(self._instant.order[0]) else float(self._instant.order[0])
+
+    @property
+    def outcome(self) -> Firing:
+        """The last firing of the reference; a trial ends with the one at which the swarm is synchronised."""
+        return Firing(self.cycles, self.order_parameter)
 
     @property
     def is_synchronised(self) -> bool:

@@ -1,7 +1,8 @@
 """What recordings need to know of a scenario, whatever its model."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -54,11 +55,9 @@ class Population(NamedTuple):
 
 def population_of(scenario: Scenario) -> Population:
     """Return a scenario's subject; raises RecordingError for a model, or a period, of which there are no recordings."""
-    if isinstance(scenario, ParticleScenario):
-        return _agents(scenario)
-    if isinstance(scenario, EmbodiedScenario):
-        return _robots(scenario)
-    raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded")
+    if scenario.model not in POPULATIONS:
+        raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded")
+    return POPULATIONS[scenario.model](scenario)
 
 
 def _robots(scenario: EmbodiedScenario) -> Population:
@@ -96,3 +95,7 @@ def _agents(scenario: ParticleScenario) -> Population:
         rows_per_s=FRAMES / period_s,
         path_s=PATH_CYCLES * period_s,
     )
+
+
+POPULATIONS: dict[str, Callable[[Any], Population]] = {"embodied": _robots, "particles": _agents}
+"""What is recorded, by model."""

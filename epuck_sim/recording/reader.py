@@ -16,7 +16,6 @@ from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers import time_series
 from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import population_of
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.recording.rrd_file import ENDING
 from epuck_sim.scenario.scenario import Scenario
@@ -109,7 +108,7 @@ def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any
     if not isinstance(given, dict):
         raise ScenarioError("its scenario is no mapping of keys to values")
     scenario = validate(given, "its scenario")
-    count = population_of(scenario).size
+    count = scenario.population
     arrows = entities.values(HEADINGS, "Arrows2D:vectors").reshape(-1, count, 2)
     return Recorded(
         scenario=scenario,

@@ -1,4 +1,4 @@
-"""Records a trial: an onlooker that gathers rows in a window and turns full windows into chunks of a recording."""
+"""Records a trial: an observer that gathers rows in a window and turns full windows into chunks of a recording."""
 
 import hashlib
 import json
@@ -11,23 +11,17 @@ from typing import Any
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.recording.buffers.agents import SwarmWindow
-from epuck_sim.recording.buffers.robots import Window
 from epuck_sim.recording.chunks import still, strictly
-from epuck_sim.recording.layers.agents import SwarmDetails
 from epuck_sim.recording.layers.arena import ground, set_ground
-from epuck_sim.recording.layers.robots import Details, RobotDetails
 from epuck_sim.recording.layers.time_series import series, series_styles
-from epuck_sim.recording.layout import layout_file, make_layout, make_swarm_layout
+from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Population, population_of
+from epuck_sim.recording.parts import parts_of
+from epuck_sim.recording.population import population_of
 from epuck_sim.recording.rrd_file import rrd_file
-from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.observer import TrialState
 from epuck_sim.util.provenance import versions
 
 FORMAT = 1
@@ -46,15 +40,14 @@ OUTCOME = "outcome"
 
 @contextmanager
 def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
-    """Yield an onlooker of a trial (see `run_trial`, `run_swarm`) that records it into a file for the rerun viewer.
+    """Yield an observer of a trial (see `run_trial`) that records it into a file for the rerun viewer.
 
     The file gets its name when the block ends; where it ends with an error, nothing is left behind.
     Raises EpuckSimError where the file cannot be written, or the scenario cannot be recorded.
     """
     scenario = load_scenario(scenario)  # with every default written out
-    arena = population_of(scenario).arena
-    make = make_swarm_layout if isinstance(scenario, ParticleScenario) else make_layout
-    layout = layout_file(level, arena.width_cm, arena.height_cm, make)
+    parts, arena = parts_of(scenario), population_of(scenario).arena
+    layout = layout_file(level, arena.width_cm, arena.height_cm, parts.layout)
     with rrd_file(path, recording_id(scenario, seed, level), layout) as write:
         recorder = Recorder(scenario, seed, level, WINDOW_S, write)
         yield recorder
@@ -62,7 +55,7 @@ def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL)
 
 
 class Recorder:
-    """An onlooker of a trial of any model that hands on chunks, window by window."""
+    """An observer of a trial of any model that hands on chunks, window by window."""
 
     def __init__(
         self,
@@ -80,9 +73,11 @@ class Recorder:
         self._send = write
         self._subject = subject = population_of(scenario)
         self._threshold = scenario.stop.order_parameter
-        self._watch: SynchronyWatch | ParticleSimulation | None = None
+        self._state: TrialState | None = None
         rows = max(1, int(min(window_s * subject.rows_per_s, WINDOW_ROWS / subject.size)))
-        self._window, self._details = _parts(scenario, subject, seed, level, rows)
+        parts = parts_of(scenario)
+        self._window = parts.buffer(scenario, seed, level, rows)
+        self._details = parts.details(scenario, subject) if level is Level.FULL else None
         self._write(_description(scenario, seed, level))
         self._write(series_styles(subject, level))
         if level is not Level.SUMMARY:
@@ -90,10 +85,10 @@ class Recorder:
         if self._details is not None:
             self._write(self._details.still())
 
-    def __call__(self, shown: Any, more: Any) -> None:
-        """Take note of what is shown: a step of robots and the watch, or a swarm of agents and an event."""
-        self._watch = shown if isinstance(shown, ParticleSimulation) else more
-        self._window.take(shown, more)
+    def __call__(self, event: Any, state: TrialState) -> None:
+        """Take note of an event of the trial."""
+        self._state = state
+        self._window.take(event, state)
         if self._window.is_full:
             self._empty_window()
 
@@ -112,26 +107,13 @@ class Recorder:
     def finish(self) -> None:
         """Write what is left, and how the trial ended."""
         cycles, synchronised = 0, False
-        if self._watch is not None:
-            watch = self._watch
-            cycles = watch.outcome.cycles if isinstance(watch, SynchronyWatch) else watch.cycles
-            synchronised = watch.is_synchronised
+        if self._state is not None:
+            cycles, synchronised = self._state.outcome.cycles, self._state.is_synchronised
         if self._window.taken:
             self._empty_window()
         if self._details is not None:
             self._write(self._details.rest())
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
-
-
-def _parts(
-    scenario: Scenario, subject: Population, seed: int, level: Level, rows: int
-) -> tuple[Window | SwarmWindow, Details | None]:
-    """Return a window for so many rows, and the details that a full recording has."""
-    is_full = level is Level.FULL
-    if isinstance(scenario, ParticleScenario):
-        return SwarmWindow(scenario, seed, level, rows), SwarmDetails(scenario, subject) if is_full else None
-    assert isinstance(scenario, EmbodiedScenario)  # `population_of` has refused all others
-    return Window(scenario, level, rows), RobotDetails(scenario, subject) if is_full else None
 
 
 def recording_id(scenario: Scenario, seed: int, level: Level) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import find_controller
-from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
@@ -36,14 +35,13 @@ class StoredPoint(NamedTuple):
 def stored_point(point: Point) -> StoredPoint:
     """Return a point as it is stored."""
     scenario = point.scenario
-    groups = scenario.robots if isinstance(scenario, EmbodiedScenario) else ()
     return StoredPoint(
         point.key,
         point.number,
         scenario.trials,
         json.dumps(point.axes),
         scenario.model_dump_json(),
-        json.dumps([_controller(group.controller) for group in groups]),
+        json.dumps([_controller(name) for name in scenario.controllers]),
     )
 
 

@@ -146,8 +146,13 @@ class EmbodiedScenario(Scenario):
         return sum(group.count for group in self.robots)
 
     @property
-    def compiled(self) -> tuple[str, ...]:
-        """The groups' controllers."""
+    def population(self) -> int:
+        """Robots in all groups."""
+        return self.robot_count
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        """Controller of each group."""
         return tuple(group.controller for group in self.robots)
 
     @property

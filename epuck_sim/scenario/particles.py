@@ -175,3 +175,8 @@ class ParticleScenario(Scenario):
     def scale_keys(self) -> tuple[str, ...]:
         """Dotted keys of the values on which `scales`, and the speed, depend."""
         return ("agents.speed_cm_s", "response.coupling", "space.side_cm", "agents.count", "clocks.period_s")
+
+    @property
+    def population(self) -> int:
+        """Number of agents."""
+        return self.agents.count

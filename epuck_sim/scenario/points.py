@@ -50,13 +50,13 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
     for point in found:
         if point.key in first:
             numbers = f"{first[point.key]} and {point.number}"
-            raise ScenarioError(f"{scenario.name}: sweep: points {numbers} are the same: {_told(point.axes)}")
+            raise ScenarioError(f"{scenario.name}: sweep: points {numbers} are the same: {describe_axes(point.axes)}")
         first[point.key] = point.number
     return found
 
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
-    origin = f"{base['name']}: sweep: point {number} ({_told(row)})"
+    origin = f"{base['name']}: sweep: point {number} ({describe_axes(row)})"
     given = base
     for key in sorted(row, key=lambda key: key.count(".")):  # a section as a whole before what lies in it
         given = set_value(given, key, row[key], origin)
@@ -71,5 +71,6 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
     return Point(number, canonical_text(axes), axes, scenario)
 
 
-def _told(row: dict[str, Any]) -> str:
+def describe_axes(row: dict[str, Any]) -> str:
+    """Return axis values as messages show them."""
     return ", ".join(f"{key} = {short_repr(value)}" for key, value in row.items())

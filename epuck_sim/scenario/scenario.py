@@ -1,9 +1,10 @@
 """What scenarios of all models have in common. Validated and immutable."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field
 
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
 
@@ -51,9 +52,19 @@ class Scenario(ConfigModel):
     figure: FigureSection = FigureSection()
 
     @property
+    def population(self) -> int:
+        """Number of robots or agents."""
+        raise NotImplementedError
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        """Controller of each group; empty for a model without controllers."""
+        return ()
+
+    @property
     def compiled(self) -> tuple[str, ...]:
         """What is compiled for its trials, by name."""
-        return (self.model,)
+        return self.controllers or (self.model,)
 
     @property
     def scales(self) -> dict[str, float]:
@@ -64,3 +75,13 @@ class Scenario(ConfigModel):
     def scale_keys(self) -> tuple[str, ...]:
         """Dotted keys of the values on which `scales`, and the speed, depend."""
         return ()
+
+
+Kind = TypeVar("Kind", bound=Scenario)
+
+
+def require_model(scenario: Scenario, kind: type[Kind], why: str) -> Kind:
+    """Return `scenario`, which must be of class `kind`; raise ScenarioError, which ends with `why`, where it is not."""
+    if not isinstance(scenario, kind):
+        raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}; {why}")
+    return scenario

@@ -13,7 +13,7 @@ from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScena
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
-MODELS: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
+SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
 
 VARIANTS: dict[str, dict[str, type[BaseModel]]] = {
     "obstacles": {"circle": Circle, "box": Box, "polygon": Polygon},
@@ -57,9 +57,11 @@ WORDS = {
 def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     """Return the scenario, of the model that it names; raises ScenarioError, each of whose lines begins with origin."""
     model = given.get("model", "embodied")
-    if not isinstance(model, str) or model not in MODELS:
-        raise ScenarioError(f"{origin}: model: is {short_repr(model)}; allowed: {' or '.join(map(repr, MODELS))}")
-    kind = MODELS[model]
+    if not isinstance(model, str) or model not in SCENARIO_TYPES:
+        raise ScenarioError(
+            f"{origin}: model: is {short_repr(model)}; allowed: {' or '.join(map(repr, SCENARIO_TYPES))}"
+        )
+    kind = SCENARIO_TYPES[model]
     try:
         return kind.model_validate(given)
     except ValidationError as error:
@@ -109,7 +111,7 @@ def _misplaced(kind: type[Scenario], path: list[str]) -> str | None:
 
 def _known_keys(kind: type[Scenario], path: list[str]) -> list[str]:
     """Return the keys of the section at `path`."""
-    model = next(name for name, each in MODELS.items() if each is kind)
+    model = next(name for name, each in SCENARIO_TYPES.items() if each is kind)
     section: Any = kind.model_validate({"model": model, "sweep": {"grid": {"model": [0]}}})
     for part in path:
         section = section[0] if isinstance(section, tuple) else getattr(section, part)

@@ -20,14 +20,14 @@ def run_sweep(
     scenario: Scenario | str | Path | Mapping[str, Any],
     folder: Path | str,
     open_pool: OpenPool = local_pool,
-    onlooker: Callable[[SweepProgress], None] = lambda _: None,
+    observer: Callable[[SweepProgress], None] = lambda _: None,
     *,
     interpret: bool = False,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, and return how far it is then.
 
     scenario: a Scenario, or what `load_scenario` takes; open_pool: opens a pool of workers, see `executors`, processes
-    on all cores by default; onlooker: is shown the tally before the first trial and after each.
+    on all cores by default; observer: is shown the tally before the first trial and after each.
     Raises ScenarioError where a point cannot be run, StoreError where the folder cannot be used, and ClusterError
     where there are no workers; the trials stored so far stay.
     """
@@ -40,7 +40,7 @@ def run_sweep(
         finished = store.finished()
         total = sum(point.scenario.trials for point in places)
         tally = SweepProgress(total, len(finished), store.censored(), 0, 0)
-        onlooker(tally)
+        observer(tally)
         tasks = missing_tasks(places, finished, interpret)
         with closing(run_tasks(tasks, open_pool)) as outcomes:
             for outcome in outcomes:
@@ -52,7 +52,7 @@ def run_sweep(
                     failed=tally.failed + (result is None),
                     ended=tally.ended + 1,
                 )
-                onlooker(tally)
+                observer(tally)
     return tally
 
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.records import Outcome, Task
-from epuck_sim.trial.model import make_model, run_model
+from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
 
@@ -17,7 +17,7 @@ def compile_ahead(tasks: Sequence[Task]) -> None:
     """Set up the trials and take no step, so that other workers find compiled code in the cache."""
     for task in tasks:
         with suppress(Exception):  # the trial itself will tell
-            make_model(task.scenario, task.seed, interpret=task.interpret)
+            simulate(task.scenario, task.seed, interpret=task.interpret)
 
 
 def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
@@ -27,7 +27,7 @@ def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
 
 def _carry_out(task: Task) -> Outcome:
     try:
-        result, error = run_model(make_model(task.scenario, task.seed, interpret=task.interpret)), None
+        result, error = run_trial(simulate(task.scenario, task.seed, interpret=task.interpret)), None
     except EpuckSimError as problem:
         result, error = None, str(problem)
     except BaseException as problem:  # one trial's failure, whatever it is, must not end the others

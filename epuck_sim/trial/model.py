@@ -1,54 +1,145 @@
-"""Trials of any model: what is simulated, and how it is run."""
+"""The table of models: how each is simulated, and how a trial of it is run.
 
-from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+A further model is one more entry: `register_model`. What depends on a scenario alone is a property of the scenario.
+"""
 
-from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.step import Step
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.embodied import run_trial
-from epuck_sim.trial.particles import run_swarm
+from epuck_sim.scenario.validation import SCENARIO_TYPES
+from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.synchrony import SynchronyWatch
 
 
-class Progress(Protocol):
-    """Shows how far a trial is."""
+class Simulated(Protocol):
+    """What a simulation of any model has in common with the others."""
 
-    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        """Look at robots, at every step."""
+    @property
+    def scenario(self) -> Scenario:
+        """What is simulated."""
 
-    def of_swarm(self, swarm: ParticleSimulation) -> None:
-        """Look at point-like agents, now and then."""
+    @property
+    def seed(self) -> int:
+        """With the scenario, all that the simulation depends on."""
 
 
-def make_model(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulation | ParticleSimulation:
-    """Return what a scenario's trial simulates; what it needs is compiled then.
+class Model(NamedTuple):
+    """A model: a kind of scenario, and how its trials are run."""
 
-    Raises ScenarioError where controllers are to be interpreted and there are none, and what its model raises.
-    """
-    if not isinstance(scenario, ParticleScenario):
-        return Simulation(scenario, seed, interpret=interpret)
+    scenario: type[Scenario]
+    simulate: Callable[[Any, int, bool], Simulated]
+    """From the scenario, a seed, and whether to interpret controllers, to a fresh simulation."""
+    run: Callable[[Any, Sequence[Observer], Progress | None], TrialResult]
+    """From a fresh simulation, observers, and what shows progress, to the outcome of its trial."""
+    check_room: Callable[[Any], None]
+    """Raises ScenarioError for a scenario whose population finds no room."""
+
+
+# Each model is imported when it is used: `check` needs neither numba nor pymunk, a sweep of agents no pymunk.
+
+
+def _simulate_robots(scenario: EmbodiedScenario, seed: int, interpret: bool) -> Simulated:
+    from epuck_sim.embodied.simulation import Simulation
+
+    return Simulation(scenario, seed, interpret=interpret)
+
+
+def _run_robots(simulation: Any, observers: Sequence[Observer], progress: Progress | None) -> TrialResult:
+    from epuck_sim.trial.embodied import run_robots
+
+    shown = [] if progress is None else [lambda _, state: progress(state)]
+    return run_robots(simulation, [*shown, *observers])
+
+
+def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
+    from epuck_sim.embodied.placement import place_robots
+
+    place_robots(scenario, np.random.SeedSequence(scenario.seed))
+
+
+def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> Simulated:
+    from epuck_sim.particles.simulation import ParticleSimulation
+
     if interpret:
         check_interpretable(scenario)
     return ParticleSimulation(scenario, seed)
 
 
+def _run_agents(simulation: Any, observers: Sequence[Observer], progress: Progress | None) -> TrialResult:
+    from epuck_sim.trial.particles import run_agents
+
+    return run_agents(simulation, observers, progress)
+
+
+def _points_need_no_room(_: ParticleScenario) -> None:
+    """Accept every scenario."""
+
+
+MODELS: dict[str, Model] = {}
+"""The models by the name that a scenario's key `model` gives."""
+
+
+def register_model(name: str, model: Model) -> None:
+    """Add a model: from then on scenarios with `model: NAME` are read, run, swept and stored.
+
+    Worker processes must register it, too: do so in the module that defines the scenario's class.
+    """
+    SCENARIO_TYPES[name] = model.scenario
+    MODELS[name] = model
+
+
+register_model("embodied", Model(EmbodiedScenario, _simulate_robots, _run_robots, _check_room_of_robots))
+register_model("particles", Model(ParticleScenario, _simulate_agents, _run_agents, _points_need_no_room))
+
+
+def simulate(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulated:
+    """Return a fresh simulation of a scenario, with everything compiled that it needs.
+
+    Raises ScenarioError where controllers are to be interpreted and there are none, and what the model raises.
+    """
+    return MODELS[scenario.model].simulate(scenario, seed, interpret)
+
+
+def run_trial(
+    simulation: Simulated, observers: Iterable[Observer] = (), progress: Progress | None = None
+) -> TrialResult:
+    """Run a fresh simulation of any model to the end of its trial.
+
+    The trial ends when the swarm is synchronised, or at the scenario's limits: then it is censored.
+
+    Args:
+        simulation: a `Simulation`, a `ParticleSimulation`, or one of a registered model.
+        observers: each is called as `observer(event, state)` after every event; they cannot change the outcome.
+        progress: called with the state of the trial now and then.
+
+    Returns:
+        The outcome, which the scenario and the seed alone decide.
+
+    Raises:
+        ValueError: the simulation is under way; its cycles before would go uncounted.
+
+    >>> from epuck_sim import Simulation
+    >>> run_trial(Simulation("thesis", seed=1)).t_sync_cycles
+    24
+
+    """
+    return MODELS[simulation.scenario.model].run(simulation, tuple(observers), progress)
+
+
+def check_room(scenario: Scenario) -> None:
+    """Raise ScenarioError for a scenario whose population finds no room in its arena."""
+    MODELS[scenario.model].check_room(scenario)
+
+
 def check_interpretable(scenario: Scenario) -> None:
     """Raise ScenarioError for a scenario without controllers to interpret."""
-    if isinstance(scenario, ParticleScenario):
-        raise ScenarioError(f"{scenario.name}: model: particles has no controllers to interpret; leave --interpret out")
-
-
-def run_model(
-    model: Simulation | ParticleSimulation,
-    onlookers: Iterable[Callable[[Any, Any], None]] = (),
-    progress: Progress | None = None,
-) -> TrialResult:
-    """Run a trial to its end; onlookers: of the model's own kind, see `run_trial` and `run_swarm`."""
-    if isinstance(model, ParticleSimulation):
-        return run_swarm(model, onlookers, progress.of_swarm) if progress else run_swarm(model, onlookers)
-    return run_trial(model, [progress, *onlookers] if progress else onlookers)
+    if not scenario.controllers:
+        raise ScenarioError(
+            f"{scenario.name}: model: {scenario.model} has no controllers to interpret; leave --interpret out"
+        )

@@ -1,7 +1,6 @@
 """When is a swarm synchronised? Order parameters, and the watch on the reference robot's firings."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -9,18 +8,10 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError
-from epuck_sim.order_parameter import METRICS
+from epuck_sim.order_parameter import METRICS, Firing
 
 NOMINAL_PERIOD_S = 5.0
 """Where there is no oscillator to count cycles, one lasts as long as in thesis 4.2.1."""
-
-
-class Firing(NamedTuple):
-    """A firing of the reference, and what was measured at it."""
-
-    cycles: int
-    """The reference's firings up to it."""
-    order_parameter: float | None
 
 
 class SynchronyWatch:
@@ -47,6 +38,7 @@ class SynchronyWatch:
         self._periods = simulation.period_ms[self._oscillators]
         self._measures = bool(self._oscillators[self._reference])
         step_ms = simulation.scenario.timing.step_ms
+        self._step_s = step_ms / 1000
         period_ms = simulation.period_ms[self._reference] if self._measures else NOMINAL_PERIOD_S * 1000
         self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
         # a reference that never fires must not keep a trial for ever: twice the time that its cycles should take
@@ -87,6 +79,11 @@ class SynchronyWatch:
         if not len(self._periods):
             return np.full(phase_ms.shape[:-1], np.nan)
         return self._metric(np.ascontiguousarray(phase_ms[..., self._oscillators]), self._periods)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time of the last step."""
+        return max(self._steps - 1, 0) * self._step_s
 
     @property
     def is_synchronised(self) -> bool:

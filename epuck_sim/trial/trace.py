@@ -27,7 +27,7 @@ CHUNK_ROWS = 20_000
 
 
 class Trace:
-    """An onlooker of a trial (see `trial.run_trial`) that writes what it sees; to be used in a `with` block.
+    """An observer of a trial (see `trial.run_trial`) that writes what it sees; to be used in a `with` block.
 
     Where the block ends with an error, nothing is left behind.
     Raises EpuckSimError where the file cannot be written.

@@ -15,7 +15,7 @@ import pytest
 from epuck_sim.embodied import rigid_bodies
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from epuck_sim.util.seeds import trial_seed
 
 pytestmark = pytest.mark.benchmark

@@ -66,7 +66,7 @@ def here(tmp_path, monkeypatch) -> Path:
 @pytest.fixture
 def nothing_runs(monkeypatch) -> None:
     """Have no trial simulated."""
-    monkeypatch.setattr(run, "make_model", lambda *_, **__: pytest.fail("it ran"))
+    monkeypatch.setattr(run, "simulate", lambda *_, **__: pytest.fail("it ran"))
 
 
 # run --film

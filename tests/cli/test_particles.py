@@ -18,7 +18,7 @@ from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.runs.reader import read_outcome, read_points
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
-from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, refused
 from tests.runs.made_folders import rows
 from tests.sweep.short_sweeps import table, wait_until
@@ -92,7 +92,7 @@ def over_time(tmp_path_factory) -> Path:
 def test_the_table_shows_each_trial() -> None:
     stdout = called("run", "particles", "--trials", 2)
     lines = [[cell.strip() for cell in line.split("│")[1:-1]] for line in stdout.splitlines() if line.startswith("│")]
-    expected = run_swarm(ParticleSimulation("particles", 0))
+    expected = run_trial(ParticleSimulation("particles", 0))
     assert stdout.startswith("particles")
     assert len(lines) == 2
     assert lines[0][:5] == ["0", str(expected.t_sync_cycles), "no", "1.000", f"{expected.simulated_s:.1f}"]
@@ -100,7 +100,7 @@ def test_the_table_shows_each_trial() -> None:
 
 def test_json_holds_what_the_library_gives() -> None:
     (row,) = trials("particles", "--seed", 5)
-    expected = run_swarm(ParticleSimulation("particles", 5))._asdict()
+    expected = run_trial(ParticleSimulation("particles", 5))._asdict()
     del row["versions"]
     assert {**row, "wall_s": 0} == {**expected, "wall_s": 0}
 
@@ -129,7 +129,7 @@ def test_a_trial_in_which_the_reference_never_fires_has_no_order_parameter() -> 
         "stop.max_cycles=3",
     ]
     scenario = load_scenario("particles", settings)
-    seed = next(seed for seed in range(500) if run_swarm(ParticleSimulation(scenario, seed)).order_parameter is None)
+    seed = next(seed for seed in range(500) if run_trial(ParticleSimulation(scenario, seed)).order_parameter is None)
     options = [word for setting in settings for word in ("--set", setting)]
     (row,) = trials("particles", "--seed", seed, *options)
     assert (row["order_parameter"], row["cycles"], row["censored"]) == (None, 0, True)
@@ -206,7 +206,7 @@ def test_all_trials_of_all_points_are_run_by_the_workers(folder) -> None:
         (point.key, point.axes, point.scenario) for point in expected
     ]
     for point in expected[::5]:
-        results = [run_swarm(ParticleSimulation(point.scenario, point.seed(trial))) for trial in range(3)]
+        results = [run_trial(ParticleSimulation(point.scenario, point.seed(trial))) for trial in range(3)]
         assert found[point.number].times.tolist() == [result.cycles for result in results]
         assert found[point.number].observed.tolist() == [not result.censored for result in results]
 

@@ -31,7 +31,7 @@ from epuck_sim.runs.reader import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, called, contents, refused
 from tests.sweep.short_sweeps import COMMAND, wait_until
 
@@ -154,7 +154,7 @@ def nothing_runs(monkeypatch) -> None:
     def forbidden(*_: Any, **__: Any) -> None:
         pytest.fail("a trial was simulated")
 
-    monkeypatch.setattr(run, "make_model", forbidden)
+    monkeypatch.setattr(run, "simulate", forbidden)
 
 
 @pytest.fixture
@@ -300,7 +300,7 @@ def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, v
         asked.append(interpret)
         return Simulation(*given, interpret=interpret)
 
-    monkeypatch.setattr(run, "make_model", simulate)
+    monkeypatch.setattr(run, "simulate", simulate)
     words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
     called(*words, "--interpret")
     chosen = points(load_scenario(swept))[1]

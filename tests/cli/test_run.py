@@ -16,7 +16,7 @@ from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
 
 COMMAND = [sys.executable, "-m", "epuck_sim"]

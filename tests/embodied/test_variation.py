@@ -13,7 +13,7 @@ from epuck_sim.embodied.variation import RobotClocks, Stoppages, draw_variation
 from epuck_sim.scenario.embodied import SpreadSection, StuckSection
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from epuck_sim.util.seeds import robot_streams
 
 SPREADS = {"wheel_speed": 0.03, "wheel_imbalance": 0.02, "clock_rate": 0.002, "infrared_gain": 0.2}

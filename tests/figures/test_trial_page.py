@@ -27,7 +27,7 @@ from epuck_sim.recording.population import PATH_S
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, refused
 
 ENDINGS = (".png", ".svg")

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.particles.phase_response import Response, order_change
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.model import run_trial
 from epuck_sim.util.seeds import trial_seed
 from tests.particles.scenes import hand_made, scenario, swarm_of, who
 
@@ -76,7 +76,7 @@ def test_t_sync_of_two_oscillators_is_how_often_the_reference_fires_by_then(one,
     # the reference, 0, fires at every other firing, and at the last one, at which the other makes it fire
     by_turns = len(range(1 + leader, until + 1, 2))
     expected = by_turns + ((until - 1 - leader) % 2)
-    result = run_swarm(swarm)
+    result = run_trial(swarm)
     assert (result.t_sync_cycles, result.order_parameter) == (expected, 1)
     assert not result.censored
 
@@ -106,7 +106,7 @@ def test_by_the_sawtooth_curve_t_sync_is_a_logarithm(kappa):
     # after firing n they are (1 - kappa)^n * apart from each other, and r = cos(pi d); 0 fires at 1, 3, 5 and so on
     needed = math.log(math.acos(threshold) / math.pi / apart) / math.log(1 - kappa)
     firing = math.ceil(needed)
-    assert run_swarm(swarm).t_sync_cycles == firing // 2 + 1
+    assert run_trial(swarm).t_sync_cycles == firing // 2 + 1
 
 
 @pytest.mark.parametrize(("curve", "coupling"), [("multiplicative", 0.1), ("sawtooth", 0.5), ("sine", 0.08)])
@@ -124,7 +124,7 @@ def test_what_order_change_says_of_two_is_what_happens_to_two(curve, coupling):
 
 def times(trials, **sections):
     given = scenario(stop={"order_parameter": 1 - 1e-6, "max_cycles": 20_000}, **sections)
-    results = [run_swarm(ParticleSimulation(given, trial_seed(0, trial))) for trial in range(trials)]
+    results = [run_trial(ParticleSimulation(given, trial_seed(0, trial))) for trial in range(trials)]
     assert not any(result.censored for result in results)
     return np.array([result.t_sync_cycles for result in results])
 
@@ -155,7 +155,7 @@ def test_static_agents_that_hear_one_another_only_in_pairs_never_get_into_step()
         neighbourhood={"kind": "nearest"},
         stop={"order_parameter": 0.999, "max_cycles": 2000},
     )
-    result = run_swarm(swarm)
+    result = run_trial(swarm)
     assert result.censored
     assert swarm.phases()[0] == swarm.phases()[1]
     assert swarm.phases()[2] == swarm.phases()[3]

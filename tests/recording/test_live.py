@@ -21,7 +21,7 @@ from epuck_sim.recording.viewer import process
 from epuck_sim.recording.viewer.live import live, live_viewer
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, proxy
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.embodied import Observer, run_trial
+from epuck_sim.trial.model import Observer, run_trial
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.recording.viewers import (

@@ -23,7 +23,7 @@ from epuck_sim.recording.relations import pulses
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, refused
 from tests.recording.test_recorder import Found
@@ -97,7 +97,7 @@ def load(name: str, **more: Any) -> ParticleScenario:
 
 def recorded(path: Path, scenario: ParticleScenario, seed: int = 4, level: Level = Level.FULL) -> TrialResult:
     with record(path, scenario, seed, level) as onlooker:
-        return run_swarm(ParticleSimulation(scenario, seed), [onlooker])
+        return run_trial(ParticleSimulation(scenario, seed), [onlooker])
 
 
 class Seen(NamedTuple):
@@ -148,11 +148,11 @@ class Trial(NamedTuple):
 def watched(scenario: ParticleScenario) -> tuple[list[Seen], TrialResult]:
     seen: list[Seen] = []
 
-    def look(swarm: ParticleSimulation, event: Event) -> None:
+    def look(event: Event, swarm: ParticleSimulation) -> None:
         state = swarm.phases(), swarm.positions(), swarm.headings(), swarm.cycles, swarm.order_parameter
         seen.append(Seen(event, round(event.time_s * 1e9), *state))
 
-    return seen, run_swarm(ParticleSimulation(scenario, 4), [look])
+    return seen, run_trial(ParticleSimulation(scenario, 4), [look])
 
 
 @pytest.fixture(scope="module", params=SCENARIOS)

@@ -27,7 +27,7 @@ from epuck_sim.recording.viewer import process
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, run_rerun
 from epuck_sim.recording.viewer.viewer import draw_screenshot, has_display, serve, show, web_viewer
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.recording.viewers import (
     ARENA,

@@ -23,7 +23,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from tests.sweep.short_sweeps import begin, processes_marked, short_sweep, stored, table, wait_until
 
 TRIALS = 30

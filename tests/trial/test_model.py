@@ -5,38 +5,32 @@ import itertools
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.validation import MODELS, validate
+from epuck_sim.scenario.validation import SCENARIO_TYPES, validate
 from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
-from epuck_sim.trial.embodied import run_trial
-from epuck_sim.trial.model import make_model, run_model
-from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.trial.observer import TrialState
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 
 SHIPPED = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
 OF_PARTICLES = [name for name, path in SHIPPED.items() if read_yaml(path).get("model") == "particles"]
 
 
-class Told:
-    """Counts how often it is shown what."""
+class Shown:
+    """Progress that keeps what it is shown."""
 
     def __init__(self) -> None:
-        self.steps: list[int] = []
+        self.times_s: list[float] = []
         self.cycles: list[int] = []
 
-    def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        assert isinstance(watch, SynchronyWatch)
-        self.steps.append(step.number)
-
-    def of_swarm(self, swarm: ParticleSimulation) -> None:
-        self.cycles.append(swarm.cycles)
+    def __call__(self, state: TrialState) -> None:
+        self.times_s.append(state.time_s)
+        self.cycles.append(state.cycles)
 
 
 def without_wall(result: TrialResult) -> TrialResult:
@@ -53,7 +47,7 @@ def without_wall(result: TrialResult) -> TrialResult:
 def test_a_scenario_is_of_the_model_that_it_names_and_of_robots_by_default(given: dict, kind: type) -> None:
     scenario = validate(given, "here")
     assert type(scenario) is kind
-    assert MODELS[scenario.model] is kind
+    assert SCENARIO_TYPES[scenario.model] is kind
 
 
 @pytest.mark.parametrize(
@@ -78,7 +72,7 @@ def test_a_model_that_is_none_is_refused_with_those_there_are(model: object, sho
 
 @pytest.mark.parametrize(("model", "place"), [("embodied", "stop.reference"), ("particles", "stop.reference_robot")])
 def test_a_key_of_the_other_model_is_refused_as_such(model: str, place: str) -> None:
-    with pytest.raises(ScenarioError, match=f"here: {place}: belongs to model: {({*MODELS} - {model}).pop()}"):
+    with pytest.raises(ScenarioError, match=f"here: {place}: belongs to model: {({*SCENARIO_TYPES} - {model}).pop()}"):
         validate({"model": model, "stop": {place.removeprefix("stop."): 0}}, "here")
 
 
@@ -134,84 +128,84 @@ def test_every_neighbourhood_is_the_same_when_it_is_written_and_read_again(neigh
 @pytest.mark.parametrize(("name", "kind"), [("pair", Simulation), ("particles", ParticleSimulation)])
 def test_what_is_made_is_of_the_scenario_s_model_with_the_seed(name: str, kind: type) -> None:
     scenario = load_scenario(name)
-    model = make_model(scenario, 17)
+    model = simulate(scenario, 17)
     assert type(model) is kind
     assert (model.scenario, model.seed) == (scenario, 17)
 
 
 def test_particles_have_nothing_to_interpret() -> None:
     with pytest.raises(ScenarioError) as caught:
-        make_model(load_scenario("particles"), 0, interpret=True)
+        simulate(load_scenario("particles"), 0, interpret=True)
     words = "particles: model: particles has no controllers to interpret; leave --interpret out"
     assert str(caught.value) == words
 
 
 def test_robots_are_interpreted_if_wanted() -> None:
     scenario = load_scenario("pair", ["stop.max_cycles=2"])
-    compiled, interpreted = (run_model(make_model(scenario, 3, interpret=wanted)) for wanted in (False, True))
+    compiled, interpreted = (run_trial(simulate(scenario, 3, interpret=wanted)) for wanted in (False, True))
     assert without_wall(compiled) == without_wall(interpreted)
 
 
 # Trials
 
 
-def test_a_trial_of_robots_is_run_as_such_and_progress_is_shown_each_step_before_the_onlookers() -> None:
+def test_a_trial_of_robots_is_run_as_such_and_progress_is_shown_each_step_before_the_observers() -> None:
     scenario = load_scenario("pair")
     expected = run_trial(Simulation(scenario, 4))
-    told, seen = Told(), []
-    result = run_model(
-        make_model(scenario, 4), [lambda step, _: seen.append((step.number, len(told.steps)))], progress=told
+    shown, seen = Shown(), []
+    result = run_trial(
+        simulate(scenario, 4), [lambda step, _: seen.append((step.number, len(shown.cycles)))], progress=shown
     )
-    assert without_wall(result) == without_wall(expected) == without_wall(run_model(make_model(scenario, 4)))
-    assert told.steps == list(range(expected.steps))
-    assert seen == [(step, step + 1) for step in told.steps]
-    assert told.cycles == []
+    assert without_wall(result) == without_wall(expected) == without_wall(run_trial(simulate(scenario, 4)))
+    assert shown.times_s == pytest.approx([0.1 * step for step in range(expected.steps)])
+    assert shown.cycles[-1] == expected.cycles
+    assert seen == [(step, step + 1) for step in range(expected.steps)]
 
 
 def test_a_trial_of_particles_is_run_as_such_and_progress_is_shown_the_swarm_now_and_then() -> None:
     scenario = load_scenario("particles")
-    expected = run_swarm(ParticleSimulation(scenario, 4))
-    told = Told()
-    result = run_model(make_model(scenario, 4), progress=told)
+    expected = run_trial(ParticleSimulation(scenario, 4))
+    shown = Shown()
+    result = run_trial(simulate(scenario, 4), progress=shown)
     assert without_wall(result) == without_wall(expected)
-    assert told.steps == []
-    assert told.cycles[-1] == expected.cycles
-    assert told.cycles == sorted(told.cycles)
+    assert shown.cycles[-1] == expected.cycles
+    assert shown.times_s[-1] == expected.simulated_s
+    assert shown.cycles == sorted(shown.cycles)
 
 
 def test_progress_of_a_long_trial_is_shown_more_than_once() -> None:
     scenario = load_scenario("particles", ["response.coupling=0", "stop.max_cycles=20000"])
-    told = Told()
-    run_model(make_model(scenario, 4), progress=told)
-    assert len(told.cycles) > 3
-    assert (told.cycles == sorted(told.cycles), told.cycles[-1]) == (True, 20000)
+    shown = Shown()
+    run_trial(simulate(scenario, 4), progress=shown)
+    assert len(shown.cycles) > 3
+    assert (shown.cycles == sorted(shown.cycles), shown.cycles[-1]) == (True, 20000)
 
 
 @pytest.mark.parametrize("neighbourhood", ["{kind: nearest}", "{kind: cone_of_vision, angle_deg: 90}", "{kind: all}"])
 @pytest.mark.parametrize("stop", ["order_parameter=0.999999999", "order_parameter=null"])
-def test_a_trial_of_particles_is_the_same_with_and_without_onlookers_and_progress(
+def test_a_trial_of_particles_is_the_same_with_and_without_observers_and_progress(
     neighbourhood: str, stop: str
 ) -> None:
     settings = [f"neighbourhood={neighbourhood}", f"stop.{stop}", "stop.max_cycles=60", "clocks.jitter=0.001"]
     scenario = load_scenario("particles", settings)
     events: list[Event] = []
-    looks = [[], [lambda _, event: events.append(event)], [lambda *_: None] * 2]
+    looks = [[], [lambda event, _: events.append(event)], [lambda *_: None] * 2]
     results = [
-        without_wall(run_model(make_model(scenario, 8), onlookers, progress))
-        for onlookers, progress in itertools.product(looks, (None, Told()))
+        without_wall(run_trial(simulate(scenario, 8), observers, progress))
+        for observers, progress in itertools.product(looks, (None, Shown()))
     ]
     assert results == [results[0]] * 6
     assert sum(event.turned is None for event in events) == 2 * results[0].steps
 
 
-def test_every_onlooker_is_shown_the_swarm_and_its_event_in_turn() -> None:
+def test_every_observer_is_shown_the_swarm_and_its_event_in_turn() -> None:
     seen: list[tuple[str, float, int]] = []
 
     def watch(name: str):
-        return lambda swarm, event: seen.append((name, event.time_s, swarm.cycles))
+        return lambda event, swarm: seen.append((name, event.time_s, swarm.cycles))
 
-    model = make_model(load_scenario("particles", ["stop.max_cycles=3"]), 1)
-    run_model(model, [watch("a"), watch("b")])
+    model = simulate(load_scenario("particles", ["stop.max_cycles=3"]), 1)
+    run_trial(model, [watch("a"), watch("b")])
     firsts, seconds = seen[::2], seen[1::2]
     assert {name for name, *_ in firsts} == {"a"}
     assert [rest for _, *rest in firsts] == [rest for _, *rest in seconds]

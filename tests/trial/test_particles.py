@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial import particles
-from epuck_sim.trial.particles import run_swarm
+from epuck_sim.trial.model import run_trial
 from tests.particles.scenes import KINDS, any_sections, hand_made, scenario, swarm_of, who
 
 THRESHOLD = 1 - 1e-9
@@ -106,21 +106,21 @@ def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
     natural = hand_made([0.9, 0.85], stop={"order_parameter": THRESHOLD})  # it makes the other one fire
     elicited = hand_made([0.85, 0.9], stop={"order_parameter": THRESHOLD})  # the other one makes it fire
     for swarm in (natural, elicited):
-        result = run_swarm(swarm)
+        result = run_trial(swarm)
         assert (result.t_sync_cycles, result.cycles, result.steps, result.censored) == (1, 1, 1, False)
         assert result.simulated_s == pytest.approx(0.1)
         assert result.order_parameter == 1
 
 
 def test_all_at_one_phase_are_synchronised_at_the_first_firing():
-    result = run_swarm(swarm_of(start={"phases": "synchronised"}, stop={"order_parameter": THRESHOLD}))
+    result = run_trial(swarm_of(start={"phases": "synchronised"}, stop={"order_parameter": THRESHOLD}))
     assert (result.t_sync_cycles, result.simulated_s) == (1, 1.0)
 
 
 @pytest.mark.parametrize(("threshold", "synchronised"), [(0.8, True), (0.82, False)])
 def test_synchronised_is_the_threshold_reached(threshold, synchronised):
     swarm = hand_made([0.9, 0.7], response={"coupling": 0}, stop={"order_parameter": threshold, "max_cycles": 3})
-    result = run_swarm(swarm)  # cos(0.2 pi) = 0.809
+    result = run_trial(swarm)  # cos(0.2 pi) = 0.809
     assert result.censored != synchronised
     assert result.t_sync_cycles == (1 if synchronised else None)
     assert result.cycles == (1 if synchronised else 3)
@@ -153,7 +153,7 @@ def test_only_a_firing_of_the_reference_ends_a_trial():
 def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_cycles):
     swarm = swarm_of(response={"coupling": 0}, stop={"order_parameter": THRESHOLD, "max_cycles": max_cycles})
     first = 1 - swarm.phases()[0]
-    result = run_swarm(swarm)
+    result = run_trial(swarm)
     assert (result.censored, result.t_sync_cycles, result.cycles) == (True, None, max_cycles)
     assert result.simulated_s == pytest.approx(first + max_cycles - 1)
     assert result.order_parameter < THRESHOLD
@@ -162,10 +162,10 @@ def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_c
 
 def test_synchrony_at_the_very_last_cycle_counts():
     given = {"agents": {"count": 6, "speed_cm_s": 50.0}, "neighbourhood": {"kind": "all"}}
-    cycles = run_swarm(swarm_of(3, stop={"order_parameter": THRESHOLD}, **given)).t_sync_cycles
+    cycles = run_trial(swarm_of(3, stop={"order_parameter": THRESHOLD}, **given)).t_sync_cycles
     assert cycles > 1
     for limit, t_sync in [(cycles - 1, None), (cycles, cycles), (cycles + 1, cycles)]:
-        result = run_swarm(swarm_of(3, stop={"order_parameter": THRESHOLD, "max_cycles": limit}, **given))
+        result = run_trial(swarm_of(3, stop={"order_parameter": THRESHOLD, "max_cycles": limit}, **given))
         assert (result.t_sync_cycles, result.censored) == (t_sync, t_sync is None)
         assert result.cycles == min(limit, cycles)
 
@@ -174,14 +174,14 @@ def test_synchrony_at_the_very_last_cycle_counts():
 @pytest.mark.parametrize("metric", ["complex", "reference"])
 def test_one_agent_alone_is_never_synchronised(kind, metric):
     stop = {"order_parameter": 0.5, "max_cycles": 20, "metric": metric}
-    result = run_swarm(swarm_of(agents={"count": 1}, neighbourhood=kind, stop=stop))
+    result = run_trial(swarm_of(agents={"count": 1}, neighbourhood=kind, stop=stop))
     assert (result.censored, result.t_sync_cycles, result.cycles) == (True, None, 20)
     assert result.order_parameter == 1
 
 
 def test_without_a_threshold_a_trial_lasts_max_cycles():
     given = scenario(start={"phases": "synchronised"}, stop={"order_parameter": None, "max_cycles": 50})
-    result = run_swarm(ParticleSimulation(given))
+    result = run_trial(ParticleSimulation(given))
     assert (result.censored, result.cycles, result.order_parameter) == (True, 50, 1)
 
 
@@ -201,20 +201,20 @@ def silenced(**stop):
 
 
 def test_a_reference_that_never_fires_does_not_keep_a_trial_for_ever():
-    result = run_swarm(silenced(max_cycles=20))
+    result = run_trial(silenced(max_cycles=20))
     assert (result.censored, result.cycles, result.order_parameter) == (True, 0, None)
     assert result.simulated_s >= 39
 
 
 def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles():
-    assert run_swarm(silenced(max_cycles=20)).simulated_s == pytest.approx(40, abs=1.01)
+    assert run_trial(silenced(max_cycles=20)).simulated_s == pytest.approx(40, abs=1.01)
 
 
 def test_a_trial_whose_reference_never_fires_is_the_same_with_onlookers_and_at_any_pace(monkeypatch):
-    alone = run_swarm(silenced(max_cycles=20))
-    watched = run_swarm(silenced(max_cycles=20), [lambda _swarm, _event: None])
+    alone = run_trial(silenced(max_cycles=20))
+    watched = run_trial(silenced(max_cycles=20), [lambda _event, _swarm: None])
     monkeypatch.setattr(particles, "SLICE_S", 0.0)
-    slowly = run_swarm(silenced(max_cycles=20))
+    slowly = run_trial(silenced(max_cycles=20))
     assert without_wall(alone) == without_wall(watched) == without_wall(slowly)
 
 
@@ -227,15 +227,15 @@ def test_a_trial_is_the_same_with_onlookers_and_at_any_pace(data, seed, kind):
     sections = data.draw(any_sections(kind, most_agents=8))
     sections["stop"] |= {"max_cycles": 15}
     plain = swarm_of(seed, **sections)
-    alone = run_swarm(plain)
+    alone = run_trial(plain)
     if alone.cycles < 15 and alone.censored:
         return  # see above
     seen = []
-    watched = run_swarm(
-        swarm_of(seed, **sections), [lambda swarm, event: seen.append((swarm.cycles, len(event.fired)))]
+    watched = run_trial(
+        swarm_of(seed, **sections), [lambda event, swarm: seen.append((swarm.cycles, len(event.fired)))]
     )
     shown = []
-    told = run_swarm(swarm_of(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
+    told = run_trial(swarm_of(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
     assert without_wall(told) == without_wall(alone)
     assert without_wall(watched) == without_wall(alone)
     assert sum(fired > 0 for _, fired in seen) == alone.steps
@@ -246,11 +246,11 @@ def test_a_trial_is_the_same_with_onlookers_and_at_any_pace(data, seed, kind):
 def test_a_trial_needs_a_fresh_swarm():
     swarm = swarm_of()
     swarm.run(1)
-    with pytest.raises(ValueError, match=r"needs a fresh swarm; of this one some have fired at \d+ instants"):
-        run_swarm(swarm)
+    with pytest.raises(ValueError, match=r"needs a fresh simulation; in this one agents fired at \d+ instants"):
+        run_trial(swarm)
 
 
 def test_a_result_tells_scenario_and_seed():
-    result = run_swarm(ParticleSimulation(scenario(stop={"max_cycles": 2}), 17))
+    result = run_trial(ParticleSimulation(scenario(stop={"max_cycles": 2}), 17))
     assert (result.scenario, result.seed) == ("test", 17)
     assert result.wall_s >= 0

@@ -12,7 +12,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial import trace as trace_module
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.trace import Trace
 from epuck_sim.util.provenance import versions
 

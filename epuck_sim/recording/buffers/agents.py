@@ -55,7 +55,7 @@ class SwarmWindow:
 
     def __init__(self, scenario: ParticleScenario, seed: int, level: Level, rows: int) -> None:
         """Make room for about so many rows: a window may be full to overflowing by those of one event."""
-        # onlookers are shown no swarm before its first event
+        # observers are shown no swarm before its first event
         fresh = ParticleSimulation(scenario, seed)
         self._before = _look(fresh)
         self._speeds, self._periods_s = fresh.speeds_cm_s, fresh.periods_s
@@ -80,7 +80,7 @@ class SwarmWindow:
         """Whether it is to be emptied."""
         return self.taken >= self._most
 
-    def take(self, swarm: ParticleSimulation, event: Event) -> None:
+    def take(self, event: Event, swarm: ParticleSimulation) -> None:
         """Take note of an event, and of what led there; raises RecordingError for a time that cannot be counted."""
         if event.time_s > LATEST_S:
             raise RecordingError(f"{swarm.scenario.name}: lasts more than {LATEST_S:g} s, and cannot be recorded")

@@ -26,7 +26,7 @@ from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
-from epuck_sim.trial.embodied import run_trial
+from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
 from tests.overhead.track.films import passed, read_rings
 

@@ -1,0 +1,40 @@
+"""What observers of a trial are shown: every event, and how far the trial is."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from epuck_sim.order_parameter import Firing
+
+
+class TrialState(Protocol):
+    """How far a trial is, whatever its model: a `SynchronyWatch` of robots, or a `ParticleSimulation` itself."""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+
+    @property
+    def cycles(self) -> int:
+        """Firings of the reference so far."""
+
+    @property
+    def order_parameter(self) -> float | None:
+        """Order parameter at the last of them; None before the first."""
+
+    @property
+    def is_synchronised(self) -> bool:
+        """Whether the order parameter has reached its threshold."""
+
+    @property
+    def outcome(self) -> Firing:
+        """The firing at which the swarm was synchronised, or else the last one so far."""
+
+
+Observer = Callable[[Any, Any], None]
+"""Called as `observer(event, state)` after every event of a trial: a `Step` of robots, an `Event` of point agents.
+
+`state` is the trial's TrialState. Observers must not change what they are shown.
+"""
+
+Progress = Callable[[TrialState], None]
+"""Called now and then while a trial runs, to show how far it is."""

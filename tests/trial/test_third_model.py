@@ -1,0 +1,111 @@
+"""Claims about a third model of thirty lines: it is read, run, swept, stored and summarised as the others."""
+
+import json
+import multiprocessing
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import pytest
+from pydantic import Field
+
+from epuck_sim import ScenarioError, load_scenario, points, read_points, run_sweep, run_trial, summarize
+from epuck_sim.order_parameter import Firing
+from epuck_sim.scenario.base import Number
+from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.validation import SCENARIO_TYPES
+from epuck_sim.sweep.executors import local_pool
+from epuck_sim.trial.model import MODELS, Model, register_model, simulate
+from epuck_sim.trial.result import TrialResult
+from tests.cli.commands import called
+
+
+class DiceScenario(Scenario):
+    """A swarm that is synchronised once a die says so."""
+
+    model: Literal["dice"]
+    chance: Annotated[Number, Field(gt=0, le=1)] = 0.2
+    stop: StopSection = StopSection(order_parameter=0.95, max_cycles=50)
+
+    @property
+    def population(self) -> int:
+        return 1
+
+
+class Dice:
+    """Throws once a cycle; it is its own TrialState."""
+
+    def __init__(self, scenario: DiceScenario, seed: int) -> None:
+        self.scenario, self.seed = scenario, seed
+        self.random = np.random.default_rng(seed)
+        self.time_s, self.cycles, self.order_parameter, self.is_synchronised = 0.0, 0, None, False
+
+    @property
+    def outcome(self) -> Firing:
+        return Firing(self.cycles, self.order_parameter)
+
+
+def run(dice: Dice, observers: Any, _: Any) -> TrialResult:
+    while not dice.is_synchronised and dice.cycles < dice.scenario.stop.max_cycles:
+        dice.cycles, dice.time_s = dice.cycles + 1, dice.time_s + 1.0
+        dice.is_synchronised = bool(dice.random.random() < dice.scenario.chance)
+        for observer in observers:
+            observer(dice.cycles, dice)
+    t_sync = dice.cycles if dice.is_synchronised else None
+    numbers = dice.cycles, None, dice.cycles, dice.time_s, 1e-3
+    return TrialResult(dice.scenario.name, dice.seed, t_sync, t_sync is None, *numbers)
+
+
+MODEL = Model(DiceScenario, lambda scenario, seed, _: Dice(scenario, seed), run, lambda _: None)
+
+if multiprocessing.parent_process() is not None:  # a worker, which has to know the model to which a task belongs
+    register_model("dice", MODEL)
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Register the model for a test, and no longer: other tests list the models there are."""
+    for table in (SCENARIO_TYPES, MODELS):
+        monkeypatch.setitem(table, "dice", None)
+    register_model("dice", MODEL)
+
+
+SWEEP = {"name": "dice", "model": "dice", "trials": 40, "seed": 3, "sweep": {"grid": {"chance": [0.1, 0.5]}}}
+
+
+def test_it_is_read_and_its_mistakes_are_refused_as_those_of_others() -> None:
+    assert load_scenario({"model": "dice", "chance": 0.5}).chance == 0.5
+    with pytest.raises(ScenarioError, match="scenario: chance: is 2; allowed: "):
+        load_scenario({"model": "dice", "chance": 2})
+    with pytest.raises(ScenarioError, match="unknown 'chanc', did you mean 'chance'"):
+        load_scenario({"model": "dice", "chanc": 0.1})
+
+
+def test_its_trials_are_run_and_watched() -> None:
+    scenario = load_scenario({"model": "dice"})
+    seen: list[tuple[int, int]] = []
+    result = run_trial(simulate(scenario, 5), [lambda event, state: seen.append((event, state.outcome.cycles))])
+    assert seen == [(cycle, cycle) for cycle in range(1, result.cycles + 1)]
+    assert result.t_sync_cycles == result.cycles
+    with pytest.raises(ScenarioError, match="has no controllers to interpret"):
+        run_sweep(scenario, "nowhere", interpret=True)
+
+
+def test_it_is_swept_by_worker_processes_stored_and_summarised(tmp_path: Path) -> None:
+    progress = run_sweep(SWEEP, tmp_path / "run", lambda: local_pool(2))
+    assert (progress.stored, progress.failed) == (80, 0)
+    stored = read_points(tmp_path / "run")
+    for point, results in zip(points(load_scenario(SWEEP)), stored, strict=True):
+        expected = [run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(40)]
+        assert results.times.tolist() == [result.cycles for result in expected]
+        assert results.observed.tolist() == [not result.censored for result in expected]
+    slow, fast = summarize(stored)
+    assert slow.mean > 2 * fast.mean
+
+
+def test_the_command_knows_it_too(tmp_path: Path) -> None:
+    file = tmp_path / "dice.yaml"
+    file.write_text(json.dumps({"model": "dice", "trials": 3}))
+    printed = [json.loads(line) for line in called("run", file, "--json").splitlines()]
+    assert [row["scenario"] for row in printed] == ["dice"] * 3
+    assert "chance: 0.2" in called("check", file)
