@@ -157,7 +157,7 @@ class EmbodiedScenario(Scenario):
 
     @property
     def scales(self) -> dict[str, float]:
-        """Coupling epsilon and period tau (s) of the first group, number N of robots, root L (cm) of the arena's area."""
+        """Coupling epsilon and period tau (s) of the first group, number N of robots, root L (cm) of the area."""
         oscillator = self.robots[0].parameters
         return {
             "epsilon": float(oscillator.get("coupling", math.nan)),

@@ -83,6 +83,7 @@ def smooth_curve(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -
 
     Returns:
         The smoothed curve, or None if fewer than six speeds are determined.
+
     """
     fit = _fit(speeds, means, resampled)
     if fit is None:
@@ -104,6 +105,7 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
 
     Returns:
         The pair, with NaN where there is none, or None if fewer than six speeds are determined.
+
     """
     fit = _fit(speeds, means, resampled)
     if fit is None:
@@ -150,7 +152,8 @@ def _smoother(x: FloatArray, penalties: FloatArray, grid: FloatArray) -> FloatAr
 
     It leaves parabolas as they are, and extrema are such; a penalty on the curvature would flatten them.
     """
-    spline = RBFInterpolator(x[:, None], np.eye(len(x)), QUINTIC_SCALE * penalties, "quintic", degree=2)
+    smoothing = QUINTIC_SCALE * penalties
+    spline = RBFInterpolator(x[:, None], np.eye(len(x)), smoothing=smoothing, kernel="quintic", degree=2)
     return np.asarray(spline(grid[:, None]))
 
 
@@ -173,6 +176,7 @@ def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, Fl
 
     Returns:
         (B, 4) v_m, t_m, v_p, t_p, NaN where there is no pair, and (B,) the strengths of these, 0 where there is none.
+
     """
     rising = np.diff(logs, axis=1) >= 0
     inner = logs[:, 1:-1]

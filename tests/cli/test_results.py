@@ -316,7 +316,7 @@ def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
         ({"form": "violins"}, ("--form", "curves", "--censored-at", 5), "but this is curves"),
         ({}, ("--form", "map"), f"beside {SPEED}: give --y one of {COUNT}, {WIDTH}"),
         ({}, ("--form", "map", "--y", "arena.widht_cm"), f"--y: unknown 'arena.widht_cm', did you mean '{WIDTH}'?"),
-        ({}, ("--form", "map", "--y", SPEED), f"--y: {SPEED} goes along with {SPEED}"),
+        ({}, ("--form", "map", "--y", SPEED), f"--y: {SPEED} varies together with {SPEED}"),
         ({"form": "map", "y": "arena.width"}, (), f"run: figure.y: unknown 'arena.width', did you mean '{WIDTH}'?"),
         ({"x": "speed"}, (), f"run: figure.x: unknown 'speed'; axes with numbers: {COUNT}, {WIDTH}, {SPEED}"),
         (
