@@ -234,7 +234,12 @@ def many(folder: Path, **figure) -> Path:
 def shown(monkeypatch) -> list[Figure]:
     """Return the list of figures that `plot` saves; nothing is rendered."""
     figures: list[Figure] = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: figures.append(figure))
+
+    def note(figure: Figure, part: Path, **_) -> None:
+        figures.append(figure)
+        part.touch()
+
+    monkeypatch.setattr(Figure, "savefig", note)
     return figures
 
 

@@ -388,11 +388,12 @@ def test_the_svg_is_well_formed(thesis, saved) -> None:
 
 
 def test_the_same_trial_gives_the_same_files_byte_for_byte_and_another_one_others(saved, tmp_path) -> None:
-    (again,) = saved_page(recorded(tmp_path / "again.rrd", "thesis"), tmp_path / "again")
-    (other,) = saved_page(recorded(tmp_path / "other.rrd", "thesis", seed=1), tmp_path / "other")
-    first = saved.with_name("page.svg").read_bytes()
-    assert again.read_bytes() == first
-    assert other.read_bytes() != first
+    again = saved_page(recorded(tmp_path / "again.rrd", "thesis"), tmp_path / "again", ENDINGS)
+    other = saved_page(recorded(tmp_path / "other.rrd", "thesis", seed=1), tmp_path / "other", ENDINGS)
+    for ending, same, different in zip(ENDINGS, again, other, strict=True):
+        first = saved.with_name(f"page{ending}").read_bytes()
+        assert same.read_bytes() == first
+        assert different.read_bytes() != first
 
 
 def test_a_summary_has_nothing_to_draw(tmp_path) -> None:
