@@ -66,6 +66,16 @@ class Scenario(ConfigModel):
         """What is compiled for its trials, by name."""
         return self.controllers or (self.model,)
 
+    @property
+    def scales(self) -> dict[str, float]:
+        """Quantities, by name, that T_sync scales with (thesis 4.2.2); NaN for one that the scenario does not have."""
+        return {}
+
+    @property
+    def scale_keys(self) -> tuple[str, ...]:
+        """Dotted keys of the values on which `scales`, and the speed, depend."""
+        return ()
+
 
 Kind = TypeVar("Kind", bound=Scenario)
 

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.trial_page import RED, draw_page, save_page
+from epuck_sim.figures.trial_page import RED, check_drawable, draw_page
 from epuck_sim.order_parameter import METRICS
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import recorder
@@ -410,15 +410,14 @@ def test_a_trial_that_outlasts_the_clock_is_refused_in_words(tmp_path) -> None:
 def test_a_page_needs_poses(tmp_path) -> None:
     recorded(tmp_path / "t.rrd", load("thesis"), level=Level.SUMMARY)
     with pytest.raises(EpuckSimError, match="holds no poses"):
-        save_page(read_recording(tmp_path / "t.rrd"), "t.rrd", tmp_path / "page")
+        check_drawable(read_recording(tmp_path / "t.rrd"), "t.rrd")
 
 
 # --- the page ---------------------------------------------------------------------------------------
 
 
-def test_any_trial_can_be_drawn(trial: Trial, tmp_path) -> None:
-    for path in save_page(trial.recorded, "t.rrd", tmp_path / "page"):
-        assert path.stat().st_size > 10_000
+def test_any_trial_can_be_drawn(trial: Trial) -> None:
+    draw_page(trial.recorded).draw_without_rendering()
 
 
 def test_the_page_shows_flashes_phases_and_the_order_parameter(trial: Trial) -> None:
