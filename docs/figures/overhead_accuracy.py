@@ -29,9 +29,9 @@ from epuck_sim.overhead.track.period_estimation import estimate_flash_s, spread_
 from epuck_sim.overhead.track.ring_counter import Tracker
 from epuck_sim.overhead.track.ring_detection import RingFinder
 from epuck_sim.overhead.track.spread import SpreadWatch, first_synchronised, is_synchronised
-from epuck_sim.overhead.truth import Score, compare
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.seeds import trial_seed
+from tests.overhead.score import Score, compare
 
 OUT = Path(__file__).parent
 TRIALS = 100

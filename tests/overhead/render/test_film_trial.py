@@ -19,7 +19,6 @@ from epuck_sim.overhead.render.film_trial import describe_film, film_recording, 
 from epuck_sim.overhead.track.film_calibration import DESCRIPTION
 from epuck_sim.overhead.track.result import Known
 from epuck_sim.overhead.track.track_film import track_film
-from epuck_sim.overhead.truth import Score, compare
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record
@@ -28,6 +27,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.trial.embodied import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.overhead.score import Score, compare
 from tests.overhead.track.films import passed, read_rings
 
 SEED = 4

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from epuck_sim.overhead.track.result import Known, conclude
 from epuck_sim.overhead.track.ring_counter import Tracker, follow
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
-from epuck_sim.overhead.truth import Score, compare
+from tests.overhead.score import Score, compare
 from tests.overhead.track.counts import counted, uneven
 from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, lens, shoot
 

@@ -25,8 +25,8 @@ from epuck_sim.overhead.track.track_film import (
     track_camera,
     track_film,
 )
-from epuck_sim.overhead.truth import Score, compare
 from tests.overhead.film.small_films import cut_off
+from tests.overhead.score import Score, compare
 from tests.overhead.track.films import (
     PLACES,
     SMALL,
