@@ -14,10 +14,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation
-from epuck_sim.overhead.camera_model import overhead_lens
-from epuck_sim.overhead.render.virtual_camera import Webcam
-from epuck_sim.overhead.track.ring_counter import Tracker
-from epuck_sim.overhead.track.spread import SpreadWatch, is_synchronised
+from epuck_sim.overhead.camera_model import overhead_camera
+from epuck_sim.overhead.render.virtual_camera import VirtualCamera
+from epuck_sim.overhead.track.ring_counter import RingCounter
+from epuck_sim.overhead.track.spread import SynchronyDetector, is_synchronised
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.scenario import Scenario
 
@@ -34,14 +34,14 @@ def film(task: tuple[Scenario, int]) -> float:
     scenario, seed = task
     simulation = Simulation(scenario, seed)
     arena = scenario.arena
-    webcam = Webcam(scenario.overhead, arena.build(), seed)
-    tracker = Tracker(overhead_lens(scenario.overhead, arena.width_cm, arena.height_cm))
+    camera = VirtualCamera(scenario.overhead, arena.build(), seed)
+    counter = RingCounter(overhead_camera(scenario.overhead, arena.width_cm, arena.height_cm))
     (period_s,) = set(simulation.period_ms / 1000)
     start_s = scenario.overhead.lit_start_s
-    spreads = SpreadWatch(period_s, start_s)
+    detector = SynchronyDetector(period_s, start_s)
     for step in simulation:
-        for frame in webcam.take(step.time_s, step.poses, step.ring_on):
-            evaluation = spreads.look(frame.time_s, len(tracker.look(frame)))
+        for frame in camera.observe(step.time_s, step.poses, step.ring_on):
+            evaluation = detector.update(frame.time_s, len(counter.process(frame)))
             if evaluation is not None and is_synchronised(evaluation, THRESHOLD_S):
                 return (evaluation.time_s - start_s) / period_s
         if step.time_s > MOST_CYCLES * period_s:

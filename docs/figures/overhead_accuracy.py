@@ -20,15 +20,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation, load_scenario
-from epuck_sim.overhead.camera_model import overhead_lens
+from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.render.film_trial import film_trial
-from epuck_sim.overhead.render.virtual_camera import Webcam
+from epuck_sim.overhead.render.virtual_camera import VirtualCamera
 from epuck_sim.overhead.track.period_estimation import estimate_flash_s, spread_at_s, spread_threshold_s
-from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.ring_detection import RingFinder
-from epuck_sim.overhead.track.spread import SpreadWatch, first_synchronised, is_synchronised
+from epuck_sim.overhead.track.spread import SynchronyDetector, first_synchronised, is_synchronised
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.seeds import trial_seed
 from tests.overhead.score import Score, compare
@@ -70,7 +70,7 @@ def detect(settings: list[str], trial: int) -> Score:
             for step in islice(simulation, round(FILM_S / simulation.step_s)):
                 film(step, watch)
                 steps.append((step.time_s, step.poses[:, :2].copy(), step.ring_on.copy()))
-        finder = RingFinder(overhead_lens(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
+        finder = RingFinder(overhead_camera(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
         exposure_s = scenario.overhead.exposure_ms / 1000
         with open_film(str(path)) as film:
             scores = [score(finder, frame, steps, exposure_s) for frame in film.frames()]
@@ -94,10 +94,10 @@ def score(finder: RingFinder, frame: Frame, steps: list, exposure_s: float) -> S
 def frames_of(simulation: Simulation, watch: SynchronyWatch) -> Iterator[Frame]:
     """Yield a film of a simulation as long as it is asked for."""
     scenario = simulation.scenario
-    webcam = Webcam(scenario.overhead, scenario.arena.build(), simulation.seed)
+    camera = VirtualCamera(scenario.overhead, scenario.arena.build(), simulation.seed)
     for step in simulation:
         watch.look(step)
-        yield from webcam.take(step.time_s, step.poses, step.ring_on)
+        yield from camera.observe(step.time_s, step.poses, step.ring_on)
 
 
 def agree(trial: int) -> list[float]:
@@ -106,12 +106,12 @@ def agree(trial: int) -> list[float]:
     scenario = load_scenario("thesis", [f"robots.0.parameters.speed_cm_s={speed}"])
     simulation = Simulation(scenario, trial_seed(MASTER_SEED, trial))
     watch = SynchronyWatch(simulation)
-    tracker = Tracker(overhead_lens(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
-    spreads = SpreadWatch(PERIOD_S, 0.0)
+    counter = RingCounter(overhead_camera(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
+    detector = SynchronyDetector(PERIOD_S, 0.0)
     evaluations = []
     t_sync = None
     for frame in frames_of(simulation, watch):
-        evaluation = spreads.look(frame.time_s, len(tracker.look(frame)))
+        evaluation = detector.update(frame.time_s, len(counter.process(frame)))
         if t_sync is None and watch.is_synchronised:
             t_sync = watch.cycles
         if evaluation is not None:
@@ -119,7 +119,7 @@ def agree(trial: int) -> list[float]:
             is_over = is_synchronised(evaluation, 0.125) or (t_sync and watch.cycles > t_sync + LATEST_CYCLES)
             if t_sync is not None and is_over:
                 break
-    times_s, counts = tracker.times_s, tracker.counts
+    times_s, counts = counter.times_s, counter.counts
     flash_s = estimate_flash_s(times_s, counts)
     thresholds_s = (2 / 15.5, spread_threshold_s(PERIOD_S, flash_s), spread_at_s(PERIOD_S, flash_s))
     row = [speed, simulation.seed, t_sync]

@@ -12,7 +12,7 @@ from rich.progress import Progress as Bars
 from rich.status import Status
 
 from epuck_sim.embodied.step import Step
-from epuck_sim.overhead.film.frame import Passing, Timed
+from epuck_sim.overhead.film.frame import ProgressWrapper, Timed
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.synchrony import SynchronyWatch
@@ -147,7 +147,7 @@ def in_words(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def progress_bar(doing: str) -> Passing:
+def progress_bar(doing: str) -> ProgressWrapper:
     """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
 
     def show(timed: Iterable[Timed], duration_s: float | None) -> Iterator[Timed]:

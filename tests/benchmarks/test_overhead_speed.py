@@ -16,12 +16,12 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.overhead.camera_model import overhead_lens
+from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.render.virtual_camera import Webcam
-from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.overhead.render.virtual_camera import VirtualCamera
+from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.scenario.overhead import OverheadSection
 
 pytestmark = pytest.mark.benchmark
@@ -52,9 +52,9 @@ def rates():
 
 
 def painted(section: OverheadSection, steps: list[tuple]) -> Iterator[Frame]:
-    webcam = Webcam(section, make_arena(60, 60, [], []), 0)
+    camera = VirtualCamera(section, make_arena(60, 60, [], []), 0)
     for step in steps:
-        yield from webcam.take(*step)
+        yield from camera.observe(*step)
 
 
 def rate(work) -> float:
@@ -73,9 +73,9 @@ def write(path: Path, frames: Iterator[Frame], size: tuple[int, int]) -> int:
 
 
 def track(path: Path, section: OverheadSection) -> int:
-    tracker = Tracker(overhead_lens(section, 60, 60))
+    counter = RingCounter(overhead_camera(section, 60, 60))
     with open_film(str(path)) as film:
-        return sum(1 for frame in film.frames() if tracker.look(frame) is not None)
+        return sum(1 for frame in film.frames() if counter.process(frame) is not None)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -120,10 +120,10 @@ def test_memory_of_an_hour(benchmark, steps, tmp_path) -> None:
     def hour() -> None:
         long = ((0.1 * number, *steps[number % len(steps)][1:]) for number in range(10 * HOUR_S))
         assert write(path, noting("filming", painted(section, long)), (240, 240)) == REAL_TIME * HOUR_S - 1
-        tracker = Tracker(overhead_lens(section, 60, 60))
+        counter = RingCounter(overhead_camera(section, 60, 60))
         with open_film(str(path)) as film:
             for frame in noting("tracking", film.frames()):
-                tracker.look(frame)
+                counter.process(frame)
 
     benchmark.pedantic(hour, rounds=1)
     print()

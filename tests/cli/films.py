@@ -12,7 +12,7 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def seen(film: str | Path) -> tuple[list[Frame], dict[str, Any] | None]:
+def sample(film: str | Path) -> tuple[list[Frame], dict[str, Any] | None]:
     """Return a film's frames, and what it says of itself."""
     with open_film(str(film)) as opened:
         return list(opened.frames()), opened.description

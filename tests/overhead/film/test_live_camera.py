@@ -73,7 +73,7 @@ def test_frames_go_on_where_they_were_left_off():
 
 
 def test_a_camera_that_is_unplugged():
-    with LiveCamera(1) as camera, pytest.raises(FilmError, match="camera 1 gives no more pictures"):
+    with LiveCamera(1) as camera, pytest.raises(FilmError, match="camera 1 delivers no more pictures"):
         list(camera.frames())
 
     assert Imitation.last.grabbed == 6
@@ -84,7 +84,7 @@ def test_a_camera_that_is_unplugged():
 def test_a_camera_without_a_picture_is_released(monkeypatch, name, value):
     monkeypatch.setattr(Imitation, name, value)
 
-    with pytest.raises(FilmError, match="camera 0 gives no more pictures"):
+    with pytest.raises(FilmError, match="camera 0 delivers no more pictures"):
         LiveCamera(0)
 
     assert Imitation.last.released

@@ -52,7 +52,7 @@ def test_frames_of_avi_films_are_in_order(tmp_path, kind, unstamped):
 
     np.testing.assert_allclose(times, np.arange(60) / 15, rtol=0, atol=1e-9)
     assert numbers == list(range(60))
-    said = [f"frames without a time stamp, put 66.7 ms after the one before: {unstamped}"]
+    said = [f"frames without a time stamp, placed 66.7 ms after the previous one: {unstamped}"]
     assert warnings == (said if unstamped else [])
 
 
@@ -61,7 +61,7 @@ def test_a_film_without_stamps_has_the_rate_it_says(tmp_path):
 
     np.testing.assert_allclose(times, np.arange(30) / 25, rtol=0, atol=1e-9)
     assert numbers == list(range(30))
-    assert warnings == ["frames without a time stamp, put 40 ms after the one before: 30"]
+    assert warnings == ["frames without a time stamp, placed 40 ms after the previous one: 30"]
 
 
 def test_what_a_film_says_of_itself(tmp_path):
@@ -114,7 +114,7 @@ def test_numbered_pictures(tmp_path):
     for number, frame in enumerate(frames):
         np.testing.assert_array_equal(frame.picture, numbered_picture(number, 61, 43))
     (warning,) = film.warnings
-    assert "25 a second are assumed" in warning
+    assert "25 frames per second are assumed" in warning
     assert f"ffmpeg -framerate RATE -i {tmp_path}/frame_%03d.png" in warning
 
 
@@ -140,7 +140,7 @@ def test_doubled_frames_are_left_out(tmp_path):
 
     assert times == [0, 0.06, 0.12, 0.18, 0.24]
     assert numbers == [0, 1, 3, 4, 7]
-    assert warnings == ["frames with the time stamp of the one before, left out: 3"]
+    assert warnings == ["frames left out because they have the time stamp of the previous one: 3"]
 
 
 def test_frames_out_of_order_are_left_out(tmp_path):
@@ -148,7 +148,7 @@ def test_frames_out_of_order_are_left_out(tmp_path):
 
     assert times == [0, 0.06, 0.12, 0.18]
     assert numbers == [0, 1, 3, 4]
-    assert warnings == ["frames with a time stamp before that of the one before, left out: 1"]
+    assert warnings == ["frames left out because their time stamp is before that of the previous one: 1"]
 
 
 def test_dropped_frames_are_told(tmp_path):
@@ -158,7 +158,7 @@ def test_dropped_frames_are_told(tmp_path):
 
     np.testing.assert_allclose(times, np.array(kept) / 15, rtol=0, atol=1e-9)
     assert warnings == [
-        "gaps longer than 1.5 times the usual 66.7 ms from frame to frame: 2, the longest 0.267 s; frames were dropped"
+        "gaps longer than 1.5 times the usual 66.7 ms between frames: 2, the longest 0.267 s; frames were dropped"
     ]
 
 
@@ -170,7 +170,7 @@ def test_a_clock_that_begins_anew_goes_on(tmp_path):
 
     np.testing.assert_allclose(times, np.arange(60) / 15, rtol=0, atol=1e-9)
     assert numbers == 2 * list(range(30))
-    assert warnings == ["jumps back of the time stamps, taken as if the film went on at once: 1"]
+    assert warnings == ["backward jumps of the time stamps, across which the film is taken to continue: 1"]
 
 
 @given(st.lists(st.none() | st.integers(-(10**6), 10**6)))
@@ -214,7 +214,7 @@ def test_frames_that_cannot_be_decoded_are_counted(tmp_path, capfd):
 
     assert numbers == [number for number in range(60) if number != 20]
     assert times == pytest.approx([0.067 * number for number in numbers])
-    assert warnings[0] == "damaged frames: 1; they were left out, or are patched up from others"
+    assert warnings[0] == "damaged frames: 1; they were left out or patched from their neighbours"
     assert capfd.readouterr() == ("", "")
 
 
@@ -237,7 +237,7 @@ def test_an_mp4_film_without_its_index(tmp_path, capfd, kept):
     [
         ("film.mp4", b"", "is empty"),
         ("film.mp4", b"Dear diary,\nit rained.\n" * 40, "cannot be read as a film"),
-        ("film.txt", b"Dear diary,\nit rained.\n" * 40, "is a text, not a film"),
+        ("film.txt", b"Dear diary,\nit rained.\n" * 40, "is a text file, not a film"),
         ("film.avi", bytes(range(256)) * 20, "cannot be read as a film"),
     ],
 )

@@ -16,8 +16,7 @@ from epuck_sim.errors import EpuckSimError, FilmError, ScenarioError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.render.film_trial import describe_film, film_recording, film_trial
-from epuck_sim.overhead.track.film_calibration import DESCRIPTION
-from epuck_sim.overhead.track.result import Known
+from epuck_sim.overhead.track.film_calibration import DESCRIPTION, TrackOptions
 from epuck_sim.overhead.track.track_film import track_film
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
@@ -108,7 +107,7 @@ def comment_of(path: Path) -> dict[str, Any]:
 
 
 def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -> None:
-    track = track_film(str(filmed.film), Known(), tmp_path / "rings.csv", passed)
+    track = track_film(str(filmed.film), TrackOptions(), tmp_path / "rings.csv", passed)
     rows = read_rings(tmp_path / "rings.csv")
     total, certain, possible = Score(), [], []
     for time_s in track.times_s:
@@ -133,7 +132,7 @@ def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -
 
 
 def test_film_tells_the_same_to_who_does_not_read_its_description(filmed: Filmed, tmp_path: Path) -> None:
-    told = track_film(str(filmed.film), Known(), None, passed)
+    told = track_film(str(filmed.film), TrackOptions(), None, passed)
     foreign = tmp_path / "foreign.mkv"
     with av.open(filmed.film) as source, av.open(foreign, "w") as target:
         stream = target.add_stream_from_template(source.streams.video[0])
@@ -141,7 +140,7 @@ def test_film_tells_the_same_to_who_does_not_read_its_description(filmed: Filmed
             if packet.dts is not None:
                 packet.stream = stream
                 target.mux(packet)
-    track = track_film(str(foreign), Known(), None, passed)
+    track = track_film(str(foreign), TrackOptions(), None, passed)
     assert track.calibration != DESCRIPTION
     assert track.counts.tolist() == told.counts.tolist()
     assert track.times_s == pytest.approx(told.times_s, abs=2e-3)

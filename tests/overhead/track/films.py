@@ -1,4 +1,4 @@
-"""Films of robots that stand still and flash on schedule, painted frame by frame at any times: the truth is exact."""
+"""Films of robots that stand still and flash on schedule, rendered frame by frame at any times: the truth is exact."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.overhead.camera_model import Lens, overhead_lens
+from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.render.renderer import Instant, Painter
+from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
+from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.scenario.overhead import OverheadSection
 
@@ -47,20 +48,46 @@ def in_step(times_s: FloatArray, robots: int = len(PLACES), from_s: float = 2.0)
     return np.where(times_s[:, None] < from_s, spread, flashing(times_s, [TOGETHER_S] * robots))
 
 
-def lens(**settings: Any) -> Lens:
-    return overhead_lens(OverheadSection(**SMALL | settings), 60, 60)
+def make_camera(**settings: Any) -> CameraModel:
+    """Return the camera of `shoot`."""
+    return overhead_camera(OverheadSection(**SMALL | settings), 60, 60)
+
+
+TRACK = Track(
+    film="film.mp4",
+    frames=240,
+    fps=29.97,
+    duration_s=8.0,
+    start_s=2.0,
+    calibration="somewhere",
+    period_s=1.0,
+    flash_ms=100.0,
+    threshold_ms=31.8,
+    estimated=("period_s",),
+    robots_seen=6,
+    flashes_per_period=6.04,
+    t_sync_s=2.55,
+    t_sync_cycles=2.55,
+    t_sync_flashes=3.44,
+    warnings=("odd",),
+    times_s=np.arange(240) / 29.97,
+    counts=np.zeros(240, np.int64),
+    evaluations=(),
+    camera=make_camera(),
+)
+"""The result of tracking some film, for tests of how results are shown."""
 
 
 def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **settings: Any) -> list[Frame]:
     """Return frames at such times of robots at `PLACES`; until then the room is lit, and the rings are off."""
     section = OverheadSection(**SMALL | settings)
-    painter = Painter(section, overhead_lens(section, 60, 60), FLOOR, 0)
+    renderer = Renderer(section, overhead_camera(section, 60, 60), FLOOR, 0)
     poses = np.column_stack([PLACES, np.zeros(len(PLACES))])[: ring_on.shape[1]]
     frames = []
     for time_s, on in zip(times_s.tolist(), ring_on, strict=True):
         is_lit = time_s < lit_until_s
-        instant = Instant(poses, on & (not is_lit))
-        frames.append(Frame(time_s, painter.paint([instant], is_lit_room=is_lit or section.light == "lit")))
+        sample = ExposureSample(poses, on & (not is_lit))
+        frames.append(Frame(time_s, renderer.render([sample], room_is_lit=is_lit or section.light == "lit")))
     return frames
 
 
@@ -109,7 +136,7 @@ def read_rings(path: Path) -> list[dict[str, float]]:
 class Coded:
     """Stands for a finder of rings: a picture's first pixel tells how many there are in it."""
 
-    def __init__(self, _: Lens) -> None:
+    def __init__(self, _: CameraModel) -> None:
         pass
 
     def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from epuck_sim.order_parameter import order_parameter
 from epuck_sim.overhead.track.lag_density import lags
 from epuck_sim.overhead.track.period_estimation import (
-    LEAST_PERIODS,
+    MIN_PERIODS,
     estimate_flash_s,
     estimate_period_s,
     firing_spread_s,
@@ -98,9 +98,9 @@ def test_flashes_at_random_have_no_period(seed):
 
 
 def test_a_film_of_less_than_some_periods_tells_none():
-    times = frames(LEAST_PERIODS * PERIOD * 0.95, 15.0)
+    times = frames(MIN_PERIODS * PERIOD * 0.95, 15.0)
     assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is None
-    times = frames(LEAST_PERIODS * PERIOD * 1.1, 15.0)
+    times = frames(MIN_PERIODS * PERIOD * 1.1, 15.0)
     assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is not None
 
 
