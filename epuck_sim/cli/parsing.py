@@ -48,6 +48,7 @@ def check_outputs(film: str | None, plot: Path | None, rings: Path | None, annot
     Raises:
         FilmError: a name has the wrong ending, is given twice, or is the film's.
         EpuckSimError: a file cannot be written (see `check_target`).
+
     """
     given = (("--plot", plot, ".png"), ("--rings", rings, ".csv"), ("--annotate", annotate, ".mp4"))
     owners = {} if film is None else {os.path.realpath(film): "the film"}

@@ -32,9 +32,7 @@ BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#1a9641", "#39ff1
 
 
 def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None) -> list[Path]:
-    """Draw the figure of a tracked film, and write its evaluations into a table beside it.
-
-    The same film gives the same files: they contain no time stamp.
+    """Draw the figure of a tracked film, and write its evaluations into a table; neither contains the time of writing.
 
     Args:
         png: the figure, FILE.png; the table is FILE.csv.
@@ -47,6 +45,7 @@ def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None)
     Raises:
         FilmError: the name does not end in .png.
         EpuckSimError: one of the files cannot be written.
+
     """
     if png.suffix != ".png":
         raise FilmError(f"{png}: ends in {png.suffix!r}; allowed: .png, the figure; its table is written as .csv")

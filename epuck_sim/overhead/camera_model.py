@@ -66,6 +66,7 @@ class CameraModel(NamedTuple):
 
         Returns:
             (n, 2) px: column and row of each.
+
         """
         rotation, _ = cv2.Rodrigues(self.rotation)
         shift = -self.rotation @ self.position_cm
@@ -84,6 +85,7 @@ class CameraModel(NamedTuple):
         Returns:
             (n, 2) cm: x and y of each. A pixel above the horizon shows no such point and gets the one behind the camera
             on the same line.
+
         """
         straight = cv2.undistortPoints(
             np.ascontiguousarray(pixels, float).reshape(-1, 1, 2),
@@ -113,6 +115,7 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
 
     Raises:
         EpuckSimError: the camera would hang between the walls, or its distortion would fold the picture.
+
     """
     above_cm = section.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(width_cm, height_cm)
     if above_cm <= 2 * WALL_HEIGHT_CM:

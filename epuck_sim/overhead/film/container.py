@@ -30,6 +30,7 @@ def resolve_file(path: str) -> str:
 
     Raises:
         FilmError: the name is empty, or names a pipe, a directory or an empty file.
+
     """
     file = Path(path).absolute()
     if not path.strip():
@@ -81,6 +82,7 @@ def picture_stream(name: str, container: InputContainer) -> VideoStream:
 
     Raises:
         FilmError: the container holds no moving pictures, or none that can be decoded.
+
     """
     for stream in container.streams.video:
         if stream.disposition & Disposition.attached_pic:

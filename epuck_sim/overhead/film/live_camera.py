@@ -32,6 +32,7 @@ class LiveCamera:
 
         Raises:
             FilmError: the camera cannot be opened, or delivers no picture.
+
         """
         self.name = f"camera {number}"
         if number < 0:
@@ -72,6 +73,7 @@ class LiveCamera:
 
         Raises:
             FilmError: the camera delivers no more pictures.
+
         """
         return self._frames
 

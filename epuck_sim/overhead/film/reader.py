@@ -47,6 +47,7 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
 
     Raises:
         FilmError: there is no such film, it is damaged beyond use, or none of its pictures can be decoded.
+
     """
     source = path_or_url if "://" in path_or_url else resolve_file(path_or_url)
     timeout = TIMEOUT_S if "://" in path_or_url else None
@@ -98,6 +99,7 @@ class Film:
 
         Raises:
             FilmError: the size of the pictures changes.
+
         """
         return self._frames
 

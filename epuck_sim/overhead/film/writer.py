@@ -62,6 +62,7 @@ class FilmWriter:
 
         Raises:
             FilmError: the frame cannot be written, or has another size than the film.
+
         """
         if frame.picture.shape != self._shape:
             raise FilmError(f"{self._path}: a picture of shape {frame.picture.shape}; allowed: {self._shape}")
@@ -112,6 +113,7 @@ def film_file(
     Raises:
         FilmError: the name does not end in .mp4, or a side is odd.
         EpuckSimError: the file cannot be written.
+
     """
     if path.suffix != SUFFIX:
         raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")

@@ -25,6 +25,7 @@ def bounding_boxes(
     Returns:
         (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside
         of the picture.
+
     """
     if not len(centres_cm):  # OpenCV refuses empty arrays
         return np.empty((0, 4), np.int64)

@@ -17,13 +17,14 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import apply_override
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 
 
 @contextmanager
-def film_trial(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
+def film_trial(path: Path, scenario: Scenario, seed: int) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
     """Film a trial with the overhead camera of its scenario while it runs.
 
     Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
@@ -35,17 +36,18 @@ def film_trial(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Ca
 
     Args:
         path: the film, whose name ends in .mp4.
-        scenario: scenario of the trial, as `load_scenario` returns it; its model is `embodied`.
+        scenario: scenario of the trial, as `load_scenario` returns it; its model must be `embodied`.
         seed: seed of the trial; the camera's noise is drawn from it, too.
 
     Yields:
         An observer for `run_trial`.
 
     Raises:
-        FilmError: the camera cannot see the arena, or the name does not end in .mp4.
+        FilmError: the scenario has no rings, its camera cannot see the arena, or the name does not end in .mp4.
         EpuckSimError: the file cannot be written.
+
     """
-    with _film(path, scenario, seed) as observe:
+    with _film(path, _require_rings(scenario, scenario.name), seed) as observe:
         yield lambda step, _: observe(step.time_s, step.poses, step.ring_on)
 
 
@@ -60,19 +62,24 @@ def film_recording(recording: Path, overrides: Sequence[str], path: Path, progre
 
     Raises:
         EpuckSimError: the recording cannot be filmed, an override is not of the camera, or the film cannot be written.
+
     """
     recorded = read_recording(recording)
-    if not isinstance(recorded.scenario, EmbodiedScenario):
-        raise FilmError(
-            f"{recording}: model is {recorded.scenario.model!r}, whose agents have no rings; allowed: 'embodied'"
-        )
+    recorded_scenario = _require_rings(recorded.scenario, str(recording))
     if recorded.level is Level.SUMMARY:
         raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
-    scenario = _override_camera(recorded.scenario, overrides, str(recording))
+    scenario = _override_camera(recorded_scenario, overrides, str(recording))
     rows = zip(recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, strict=True)
     with _film(path, scenario, recorded.seed) as observe:
         for time_s, positions, headings, ring_on in progress(rows, float(recorded.time_s.max(initial=0))):
             observe(float(time_s), np.column_stack([positions, headings]), ring_on)
+
+
+def _require_rings(scenario: Scenario, source: str) -> EmbodiedScenario:
+    """Return a scenario whose robots have rings; raise FilmError, which names `source`, for another."""
+    if not isinstance(scenario, EmbodiedScenario):
+        raise FilmError(f"{source}: model is {scenario.model!r}, whose agents have no rings; allowed: 'embodied'")
+    return scenario
 
 
 def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], source: str) -> EmbodiedScenario:
@@ -84,9 +91,7 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
                 f"--set {override}: the trial is over; allowed: the camera's keys, as in overhead.light=lit"
             )
         mapping = apply_override(mapping, override)
-    changed = validate(mapping, source)
-    assert isinstance(changed, EmbodiedScenario)  # the key `model` is not one of the camera's
-    return changed
+    return _require_rings(validate(mapping, source), source)
 
 
 @contextmanager

@@ -41,6 +41,7 @@ class Renderer:
             camera: geometry of the camera.
             arena: the arena below it.
             seed: seed of the noise.
+
         """
         self._camera = camera
         self._light = section.exposure_ms / NOMINAL_EXPOSURE_MS

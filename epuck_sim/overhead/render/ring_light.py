@@ -60,6 +60,7 @@ def add_rings(
         light: light of an LED.
         bloom: brightness of the haze at the ring, relative to the LED's.
         reach: distance from a ring, in cm, beyond which nothing is added.
+
     """
     rise = epuck.RING_HEIGHT_CM / eye_cm[2]
     for ring in range(len(poses)):

@@ -59,6 +59,7 @@ def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Flo
 
     Returns:
         (rows, columns) levels.
+
     """
     rise = WALL_HEIGHT_CM / eye_cm[2]
     at_top = (1 - rise) * floor_cm + rise * eye_cm[:2]  # where a line of sight is at the height of the walls
@@ -97,6 +98,7 @@ def draw_bodies(
         eye_cm: (3,) cm: position of the camera.
         poses: (n, 3) cm, cm, rad: x, y, heading; those drawn later hide those drawn earlier.
         boxes: (n, 4) px, as `bounding_boxes` returns them.
+
     """
     rise = epuck.HEIGHT_CM / eye_cm[2]
     for body in range(len(poses)):

@@ -51,6 +51,7 @@ class VirtualCamera:
 
         Raises:
             EpuckSimError: the camera cannot see the arena (see `overhead_camera`).
+
         """
         camera = overhead_camera(section, arena.width_cm, arena.height_cm)
         self._renderer = Renderer(section, camera, arena, seed)
@@ -67,6 +68,7 @@ class VirtualCamera:
             time_s: time of the step; later than that of all steps before.
             poses: (robots, 3) cm, cm, rad: x, y, heading; headings may be wrapped. Robots move evenly between steps.
             ring_on: (robots,) which rings are on from now until the next step.
+
         """
         if not self._states:
             self._offset_s = self._section.lit_start_s - time_s

@@ -57,6 +57,7 @@ class Annotator:
             width_px: width of the film's pictures.
             height_px: height of the film's pictures.
             period_s: period of the oscillators.
+
         """
         self._period_s = period_s
         self._line_px = max(MIN_LINE_PX, round(min(width_px / 28, height_px / 24)))
@@ -88,6 +89,7 @@ class Annotator:
 
         Returns:
             (height_px, width_px, 3) levels.
+
         """
         if start_s != self._start_s:
             self._start_s, self._spread_s, self._max_count = start_s, None, FULL_COUNT
@@ -148,6 +150,7 @@ def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window
         now_s: end of the window.
         window_s: length of the window.
         width: number of columns.
+
     """
     times = np.array([time_s for time_s, _ in history])
     counts = np.array([count for _, count in history], np.int64)

@@ -61,6 +61,7 @@ def camera_from_corners(
 
     Raises:
         FilmError: the corners are not a convex quadrilateral, too close together, or outside of the picture.
+
     """
     # loading it takes half a second, and most films do without it
     from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415
@@ -104,6 +105,7 @@ def camera_from_rings(
 
     Raises:
         FilmError: a radius is not a positive number.
+
     """
     radii = np.atleast_1d(np.asarray(radii_px, float))
     if not radii.size or not (np.isfinite(radii) & (radii > 0)).all():
@@ -118,6 +120,7 @@ def measure_radius(pictures: Iterable[Picture]) -> float | None:
 
     Args:
         pictures: pictures of the dark room; lit ones are skipped. Reading ends after `MAX_RINGS` rings.
+
     """
     radii: list[float] = []
     for picture in pictures:

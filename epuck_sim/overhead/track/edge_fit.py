@@ -61,6 +61,7 @@ def fit_side(
         end: (2,) px: end of the line.
         middle: (2,) px: a point on the floor's side of the line.
         reach_px: largest distance of the edge from the line.
+
     """
     along = end - start
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)
@@ -89,6 +90,7 @@ def _edges(contrast: FloatArray) -> tuple[FloatArray, BoolArray]:
 
     Args:
         contrast: (n, m) differences from the floor's shade at m samples from the floor outwards.
+
     """
     width = contrast.shape[1]
     rows, samples = np.arange(len(contrast)), np.arange(width)

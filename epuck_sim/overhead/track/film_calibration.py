@@ -11,6 +11,7 @@ from epuck_sim.overhead.camera_model import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.track.calibration import camera_from_corners, camera_from_rings, measure_radius
 from epuck_sim.overhead.track.floor_corners import find_corners
+from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
 from epuck_sim.overhead.track.ring_detection import is_lit
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
@@ -84,6 +85,20 @@ class TrackOptions(NamedTuple):
             robots=self.robots or metadata.robots,
         )
 
+    def threshold_s(self, period_s: float, flash_s: float) -> float:
+        """Return the spread at which a swarm counts as synchronised: the one given, or the bound of Appendix C.
+
+        Args:
+            period_s: period of the oscillators.
+            flash_s: duration of a flash.
+
+        """
+        if self.threshold_ms is not None:
+            return self.threshold_ms / 1000
+        if self.order_parameter is not None:
+            return spread_at_s(period_s, flash_s, self.order_parameter)
+        return spread_threshold_s(period_s, flash_s)
+
 
 def described_camera(source: FrameSource, options: TrackOptions, metadata: FilmMetadata) -> CameraModel | None:
     """Return the camera in a film's metadata; None if there is none, or the user's options describe another one."""
@@ -114,6 +129,7 @@ def calibrate(source: FrameSource, options: TrackOptions) -> tuple[CameraModel, 
 
     Raises:
         FilmError: the options make no sense, or the film shows neither a floor nor a ring.
+
     """
     size = source.width_px, source.height_px
     floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)

@@ -22,6 +22,7 @@ def common_lags_s(causes: Events, effects: Events, range_s: tuple[float, float],
         effects: events to which lags are measured.
         range_s: shortest lag that counts, and the shortest beyond it that does not.
         frame_s: time from one frame to the next.
+
     """
     lags_s, weights = lags(causes, effects, range_s)
     peaks_s = _peaks_s(lags_s, weights, frame_s) if len(lags_s) else ()
@@ -67,6 +68,7 @@ def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s:
 
     Returns:
         The peak and the density there; `start_s` and 0 if no lag is near.
+
     """
     peak_s = start_s
     for _ in range(MEAN_SHIFTS):

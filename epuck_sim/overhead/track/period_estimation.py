@@ -44,6 +44,7 @@ def estimate_period_s(times_s: FloatArray, counts: IntArray) -> float | None:
     Args:
         times_s: (n,) times of the frames.
         counts: (n,) lit rings in them.
+
     """
     times_s, counts = _increasing(times_s, counts)
     if len(times_s) < 4:
@@ -67,6 +68,7 @@ def estimate_flash_s(times_s: FloatArray, counts: IntArray) -> float | None:
     Args:
         times_s: (n,) times of the frames.
         counts: (n,) lit rings in them.
+
     """
     times_s, counts = _increasing(times_s, counts)
     onsets, ends = _changes(times_s, counts, 1), _changes(times_s, counts, -1)

@@ -10,12 +10,7 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.period_estimation import (
-    estimate_flash_s,
-    estimate_period_s,
-    spread_at_s,
-    spread_threshold_s,
-)
+from epuck_sim.overhead.track.period_estimation import estimate_flash_s, estimate_period_s
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.spread import Evaluation, evaluate, first_synchronised, frame_ends
 
@@ -107,6 +102,7 @@ def analyse(
 
     Raises:
         FilmError: there is no light in the film, its trial is a single frame, or its period is neither given nor clear.
+
     """
     frames, start_s, times_s, counts = counter.frames, counter.start_s, counter.times_s, counter.counts
     if not counts.any():
@@ -118,7 +114,7 @@ def analyse(
         raise FilmError(f"{film}: its trial is one frame long; allowed: two or more, preferably several periods")
     period_s = options.period_s or _period_s(film, times_s, counts)
     flash_s = _flash_s(times_s, counts, period_s)
-    threshold_s = choose_threshold_s(period_s, flash_s, options)
+    threshold_s = options.threshold_s(period_s, flash_s)
     evaluations = evaluate(times_s, counts, period_s, start_s)
     t_sync_s = first_synchronised(evaluations, threshold_s)
     frame_s = float(np.median(np.diff(times_s)))
@@ -168,20 +164,11 @@ def _period_s(film: str, times_s: FloatArray, counts: IntArray) -> float:
 
 def current_threshold_s(counter: RingCounter, period_s: float, options: TrackOptions) -> float:
     """Return the threshold that `analyse` would choose from the counts so far."""
-    return choose_threshold_s(period_s, _flash_s(counter.times_s, counter.counts, period_s), options)
+    return options.threshold_s(period_s, _flash_s(counter.times_s, counter.counts, period_s))
 
 
 def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:
     return estimate_flash_s(times_s, counts) or FLASH_FRACTION * period_s
-
-
-def choose_threshold_s(period_s: float, flash_s: float, options: TrackOptions) -> float:
-    """Return the spread at which a swarm counts as synchronised: as the options say, or the bound of Appendix C."""
-    if options.threshold_ms is not None:
-        return options.threshold_ms / 1000
-    if options.order_parameter is not None:
-        return spread_at_s(period_s, flash_s, options.order_parameter)
-    return spread_threshold_s(period_s, flash_s)
 
 
 def _doubts_about_period(period_s: float, film_s: float) -> list[str]:

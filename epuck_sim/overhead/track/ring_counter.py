@@ -88,6 +88,7 @@ def track_frames(
         period_s: period of the oscillators.
         threshold_s: returns the standard deviation of the histogram at which the swarm counts as synchronised, as far
             as it can be estimated by then.
+
     """
     detector: SynchronyDetector | None = None
     t_sync_s = None

@@ -69,20 +69,14 @@ MAX_INSIDE_LIGHT = 0.5
 
 
 class Ring(NamedTuple):
-    """A lit ring, in the arena's frame and in the picture."""
+    """Centre and radius of a lit ring: in cm in the arena's frame, and in px (column, row) in the picture."""
 
     x_cm: float
-    """x of its centre in the arena's frame."""
     y_cm: float
-    """y of its centre in the arena's frame."""
     radius_cm: float
-    """Radius in the arena."""
     x_px: float
-    """Column of its centre in the picture."""
     y_px: float
-    """Row of its centre in the picture."""
     radius_px: float
-    """Radius in the picture."""
 
 
 def is_lit(picture: Picture) -> bool:
@@ -117,6 +111,7 @@ class RingFinder:
 
         Raises:
             ValueError: the picture's size is not the camera's.
+
         """
         camera = self._camera
         if picture.shape != (camera.height_px, camera.width_px, 3):

@@ -87,6 +87,7 @@ def fit_ring(view: npt.NDArray[np.uint8], cells_per_cm: int, column: float, row:
 
     Returns:
         The circle; None if half of the ring is missing or it is too faint.
+
     """
     radius = epuck.RING_RADIUS_CM
     for _ in range(MAX_ROUNDS):
@@ -141,6 +142,7 @@ def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
 
     Returns:
         (3,) cm: R, dx and dy of the circle; (BINS,) cm: distance of the edge from it, NaN where there is none.
+
     """
     near = has
     for _ in range(2):

@@ -53,6 +53,7 @@ class SynchronyDetector:
         Args:
             period_s: period of the oscillators.
             start_s: time at which the robots start; earlier frames are ignored.
+
         """
         self._period_s = period_s
         self._start_s = start_s
@@ -72,6 +73,7 @@ class SynchronyDetector:
         Args:
             time_s: time of the frame.
             count: number of rings lit in it.
+
         """
         if not self._times:
             if time_s < self._start_s:
@@ -132,6 +134,7 @@ def evaluate_around(middle_s: float, period_s: float, times_s: FloatArray, count
         period_s: its length.
         times_s: (n,) times of the frames within it, and of the frame before, which stands for its beginning; n >= 2.
         counts: (n,) rings lit in them, not all 0.
+
     """
     window = middle_s - period_s / 2, middle_s + period_s / 2
     begins_s = np.clip(times_s, *window)
@@ -147,6 +150,7 @@ def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:
     Args:
         times_s: (n,) times of the frames, ascending; n >= 2.
         end_s: time until which the last one stands.
+
     """
     longest_s = MAX_HOLD_INTERVALS * np.median(np.diff(times_s))
     ends_s: FloatArray = np.minimum(np.append(times_s[1:], end_s), times_s + longest_s)

@@ -44,6 +44,7 @@ def track_film(name: str, options: TrackOptions, rings: Path | None, progress: P
     Raises:
         FilmError: the film cannot be read, or shows no swarm.
         EpuckSimError: the table cannot be written.
+
     """
     with open_film(name) as film:
         metadata = parse_metadata(film.description)
@@ -103,6 +104,7 @@ def track_camera(
     Raises:
         FilmError: there is no such camera, or it saw no light.
         EpuckSimError: a file cannot be written.
+
     """
     options = options._replace(period_s=period_s)
     warnings: list[str] = []
@@ -152,13 +154,7 @@ def _until_unplugged(frames: Iterable[Frame], warnings: list[str]) -> Iterator[F
 
 @contextmanager
 def ring_table(path: Path | None) -> Iterator[Callable[[Frame, Sequence[Ring]], None]]:
-    """Yield a function that writes the rings of a frame into a CSV table; it writes nothing if `path` is None.
-
-    The table gets its name when the block ends without an error.
-
-    Raises:
-        EpuckSimError: the table cannot be written.
-    """
+    """Yield a function that writes the rings of a frame into a CSV table; it writes nothing if `path` is None."""
     if path is None:
         yield lambda *_: None
         return
@@ -187,6 +183,7 @@ def annotated_film(
 
     Raises:
         EpuckSimError: as `film_file` does.
+
     """
     if path is None:
         yield lambda _: None

@@ -47,7 +47,7 @@ def load(**changes: Any) -> EmbodiedScenario:
 
 
 class Truth:
-    """An onlooker that notes where robots are and whose rings are lit."""
+    """An observer that notes where robots are and whose rings are lit."""
 
     def __init__(self) -> None:
         self.time_s: list[float] = []
@@ -194,6 +194,16 @@ def test_point_like_agents_are_refused(
     assert not list(tmp_path.iterdir())
 
 
+def test_trial_of_point_like_agents_is_refused(tmp_path: Path) -> None:
+    scenario = load_scenario({"name": "p", "model": "particles"})
+    with (
+        pytest.raises(FilmError, match=r"^p: model is 'particles', whose agents have no rings; allowed: 'embodied'$"),
+        film_trial(tmp_path / "no.mp4", scenario, SEED),
+    ):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
 def test_recording_without_poses_is_refused(tmp_path: Path) -> None:
     scenario = load(stop={"max_time_s": 0.5})
     with record(tmp_path / "summary.rrd", scenario, SEED, Level.SUMMARY) as recording:
@@ -226,8 +236,8 @@ def test_interrupted_film_is_no_film(tmp_path: Path, error: type[BaseException])
         if step.time_s > 1:
             raise error
 
-    def run(onlooker: Callable[[Step, SynchronyWatch], None]) -> None:
-        run_trial(Simulation(scenario, SEED), [onlooker, stop])
+    def run(observer: Callable[[Step, SynchronyWatch], None]) -> None:
+        run_trial(Simulation(scenario, SEED), [observer, stop])
 
     with pytest.raises(error), film_trial(tmp_path / "film.mp4", scenario, SEED) as filming:
         run(filming)

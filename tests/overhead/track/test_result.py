@@ -11,7 +11,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.track.film_calibration import TrackOptions
 from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
-from epuck_sim.overhead.track.result import Track, analyse, choose_threshold_s
+from epuck_sim.overhead.track.result import Track, analyse
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from tests.overhead.track.counts import counted
 from tests.overhead.track.films import Coded, coded, make_camera
@@ -137,7 +137,7 @@ def test_what_is_known_is_not_estimated() -> None:
 def test_threshold_is_the_given_one_or_that_of_an_order_parameter_or_of_the_thesis(
     options: TrackOptions, expected_s: float
 ) -> None:
-    assert choose_threshold_s(5.0, 0.375, options) == pytest.approx(expected_s)
+    assert options.threshold_s(5.0, 0.375) == pytest.approx(expected_s)
 
 
 def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
