@@ -3,7 +3,7 @@
 Detection: 100 trials in each of four conditions are filmed into H.264 for 10 s and tracked; rings are compared with
 where the simulation has them. Agreement: 100 trials at ten speeds are filmed until the film itself shows synchrony, and
 its T_sync is compared with that of the trial, r >= 0.95 at a firing of the reference. `make figures` runs it; it takes
-about half an hour on two cores. With a number as its argument it makes so many trials, for a quick look.
+about half an hour on two cores. With a number as its argument it runs that many trials, for a quick look.
 """
 
 import csv
@@ -37,7 +37,7 @@ OUT = Path(__file__).parent
 TRIALS = 100
 MASTER_SEED = 0
 SPEEDS_CM_S = (0.5, 0.7, 1.0, 1.4, 2.1, 3.0, 4.3, 6.2, 8.9, 12.8)
-"""Of the physical experiments."""
+"""Speeds of the physical experiments."""
 
 CLEAN = [f"overhead.{key}=0" for key in ("noise_levels", "blur_px", "bloom", "vignetting", "distortion")]
 HARSH = ["noise_levels=8", "blur_px=1.5", "bloom=0.3", "vignetting=0.5", "distortion=-0.1"]
@@ -51,7 +51,7 @@ CONDITIONS = {
 FILM_S = 10.0
 
 LATEST_CYCLES = 100
-"""After the trial is synchronised its film may go on for so long."""
+"""Number of cycles for which a film may continue after its trial is synchronised."""
 
 CRITERIA = ("2 frames", "Appendix C", "r of 0.95")
 PERIOD_S = 5.0
@@ -78,7 +78,7 @@ def detect(settings: list[str], trial: int) -> Score:
 
 
 def score(finder: RingFinder, frame: Frame, steps: list, exposure_s: float) -> Score:
-    """Return how well the rings in a frame are found; a ring is where it is in the middle of the exposure."""
+    """Return how well the rings in a frame are found; the truth is their place in the middle of the exposure."""
     times_s = np.array([time_s for time_s, *_ in steps])
     first, last = (np.searchsorted(times_s, frame.time_s + end_s + 1e-5) - 1 for end_s in (0, exposure_s - 2e-5))
     on = np.array([ring_on for *_, ring_on in steps[first : last + 1]])
@@ -92,7 +92,7 @@ def score(finder: RingFinder, frame: Frame, steps: list, exposure_s: float) -> S
 
 
 def frames_of(simulation: Simulation, watch: SynchronyWatch) -> Iterator[Frame]:
-    """Yield a film of a simulation as long as it is asked for."""
+    """Yield the frames of a film of a simulation that never ends."""
     scenario = simulation.scenario
     camera = VirtualCamera(scenario.overhead, scenario.arena.build(), simulation.seed)
     for step in simulation:
@@ -101,7 +101,7 @@ def frames_of(simulation: Simulation, watch: SynchronyWatch) -> Iterator[Frame]:
 
 
 def agree(trial: int) -> list[float]:
-    """Return a trial's speed and T_sync, and how its film has it by each criterion: in periods, and flashes a robot."""
+    """Return a trial's speed, seed and T_sync, and T_sync of its film by each criterion in periods and in flashes."""
     speed = SPEEDS_CM_S[trial % len(SPEEDS_CM_S)]
     scenario = load_scenario("thesis", [f"robots.0.parameters.speed_cm_s={speed}"])
     simulation = Simulation(scenario, trial_seed(MASTER_SEED, trial))
@@ -153,13 +153,13 @@ def draw(rows: np.ndarray) -> None:
 
 
 def report(rows: np.ndarray) -> Iterator[list]:
-    """Yield, for each criterion and way to count cycles, by how much the film is later than the trial."""
+    """Yield how much later the film is synchronised than the trial, for each criterion and way to count cycles."""
     for place, name in enumerate(CRITERIA):
         for offset, unit in enumerate(("periods", "flashes")):
             later = rows[:, 3 + 2 * place + offset] - rows[:, 2]
-            told = later[~np.isnan(later)]
-            spread = np.percentile(told, [5, 25, 50, 75, 95])
-            yield [name, unit, len(told), len(later), float(told.mean()), *map(float, spread)]
+            known = later[~np.isnan(later)]
+            spread = np.percentile(known, [5, 25, 50, 75, 95])
+            yield [name, unit, len(known), len(later), float(known.mean()), *map(float, spread)]
 
 
 if __name__ == "__main__":

@@ -94,8 +94,8 @@ def test_a_trial_is_filmed_recorded_and_traced_at_once_and_the_film_is_the_same(
 def test_several_trials_are_filmed_into_a_file_each(shelf, here) -> None:
     rows = trials(called("run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json", "--film", "t.mp4"))
     assert names(here) == ["t-0.mp4", "t-1.mp4"]
-    told = [frames_and_description(name)[1] for name in names(here)]
-    assert [film and film["seed"] for film in told] == [row["seed"] for row in rows]
+    described = [frames_and_description(name)[1] for name in names(here)]
+    assert [film and film["seed"] for film in described] == [row["seed"] for row in rows]
     assert rows[0]["seed"] != rows[1]["seed"]
 
 
@@ -165,8 +165,8 @@ def test_a_recording_is_filmed_as_the_trial_was(shelf, here) -> None:
     assert called("film", shelf / "three.rrd", "t.mp4") == ""
     assert names(here) == ["t.mp4"]
     frames, description = frames_and_description("t.mp4")
-    original, told = frames_and_description(shelf / "three.mp4")
-    assert description == told
+    original, described = frames_and_description(shelf / "three.mp4")
+    assert description == described
     assert [frame.time_s for frame in frames] == [frame.time_s for frame in original]
     assert max(np.abs(a.picture.astype(int) - b.picture).mean() for a, b in zip(frames, original, strict=True)) < 1
 
@@ -176,14 +176,14 @@ def test_settings_change_the_camera_and_nothing_else(shelf) -> None:
     called("film", shelf / "three.rrd", "dark.mp4")
     words = "--set overhead.light=lit --set overhead.width_px=200 --set overhead.frames_per_s=5"
     called("film", shelf / "three.rrd", "lit.mp4", *words.split())
-    (dark, told), (lit, changed) = frames_and_description("dark.mp4"), frames_and_description("lit.mp4")
+    (dark, described), (lit, changed) = frames_and_description("dark.mp4"), frames_and_description("lit.mp4")
     assert lit[0].picture.shape == (128, 200, 3)
     assert len(lit) == pytest.approx(len(dark) / 3, abs=1)
     assert lit[0].picture.mean() > 5 * dark[0].picture.mean()
-    assert told is not None
+    assert described is not None
     assert changed is not None
-    assert changed["overhead"] == told["overhead"] | {"light": "lit", "width_px": 200, "frames_per_s": 5}
-    assert {**changed, "overhead": 0} == {**told, "overhead": 0}
+    assert changed["overhead"] == described["overhead"] | {"light": "lit", "width_px": 200, "frames_per_s": 5}
+    assert {**changed, "overhead": 0} == {**described, "overhead": 0}
 
 
 def test_a_film_is_written_over_an_older_one(shelf, here) -> None:
@@ -240,7 +240,7 @@ def test_no_setting_of_the_camera_is_refused(shelf, here, settings: str, message
         ("SUMMARY t.mp4", "summary.rrd: holds no poses; record the trial again with --record-level poses or full"),
     ],
 )
-def test_what_cannot_be_filmed_is_told(shelf, here, arguments: str, message: str) -> None:
+def test_what_cannot_be_filmed_is_reported(shelf, here, arguments: str, message: str) -> None:
     (here / "folder.mp4").mkdir()
     (here / "text.rrd").write_text("mine")
     (here / "empty.rrd").touch()
@@ -277,5 +277,5 @@ def test_help_loads_nothing_that_takes_a_while() -> None:
         "    print('loaded', sorted(heavy & sys.modules.keys()))"
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    told = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
-    assert told == ["loaded []"] * 4
+    loaded = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
+    assert loaded == ["loaded []"] * 4

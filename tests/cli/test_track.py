@@ -70,14 +70,14 @@ def here(tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def nothing_runs(monkeypatch) -> None:
-    """Have no film looked at."""
+    """Fail if a film is opened."""
     monkeypatch.setattr(track_film, "open_film", lambda *_: pytest.fail("it ran"))
 
 
 # What it finds
 
 
-def test_what_a_film_tells_is_one_json_object(shelf) -> None:
+def test_the_result_is_one_json_object(shelf) -> None:
     found = tracked(shelf / "swarm.mp4")
     assert found.keys() == KEYS
     assert found["film"] == str(shelf / "swarm.mp4")
@@ -104,7 +104,7 @@ def test_a_table_is_printed_for_people(shelf) -> None:
     assert cells["T_sync"].startswith("2.5 cycles, 2.5 s") or cells["T_sync"].startswith("2.6 cycles, 2.6 s")
 
 
-def test_a_film_of_ours_says_what_the_command_need_not_be_told(shelf) -> None:
+def test_the_description_of_our_films_replaces_options(shelf) -> None:
     found = tracked(shelf / "described.mp4")
     assert found["calibration"] == "the film's description"
     assert (found["period_s"], found["estimated"]) == (1.0, ["threshold_ms"])
@@ -115,7 +115,7 @@ def test_a_film_of_ours_says_what_the_command_need_not_be_told(shelf) -> None:
     assert result.stderr.endswith(f" flashes per period, but there are {ROBOTS} robots\n")
 
 
-def test_a_film_that_begins_in_the_light_tells_corners_and_start(shelf) -> None:
+def test_a_film_that_begins_in_the_light_gives_corners_and_start(shelf) -> None:
     found = tracked(shelf / "lit_start.mp4")
     assert found["calibration"] == "the floor's corners in the lit beginning"
     assert found["start_s"] == pytest.approx(1, abs=0.05)
@@ -146,11 +146,11 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> 
     assert np.median(off_cm) < 0.5
     assert max(ring["time_s"] for ring in rings) > 3.5
 
-    (frames, _), (annotated, told) = frames_and_description("swarm.mp4"), frames_and_description("a.mp4")
+    (frames, _), (annotated, description) = frames_and_description("swarm.mp4"), frames_and_description("a.mp4")
     assert [frame.time_s for frame in annotated] == pytest.approx([frame.time_s for frame in frames], abs=1e-4)
     assert annotated[0].picture.shape[0] > frames[0].picture.shape[0]
     assert annotated[0].picture.shape[1] == frames[0].picture.shape[1]
-    assert told is None  # it is no film that a camera took
+    assert description is None  # it is no film that a camera took
 
 
 def test_options_say_what_is_known(shelf) -> None:
@@ -290,7 +290,7 @@ def test_a_folder_without_permission_is_refused(shelf, here, monkeypatch, option
         ("nowhere://film", "nowhere://film: cannot be read as a film: Protocol not found"),
     ],
 )
-def test_what_is_no_film_of_a_swarm_is_told(shelf, here, film: str, message: str) -> None:
+def test_what_is_no_film_of_a_swarm_is_refused(shelf, here, film: str, message: str) -> None:
     shutil.copy(shelf / "dark.mp4", here)
     (here / "text.mp4").write_text("a text, and not a short one\n" * 40)
     (here / "folder").mkdir()
@@ -323,7 +323,7 @@ def test_a_period_that_the_film_does_not_tell_has_to_be_given(shelf, here) -> No
     assert tracked("short.mp4", "--period-s", "1")["period_s"] == 1
 
 
-def test_a_camera_that_is_not_there_is_told(here) -> None:
+def test_a_missing_camera_is_refused(here) -> None:
     stderr = refused("track", "--camera", "77", "--period-s", "5", "--rings", "r.csv")
     assert stderr.startswith("error: camera 77 cannot be opened; allowed: the number of a camera that is plugged in")
     assert names(here) == []

@@ -1,4 +1,4 @@
-"""What the command is told is read or refused, and what it prints says what the track says."""
+"""Options of `track` are parsed or refused, and its output agrees with the track."""
 
 import json
 from typing import Any
@@ -62,13 +62,13 @@ def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[s
     print_track_json(TRACK)
     line = capsys.readouterr().out
     assert line.count("\n") == 1
-    told = json.loads(line)
-    assert told.pop("versions")["epuck_sim"]
-    assert told == json.loads(json.dumps(TRACK.summary()))
-    assert (told["t_sync_s"], told["warnings"], told["estimated"]) == (2.55, ["odd"], ["period_s"])
+    printed = json.loads(line)
+    assert printed.pop("versions")["epuck_sim"]
+    assert printed == json.loads(json.dumps(TRACK.summary()))
+    assert (printed["t_sync_s"], printed["warnings"], printed["estimated"]) == (2.55, ["odd"], ["period_s"])
 
 
-def test_table_tells_all(capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_has_all_results(capsys: pytest.CaptureFixture[str]) -> None:
     print_track(TRACK)
     text = capsys.readouterr().out
     for words in (

@@ -212,13 +212,13 @@ def test_another_ending_is_refused(tmp_path, name):
 
 
 @pytest.mark.parametrize("taken", ["track.png", "track.csv"])
-def test_what_cannot_be_written_is_told_before_anything_is(tmp_path, taken):
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_written(tmp_path, taken):
     (tmp_path / taken).mkdir()
     with pytest.raises(EpuckSimError, match="is a directory"):
         save_track_figure(tmp_path / "track.png", LONG)
     assert [file.name for file in tmp_path.iterdir()] == [taken]
 
 
-def test_a_missing_folder_is_told(tmp_path):
+def test_a_missing_folder_is_refused(tmp_path):
     with pytest.raises(EpuckSimError, match="there is no directory"):
         save_track_figure(Path(tmp_path / "missing" / "track.png"), LONG)

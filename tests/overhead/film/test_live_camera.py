@@ -1,4 +1,4 @@
-"""A camera that is plugged in; here an imitation, but for the one that is not there."""
+"""A camera that is plugged in: an imitation, except for the missing one."""
 
 import itertools
 
@@ -12,7 +12,7 @@ from epuck_sim.overhead.film.live_camera import LiveCamera
 
 
 class Imitation:
-    """Gives so many pictures, of blue, green and red levels 1, 2 and 3 + their number."""
+    """Delivers `pictures` pictures of blue, green and red levels 1, 2 and 3 + their number."""
 
     opened = True
     pictures = 5
@@ -44,7 +44,7 @@ class Imitation:
 
 @pytest.fixture(autouse=True)
 def clock(monkeypatch):
-    """Each look at the clock is a tenth of a second after the one before."""
+    """Let each reading of the clock be a tenth of a second after the previous one."""
     monkeypatch.setattr(cv2, "VideoCapture", Imitation)
     instants = itertools.count(1000)
     monkeypatch.setattr(live_camera.time, "monotonic", lambda: next(instants) / 10)

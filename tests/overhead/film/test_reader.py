@@ -65,13 +65,13 @@ def test_a_film_without_stamps_has_the_rate_it_says(tmp_path):
 
 
 def test_what_a_film_says_of_itself(tmp_path):
-    told = {"epuck_sim": "1.0", "scenario": {"seed": 7}}
+    stored = {"epuck_sim": "1.0", "scenario": {"seed": 7}}
     for kind in (kit.MP4, kit.MKV):
-        path = write_film(tmp_path / f"film.{kind.ending}", range(0, 90_000, 6000), kind, comment=json.dumps(told))
+        path = write_film(tmp_path / f"film.{kind.ending}", range(0, 90_000, 6000), kind, comment=json.dumps(stored))
         with open_film(str(path)) as film:
             assert film.name == str(path)
             assert (film.width_px, film.height_px) == (64, 48)
-            assert film.description == told
+            assert film.description == stored
             assert film.duration_s == pytest.approx(15 * 6000 * float(kind.tick_s), rel=0.1)
 
 
@@ -151,7 +151,7 @@ def test_frames_out_of_order_are_left_out(tmp_path):
     assert warnings == ["frames left out because their time stamp is before that of the previous one: 1"]
 
 
-def test_dropped_frames_are_told(tmp_path):
+def test_dropped_frames_are_reported(tmp_path):
     kept = [number for number in range(60) if number not in {10, 30, 31, 32}]
 
     times, _, warnings = read(write_film(tmp_path / "film.mp4", [6000 * number for number in kept]))
@@ -220,7 +220,7 @@ def test_frames_that_cannot_be_decoded_are_counted(tmp_path, capfd):
 
 @pytest.mark.parametrize("kept", [-100, 8, 200, 600])
 def test_an_mp4_film_without_its_index(tmp_path, capfd, kept):
-    """It is cut off before its index, or with so many bytes of it."""
+    """It is cut off before its index, or after some bytes of it."""
     path = write_film(tmp_path / "film.mp4", UNEVEN)
     whole = path.read_bytes()
     path.write_bytes(whole[: whole.index(b"moov") - 4 + kept])
@@ -301,9 +301,9 @@ def test_a_film_that_is_left_early_has_no_more_frames(tmp_path):
 def test_pictures_are_not_kept(tmp_path):
     alive = []
     with open_film(str(write_film(tmp_path / "film.mp4", UNEVEN))) as film:
-        seen = []
+        references = []
         for frame in film.frames():
-            seen.append(weakref.ref(frame.picture))
-            alive.append(sum(picture() is not None for picture in seen))
+            references.append(weakref.ref(frame.picture))
+            alive.append(sum(picture() is not None for picture in references))
 
     assert max(alive) <= 2

@@ -169,7 +169,7 @@ def test_nowhere_to_write(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("room", [0, 20_000])
-def test_full_disk_is_told(tmp_path: Path, room: int) -> None:
+def test_full_disk_is_reported(tmp_path: Path, room: int) -> None:
     resource = pytest.importorskip("resource")
     rng = np.random.default_rng(0)
     noise = [Frame(float(n), rng.integers(0, 256, (SIDE[1], SIDE[0], 3), np.uint8)) for n in range(80)]

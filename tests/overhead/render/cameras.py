@@ -20,7 +20,7 @@ ARENA = make_arena(60, 60, [(45, 45, 4)], [box_corners(15, 45, 8, 5, 0.4)])
 
 
 class Set(NamedTuple):
-    """A camera and what it looks at."""
+    """A camera with its renderer."""
 
     section: OverheadSection
     camera: CameraModel
@@ -28,7 +28,7 @@ class Set(NamedTuple):
 
 
 def make_set(arena: Arena = ARENA, seed: int = 0, **settings: Any) -> Set:
-    """Hang a camera with these settings above an arena."""
+    """Place a camera with these settings above an arena."""
     section = OverheadSection(**settings)
     camera = overhead_camera(section, arena.width_cm, arena.height_cm)
     return Set(section, camera, Renderer(section, camera, arena, seed))

@@ -99,8 +99,8 @@ def frames_of(path: Path) -> list[Frame]:
 
 def comment_of(path: Path) -> dict[str, Any]:
     with av.open(path) as container:
-        told: dict[str, Any] = json.loads(container.metadata["comment"])
-        return told
+        comment: dict[str, Any] = json.loads(container.metadata["comment"])
+        return comment
 
 
 # --- round trip -------------------------------------------------------------------------------------
@@ -131,8 +131,8 @@ def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -
     assert track.robots_seen == max(certain)
 
 
-def test_film_tells_the_same_to_who_does_not_read_its_description(filmed: Filmed, tmp_path: Path) -> None:
-    told = track_film(str(filmed.film), TrackOptions(), None, passed)
+def test_tracking_without_the_description_gives_the_same(filmed: Filmed, tmp_path: Path) -> None:
+    described = track_film(str(filmed.film), TrackOptions(), None, passed)
     foreign = tmp_path / "foreign.mkv"
     with av.open(filmed.film) as source, av.open(foreign, "w") as target:
         stream = target.add_stream_from_template(source.streams.video[0])
@@ -142,8 +142,8 @@ def test_film_tells_the_same_to_who_does_not_read_its_description(filmed: Filmed
                 target.mux(packet)
     track = track_film(str(foreign), TrackOptions(), None, passed)
     assert track.calibration != DESCRIPTION
-    assert track.counts.tolist() == told.counts.tolist()
-    assert track.times_s == pytest.approx(told.times_s, abs=2e-3)
+    assert track.counts.tolist() == described.counts.tolist()
+    assert track.times_s == pytest.approx(described.times_s, abs=2e-3)
     assert track.period_s == pytest.approx(1, abs=0.03)
 
 
@@ -255,11 +255,16 @@ def test_camera_between_the_walls_is_refused(tmp_path: Path) -> None:
 
 
 def test_film_says_how_to_make_it_again(filmed: Filmed) -> None:
-    told = comment_of(filmed.film)
-    assert (told["scenario"], told["seed"], told["arena_cm"], told["robots"]) == ("small", SEED, [60, 60], 5)
-    assert told["period_s"] == 1.0
-    assert OverheadSection(**told["overhead"]) == filmed.scenario.overhead
-    assert told["versions"]["epuck_sim"] == told["epuck_sim"]
+    description = comment_of(filmed.film)
+    assert (description["scenario"], description["seed"], description["arena_cm"], description["robots"]) == (
+        "small",
+        SEED,
+        [60, 60],
+        5,
+    )
+    assert description["period_s"] == 1.0
+    assert OverheadSection(**description["overhead"]) == filmed.scenario.overhead
+    assert description["versions"]["epuck_sim"] == description["epuck_sim"]
 
 
 @pytest.mark.parametrize(
@@ -276,6 +281,6 @@ def test_film_says_how_to_make_it_again(filmed: Filmed) -> None:
 def test_film_says_how_many_flash_and_in_which_period(
     groups: list[dict[str, Any]], robots: int | None, period_s: float | None
 ) -> None:
-    told = describe_film(load(robots=groups), SEED)
-    assert (told["robots"], told["period_s"]) == (robots, period_s)
-    json.dumps(told, allow_nan=False)
+    description = describe_film(load(robots=groups), SEED)
+    assert (description["robots"], description["period_s"]) == (robots, period_s)
+    json.dumps(description, allow_nan=False)

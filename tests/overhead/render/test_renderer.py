@@ -1,4 +1,4 @@
-"""What the overhead camera sees: rings where the lens shows them, as bright as asked; floor, walls and bodies."""
+"""Rendered pictures: rings are where the camera model projects them, and as bright as configured."""
 
 import math
 
@@ -31,7 +31,7 @@ CORNERS = [(4.0, 4.0), (56.0, 4.0), (4.0, 56.0), (56.0, 56.0), (30.0, 30.0), (17
 
 @pytest.mark.parametrize("k1", [-0.1, 0.0, 0.1])
 @pytest.mark.parametrize(("x", "y"), CORNERS)
-def test_ring_lies_where_the_lens_shows_it(x: float, y: float, k1: float) -> None:
+def test_ring_is_where_the_camera_model_projects_it(x: float, y: float, k1: float) -> None:
     scene = make_set(**CLEAN, distortion=k1)
     picture = scene.renderer.render(standing((x, y, 0.3)), room_is_lit=False)
     assert np.hypot(*(ring_centroid(picture, scene.camera) - (x, y))) < 0.05
@@ -188,7 +188,7 @@ def test_same_seed_same_pictures() -> None:
     assert render(3) != render(4)
 
 
-def test_tilted_camera_paints_rings_where_its_lens_shows_them() -> None:
+def test_tilted_camera_renders_rings_where_its_model_projects_them() -> None:
     rotation, _ = cv2.Rodrigues(np.array([0.1, -0.05, 0.2]))
     camera = CameraModel(480, 480, 700.0, -0.05, rotation @ LOOKING_DOWN, np.array([25.0, 33.0, 110.0]))
     renderer = Renderer(OverheadSection(**CLEAN), camera, make_arena(60, 60, [], []), 0)

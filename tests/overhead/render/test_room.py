@@ -1,4 +1,4 @@
-"""What the camera sees in the light: floor, walls, obstacles, and bodies that stand upright and look ahead."""
+"""What the camera sees in the light: floor, walls, obstacles, and upright bodies with a mark that points ahead."""
 
 import math
 

@@ -16,7 +16,7 @@ APART_CM = 2 * epuck.RADIUS_CM
 
 
 class Look(NamedTuple):
-    """How a camera shows the light of a ring: as the scenario's section does by default."""
+    """Properties of the light of rings in a picture; the defaults are similar to those of the section `overhead`."""
 
     peak: float = 3.0  # of the light, over what saturates red
     green: float = 0.2
@@ -39,7 +39,7 @@ def straight_camera(width_px=480, height_px=480, k1=-0.05, side_cm=60.0):
 
 
 def tilted_camera(tilt_deg=10.0, turn_deg=20.0, k1=0.0):
-    """Return a camera 110 cm above the floor that looks at the middle of a 60 x 60 cm arena from the side."""
+    """Return a tilted camera 110 cm above the floor that is aimed at the middle of a 60 x 60 cm arena."""
     tilt, turn = math.radians(tilt_deg), math.radians(turn_deg)
     lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
     spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
@@ -50,7 +50,7 @@ def tilted_camera(tilt_deg=10.0, turn_deg=20.0, k1=0.0):
 
 
 def once_per_camera(function):
-    """Have a function of a lens, which has no hash, called once for each."""
+    """Cache a function of a camera model, which is not hashable."""
 
     @lru_cache
     def cached(width_px, height_px, focal_px, k1, rotation, position):
@@ -70,7 +70,7 @@ def ring_height_map(camera):
 
 
 def box_around(camera, centre, reach_cm, heights_cm):
-    """Return rows and columns, as slices, that show what is so near to (2,) cm at any of the heights."""
+    """Return slices of the rows and columns that show points within `reach_cm` of (2,) cm at any of the heights."""
     signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     corners = [(*(centre + reach_cm * sign), height) for height in heights_cm for sign in signs]
     pixels = np.clip(camera.project(np.array(corners)), 0, (camera.width_px, camera.height_px)).astype(int)
@@ -165,7 +165,7 @@ def scattered(count, generator):
 
 
 def matched(rings, centres_cm, within_cm=0.2):
-    """Return how many rings found have a true one of their own within so much."""
+    """Return how many of the rings found have a true one of their own within `within_cm`."""
     left = [tuple(centre) for centre in np.reshape(centres_cm, (-1, 2))]
     good = 0
     for ring in rings:

@@ -23,7 +23,7 @@ from epuck_sim.scenario.overhead import OverheadSection
 PERIOD_S = 1.0
 FLASH_S = 0.1
 TOGETHER_S = 0.5
-"""When in each period they all flash, once they do so together."""
+"""Time in each period at which all flash, once they flash together."""
 
 PLACES = np.array([(10, 9), (49, 12), (51, 48), (12, 50), (30, 30), (37.4, 30)], float)
 """The last two touch."""
@@ -79,7 +79,7 @@ TRACK = Track(
 
 
 def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **settings: Any) -> list[Frame]:
-    """Return frames at such times of robots at `PLACES`; until then the room is lit, and the rings are off."""
+    """Return frames of robots at `PLACES`; until `lit_until_s` the room is lit and the rings are off."""
     section = OverheadSection(**SMALL | settings)
     renderer = Renderer(section, overhead_camera(section, 60, 60), FLOOR, 0)
     poses = np.column_stack([PLACES, np.zeros(len(PLACES))])[: ring_on.shape[1]]
@@ -92,7 +92,7 @@ def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **s
 
 
 def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None = None) -> str:
-    """Write frames as a film, which says of itself what is given, and return its name."""
+    """Write frames as a film with a description, and return its name."""
     rows, columns, _ = frames[0].picture.shape
     with film_file(path, columns, rows, description or {}) as writer:
         for frame in frames:
@@ -101,7 +101,7 @@ def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None
 
 
 def save_stamped(path: Path, frames: Iterable[Frame]) -> str:
-    """Write frames with the stamps they have, in whole ms, of which several may be the same; return the film's name."""
+    """Write frames with their own time stamps in whole ms, several of which may be equal; return the film's name."""
     tick_s = Fraction(1, 1000)
     with av.open(path, "w") as container:
         stream = container.add_stream("mjpeg", rate=30, options={"qmin": "2", "qmax": "2"})
@@ -117,13 +117,13 @@ def save_stamped(path: Path, frames: Iterable[Frame]) -> str:
 
 
 def described(**overhead: Any) -> dict[str, Any]:
-    """Return what a film by `shoot` may say of itself."""
+    """Return a description for a film by `shoot`."""
     section = OverheadSection(**SMALL | overhead)
     return {"epuck_sim": "0", "arena_cm": [60, 60], "robots": 6, "period_s": 1.0, "overhead": section.model_dump()}
 
 
 def passed(frames: Iterable[Frame], _: float | None) -> Iterable[Frame]:
-    """Pass frames on, and show nothing."""
+    """Return the frames; a progress wrapper that shows nothing."""
     return frames
 
 
@@ -134,7 +134,7 @@ def read_rings(path: Path) -> list[dict[str, float]]:
 
 
 class Coded:
-    """Stands for a finder of rings: a picture's first pixel tells how many there are in it."""
+    """A substitute for `RingFinder` that reads the number of rings from a picture's first pixel."""
 
     def __init__(self, _: CameraModel) -> None:
         pass

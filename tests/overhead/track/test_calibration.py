@@ -34,7 +34,7 @@ def worst_cm(found: CameraModel, true: CameraModel):
     return np.hypot(*(back - AT_RINGS[:, :2]).T).max()
 
 
-# --- the lens -------------------------------------------------------------------------------------
+# --- the camera model -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("degrees", "k1"), [(None, -0.05), (None, -0.3), (45.0, -0.3), (None, 0.3), (120.0, 0.3)])

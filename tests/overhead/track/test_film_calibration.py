@@ -1,4 +1,4 @@
-"""Which camera took a film: what the user says, else what the film says of itself, else what it shows."""
+"""Which camera took a film: by the user's options, else by the film's description, else by its pictures."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -28,7 +28,7 @@ SIDE = SMALL["width_px"]
 
 
 class Reel:
-    """A film that is in memory; tells how many of its frames were asked for."""
+    """A film in memory that counts the frames asked for."""
 
     name = "reel"
 
@@ -65,24 +65,24 @@ def floor_corners(**settings: Any) -> FloatArray:
     return make_camera(**settings).project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
 
 
-# --- what is told -----------------------------------------------------------------------------------
+# --- options and metadata -----------------------------------------------------------------------------------
 
-TOLD = {"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7}
+DESCRIBED = {"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7}
 USER = TrackOptions((60, 50), 100.0, ((0, 0),) * 4, 2.0, 3, 99.0, 0.9)
 
 
 @pytest.mark.parametrize("name", TrackOptions._fields)
-def test_user_knows_better_than_the_description(name: str) -> None:
+def test_options_override_the_description(name: str) -> None:
     options = TrackOptions()._replace(**{name: getattr(USER, name)})
     expected = options._replace(
         arena_cm=options.arena_cm or (90, 80), period_s=options.period_s or 4.0, robots=options.robots or 7
     )
-    assert options.with_defaults(parse_metadata(TOLD)) == expected
-    assert USER.with_defaults(parse_metadata(TOLD)) == USER
+    assert options.with_defaults(parse_metadata(DESCRIBED)) == expected
+    assert USER.with_defaults(parse_metadata(DESCRIBED)) == USER
 
 
 @pytest.mark.parametrize("description", [None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}])
-def test_description_need_not_tell_anything(description: dict[str, Any] | None) -> None:
+def test_description_may_be_empty(description: dict[str, Any] | None) -> None:
     assert TrackOptions().with_defaults(parse_metadata(description)) == TrackOptions()
     assert USER.with_defaults(parse_metadata(description)) == USER
 
@@ -142,7 +142,7 @@ def test_floor_of_another_size_and_height_is_that_of_the_corners_given() -> None
     assert found.position_cm[2] == pytest.approx(150, rel=1e-2)
 
 
-def test_lit_beginning_tells_the_floor() -> None:
+def test_lit_beginning_gives_the_floor() -> None:
     reel = Reel(film(1, lit_until_s=0.3))
     found, origin = calibrate(reel, TrackOptions())
     assert (origin, reel.asked) == (LIGHT, 1)
@@ -157,14 +157,14 @@ def test_floor_is_looked_for_in_a_beginning_with_a_hand_in_it() -> None:
 
 
 @pytest.mark.parametrize("lit", [5, LIT_FRAMES, LIT_FRAMES + 5, 3 * LIT_FRAMES])
-def test_rings_tell_the_camera_where_the_beginning_shows_no_floor(lit: int) -> None:
+def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None:
     found, origin = calibrate(Reel(plain(120, lit) + film(1.2)), TrackOptions())
     assert origin == RINGS
     assert worst_cm(found) <= 1.0
 
 
 @pytest.mark.parametrize("settings", [{}, {"height_cm": 150.0}, {"field_of_view_deg": 45.0}, {"distortion": 0.0}])
-def test_rings_of_a_dark_film_tell_how_large_it_is(settings: dict[str, float]) -> None:
+def test_rings_of_a_dark_film_give_its_scale(settings: dict[str, float]) -> None:
     found, origin = calibrate(Reel(film(1.2, robots=5, **settings)), TrackOptions())
     assert origin == RINGS
     assert worst_cm(found, **settings) <= 1.0

@@ -1,4 +1,4 @@
-"""Claims about what a film tells of its oscillators, and about Appendix C's threshold."""
+"""Claims about the estimates of period and flash, and about the threshold of Appendix C."""
 
 import math
 from itertools import combinations_with_replacement
@@ -97,7 +97,7 @@ def test_flashes_at_random_have_no_period(seed):
     assert estimate_period_s(times, counts) is None
 
 
-def test_a_film_of_less_than_some_periods_tells_none():
+def test_a_film_of_too_few_periods_has_no_estimate():
     times = frames(MIN_PERIODS * PERIOD * 0.95, 15.0)
     assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is None
     times = frames(MIN_PERIODS * PERIOD * 1.1, 15.0)
@@ -107,7 +107,7 @@ def test_a_film_of_less_than_some_periods_tells_none():
 @pytest.mark.parametrize("estimate", [estimate_period_s, estimate_flash_s])
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 500])
 @pytest.mark.parametrize("lit", [0, 2])
-def test_films_in_which_nothing_flashes_tell_nothing(estimate, count, lit):
+def test_films_in_which_nothing_flashes_have_no_estimate(estimate, count, lit):
     assert estimate(np.arange(count) / 15, np.full(count, lit)) is None
 
 

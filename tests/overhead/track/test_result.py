@@ -1,4 +1,4 @@
-"""What the counts of a whole film tell: period, flash, synchrony, how many flashed, and what is odd."""
+"""Analysis of the counts of a whole film: period, flash, synchrony, number of flashes, and warnings."""
 
 import json
 import math
@@ -41,7 +41,7 @@ def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[F
     return times_s, counted(onsets, 0.1, times_s)
 
 
-def test_film_tells_its_swarm() -> None:
+def test_track_of_a_swarm() -> None:
     track = analysed(*swarm())
     assert (track.film, track.calibration, track.frames, track.robots_seen) == ("film", "somewhere", 240, 6)
     assert track.fps == pytest.approx(RATE)
@@ -204,7 +204,7 @@ def test_trial_of_one_frame_is_refused(options: TrackOptions, lit: int) -> None:
 
 
 @pytest.mark.parametrize("counts", [[3, 3], [0, 3], [3, 0]])
-def test_trial_of_two_frames_tells_no_more_than_it_can(counts: list[int]) -> None:
+def test_trial_of_two_frames_has_few_results(counts: list[int]) -> None:
     track = analysed([0.0, 0.1], counts, TrackOptions(period_s=1.0))
     assert track.t_sync_s is None
     assert track.evaluations == ()
@@ -213,7 +213,7 @@ def test_trial_of_two_frames_tells_no_more_than_it_can(counts: list[int]) -> Non
         analysed([0.0, 0.1], counts)
 
 
-def test_flashes_at_random_tell_no_period() -> None:
+def test_flashes_at_random_have_no_period() -> None:
     random = np.random.default_rng(4)
     times_s = np.arange(1800) / RATE
     counts = counted(random.uniform(0, 60, 300), 0.1, times_s)

@@ -54,13 +54,13 @@ def reel() -> list[Frame]:
 
 @pytest.fixture(scope="module")
 def named(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A film of them that says what it is."""
+    """A film of them with a description."""
     return save(tmp_path_factory.mktemp("films") / "named.mp4", reel, described())
 
 
 @pytest.fixture(scope="module")
 def foreign(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
-    """And one that does not."""
+    """A film of them without a description."""
     return save(tmp_path_factory.mktemp("films") / "foreign.mp4", reel)
 
 
@@ -81,7 +81,7 @@ def score(rows: list[dict[str, float]], times_s: Any, ring_on: Any) -> Score:
 # --- a film that is whole ---------------------------------------------------------------------------
 
 
-def test_described_film_tells_its_trial(tracked: Track, named: str) -> None:
+def test_described_film_gives_its_trial(tracked: Track, named: str) -> None:
     assert (tracked.film, tracked.frames, tracked.calibration) == (named, len(TIMES), DESCRIPTION)
     assert tracked.counts.tolist() == LIT.sum(axis=1).tolist()
     assert tracked.times_s == pytest.approx(TIMES, abs=1e-4)
@@ -91,7 +91,7 @@ def test_described_film_tells_its_trial(tracked: Track, named: str) -> None:
     assert tracked.flash_ms == pytest.approx(100, abs=5)
 
 
-def test_foreign_film_tells_the_same_trial(tracked: Track, foreign: str) -> None:
+def test_foreign_film_gives_the_same_trial(tracked: Track, foreign: str) -> None:
     track = track_film(foreign, TrackOptions(), None, passed)
     assert (track.calibration, track.estimated) == (RINGS, ("period_s", "threshold_ms"))
     assert track.counts.tolist() == tracked.counts.tolist()
@@ -99,7 +99,7 @@ def test_foreign_film_tells_the_same_trial(tracked: Track, foreign: str) -> None
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s)
 
 
-def test_user_knows_better_than_the_film(named: str) -> None:
+def test_options_override_the_film(named: str) -> None:
     track = track_film(named, TrackOptions(period_s=1.25, robots=3, threshold_ms=500.0), None, passed)
     assert (track.period_s, track.threshold_ms, track.estimated) == (1.25, 500.0, ())
     assert track.calibration == DESCRIPTION
@@ -178,8 +178,8 @@ def test_dark_film_is_refused(tmp_path: Path) -> None:
     frames = shoot(even(1), np.zeros((30, 6), bool))
     with pytest.raises(FilmError, match=r"plain\.mp4: no lit ring is seen"):
         track_film(save(tmp_path / "plain.mp4", frames), TrackOptions(), None, passed)
-    with pytest.raises(FilmError, match=r"told\.mp4: no lit ring is seen in 30 frames"):
-        track_film(save(tmp_path / "told.mp4", frames, described()), TrackOptions(), None, passed)
+    with pytest.raises(FilmError, match=r"described\.mp4: no lit ring is seen in 30 frames"):
+        track_film(save(tmp_path / "described.mp4", frames, described()), TrackOptions(), None, passed)
 
 
 @pytest.mark.parametrize("description", [None, described()])
@@ -217,7 +217,7 @@ def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Tra
     assert any("frames were dropped" in warning for warning in track.warnings)
 
 
-def test_synchrony_is_not_told_from_a_period_half_of_which_is_missing(reel: list[Frame], tmp_path: Path) -> None:
+def test_synchrony_is_not_detected_in_a_period_half_of_which_is_missing(reel: list[Frame], tmp_path: Path) -> None:
     frames = [frame for frame in reel if not 2.7 < frame.time_s < 3.05]
     track = track_film(save_stamped(tmp_path / "gap.mkv", frames), TrackOptions(period_s=1.0), None, passed)
     assert track.t_sync_s == pytest.approx(3.55, abs=0.02)
@@ -234,7 +234,7 @@ def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s, abs=0.05)
 
 
-def test_film_that_was_cut_off_tells_what_is_left(reel: list[Frame], tmp_path: Path) -> None:
+def test_film_that_was_cut_off_is_tracked_to_its_end(reel: list[Frame], tmp_path: Path) -> None:
     path = tmp_path / "cut.mkv"
     save_stamped(path, reel)
     track = track_film(str(cut_off(path, 0.8)), TrackOptions(period_s=1.0), None, passed)
@@ -275,7 +275,7 @@ def test_snapshot_of_a_swarm_that_never_synchronises_is_the_last_frame(tmp_path:
 
 
 def breaking(error: type[BaseException], after: int) -> Callable[[Iterable[Frame], float | None], Iterator[Frame]]:
-    """Return what passes so many frames on, and raises an error then."""
+    """Return a progress wrapper that yields some frames and then raises an error."""
 
     def progress(frames: Iterable[Frame], _: float | None) -> Iterator[Frame]:
         yield from itertools.islice(frames, after)
@@ -302,17 +302,17 @@ def test_annotation_says_what_the_track_says(
     named: str, tmp_path: Path, threshold_ms: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     track = track_film(named, TrackOptions(threshold_ms=threshold_ms), None, passed)
-    told: list[TrackedFrame] = []
+    annotated: list[TrackedFrame] = []
 
     def annotate(annotator: Annotator, *tracked: Any) -> Any:
-        told.append(TrackedFrame(*tracked))
+        annotated.append(TrackedFrame(*tracked))
         return np.zeros((annotator.height_px, annotator.width_px, 3), np.uint8)
 
     monkeypatch.setattr(Annotator, "annotate", annotate)
     annotate_film(track, tmp_path / "annotated.mp4", passed)
-    assert told[-1].t_sync_s == track.t_sync_s
-    assert [tracked.evaluation for tracked in told if tracked.evaluation] == list(track.evaluations)
-    assert [len(tracked.rings) for tracked in told] == track.counts.tolist()
+    assert annotated[-1].t_sync_s == track.t_sync_s
+    assert [tracked.evaluation for tracked in annotated if tracked.evaluation] == list(track.evaluations)
+    assert [len(tracked.rings) for tracked in annotated] == track.counts.tolist()
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, FilmError])
@@ -373,7 +373,7 @@ def test_nothing_is_written_where_nothing_is_wanted(tmp_path: Path, monkeypatch:
 
 
 class Imitation:
-    """A camera that gives so many frames, and then what a user or a cable does."""
+    """A camera that delivers some frames, and then raises an exception."""
 
     name = "camera 7"
     width_px, height_px = SMALL["width_px"], SMALL["height_px"]
@@ -472,7 +472,7 @@ def test_ctrl_c_in_the_dark_is_no_light(plug: Plug) -> None:
         track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, None, None, passed)
 
 
-def test_ctrl_c_before_a_ring_told_the_camera_leaves_nothing(plug: Plug, tmp_path: Path) -> None:
+def test_ctrl_c_before_the_calibration_leaves_nothing(plug: Plug, tmp_path: Path) -> None:
     camera = plug(shoot(even(1), np.zeros((30, 6), bool)))
     with pytest.raises(KeyboardInterrupt):
         track_camera(7, TrackOptions(), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
@@ -480,7 +480,7 @@ def test_ctrl_c_before_a_ring_told_the_camera_leaves_nothing(plug: Plug, tmp_pat
     assert not list(tmp_path.iterdir())
 
 
-def test_camera_that_is_unplugged_tells_what_it_saw(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
+def test_camera_that_is_unplugged_is_tracked_until_then(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
     camera = plug(reel[:70], FilmError("camera 7 delivers no more pictures"))
     track = track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", None, passed)
     assert track.warnings == ("camera 7 delivers no more pictures",)
