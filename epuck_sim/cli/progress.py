@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.status import Status
 
-from epuck_sim.overhead.film.frame import Passing, Timed
+from epuck_sim.overhead.film.frame import ProgressWrapper, Timed
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.observer import TrialState
 
@@ -138,7 +138,7 @@ def in_words(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def progress_bar(doing: str) -> Passing:
+def progress_bar(doing: str) -> ProgressWrapper:
     """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
 
     def show(timed: Iterable[Timed], duration_s: float | None) -> Iterator[Timed]:

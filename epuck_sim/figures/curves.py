@@ -63,7 +63,6 @@ def draw_curves(
         curves: The curves, at least one.
         extrema: Minimum and peak of each curve, or None.
         split_by: Dotted key of the axis that has a panel for each of its values; one panel by default.
-
     """
     distinguishing = distinguishing_axes([curve.axes for curve in curves])
     heads = [format_axis_values({split_by: curve.axes[split_by]}) if split_by else "" for curve in curves]

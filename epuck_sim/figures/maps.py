@@ -94,7 +94,6 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
 
     Raises:
         EpuckSimError: There are more maps than panels of a figure.
-
     """
     titles = distinguishing_labels([each.axes for each in maps])
     size = (5.2, 3.8) if len(maps) == 1 else (2.9, 2.5)

@@ -44,7 +44,6 @@ def parse_target(path: Path) -> Target:
 
     Raises:
         EpuckSimError: The path ends in a file type that pictures cannot have.
-
     """
     if path.suffix.lower() in SAVE_OPTIONS:
         return Target(path.with_suffix(""), (path.suffix,))
@@ -69,7 +68,6 @@ def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str,
 
     Raises:
         EpuckSimError: One of the files cannot be written; then none is.
-
     """
     pictures = _check_files(target.stem, target.formats)
     files = _check_files(target.stem, tables)

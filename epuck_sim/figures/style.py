@@ -37,7 +37,6 @@ def make_panels(
 
     Raises:
         EpuckSimError: There are more than `MAX_PANELS` titles.
-
     """
     count = len(titles)
     if count > MAX_PANELS:

@@ -63,7 +63,6 @@ def read_violins(points: Sequence[PointTrials], axis: str, censored_at: int | No
         points: Points of a sweep.
         axis: Dotted key of the horizontal axis.
         censored_at: Cycle at which the estimate takes trials to be censored; by default, where they are.
-
     """
     return [_violins(group, axis, others, censored_at) for others, group in group_by_other_axes(points, axis)]
 
@@ -113,7 +112,6 @@ def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: 
 
     Raises:
         EpuckSimError: There are more groups than panels of a figure.
-
     """
     titles = distinguishing_labels([each.axes for each in groups])
     size = (6.2, 3.8) if len(groups) == 1 else (3.6, 2.7)

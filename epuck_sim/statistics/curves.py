@@ -48,7 +48,6 @@ def choose_axis(points: Sequence[PointTrials], requested: str | None = None, ori
 
     Raises:
         EpuckSimError: The requested axis, or every axis, is without numbers.
-
     """
     numbers = _numeric_axes(points)
     if requested is not None:
@@ -69,7 +68,6 @@ def choose_second_axis(points: Sequence[PointTrials], x: str, requested: str | N
 
     Raises:
         EpuckSimError: There is no such axis, there are several to choose from, or it is tied one-to-one to `x`.
-
     """
     numbers = _numeric_axes(points)
     others: list[str] = []
@@ -115,7 +113,6 @@ def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple
 
     Returns:
         For each group, the values of the other axes, and its points.
-
     """
     others = [key for key in points[0].axes if not any(key == x or _is_tied_to(key, x, points) for x in axes)]
     groups: dict[str, list[PointTrials]] = {}

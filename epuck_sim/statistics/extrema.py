@@ -83,7 +83,6 @@ def smooth_curve(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -
 
     Returns:
         The smoothed curve, or None if fewer than six speeds are determined.
-
     """
     fit = _fit(speeds, means, resampled)
     if fit is None:
@@ -105,7 +104,6 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
 
     Returns:
         The pair, with NaN where there is none, or None if fewer than six speeds are determined.
-
     """
     fit = _fit(speeds, means, resampled)
     if fit is None:
@@ -176,7 +174,6 @@ def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, Fl
 
     Returns:
         (B, 4) v_m, t_m, v_p, t_p, NaN where there is no pair, and (B,) the strengths of these, 0 where there is none.
-
     """
     rising = np.diff(logs, axis=1) >= 0
     inner = logs[:, 1:-1]

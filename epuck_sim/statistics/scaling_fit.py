@@ -52,7 +52,6 @@ def fit_curves(folder: Path) -> list[FittedCurve]:
     Raises:
         StoreError: The folder is not a run folder.
         EpuckSimError: None of its axes is a speed.
-
     """
     points = read_points(folder)
     try:

@@ -108,7 +108,6 @@ def fit_power_law(
 
     Raises:
         ValueError: The curves do not determine the exponents: they are too few, or parameters vary together.
-
     """
     known, values, resampled = _without_gaps(values, resampled)
     varying = {name: array[known] for name, array in parameters.items() if np.ptp(array[known]) > 0}
@@ -134,7 +133,6 @@ def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatA
 
     Raises:
         ValueError: The curves do not determine A and K.
-
     """
     known, values, resampled = _without_gaps(values, resampled)
     size, robots, period = (parameters[name][known] for name in ("L", "N", "tau"))
@@ -159,7 +157,6 @@ def compare_laws(parameters: Parameters, extrema: Sequence[SpeedExtrema | None])
 
     Raises:
         ValueError: No curve has a minimum and a peak, or the curves do not determine the exponents.
-
     """
     found = [(number, each) for number, each in enumerate(extrema) if each is not None and each.is_found]
     if not found:

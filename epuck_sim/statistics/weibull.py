@@ -51,7 +51,6 @@ def fit_weibull(times: npt.ArrayLike, observed: npt.ArrayLike) -> Weibull | None
 
     Returns:
         The distribution, or None where none fits.
-
     """
     lines = local_fits(make_curve(make_sample(times, observed)))
     if not len(lines):
@@ -113,7 +112,6 @@ def fit_lines(
 
     Returns:
         (B, 2) the lines with the least squares, and (B,) these squares; NaN and inf where no fit converges.
-
     """
     lines, least = np.full((len(starts), 2), np.nan), np.full(len(starts), math.inf)
     # Two parameters need two points. With only one above R = 0, the steeper a line through it, the better it fits. With
