@@ -14,7 +14,8 @@ from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.style import output_paths, save_drawing
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Population, population_of
+from epuck_sim.recording.parts import population_of
+from epuck_sim.recording.population import Population
 from epuck_sim.recording.reader import Recorded
 
 MANY = 5_000

@@ -160,7 +160,7 @@ def trial(request, tmp_path_factory) -> Trial:
     scenario = load(request.param)
     path = tmp_path_factory.mktemp("recording") / "t.rrd"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorder, "WINDOW_ROWS", 173)
+        patch.setattr(recorder, "BUFFER_ROWS", 173)
         result = recorded(path, scenario)
     return Trial(scenario, path, read_recording(path), *watched(scenario), result)
 
@@ -288,7 +288,7 @@ def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
         waits, expected = {*each.event.heard.tolist()}, []
         for agent in each.event.fired.tolist():
             heard = hearers(trial.scenario, each.positions, headings[each.time_ns], agent)
-            for other in heard if trial.scenario.agents.count < pulses.MANY else heard & waits:
+            for other in heard if trial.scenario.agents.count < pulses.SHIFTS_ONLY else heard & waits:
                 way = each.positions[other] - each.positions[agent]
                 if trial.scenario.space.boundary == "cyclic":
                     way -= side_cm * np.round(way / side_cm)
@@ -354,8 +354,8 @@ def test_each_level_holds_what_it_should_and_no_more(tmp_path, name: str, level:
 
 
 @pytest.mark.parametrize("level", Level)
-@pytest.mark.parametrize("bound", [{"WINDOW_ROWS": 1}, {"WINDOW_ROWS": 1000}, {"WINDOW_S": 0.7}])
-def test_windows_make_no_difference(tmp_path, monkeypatch, level: Level, bound: Mapping[str, float]) -> None:
+@pytest.mark.parametrize("bound", [{"BUFFER_ROWS": 1}, {"BUFFER_ROWS": 1000}, {"BUFFER_S": 0.7}])
+def test_buffer_sizes_make_no_difference(tmp_path, monkeypatch, level: Level, bound: Mapping[str, float]) -> None:
     scenario = load("cyclic")
     recorded(tmp_path / "whole.rrd", scenario, level=level)
     for name, value in bound.items():
@@ -390,7 +390,7 @@ def test_recorded_again_it_is_the_same(tmp_path) -> None:
     ("more", "said"),
     [
         ({"sweep": {"grid": {"agents.count": [2, 3]}}}, "thesis: is a sweep; "),
-        ({"clocks": {"period_s": 1e-7}, "agents": {}}, "thesis: clocks.period_s is 1e-07; recordings"),
+        ({"clocks": {"period_s": 1e-7}, "agents": {}}, "thesis: clocks.period_s is 1e-07, which is too short"),
     ],
 )
 def test_what_cannot_be_recorded_is_refused_in_words(tmp_path, more: Mapping[str, Any], said: str) -> None:
