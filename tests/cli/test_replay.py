@@ -33,6 +33,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, called, contents, refused
+from tests.recording.viewers import heed_signals
 from tests.sweep.short_sweeps import COMMAND, wait_until
 
 SWEEP = """
@@ -637,6 +638,7 @@ def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path,
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        preexec_fn=heed_signals,  # noqa: PLW1509 a background job of a shell ignores Ctrl-C
     )
     try:
         wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)

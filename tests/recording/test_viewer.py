@@ -44,6 +44,8 @@ from tests.recording.viewers import (
     alike,
     answer,
     discs,
+    heed_signals,
+    ignore_signals,
     listening,
     nothing_left,
     pixels,
@@ -466,18 +468,6 @@ class Serving(NamedTuple):
 
     process: subprocess.Popen[str]
     address: str
-
-
-def ignore_signals() -> None:
-    """Do to a child process what a shell does to a background job, and more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-
-
-def heed_signals() -> None:
-    """Do to a child process what a terminal does, also if the tests run in the background."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager

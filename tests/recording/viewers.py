@@ -1,4 +1,4 @@
-"""Viewers for tests: what is drawn in a picture, who listens, and programs that stand in for rerun's."""
+"""Viewers for tests: what is drawn in a picture, open ports, programs that stand in for rerun's, and signals."""
 
 import json
 import os
@@ -57,6 +57,18 @@ def nothing_left(mark: Path) -> Iterator[None]:
             for left in processes_marked(str(mark)):
                 with suppress(ProcessLookupError):
                     os.kill(left, signal.SIGKILL)
+
+
+def ignore_signals() -> None:
+    """Do to a child process what a shell does to a background job, and more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+
+def heed_signals() -> None:
+    """Do to a child process what a terminal does, also if the tests run in the background."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def pixels(png: Path | BytesIO) -> FloatArray:
