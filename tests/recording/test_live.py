@@ -204,7 +204,7 @@ def paced(monkeypatch) -> Paced:
 
 
 def show_steps(clock: Clock, speed: float, took_s: list[float]) -> float:
-    """Show steps of 0.1 s each of which takes so long to simulate, and return when the first could be shown."""
+    """Show steps of 0.1 s, given the time that each takes to simulate; return when the first could be shown."""
     with (
         live_viewer(free_port(), ignore) as (browsers, intake),
         live(browsers, intake, SCENARIO, 0, Level.FULL, speed) as look,

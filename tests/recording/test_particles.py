@@ -1,4 +1,4 @@
-"""A recording of point-like agents holds what a twin does whom nobody records; it is read, drawn and shown so."""
+"""A recording of point-like agents holds what an unrecorded twin does, and is read, drawn and shown correctly."""
 
 import math
 from collections.abc import Mapping
@@ -97,8 +97,8 @@ def load(name: str, **more: Any) -> ParticleScenario:
 
 
 def recorded(path: Path, scenario: ParticleScenario, seed: int = 4, level: Level = Level.FULL) -> TrialResult:
-    with record(path, scenario, seed, level) as onlooker:
-        return run_trial(ParticleSimulation(scenario, seed), [onlooker])
+    with record(path, scenario, seed, level) as observer:
+        return run_trial(ParticleSimulation(scenario, seed), [observer])
 
 
 class Seen(NamedTuple):
@@ -254,11 +254,11 @@ def test_rerun_finds_no_fault(trial: Trial) -> None:
     run_rerun("rrd", "verify", str(trial.path))
 
 
-# --- who hears whom ---------------------------------------------------------------------------------
+# --- pulse links ------------------------------------------------------------------------------------
 
 
 def hearers(scenario: ParticleScenario, positions: FloatArray, headings: FloatArray, agent: int) -> set[int]:
-    """Return who hears an agent, found slowly."""
+    """Return the agents that receive an agent's pulse, found slowly."""
     rule, away = scenario.neighbourhood, positions - positions[agent]
     if scenario.space.boundary == "cyclic":
         away -= scenario.space.side_cm * np.round(away / scenario.space.side_cm)

@@ -37,7 +37,7 @@ OF_POSES = ("phase_ms", "positions", "headings", "ring_on")
 
 
 class Watched:
-    """An onlooker that copies what it is shown."""
+    """An observer that copies what it is shown."""
 
     def __init__(self) -> None:
         self.time_s: list[float] = []
@@ -69,8 +69,8 @@ class Watched:
 
 
 def recorded(path: Path, scenario: Scenario = THESIS, seed: int = 1, level: Level = Level.FULL) -> TrialResult:
-    with record(path, scenario, seed, level) as onlooker:
-        return run_trial(Simulation(scenario, seed), [onlooker])
+    with record(path, scenario, seed, level) as observer:
+        return run_trial(Simulation(scenario, seed), [observer])
 
 
 class Trial(NamedTuple):

@@ -75,7 +75,7 @@ SOURCES = {"mixed": MIXED, "dazzled": DAZZLED}
 
 
 class Watched:
-    """An onlooker that copies what it is shown."""
+    """An observer that copies what it is shown."""
 
     def __init__(self) -> None:
         self._fields: dict[str, list[Array]] = {field: [] for field in FIELDS}
@@ -162,8 +162,8 @@ def towards(angles: Array) -> Array:
 def recorded(
     path: Path, scenario: EmbodiedScenario, seed: int = 1, level: Level = Level.FULL, *others: Watched
 ) -> TrialResult:
-    with record(path, scenario, seed, level) as onlooker:
-        return run_trial(Simulation(scenario, seed), [onlooker, *others])
+    with record(path, scenario, seed, level) as observer:
+        return run_trial(Simulation(scenario, seed), [observer, *others])
 
 
 def load(source: str | Mapping[str, Any], seconds: float = 30) -> EmbodiedScenario:
@@ -529,8 +529,8 @@ def test_a_recording_says_how_it_ended(of_level: tuple[Level, Path, TrialResult]
 
 def test_the_outcome_is_that_of_synchrony_however_long_the_trial_goes_on(tmp_path) -> None:
     path, scenario = tmp_path / "trial.rrd", load_scenario("thesis", ["stop.further_cycles=2"])
-    with record(path, scenario, 2, Level.SUMMARY) as onlooker:
-        result = run_trial(Simulation(scenario, 2), [onlooker])
+    with record(path, scenario, 2, Level.SUMMARY) as observer:
+        result = run_trial(Simulation(scenario, 2), [observer])
     found = Found(path)
     assert found.property("outcome") == {"cycles": result.t_sync_cycles, "synchronised": True}
     assert len(found.times("/order/firings")) == result.t_sync_cycles + 2

@@ -28,12 +28,12 @@ from epuck_sim.trial.synchrony import SynchronyWatch
 SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])
 
 WAIT_S = 30
-"""So long a machine under load may take to do what takes milliseconds."""
+"""Time in seconds within which a machine under load must do what takes milliseconds."""
 
 
 def recorded(path: Path, *others: Observer) -> None:
-    with record(path, SCENARIO, 1) as onlooker:
-        run_trial(Simulation(SCENARIO, 1), [onlooker, *others])
+    with record(path, SCENARIO, 1) as observer:
+        run_trial(Simulation(SCENARIO, 1), [observer, *others])
 
 
 def is_whole(path: Path) -> bool:
@@ -154,7 +154,7 @@ def test_what_lies_beside_it_stays(tmp_path) -> None:
 
 @contextmanager
 def room_for(largest: int) -> Iterator[None]:
-    """Have no file grow beyond so many bytes; rerun, too, is told so where it writes."""
+    """Limit the size of files that this process, and rerun within it, can write."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
     try:
@@ -244,8 +244,8 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial.model import run_trial
 recorder.BUFFER_ROWS = 730
 scenario = load_scenario("thesis", ["stop.order_parameter=1", "stop.max_cycles=1000000"])
-with recorder.record(Path(sys.argv[1]), scenario, 1) as onlooker:
-    run_trial(Simulation(scenario, 1), [onlooker])
+with recorder.record(Path(sys.argv[1]), scenario, 1) as observer:
+    run_trial(Simulation(scenario, 1), [observer])
 """
 
 
@@ -282,8 +282,8 @@ def used():
 
 def run(trial):
     scenario = load_scenario("thesis", ["stop.max_time_s=5"])
-    with record(Path(sys.argv[1]) / f"{trial}.rrd", scenario, trial, list(Level)[trial % 3]) as onlooker:
-        run_trial(Simulation(scenario, trial), [onlooker])
+    with record(Path(sys.argv[1]) / f"{trial}.rrd", scenario, trial, list(Level)[trial % 3]) as observer:
+        run_trial(Simulation(scenario, trial), [observer])
 
 for trial in range(6):
     run(trial)

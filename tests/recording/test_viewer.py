@@ -105,7 +105,7 @@ def marks(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
 
 
 def rows_of(spots: FloatArray, rows: int) -> IntArray:
-    """Return how many spots are in each of so many rows, from the lowest to the highest."""
+    """Return the number of spots in each row, from the lowest to the highest."""
     y = spots[:, 1]
     row = (rows - 1) * (y.max() - y) / np.ptp(y)
     assert abs(row - row.round()).max() < 0.2
