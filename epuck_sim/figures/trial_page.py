@@ -12,7 +12,8 @@ from matplotlib.ticker import MaxNLocator
 from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Population, population_of
+from epuck_sim.recording.parts import population_of
+from epuck_sim.recording.population import Population
 from epuck_sim.recording.reader import Recorded
 
 MAX_VECTOR_MARKS = 5_000

@@ -10,7 +10,18 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from epuck_sim.runs.database import DATABASE, ENTER_POINT, RESULT, as_column, check_database, create_database, quoted, reading, sqlite_errors, writing
+from epuck_sim.runs.database import (
+    DATABASE,
+    ENTER_POINT,
+    RESULT,
+    as_column,
+    check_database,
+    create_database,
+    quoted,
+    reading,
+    sqlite_errors,
+    writing,
+)
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.runs.compatibility import StoredPoint, stored_point, check_same_sweep
 from epuck_sim.runs.run_lock import acquire
