@@ -1,6 +1,6 @@
 """What `epuck-sim run` does: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.executors import dask_pool, local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
+from epuck_sim.trial.observer import Observer
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import format_versions, versions
 from epuck_sim.util.seeds import trial_seed
@@ -68,15 +69,27 @@ def _run(origin: str, scenario: Scenario, seeds: Iterable[int], trials: int, opt
                 for trial, seed in enumerate(seeds):
                     with ExitStack() as stack:
                         observers = [stack.enter_context(factory(trial, seed)) for factory in factories]
-                        simulation = simulate(scenario, seed, interpret=options.interpret)
-                        progress.begin(trial)
-                        results.append(run_trial(simulation, observers, progress))
+                        results.append(_run_trial(scenario, seed, trial, options, observers, progress))
                         if options.as_json:
                             print_trial_json(results[-1])
         finally:
             if not options.as_json:
                 print_trials(results)
     return results
+
+
+def _run_trial(
+    scenario: Scenario,
+    seed: int,
+    trial: int,
+    options: RunOptions,
+    observers: Sequence[Observer],
+    progress: TrialProgress,
+) -> TrialResult:
+    """Run one trial; its simulation is gone when this returns, as Ctrl-C may be lost while pymunk frees a space."""
+    simulation = simulate(scenario, seed, interpret=options.interpret)
+    progress.begin(trial)
+    return run_trial(simulation, observers, progress)
 
 
 def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOptions) -> None:
