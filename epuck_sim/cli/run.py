@@ -21,7 +21,7 @@ from epuck_sim.sweep.executors import dask_pool, local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import in_text, versions
+from epuck_sim.util.provenance import format_versions, versions
 from epuck_sim.util.seeds import trial_seed
 
 
@@ -55,7 +55,7 @@ def record_again(folder: Path, point: int, trial: int, output: RunOptions) -> No
         made = "; ".join(read_status(folder).versions)
         print_stderr(
             f"note: this is not the trial that is stored, which lasted {stored[0]} cycles; its controller or the "
-            f"versions may have changed: the folder was made by {made}, this is {in_text(versions())}"
+            f"versions may have changed: the folder was made by {made}, this is {format_versions(versions())}"
         )
 
 
@@ -106,7 +106,7 @@ def run_into(
 def _tell_of_other_versions(folder: Path) -> None:
     if not (folder / DATABASE).exists():
         return
-    now = in_text(versions())
+    now = format_versions(versions())
     for made, count in read_status(folder).versions.items():
         if not made.startswith(f"{now}, "):
             print_stderr(f"note: {count} trials were made by {made}; this is {now}: last digits may differ")

@@ -21,7 +21,7 @@ from epuck_sim.recording.rrd_file import ENDING
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.util.provenance import in_text
+from epuck_sim.util.provenance import format_versions
 
 SERIES = (time_series.ORDER_AT_STEPS, time_series.ORDER_AT_FIRINGS, time_series.FLASHES, time_series.PHASES)
 
@@ -95,7 +95,7 @@ def read_recording(path: Path) -> Recorded:
 
 def _check_format(path: Path, trial: dict[str, Any]) -> None:
     if trial.get("format") != FORMAT:
-        made_by = in_text(json.loads(trial.get("versions", "{}"))) or "an unknown version"
+        made_by = format_versions(json.loads(trial.get("versions", "{}"))) or "an unknown version"
         raise RecordingError(
             f"{path}: is a recording of format {trial.get('format', 'unknown')}, made by {made_by}; this version of "
             f"epuck-sim reads format {FORMAT}"

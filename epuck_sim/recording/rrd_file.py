@@ -1,7 +1,5 @@
 """A recording's file, which appears under its name only when it is whole."""
 
-import shutil
-import tempfile
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -13,7 +11,7 @@ from rerun.chunk import Chunk, LazyChunkStream
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import APPLICATION
 from epuck_sim.recording.viewer.process import run_rerun
-from epuck_sim.util.atomic_write import check_target, write_error
+from epuck_sim.util.atomic_write import check_target, temporary_path, write_errors
 
 ENDING = ".rrd"
 
@@ -30,11 +28,10 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
     """
     check_recording_target(path)
     path = path.resolve()
-    with _blaming(path):
-        folder = Path(tempfile.mkdtemp(dir=path.parent, prefix=f"{path.name}.", suffix=".part"))
-    layout_part, data_part, whole = (folder / name for name in ("layout.rbl", "data.rrd", "whole.rrd"))
-    try:
+    with temporary_path(path) as folder:
+        layout_part, data_part, whole = (folder / name for name in ("layout.rbl", "data.rrd", "whole.rrd"))
         with _blaming(path):
+            folder.mkdir()
             layout_part.write_bytes(layout)
         writer = ChunkWriter(data_part, recording_id, path)
         try:
@@ -45,17 +42,14 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
         with _blaming(path):
             run_rerun("rrd", "route", str(layout_part), str(data_part), "-o", str(whole))
             whole.replace(path)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 @contextmanager
 def _blaming(path: Path) -> Iterator[None]:
     """Have what goes wrong be told of the file that is to be."""
     try:
-        yield
-    except OSError as error:
-        raise write_error(path, error) from error
+        with write_errors(path):
+            yield
     except RecordingError as error:
         raise RecordingError(f"{path}: cannot be written: {error}") from error
 

@@ -55,7 +55,6 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
     with sqlite_errors(path), atomic_write(path) as part:
-        part.unlink(missing_ok=True)  # what a killed run may have left
         with closing(sqlite3.connect(part)) as connection:
             connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
             connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")

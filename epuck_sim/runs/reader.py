@@ -12,7 +12,7 @@ from epuck_sim.runs.database import DATABASE, reading
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.scenario.validation import validate
-from epuck_sim.util.provenance import PROVENANCE, in_text
+from epuck_sim.util.provenance import PROVENANCE, format_versions
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.arrays import BoolArray, FloatArray
 
@@ -116,7 +116,7 @@ def read_status(folder: Path) -> Status:
             "ORDER BY number, trial"
         ).fetchall()
         made = connection.execute(f"SELECT {columns}, count(*) FROM trials GROUP BY {columns}").fetchall()
-    versions = {in_text(dict(zip(PROVENANCE, row, strict=True))): count for *row, count in made}
+    versions = {format_versions(dict(zip(PROVENANCE, row, strict=True))): count for *row, count in made}
     return Status(
         scenario=json.loads(scenario)["name"],
         points=points,

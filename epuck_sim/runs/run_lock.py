@@ -9,13 +9,12 @@ from typing import IO
 
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.errors import StoreError
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.util.atomic_write import is_leftover
 from epuck_sim.util.provenance import host
 
 LOCK = ".lock"
 """In a run folder; names the process that holds it."""
-
-LEFTOVERS = {LOCK, f"{DATABASE}.part"}
-"""What a command that was killed at once may have left in a new folder."""
 
 
 def acquire(folder: Path) -> IO[str]:
@@ -26,7 +25,8 @@ def acquire(folder: Path) -> IO[str]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if not (folder / DATABASE).exists():
-            foreign = sorted(path.name for path in folder.iterdir() if path.name not in LEFTOVERS)
+            names = sorted(path.name for path in folder.iterdir())
+            foreign = [name for name in names if name != LOCK and not is_leftover(name, DATABASE)]
             if foreign:
                 raise StoreError(
                     f"{folder}: is no run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
@@ -41,6 +41,9 @@ def acquire(folder: Path) -> IO[str]:
         holder = lock.read() or "another process"
         lock.close()
         raise StoreError(f"{folder}: {holder} is at work on it; wait until it ends, or stop it") from error
+    for path in folder.iterdir():
+        if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):
+            path.unlink()  # nobody else writes here: a killed command has left it
     lock.truncate(0)
     lock.write(f"process {os.getpid()} on {host()}")
     lock.flush()

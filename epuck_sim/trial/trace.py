@@ -5,6 +5,7 @@ appears under its name only when it is whole; its metadata holds the scenario, t
 """
 
 import json
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -19,7 +20,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
 from epuck_sim.trial.synchrony import SynchronyWatch
-from epuck_sim.util.atomic_write import check_target, write_error
+from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
 
 CHUNK_ROWS = 20_000
@@ -36,8 +37,7 @@ class Trace:
     def __init__(self, path: Path, scenario: EmbodiedScenario, seed: int) -> None:
         """Open the file; nothing of a trial needs to exist yet."""
         check_target(path)
-        self._path = path = path.resolve()
-        self._part = path.with_name(f"{path.name}.part")
+        self._path = path.resolve()
         self._robots = scenario.robot_count
         self._pixels = scenario.camera_pixels
         schema = _schema(self._pixels)
@@ -56,13 +56,11 @@ class Trace:
             "versions": json.dumps(versions()),
         }
         self._schema = schema.with_metadata(metadata)
-        try:
-            self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
-        except BaseException as error:  # Ctrl-C, too, must leave nothing half-written
-            self._part.unlink(missing_ok=True)
-            if isinstance(error, OSError):
-                raise write_error(path, error) from error
-            raise
+        with ExitStack() as stack:
+            self._part = stack.enter_context(temporary_path(self._path))
+            with write_errors(path):
+                self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
+            self._file = stack.pop_all()
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Take note of a step."""
@@ -96,16 +94,12 @@ class Trace:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        try:
+        with self._file, write_errors(self._path):
             if kind is None and self._filled:
                 self._write()
             self._writer.close()
             if kind is None:
-                self._part.replace(self._path)
-        except OSError as problem:
-            raise write_error(self._path, problem) from problem
-        finally:
-            self._part.unlink(missing_ok=True)
+                publish(self._part, self._path)
 
 
 def _schema(pixels: int) -> Any:

@@ -1,4 +1,4 @@
-"""Helpers without knowledge of robots: files, compilation, random numbers, messages, versions.
+"""Helpers without knowledge of robots: output files, compilation, random numbers, messages, versions.
 
 May import: errors, arrays, geometry, epuck, arena.
 """

@@ -1,36 +1,91 @@
-"""Files that appear under their names only when they are whole."""
+"""Writing files that appear under their names only when they are whole."""
 
 import os
+import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from epuck_sim.errors import EpuckSimError
 
+_unfinished: set[Path] = set()
+
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """Yield the path of a file to write, which takes the name `path` when the block ends without an error.
+    """Yield the path of a temporary file to write, which takes the name `path` when the block ends without an error.
 
-    Raises EpuckSimError where it cannot be written; nothing is left behind then.
+    The temporary file lies in the same folder and has a name of its own, so that neither a user's file nor another
+    writer of `path` is touched. It is removed on every error, Ctrl-C included.
+
+    Raises:
+        EpuckSimError: The file cannot be written.
     """
     check_target(path)
-    part = path.with_name(f"{path.name}.part")
+    with write_errors(path), temporary_path(path) as part:
+        yield part
+        publish(part, path)
+
+
+@contextmanager
+def temporary_path(path: Path) -> Iterator[Path]:
+    """Yield an unused name beside `path`, FILE.*.part; the file or folder of that name is removed when the block ends.
+
+    The caller creates it, with the permissions that the user's umask gives to new files.
+    """
+    part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    _unfinished.add(part)
     try:
         yield part
-        part.replace(path)
-    except OSError as error:
-        raise write_error(path, error) from error
     finally:
+        _remove(part)
+        _unfinished.discard(part)
+
+
+def publish(part: Path, path: Path) -> None:
+    """Give the finished file `part` the name `path`.
+
+    Raises:
+        EpuckSimError: That is not possible.
+    """
+    with write_errors(path):
+        with part.open("rb") as file:  # its contents reach the disk before its name, should the power fail
+            os.fsync(file.fileno())
+        part.replace(path)
+
+
+def is_leftover(name: str, target: str) -> bool:
+    """Return whether `name` is that of a temporary file for `target`, which a killed process may have left.
+
+    >>> is_leftover("table.csv.0123abcd.part", "table.csv"), is_leftover("table.csv.part", "table.csv")
+    (True, False)
+    """
+    token = name.removeprefix(f"{target}.").removesuffix(".part")
+    return name == f"{target}.{token}.part" and len(token) == 8 and set(token) <= set("0123456789abcdef")
+
+
+def remove_unfinished() -> None:
+    """Remove all temporary files and folders of this process, which is about to end without leaving its blocks."""
+    for part in list(_unfinished):
+        _remove(part)
+
+
+def _remove(part: Path) -> None:
+    if part.is_dir():
+        shutil.rmtree(part, ignore_errors=True)
+    else:
         part.unlink(missing_ok=True)
 
 
 def check_target(path: Path) -> None:
-    """Raise EpuckSimError where nothing can be written: no file's name, no folder for it, or no regular file there."""
-    try:
+    """Check that a file can be written.
+
+    Raises:
+        EpuckSimError: `path` is no file name, its folder is missing or closed to us, or no regular file has this name.
+    """
+    with write_errors(path):  # a name that is too long, say
         reason = _reason_against(path)
-    except OSError as error:  # of a name that is too long, say
-        raise write_error(path, error) from error
     if reason:
         raise EpuckSimError(f"{path}: cannot be written: {reason}")
 
@@ -39,16 +94,20 @@ def _reason_against(path: Path) -> str:
     if path.is_dir():
         return "is a directory"
     if not path.name or path.name == "..":
-        return "is no file's name"
+        return "is not a file name"
     if path.exists() and not path.is_file():
-        return "is no regular file"
+        return "is not a regular file"
     if not path.parent.is_dir():
         return f"there is no directory {path.parent}"
     return "" if os.access(path.parent, os.W_OK) else f"no permission to write in {path.parent}"
 
 
 def trial_paths(path: Path, trials: int) -> list[Path]:
-    """Return a file for each trial: `path`, or FILE-0, FILE-1 and so on; raises as `check_target` does."""
+    """Return a file for each trial: `path` itself for one trial, else FILE-0, FILE-1 and so on.
+
+    Raises:
+        EpuckSimError: One of them cannot be written.
+    """
     check_target(path)
     paths = [path] if trials == 1 else [path.with_stem(f"{path.stem}-{trial}") for trial in range(trials)]
     for target in paths:
@@ -56,7 +115,11 @@ def trial_paths(path: Path, trials: int) -> list[Path]:
     return paths
 
 
-def write_error(path: Path, error: OSError) -> EpuckSimError:
-    """Return the error to raise where `path` could not be written."""
-    reason = os.strerror(error.errno) if error.errno else str(error)
-    return EpuckSimError(f"{path}: cannot be written: {reason}")
+@contextmanager
+def write_errors(path: Path) -> Iterator[None]:
+    """Turn an OSError of the block into an EpuckSimError which says that `path` cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)
+        raise EpuckSimError(f"{path}: cannot be written: {reason}") from error

@@ -1,4 +1,4 @@
-"""The arenas and controllers that come with the package, found by name from any folder."""
+"""The arenas, sweeps and controllers that come with the package, found by name from any folder."""
 
 from pathlib import Path
 
@@ -6,22 +6,18 @@ import epuck_sim
 
 _PACKAGE = Path(epuck_sim.__file__).parent
 
-
 ARENAS, SWEEPS, CONTROLLERS = "arenas", "arenas/sweeps", "controllers"
-"""What is shipped: a folder each."""
+"""The kinds of files that come with the package, each named by its folder."""
 
 _SUFFIX = {ARENAS: ".yaml", SWEEPS: ".yaml", CONTROLLERS: ".py"}
 
 
 def builtin_folder(kind: str) -> Path:
-    """Return the folder of what is shipped of a kind.
-
-    A built wheel carries them inside the package; in a checkout they lie beside it.
-    """
+    """Return the folder of the built-in files of a kind: inside the package if installed, beside it in a checkout."""
     inside = _PACKAGE / kind
     return inside if inside.is_dir() else _PACKAGE.parent / kind
 
 
 def builtin_files(kind: str) -> dict[str, Path]:
-    """Return the files that are shipped of a kind by their names, without suffix."""
+    """Return the built-in files of a kind by their names, which have no suffix."""
     return {path.stem: path for path in sorted(builtin_folder(kind).glob(f"*{_SUFFIX[kind]}"))}

@@ -1,4 +1,4 @@
-"""Which versions made a result, and where, so that anyone can get the same numbers again."""
+"""The versions and the machine that made a result, so that anyone can obtain the same numbers again."""
 
 import platform
 from collections.abc import Mapping
@@ -8,21 +8,26 @@ from importlib.metadata import version
 import epuck_sim
 
 ENGINES = ("pymunk", "numba", "numpy")
+"""Names of the packages whose versions can change a result."""
 
 PROVENANCE = ("epuck_sim", *ENGINES, "python", "host")
-"""What a stored trial says of its making."""
+"""Names of the columns that describe how a stored trial was made."""
 
 
 @lru_cache
 def versions() -> dict[str, str]:
-    """Return the versions of this package, of what computes for it, and of Python."""
+    """Return the versions of this package, of its engines and of Python, by name."""
     engines = {name: version(name) for name in ENGINES}
     return {"epuck_sim": epuck_sim.__version__, **engines, "python": platform.python_version()}
 
 
-def in_text(made_by: Mapping[str, str]) -> str:
-    """Return versions, and the host if it is there, on a line."""
-    return ", ".join(f"{name} {value}" for name, value in made_by.items())
+def format_versions(versions: Mapping[str, str]) -> str:
+    """Return versions, and the host if it is among them, on one line.
+
+    >>> format_versions({"numba": "0.60", "host": "lab"})
+    'numba 0.60, host lab'
+    """
+    return ", ".join(f"{name} {value}" for name, value in versions.items())
 
 
 @lru_cache

@@ -1,8 +1,4 @@
-"""Where chance comes from: one seed for each trial, one stream of random numbers for each robot.
-
-A trial's seed alone decides what happens in it; a robot's stream depends on its number alone, so that the order in
-which robots are served, and what others draw, cannot change what it draws.
-"""
+"""Random numbers in compiled code: each robot draws from a stream of its own (see `epuck_sim.util.seeds`)."""
 
 import numpy as np
 
@@ -12,7 +8,11 @@ from epuck_sim.util.jit import jit_inline
 
 @jit_inline
 def next_word(random: StreamArray) -> np.uint64:
-    """Return 64 random bits and advance the stream `random`, (4,) (xoshiro256++, Blackman and Vigna 2019)."""
+    """Return 64 random bits and advance the stream (xoshiro256++, Blackman and Vigna 2019).
+
+    Args:
+        random: (4,) the state of the stream.
+    """
     total = random[0] + random[3]
     word: np.uint64 = ((total << np.uint64(23)) | (total >> np.uint64(41))) + random[0]
     shifted = random[1] << np.uint64(17)
@@ -27,11 +27,16 @@ def next_word(random: StreamArray) -> np.uint64:
 
 @jit_inline
 def uniform(random: StreamArray) -> float:
-    """Return a random number from [0, 1) from a robot's stream."""
+    """Return a random number from [0, 1) and advance the stream."""
     return (next_word(random) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
 @jit_inline
 def randint(random: StreamArray, limit: int) -> int:
-    """Return a random whole number from 0 to `limit` - 1 from a robot's stream; `limit` up to 2**31."""
+    """Return a random integer from 0 to `limit` - 1 and advance the stream.
+
+    Args:
+        random: (4,) the state of the stream.
+        limit: At most 2**31.
+    """
     return int(uniform(random) * limit)

@@ -1,7 +1,7 @@
-"""Seeds of trials, and the streams of random numbers of robots.
+"""Seeds of trials, and the initial states of robots' streams of random numbers.
 
-A trial's seed alone decides what happens in it; a robot's stream depends on its number alone, so that the order in
-which robots are served, and what others draw, cannot change what it draws.
+A trial's seed alone decides what happens in it. A robot's stream depends on the robot's number alone, so that neither
+the order in which robots are served nor what other robots draw can change its numbers.
 """
 
 import hashlib
@@ -11,14 +11,13 @@ import numpy as np
 from epuck_sim.arrays import StreamArray
 
 SEED_BITS = 53
-"""Derived seeds have this many bits: every JSON reader and spreadsheet gives them back unchanged."""
+"""Number of bits of a derived seed: every JSON reader and spreadsheet keeps such integers unchanged."""
 
 
 def trial_seed(master: int, trial: int) -> int:
-    """Return the seed of trial number `trial` of a run with the seed `master`.
+    """Return the seed of trial number `trial` in a run whose master seed is `master`.
 
-    Trial 0 has the master seed itself, so that a seed printed in a result row, given as `--seed`, makes the same
-    trial again.
+    Trial 0 has the master seed itself: a seed printed in a result row and given as `--seed` makes the same trial again.
 
     >>> trial_seed(7, 0)
     7
@@ -29,7 +28,13 @@ def trial_seed(master: int, trial: int) -> int:
 
 
 def point_seed(master: int, point: str, trial: int) -> int:
-    """Return the seed of trial number `trial` at the point of a sweep that is known as `point`."""
+    """Return the seed of a trial of a sweep.
+
+    Args:
+        master: The sweep's master seed.
+        point: The key of the point, its axis values as text.
+        trial: The number of the trial at this point.
+    """
     digest = hashlib.sha256(point.encode()).digest()
     return _derived(master, (int.from_bytes(digest[:4]), int.from_bytes(digest[4:8]), trial))
 
@@ -40,6 +45,9 @@ def _derived(master: int, spawn_key: tuple[int, ...]) -> int:
 
 
 def robot_streams(sequence: np.random.SeedSequence, robots: int) -> StreamArray:
-    """Return (robots, 4) the states of one stream a robot; further robots leave the others' as they were."""
+    """Return (robots, 4) the initial state of one stream for each robot.
+
+    A larger number of robots leaves the streams of the first ones unchanged.
+    """
     words: StreamArray = sequence.generate_state(4 * robots, np.uint64).astype(np.uint64)
     return words.reshape(robots, 4)

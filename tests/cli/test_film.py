@@ -130,7 +130,7 @@ def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
         ("run pair --film gone/t.mp4", "gone/t.mp4: cannot be written: there is no directory gone"),
         ("run pair --live --film gone/t.mp4", "gone/t.mp4: cannot be written: there is no directory gone"),
         ("run pair --film folder.mp4", "folder.mp4: cannot be written: is a directory"),
-        ("run pair --film pipe.mp4", "pipe.mp4: cannot be written: is no regular file"),
+        ("run pair --film pipe.mp4", "pipe.mp4: cannot be written: is not a regular file"),
         ("run pair --trials 2 --film several.mp4", "several-1.mp4: cannot be written: is a directory"),
         (f"run pair --film {'x' * 300}.mp4", "File name too long"),
         ("run pair --trace same.mp4 --film same.mp4", "--trace and --film name the same file"),

@@ -450,7 +450,7 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         ("run pair --record t", "t: a recording's name must end in .rrd"),
         ("run pair --record .", "cannot be written: is a directory"),
         ("run pair --record folder.rrd", "folder.rrd: cannot be written: is a directory"),
-        ("run pair --record pipe.rrd", "pipe.rrd: cannot be written: is no regular file"),
+        ("run pair --record pipe.rrd", "pipe.rrd: cannot be written: is not a regular file"),
         (f"run pair --record {'x' * 300}.rrd", "File name too long"),
         (f"run pair --record {'x' * 248}.rrd", "File name too long"),
         ("run pair --trials 2 --record several.rrd", "several-1.rrd: cannot be written: is a directory"),

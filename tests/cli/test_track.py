@@ -364,7 +364,7 @@ def test_ctrl_c_leaves_nothing_half_written(here) -> None:
         start_new_session=True,
     )
     try:
-        wait_until(lambda: (here / "r.csv.part").exists() or process.poll() is not None, 120)
+        wait_until(lambda: any(here.glob("r.csv.*.part")) or process.poll() is not None, 120)
         os.killpg(process.pid, signal.SIGINT)
         stdout, stderr = process.communicate(timeout=60)
     finally:

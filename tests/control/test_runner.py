@@ -36,7 +36,7 @@ import numpy as np
 
 import obstacle_avoidance
 import sibling
-from epuck_sim.util.rng import below, uniform
+from epuck_sim.util.rng import randint, uniform
 from oscillator import is_flash, updated
 
 import oscillator
@@ -63,7 +63,7 @@ def limited(speed):
 
 
 def remember(memory, value, random):
-    slot = below(random, SLOTS)
+    slot = randint(random, SLOTS)
     memory.past[slot] = value
     memory.counts[slot % 2, slot % 3] += 1
 

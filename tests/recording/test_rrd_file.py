@@ -55,7 +55,7 @@ def small_windows(monkeypatch) -> None:
     [
         ("gone/t.rrd", "cannot be written: there is no directory"),
         ("folder.rrd", "cannot be written: is a directory"),
-        ("pipe.rrd", "cannot be written: is no regular file"),
+        ("pipe.rrd", "cannot be written: is not a regular file"),
         ("file/t.rrd", "cannot be written: there is no directory"),
         (f"{'long' * 64}.rrd", "cannot be written: File name too long"),
         (f"{'long' * 62}.rrd", "cannot be written: File name too long"),  # with .part

@@ -307,7 +307,7 @@ def test_the_scenario_s_file_is_written_anew_where_it_is_missing_or_changed(tmp_
 
 
 @pytest.mark.parametrize(
-    "left", [{}, {".lock": b""}, {".lock": b"process 1 on x", f"{DATABASE}.part": b"SQLite format"}]
+    "left", [{}, {".lock": b""}, {".lock": b"process 1 on x", f"{DATABASE}.0123abcd.part": b"SQLite format"}]
 )
 def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path, left: dict[str, bytes]) -> None:
     for name, data in left.items():
@@ -320,7 +320,7 @@ def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path
 def test_half_files_that_a_killed_run_left_in_a_run_folder_do_no_harm(tmp_path) -> None:
     fill(tmp_path)
     before = stored(tmp_path)
-    for name in (f"{DATABASE}.part", "scenario.yaml.part"):
+    for name in (f"{DATABASE}.0123abcd.part", "scenario.yaml.0123abcd.part"):
         (tmp_path / name).write_bytes(b"half")
     fill(tmp_path)
     assert stored(tmp_path) == before

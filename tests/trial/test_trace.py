@@ -105,7 +105,7 @@ def test_an_older_trace_stays_until_the_new_one_is_whole(tmp_path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "reason"),
-    [("gone/t.parquet", "there is no directory"), (".", "is a directory"), ("pipe", "is no regular file")],
+    [("gone/t.parquet", "there is no directory"), (".", "is a directory"), ("pipe", "is not a regular file")],
 )
 def test_a_path_that_cannot_be_written_is_refused_before_anything_runs(tmp_path, name: str, reason: str) -> None:
     os.mkfifo(tmp_path / "pipe")

@@ -14,7 +14,7 @@ from av.video.reformatter import ColorRange, Colorspace
 
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.atomic_write import check_target, publish, temporary_path
 
 ENDING = ".mp4"
 
@@ -106,10 +106,12 @@ def film_file(
     if width_px % 2 or height_px % 2:
         raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
     metadata = {"title": title, "comment": json.dumps(description)}
-    with atomic_write(path) as part:
+    check_target(path)
+    with temporary_path(path) as part:
         writer = FilmWriter(path, part, width_px, height_px, metadata)
         try:
             yield writer
             writer.finish()
         finally:
             writer.abandon()
+        publish(part, path)

@@ -1,0 +1,100 @@
+"""Files appear under their names when they are whole, and nothing else in their folder is touched."""
+
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.database import DATABASE
+from epuck_sim.util.atomic_write import atomic_write, is_leftover, remove_unfinished, temporary_path
+
+
+def test_a_file_of_the_user_s_own_that_ends_in_part_stays(tmp_path) -> None:
+    own = tmp_path / "table.csv.part"
+    own.write_text("mine")
+    with atomic_write(tmp_path / "table.csv") as part:
+        part.write_text("new")
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {
+        "table.csv": "new",
+        "table.csv.part": "mine",
+    }
+
+
+def test_two_writers_of_one_file_each_publish_a_whole_one(tmp_path) -> None:
+    target, both = tmp_path / "table.csv", threading.Barrier(2, timeout=60)
+    found = []
+
+    def write(letter: str) -> None:
+        with atomic_write(target) as part, part.open("w") as file:
+            for _ in range(100):
+                both.wait()
+                file.write(letter * 1000)
+        found.append(target.read_text())
+
+    writers = [threading.Thread(target=write, args=(letter,)) for letter in "ab"]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert set(found) <= {"a" * 100_000, "b" * 100_000}
+    assert len(found) == 2
+    assert list(tmp_path.iterdir()) == [target]
+
+
+@pytest.mark.parametrize("error", [ValueError, OSError, KeyboardInterrupt, SystemExit])
+def test_an_error_leaves_the_old_file_and_nothing_else(tmp_path, error: type[BaseException]) -> None:
+    target = tmp_path / "table.csv"
+    target.write_text("old")
+    with pytest.raises(EpuckSimError if error is OSError else error), atomic_write(target) as part:
+        part.write_text("half")
+        raise error
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"table.csv": "old"}
+
+
+def test_a_file_that_nobody_wrote_is_an_error(tmp_path) -> None:
+    with pytest.raises(EpuckSimError, match="table.csv: cannot be written: No such file"):
+        with atomic_write(tmp_path / "table.csv"):
+            pass
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("mask", [0o022, 0o077, 0o002])
+def test_the_file_has_the_permissions_that_the_user_s_umask_gives(tmp_path, mask: int) -> None:
+    before = os.umask(mask)
+    try:
+        with atomic_write(tmp_path / "table.csv") as part:
+            part.write_text("new")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "table.csv").stat().st_mode & 0o777 == 0o666 & ~mask
+
+
+def test_temporary_files_and_folders_can_be_removed_from_outside_their_blocks(tmp_path) -> None:
+    with temporary_path(tmp_path / "a.csv") as file, temporary_path(tmp_path / "b.rrd") as folder:
+        file.write_text("half")
+        folder.mkdir()
+        (folder / "data").write_text("half")
+        remove_unfinished()
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_what_a_killed_process_leaves_is_known_by_its_name(tmp_path) -> None:
+    program = (
+        "import os, sys; from pathlib import Path; from epuck_sim.util.atomic_write import atomic_write\n"
+        "with atomic_write(Path(sys.argv[1])) as part:\n    part.touch()\n    os._exit(9)"
+    )
+    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
+    subprocess.run([sys.executable, "-c", program, tmp_path / DATABASE], env=environment, check=False)
+    (left,) = tmp_path.iterdir()
+    assert is_leftover(left.name, DATABASE)
+
+
+@pytest.mark.parametrize(
+    "name", ["table.csv", "table.csv.part", "table.csv.0123abc.part", "table.csv.0123ABCD.part", "a.csv.0123abcd.part"]
+)
+def test_other_names_are_no_leftovers(name: str) -> None:
+    assert not is_leftover(name, "table.csv")
