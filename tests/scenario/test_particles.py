@@ -75,27 +75,27 @@ REFUSED = [
         {"neighbourhood": {"kind": "nearest", "k": 20}},
         "neighbourhood.k is 20; allowed: 1 to 19, for agents.count is 20",
     ),
-    ({"neighbourhood": {"kind": "nearest", "k": 0}}, "neighbourhood.k: is 0; allowed: greater than or equal to 1"),
-    ({"neighbourhood": {"kind": "nearest", "k": 1.5}}, "neighbourhood.k: is 1.5; allowed: a valid integer"),
-    ({"neighbourhood": {"kind": "range", "radius_cm": 0}}, "neighbourhood.radius_cm: is 0; allowed: greater than 0"),
-    ({"neighbourhood": {"kind": "range", "radius_cm": -3}}, "neighbourhood.radius_cm: is -3; allowed: greater than 0"),
+    ({"neighbourhood": {"kind": "nearest", "k": 0}}, "neighbourhood.k: is 0; allowed: at least 1"),
+    ({"neighbourhood": {"kind": "nearest", "k": 1.5}}, "neighbourhood.k: is 1.5; allowed: a whole number"),
+    ({"neighbourhood": {"kind": "range", "radius_cm": 0}}, "neighbourhood.radius_cm: is 0; allowed: above 0"),
+    ({"neighbourhood": {"kind": "range", "radius_cm": -3}}, "neighbourhood.radius_cm: is -3; allowed: above 0"),
     (
         {"neighbourhood": {"kind": "range", "radius_cm": 2e6}},
-        "neighbourhood.radius_cm: is 2000000.0; allowed: less than",
+        "neighbourhood.radius_cm: is 2000000.0; allowed: at most",
     ),
     ({"neighbourhood": {"kind": "range"}}, "neighbourhood.radius_cm: is missing"),
     ({"neighbourhood": {"kind": "cone_of_vision"}}, "neighbourhood.angle_deg: is missing"),
     (
         {"neighbourhood": {"kind": "cone_of_vision", "angle_deg": 0}},
-        "neighbourhood.angle_deg: is 0; allowed: greater than 0",
+        "neighbourhood.angle_deg: is 0; allowed: above 0",
     ),
     (
         {"neighbourhood": {"kind": "cone_of_emission", "angle_deg": 361}},
-        "neighbourhood.angle_deg: is 361; allowed: less than or equal to 360",
+        "neighbourhood.angle_deg: is 361; allowed: at most 360",
     ),
     (
         {"neighbourhood": {"kind": "cone_of_emission", "angle_deg": 9, "radius_cm": 0}},
-        "neighbourhood.radius_cm: is 0; allowed: greater than 0",
+        "neighbourhood.radius_cm: is 0; allowed: above 0",
     ),
     (
         {"neighbourhood": {"kind": "cone"}},
@@ -107,22 +107,22 @@ REFUSED = [
         {"neighbourhood": {"kind": "range", "radius_cm": 3, "radius": 3}},
         "neighbourhood.radius: unknown 'radius', did you mean 'radius_cm'?",
     ),
-    ({"clocks": {"period_s": -1}}, "clocks.period_s: is -1; allowed: greater than 0"),
-    ({"clocks": {"period_s": 0}}, "clocks.period_s: is 0; allowed: greater than 0"),
-    ({"clocks": {"jitter": 0.3}}, "clocks.jitter: is 0.3; allowed: less than or equal to 0.2"),
-    ({"clocks": {"jitter": -0.1}}, "clocks.jitter: is -0.1; allowed: greater than or equal to 0"),
+    ({"clocks": {"period_s": -1}}, "clocks.period_s: is -1; allowed: above 0"),
+    ({"clocks": {"period_s": 0}}, "clocks.period_s: is 0; allowed: above 0"),
+    ({"clocks": {"jitter": 0.3}}, "clocks.jitter: is 0.3; allowed: at most 0.2"),
+    ({"clocks": {"jitter": -0.1}}, "clocks.jitter: is -0.1; allowed: at least 0"),
     ({"response": {"curve": "sine", "coupling": 1.5}}, "response: coupling is 1.5; allowed: 0 to 1 for the sine curve"),
     ({"response": {"curve": "sawtooth", "coupling": 2}}, "response: coupling is 2; allowed: 0 to 1 for the sawtooth"),
-    ({"response": {"coupling": -1}}, "response.coupling: is -1; allowed: greater than or equal to 0"),
-    ({"response": {"refractory": 0.5}}, "response.refractory: is 0.5; allowed: less than 0.5"),
-    ({"response": {"refractory": -0.1}}, "response.refractory: is -0.1; allowed: greater than or equal to 0"),
+    ({"response": {"coupling": -1}}, "response.coupling: is -1; allowed: at least 0"),
+    ({"response": {"refractory": 0.5}}, "response.refractory: is 0.5; allowed: below 0.5"),
+    ({"response": {"refractory": -0.1}}, "response.refractory: is -0.1; allowed: at least 0"),
     ({"response": {"curve": "cosine"}}, "response.curve: is 'cosine'; allowed: 'multiplicative', 'sawtooth' or 'sine'"),
     ({"response": {"epsilon": 0.1}}, "response.epsilon: unknown 'epsilon'; allowed: curve, coupling, refractory"),
     (
         {"start": {"displacement": 0.001}},
         "start: displacement is 0.001 and phases is 'random'; allowed: 0, or phases: synchronised",
     ),
-    ({"start": {"phases": "synchronised", "displacement": 1}}, "start.displacement: is 1; allowed: less than 1"),
+    ({"start": {"phases": "synchronised", "displacement": 1}}, "start.displacement: is 1; allowed: below 1"),
     ({"start": {"phases": "equal"}}, "start.phases: is 'equal'; allowed: 'random' or 'synchronised'"),
     ({"agents": {"speed_spread": 0.5}}, "agents: speed_distribution 'fixed' takes no speed_spread; leave it out"),
     (
@@ -135,30 +135,30 @@ REFUSED = [
     ),
     (
         {"agents": {"speed_distribution": "normal", "speed_spread": 1.5}},
-        "agents.speed_spread: is 1.5; allowed: less than or equal to 1",
+        "agents.speed_spread: is 1.5; allowed: at most 1",
     ),
     ({"agents": {"speed_cm_s": 100001}}, "agents.speed_cm_s is 100001; allowed: up to 100000, 1000 sides a period"),
     (
         {"agents": {"speed_cm_s": 3e4}, "clocks": {"period_s": 4}},
         "agents.speed_cm_s is 30000; allowed: up to 25000, 1000 sides a period",
     ),
-    ({"agents": {"speed_cm_s": -1}}, "agents.speed_cm_s: is -1; allowed: greater than or equal to 0"),
-    ({"agents": {"count": 0}}, "agents.count: is 0; allowed: greater than or equal to 1"),
+    ({"agents": {"speed_cm_s": -1}}, "agents.speed_cm_s: is -1; allowed: at least 0"),
+    ({"agents": {"count": 0}}, "agents.count: is 0; allowed: at least 1"),
     (
         {"agents": {"reorient_on": ["hearing"]}},
         "agents.reorient_on.0: is 'hearing'; allowed: 'emitting' or 'receiving'",
     ),
     ({"agents": {"reorient_on": "emitting"}}, "agents.reorient_on: is 'emitting'; allowed: a list"),
-    ({"space": {"dimensions": 4}}, "space.dimensions: is 4; allowed: less than or equal to 3"),
-    ({"space": {"dimensions": 0}}, "space.dimensions: is 0; allowed: greater than or equal to 1"),
-    ({"space": {"side_cm": 0}}, "space.side_cm: is 0; allowed: greater than 0"),
+    ({"space": {"dimensions": 4}}, "space.dimensions: is 4; allowed: at most 3"),
+    ({"space": {"dimensions": 0}}, "space.dimensions: is 0; allowed: at least 1"),
+    ({"space": {"side_cm": 0}}, "space.side_cm: is 0; allowed: above 0"),
     ({"space": {"boundary": "torus"}}, "space.boundary: is 'torus'; allowed: 'bounded' or 'cyclic'"),
     ({"space": {"width_cm": 3}}, "space.width_cm: unknown 'width_cm', did you mean 'side_cm'?"),
     ({"stop": {"reference": 20}}, "stop.reference is 20; allowed: 0 to 19"),
-    ({"stop": {"reference": -1}}, "stop.reference: is -1; allowed: greater than or equal to 0"),
-    ({"stop": {"order_parameter": 0}}, "stop.order_parameter: is 0; allowed: greater than 0"),
-    ({"stop": {"order_parameter": 1.1}}, "stop.order_parameter: is 1.1; allowed: less than or equal to 1"),
-    ({"stop": {"max_cycles": 0}}, "stop.max_cycles: is 0; allowed: greater than or equal to 1"),
+    ({"stop": {"reference": -1}}, "stop.reference: is -1; allowed: at least 0"),
+    ({"stop": {"order_parameter": 0}}, "stop.order_parameter: is 0; allowed: above 0"),
+    ({"stop": {"order_parameter": 1.1}}, "stop.order_parameter: is 1.1; allowed: at most 1"),
+    ({"stop": {"max_cycles": 0}}, "stop.max_cycles: is 0; allowed: at least 1"),
 ]
 
 
@@ -197,8 +197,8 @@ def test_a_key_of_particle_scenarios_is_told_where_it_belongs(key):
     assert str(caught.value) == f"scenario: {key}: belongs to model: particles; give that model, or leave it out"
 
 
-def test_a_swarm_is_of_particles_and_of_one_point_of_a_sweep():
-    with pytest.raises(ScenarioError, match="model is 'embodied'; a Swarm is of particles, use Simulation"):
+def test_a_particle_simulation_is_of_particles_and_of_one_point_of_a_sweep():
+    with pytest.raises(ScenarioError, match="model is 'embodied'; a ParticleSimulation needs model: particles"):
         ParticleSimulation({})
     with pytest.raises(ScenarioError, match="is a sweep; simulate one of its points"):
         ParticleSimulation({"model": "particles", "sweep": {"grid": {"agents.speed_cm_s": [1, 2]}}})

@@ -54,11 +54,11 @@ def bomb(depth: int = 12, width: int = 9) -> str:
         ("a: 1\na: 2", "'a' is given twice, again in line 2"),
         ("a: [1, 2", "cannot be read as YAML"),
         ("a: !!python/object:os.system {}", "cannot be read as YAML"),
-        ("a: &a [*a]", "holds itself"),
+        ("a: &a [*a]", "contains itself"),
         ("- 1\n--- \n- 2", "cannot be read as YAML"),
         ("[" * 3000 + "]" * 3000, "nested too deeply"),
         ("a: " + "9" * 5000, "cannot be read"),
-        (bomb(), "unfolds to more than"),
+        (bomb(), "expands to more than"),
     ],
 )
 def test_what_no_scenario_is_gets_refused_at_once(text: str, message: str) -> None:
@@ -84,5 +84,5 @@ def test_files_that_cannot_be_read_are_named(tmp_path) -> None:
         read_yaml(tmp_path)
     path = tmp_path / "latin.yaml"
     path.write_bytes(b"name: caf\xe9")
-    with pytest.raises(ScenarioError, match="is no UTF-8 text"):
+    with pytest.raises(ScenarioError, match="is not UTF-8 text"):
         read_yaml(path)
