@@ -15,12 +15,13 @@ run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
 
 test: lint ## lint, types and all tests but the slow ones
-	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist loadfile
+	$(BIN)/python -m pytest -m "not slow" --ignore=tests/benchmarks --numprocesses auto --maxprocesses 4 --dist worksteal
 
 lint: $(VENV)/test-tools
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
 
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s

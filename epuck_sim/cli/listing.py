@@ -1,13 +1,56 @@
-"""Names and descriptions of what comes with the package, for `epuck-sim list`."""
+"""Names and descriptions of the scenarios, sweeps and controllers that come with the package."""
 
 import ast
+import re
+import sys
+from collections.abc import Mapping
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
 from epuck_sim.scenario.yaml_io import read_yaml
-from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
+
+
+def print_shipped() -> None:
+    """Print the names and descriptions of all that is shipped, each kind under its heading."""
+    shipped = {
+        "scenarios": describe_scenarios(ARENAS),
+        "sweeps": describe_scenarios(SWEEPS),
+        "controllers": describe_controllers(),
+    }
+    for heading, descriptions in shipped.items():
+        print(heading)
+        _print_descriptions(descriptions)
+
+
+def _print_descriptions(descriptions: Mapping[str, str]) -> None:
+    """Print a line for each name; on a terminal, descriptions are wrapped between words."""
+    names = sorted(descriptions, key=natural_order)
+    if not sys.stdout.isatty():
+        for name in names:
+            print(f"  {name:20} {descriptions[name]}")
+        return
+    table = Table.grid(padding=(0, 1))
+    table.add_column(min_width=22, no_wrap=True)
+    table.add_column(overflow="fold")
+    for name in names:
+        table.add_row(Text(f"  {name}"), Text(descriptions[name]))
+    Console().print(table)
+
+
+def natural_order(name: str) -> list[tuple[str, int]]:
+    """Return a key that sorts numbers in names by their values.
+
+    >>> sorted(["fig-5-10", "fig-5-3", "thesis"], key=natural_order)
+    ['fig-5-3', 'fig-5-10', 'thesis']
+    """
+    return [(text, int(digits or 0)) for text, digits in re.findall(r"(\D*)(\d*)", name)]
 
 
 def describe_scenarios(kind: str) -> dict[str, str]:
-    """Return the name and description of each shipped arena or sweep."""
+    """Return the name and description of each shipped scenario of a kind, ARENAS or SWEEPS."""
     return {name: str(read_yaml(path).get("description", "")) for name, path in builtin_files(kind).items()}
 
 

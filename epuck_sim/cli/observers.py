@@ -1,32 +1,32 @@
-"""Who looks on while trials run for the command line: a trace, a recording, a film, a viewer."""
+"""Observers of trials that the command opens: a trace, a recording, a film, a viewer."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from epuck_sim.cli.progress import print_stderr
 from epuck_sim.recording.level import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
-from epuck_sim.trial.trace import Trace
+from epuck_sim.trial.observer import Observer
 from epuck_sim.util.atomic_write import trial_paths
 
-ObserverFactory = Callable[[int, Scenario, int], AbstractContextManager[Callable[[Any, Any], None]]]
-"""Gives an onlooker for a trial's number, scenario and seed, of the kind that the scenario's model has."""
+ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
+"""Opens an observer of a trial, from the trial's number and seed."""
 
 
 class LiveView(NamedTuple):
     """How trials are shown while they run."""
 
     speed: float
-    """Times as fast as real robots."""
+    """Simulated seconds in a second."""
     port: int | None
-    """Of a viewer for browsers; a window is opened if it is None."""
+    """Port of a viewer for browsers; None for a window."""
 
 
 class RunOptions(NamedTuple):
-    """What is shown and kept of trials."""
+    """Options of `epuck-sim run` that leave the outcome of trials as it is."""
 
     as_json: bool = False
     trace: Path | None = None
@@ -34,53 +34,56 @@ class RunOptions(NamedTuple):
     live: LiveView | None = None
     film: Path | None = None
     level: Level = Level.FULL
-    """Of what is recorded, or shown while it runs."""
+    """How much is recorded, or shown while it runs."""
     interpret: bool = False
+    """Whether controllers run as plain Python."""
+    workers: int | None = None
+    """Worker processes of a sweep; all cores if None."""
+    dask: str | None = None
+    """Address of the Dask scheduler that runs a sweep."""
 
 
 @contextmanager
-def open_observers(output: RunOptions, scenarios: Sequence[Scenario]) -> Iterator[list[ObserverFactory]]:
-    """Yield those who are to look on at trials of these scenarios; a viewer stays open until the user closes it.
+def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iterator[list[ObserverFactory]]:
+    """Yield what opens the observers of each trial of a scenario; a viewer stays open until the user closes it.
 
-    Raises EpuckSimError where a file cannot be written, a viewer not be opened, or there is nothing to look at.
+    Raises:
+        EpuckSimError: a file cannot be written, a viewer cannot be opened, or the model has nothing to look at.
+
     """
-    watchers: list[ObserverFactory] = []
-    trials = len(scenarios)
-    if output.trace is not None or output.live is not None or output.film is not None:
-        for scenario in scenarios:
-            require_embodied(scenario)
-    if output.trace is not None:
-        traces = trial_paths(output.trace, trials)
-        watchers.append(lambda trial, scenario, seed: Trace(traces[trial], require_embodied(scenario), seed))
-    if output.record is not None:
-        from epuck_sim.recording.recorder import record
+    factories: list[ObserverFactory] = []
+    if options.trace is not None:
+        from epuck_sim.trial.trace import Trace  # which needs pyarrow
+
+        traced, traces = require_bodies(scenario), trial_paths(options.trace, trials)
+        factories.append(lambda trial, seed: Trace(traces[trial], traced, seed))
+    if options.record is not None:
+        from epuck_sim.recording.recorder import record  # rerun takes half a second
         from epuck_sim.recording.rrd_file import check_recording_target
 
-        recordings = trial_paths(output.record, trials)
+        recordings = trial_paths(options.record, trials)
         check_recording_target(recordings[0])
-        watchers.append(lambda trial, scenario, seed: record(recordings[trial], scenario, seed, output.level))
-    if output.film is not None:
-        from epuck_sim.overhead.render.film_trial import film_trial
+        factories.append(lambda trial, seed: record(recordings[trial], scenario, seed, options.level))
+    if options.film is not None:
+        from epuck_sim.overhead.render.film_trial import film_trial  # OpenCV and PyAV take a while
 
-        films = trial_paths(output.film, trials)
-        watchers.append(lambda trial, scenario, seed: film_trial(films[trial], require_embodied(scenario), seed))
-    if output.live is None:
-        yield watchers
+        filmed, films = require_bodies(scenario), trial_paths(options.film, trials)
+        factories.append(lambda trial, seed: film_trial(films[trial], filmed, seed))
+    if options.live is None:
+        yield factories
         return
     from epuck_sim.recording.viewer.live import live, live_viewer
 
-    speed = output.live.speed
-    with live_viewer(output.live.port, print_stderr) as (viewer, intake):
-        watchers.append(
-            lambda _, scenario, seed: live(viewer, intake, require_embodied(scenario), seed, output.level, speed)
-        )
-        yield watchers
-        print_stderr("press Ctrl-C to end" if output.live.port else "close the viewer to end")
+    shown, speed = require_bodies(scenario), options.live.speed
+    with live_viewer(options.live.port, print_stderr) as (viewer, intake):
+        factories.append(lambda _, seed: live(viewer, intake, shown, seed, options.level, speed))
+        yield factories
+        print_stderr("press Ctrl-C to end" if options.live.port else "close the viewer to end")
         with suppress(KeyboardInterrupt):
             viewer.wait()
 
 
-def require_embodied(scenario: Scenario) -> EmbodiedScenario:
-    """Return a scenario that is of robots with bodies; raises ScenarioError for another."""
-    why = "--trace, --film and --live are for model: embodied; give --record FILE.rrd instead"
+def require_bodies(scenario: Scenario) -> EmbodiedScenario:
+    """Return a scenario of robots with bodies; raise ScenarioError for another."""
+    why = "--trace, --film and --live need model: embodied; --record FILE.rrd takes every model"
     return require_model(scenario, EmbodiedScenario, why)

@@ -7,8 +7,7 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, TextColumn
-from rich.progress import Progress as Bars
+from rich.progress import BarColumn, Progress, TextColumn
 from rich.status import Status
 
 from epuck_sim.overhead.film.frame import Passing, Timed
@@ -22,7 +21,7 @@ LINE_S = 10.0
 """How often a log does."""
 
 
-class Progress:
+class TrialProgress:
     """Shows on stderr how far they are; to be used in a `with` block."""
 
     def __init__(self, trials: int) -> None:
@@ -80,39 +79,39 @@ class SweepProgressBar:
     def __init__(self) -> None:
         console = Console(stderr=True)
         columns = (BarColumn(), TextColumn("{task.description}"))
-        self._bar = Bars(*columns, console=console, auto_refresh=False) if console.is_terminal else None
+        self._bar = Progress(*columns, console=console, auto_refresh=False) if console.is_terminal else None
         self._pause_s = REFRESH_S if self._bar else LINE_S
         self._next = 0.0
         self._began: float | None = None
-        self.tally: SweepProgress | None = None
+        self.progress: SweepProgress | None = None
 
-    def __call__(self, tally: SweepProgress) -> None:
-        """Show the tally, if it is time to."""
-        self.tally = tally
+    def __call__(self, progress: SweepProgress) -> None:
+        """Show the progress, if it is time to."""
+        self.progress = progress
         now = time.monotonic()
-        if tally.ended and self._began is None:
+        if progress.ended and self._began is None:
             self._began = now  # the first trial waits for workers to start: no measure of the others
-        if now < self._next and tally.stored + tally.failed < tally.trials:
+        if now < self._next and progress.stored + progress.failed < progress.trials:
             return
         self._next = now + self._pause_s
-        self._show(tally, self._words(tally, now))
+        self._show(progress, self._words(progress, now))
 
-    def _words(self, tally: SweepProgress, now: float) -> str:
-        failed = f", {tally.failed} failed" if tally.failed else ""
-        words = f"{tally.stored} of {tally.trials} trials, {tally.censored} censored{failed}"
-        left = tally.trials - tally.stored - tally.failed
-        if self._began is None or tally.ended < 2:
+    def _words(self, progress: SweepProgress, now: float) -> str:
+        failed = f", {progress.failed} failed" if progress.failed else ""
+        words = f"{progress.stored} of {progress.trials} trials, {progress.censored} censored{failed}"
+        left = progress.trials - progress.stored - progress.failed
+        if self._began is None or progress.ended < 2:
             return f"{words}; starting workers" if left else words
-        a_minute = (tally.ended - 1) / max(now - self._began, 1e-9) * 60
+        a_minute = (progress.ended - 1) / max(now - self._began, 1e-9) * 60
         return f"{words}, {a_minute:.0f} a minute, {in_words(left / a_minute * 60)} left"
 
-    def _show(self, tally: SweepProgress, words: str) -> None:
+    def _show(self, progress: SweepProgress, words: str) -> None:
         if self._bar is None:
             print(words, file=sys.stderr, flush=True)
             return
         if not self._bar.task_ids:
-            self._bar.add_task("", total=tally.trials)
-        self._bar.update(self._bar.task_ids[0], completed=tally.stored + tally.failed, description=words)
+            self._bar.add_task("", total=progress.trials)
+        self._bar.update(self._bar.task_ids[0], completed=progress.stored + progress.failed, description=words)
         self._bar.refresh()
 
     def __enter__(self) -> Self:
@@ -144,7 +143,7 @@ def progress_bar(doing: str) -> Passing:
     def show(timed: Iterable[Timed], duration_s: float | None) -> Iterator[Timed]:
         console = Console(stderr=True)
         columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f} s of film"))
-        with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
             task = progress.add_task(doing, total=duration_s)
             for each in timed:
                 progress.update(task, completed=each[0])

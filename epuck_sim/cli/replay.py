@@ -60,7 +60,7 @@ def replay(
         file = source
         if point is not None and trial is not None:
             from epuck_sim.cli.observers import RunOptions
-            from epuck_sim.cli.run import record_again
+            from epuck_sim.cli.trials import record_again
 
             file = record or Path(f"{source.resolve().name}-point-{point}-trial-{trial}.rrd")
             record_again(source, point, trial, RunOptions(record=file, interpret=interpret))

@@ -30,7 +30,7 @@ def export_results(
 
         failed = export(folder, to)
         if failed:
-            typer.echo(f"{failed} trials failed and are left out; see: epuck-sim run {folder}/ --status", err=True)
+            typer.echo(f"{failed} trials failed and are left out; see: epuck-sim status {folder}", err=True)
 
 
 @results.command()

@@ -1,112 +1,140 @@
-"""What `epuck-sim run` does: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
+"""The commands `run` and `status`: their options, and which of them go together."""
 
-from collections.abc import Sequence
-from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from epuck_sim.cli.errors import prefix_scenario
-from epuck_sim.cli.observers import RunOptions, open_observers
-from epuck_sim.cli.progress import Progress, SweepProgressBar, print_stderr
-from epuck_sim.cli.tables import print_status, print_trial_json, print_trials
-from epuck_sim.errors import ScenarioError
-from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_outcome, read_status
-from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
-from epuck_sim.scenario.points import points
-from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep.executors import dask_pool, local_pool
-from epuck_sim.sweep.run import run_sweep
-from epuck_sim.trial.model import run_trial, simulate
-from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import format_versions, versions
-from epuck_sim.util.seeds import trial_seed
+from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.replay import WEB_PORT
+from epuck_sim.cli.scenarios import AxesOption, QuickOption, ScenarioArgument, SetOption
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.recording.level import Level
+
+if TYPE_CHECKING:  # or --help would wait for numpy
+    from epuck_sim.cli.observers import RunOptions
+
+runs = typer.Typer()
 
 
-def run_some(origin: str, scenario: Scenario, output: RunOptions) -> None:
-    """Run the scenario's trials one after the other, and print them."""
-    if scenario.sweep is not None:
-        raise ScenarioError(
-            f"{origin}: holds a sweep of {len(points(scenario))} points; give --out FOLDER to run it, or --point K "
-            "--trial J to run one of its trials"
-        )
-    _run(origin, [(scenario, trial_seed(scenario.seed, trial)) for trial in range(scenario.trials)], output)
+def _refuse_status(wanted: bool) -> None:
+    if wanted:
+        with exit_on_error():
+            raise EpuckSimError("--status is now a command of its own: epuck-sim status FOLDER")
 
 
-def run_one(origin: str, scenario: Scenario, point: int, trial: int, output: RunOptions) -> TrialResult:
-    """Run one trial of a sweep, with the outcome that it has there, and return that."""
-    places = points(scenario)
-    if point >= len(places):
-        raise ScenarioError(f"{origin}: --point is {point}; allowed: 0 to {len(places) - 1}")
-    chosen = places[point]
-    if trial >= chosen.scenario.trials:
-        raise ScenarioError(f"{origin}: --trial is {trial}; allowed: 0 to {chosen.scenario.trials - 1}")
-    (result,) = _run(origin, [(chosen.scenario, chosen.seed(trial))], output)
-    return result
-
-
-def record_again(folder: Path, point: int, trial: int, output: RunOptions) -> None:
-    """Simulate a trial of a run folder again, and tell if it does not come out as it is stored."""
-    stored = read_outcome(folder, point, trial)
-    result = run_one(str(folder), load_scenario(folder / RUN_SCENARIO), point, trial, output)
-    if stored is not None and stored != (result.cycles, result.censored):
-        made = "; ".join(read_status(folder).versions)
-        print_stderr(
-            f"note: this is not the trial that is stored, which lasted {stored[0]} cycles; its controller or the "
-            f"versions may have changed: the folder was made by {made}, this is {format_versions(versions())}"
-        )
-
-
-def _run(origin: str, trials: Sequence[tuple[Scenario, int]], output: RunOptions) -> list[TrialResult]:
-    results: list[TrialResult] = []
-    with open_observers(output, [scenario for scenario, _ in trials]) as watchers:
-        try:
-            with Progress(len(trials)) as progress, prefix_scenario(origin):
-                for trial, (scenario, seed) in enumerate(trials):
-                    with ExitStack() as stack:
-                        observers = [stack.enter_context(watch(trial, scenario, seed)) for watch in watchers]
-                        simulation = simulate(scenario, seed, interpret=output.interpret)
-                        progress.begin(trial)
-                        results.append(run_trial(simulation, observers, progress))
-                        if output.as_json:
-                            print_trial_json(results[-1])
-        finally:
-            if not output.as_json:
-                print_trials(results)
-    return results
-
-
-def run_into(
-    origin: str, scenario: Scenario, folder: Path, workers: int | None, dask: str | None, output: RunOptions
+@runs.command()
+def run(
+    scenario: ScenarioArgument,
+    seed: Annotated[int | None, typer.Option(min=0, help="Master seed; the scenario's own by default.")] = None,
+    trials: Annotated[
+        int | None,
+        typer.Option(min=1, max=10_000_000, help="Trials at each point; the scenario's own number by default."),
+    ] = None,
+    settings: SetOption = None,
+    axes: AxesOption = None,
+    quick: QuickOption = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON: one object for each trial, or one for a whole sweep.")
+    ] = False,
+    trace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.parquet", help="Write every robot and step; several trials to FILE-0, FILE-1, ..."),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.rrd", help="Record for rerun's viewer; several trials to FILE-0, FILE-1, ..."),
+    ] = None,
+    film: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mp4", help="Film with the camera above the arena; several trials to FILE-0, ..."),
+    ] = None,
+    level: Annotated[
+        Level | None, typer.Option("--record-level", help="How much is recorded, or shown live; full by default.")
+    ] = None,
+    live: Annotated[bool, typer.Option("--live", help="Show the trial in rerun's viewer while it runs.")] = False,
+    speed: Annotated[
+        float | None,
+        typer.Option(min=0.01, max=1000, help="Speed of --live, relative to real robots; 1 by default."),
+    ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Show --live in a browser instead of a window.")] = False,
+    port: Annotated[int | None, typer.Option(min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default.")] = None,
+    interpret: Annotated[bool, typer.Option("--interpret", help="Run controllers as plain Python.")] = False,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Run all points and trials into this run folder.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; all cores by default.")] = None,
+    dask: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on this Dask scheduler's workers.")] = None,
+    point: Annotated[int | None, typer.Option(min=0, help="Run one trial of a sweep: its point, from 0.")] = None,
+    trial: Annotated[int | None, typer.Option(min=0, help="Run one trial of a sweep: its number, from 0.")] = None,
+    status: Annotated[bool, typer.Option("--status", hidden=True, callback=_refuse_status)] = False,  # noqa: ARG001
 ) -> None:
-    """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
-    _tell_of_other_versions(folder)
-    options = {"--workers": workers, "--dask": dask, "--interpret": "" if output.interpret else None}
-    told = [f" {name} {value}".rstrip() for name, value in options.items() if value is not None]
-    again = f"epuck-sim run {folder}/{''.join(told)}"
-    open_pool = partial(local_pool, workers) if dask is None else partial(dask_pool, dask)
-    with SweepProgressBar() as progress, prefix_scenario(origin):
-        try:
-            run_sweep(scenario, folder, open_pool, progress, interpret=output.interpret)
-        except KeyboardInterrupt:
-            tally = progress.tally
-            # the tally may lack a trial that was just stored
-            stored = f"{read_status(folder).stored} of {tally.trials} trials are stored" if tally else "nothing is lost"
-            print_stderr(f"stopped; {stored}; go on with: {again}")
-            raise typer.Exit(130) from None
-    status = read_status(folder)
-    print_status(status, output.as_json)
-    if status.failed:
-        print_stderr(f"{len(status.failed)} trials failed; run again to retry them: {again}")
-        raise typer.Exit(1)
+    """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep of thousands into a run folder."""
+    with exit_on_error():
+        reject_first(
+            (level is not None and record is None and not live, "--record-level is for --record and --live"),
+            ((speed is not None or web) and not live, "--speed and --web are for --live"),
+            (port is not None and not web, "--port is for --web"),
+        )
+        from epuck_sim.cli.observers import LiveView, RunOptions
+        from epuck_sim.cli.trials import run_one, run_some, sweep_into
+        from epuck_sim.scenario.loader import find_scenario, load_scenario
+
+        view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
+        options = RunOptions(as_json, trace, record, view, film, level or Level.FULL, interpret, workers, dask)
+        one = point is not None or trial is not None
+        file = find_scenario(scenario)
+        folder = out or (file.parent if file.parent == Path(scenario) and not one else None)
+        reject_first(
+            (
+                one and (point is None or trial is None or out is not None),
+                "--point and --trial go together, and without --out",
+            ),
+            *_conflicts(options, folder),
+        )
+        loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
+        given = {"seed": seed, "trials": trials}
+        loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
+        if point is not None and trial is not None:
+            run_one(scenario, loaded, point, trial, options)
+        elif folder is not None:
+            sweep_into(scenario, loaded, folder, options)
+        else:
+            run_some(scenario, loaded, options)
 
 
-def _tell_of_other_versions(folder: Path) -> None:
-    if not (folder / DATABASE).exists():
-        return
-    now = format_versions(versions())
-    for made, count in read_status(folder).versions.items():
-        if not made.startswith(f"{now}, "):
-            print_stderr(f"note: {count} trials were made by {made}; this is {now}: last digits may differ")
+def _conflicts(options: "RunOptions", folder: Path | None) -> list[tuple[bool, str]]:
+    """Return what is wrong with options that are given together: whether it is the case, and the message."""
+    trace, record, film = options.trace, options.record, options.film
+    return [
+        (
+            folder is None and (options.workers is not None or options.dask is not None),
+            "--workers and --dask need a run folder: --out FOLDER",
+        ),
+        (
+            folder is not None and any(each is not None for each in (trace, record, film, options.live)),
+            "a sweep keeps no traces, recordings and films; --point and --trial run one trial again, with them",
+        ),
+        (
+            trace is not None and trace in (record, film),
+            f"--trace and {'--record' if trace == record else '--film'} name the same file",
+        ),
+        (
+            film is not None and film.suffix != ".mp4",
+            f"--film is {film}; allowed: a name that ends in .mp4",
+        ),
+        (options.workers is not None and options.dask is not None, "--workers and --dask exclude each other"),
+    ]
+
+
+@runs.command()
+def status(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Show how far the sweep in FOLDER is: trials stored, censored and failed, and who is at work on it."""
+    with exit_on_error():
+        from epuck_sim.cli.tables import print_status
+        from epuck_sim.runs.reader import read_status
+
+        print_status(read_status(folder), as_json)

@@ -17,10 +17,10 @@ from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import versions
 
 WIDE = 1000
-"""Columns of a table that goes to a file: as many as it takes."""
+"""Width in columns of a table that goes to a file: enough for any."""
 
 MOST_FAILURES = 10
-"""So many failed trials are listed."""
+"""Maximum number of failed trials that are listed."""
 
 
 def print_status(status: Status, as_json: bool) -> None:
@@ -51,10 +51,10 @@ def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> 
         print(json.dumps([point._asdict() for point in points]))
         return
     table = Table(title=Text(f"{title}: T_sync [cycles], with 95 % intervals"), title_justify="left")
-    told = distinguishing_axes([point.axes for point in points])
-    for heading in ("point", *map(key_name, told[0]), "trials", "censored", "mean", "median", "restricted mean"):
+    shown = distinguishing_axes([point.axes for point in points])
+    for heading in ("point", *map(key_name, shown[0]), "trials", "censored", "mean", "median", "restricted mean"):
         table.add_column(Text(heading), justify="right", overflow="fold")
-    for point, axes in zip(points, told, strict=True):
+    for point, axes in zip(points, shown, strict=True):
         table.add_row(
             str(point.point),
             *(Text(str(value)) for value in axes.values()),
@@ -75,7 +75,7 @@ def _estimate(value: float | None, low: float | None, high: float | None) -> str
 
 
 def in_digits(value: float) -> str:
-    """Return a number of cycles with four digits, or all that are before the point.
+    """Return a number of cycles with four digits, or with all digits before the point if they are more.
 
     >>> in_digits(12345.6), in_digits(47.0271)
     ('12346', '47.03')
@@ -88,8 +88,10 @@ def print_trials(results: Sequence[TrialResult]) -> None:
     if not results:
         return
     table = Table(title=Text(results[0].scenario), title_justify="left")
-    for heading in ("seed", "T_sync [cycles]", "censored", "order par.", "simulated [s]", "wall [s]", "x real time"):
-        table.add_column(heading, justify="right")
+    table.add_column("seed", justify="right", no_wrap=True)  # which has to be whole to be given as --seed
+    for heading in ("T_sync [cycles]", "censored", "order par.", "simulated [s]", "wall [s]", "x real time"):
+        longest = max(map(len, heading.split()))
+        table.add_column(Text(heading), justify="right", min_width=longest)  # Text, or [s] would be markup
     for result in results:
         table.add_row(
             str(result.seed),

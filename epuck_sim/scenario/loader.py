@@ -60,6 +60,7 @@ def load_scenario(
     EmbodiedScenario(name='thesis', model='embodied', population=10)
     >>> scenario.arena.width_cm
     100.0
+
     """
     folder = None
     if isinstance(source, Scenario):
@@ -95,6 +96,7 @@ def find_scenario(name: str) -> Path:
 
     Raises:
         ScenarioError: There is none.
+
     """
     shipped = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
     if name in shipped:

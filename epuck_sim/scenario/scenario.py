@@ -79,6 +79,7 @@ class Scenario(ConfigModel):
 
         Raises:
             ScenarioError: A file is missing, or does not fit the scenario.
+
         """
         return self
 
@@ -98,6 +99,7 @@ def require_model(scenario: Scenario, kind: type[Kind], why: str) -> Kind:
 
     Raises:
         ScenarioError: It is of another class; the message ends with `why`.
+
     """
     if not isinstance(scenario, kind):
         raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}; {why}")

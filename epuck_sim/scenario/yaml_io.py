@@ -65,6 +65,7 @@ def read_yaml(path: Path) -> Any:
 
     Raises:
         ScenarioError: The file cannot be read, or is no YAML.
+
     """
     try:
         if path.stat().st_size > MAX_BYTES:
@@ -82,6 +83,7 @@ def parse_yaml(text: str, source: str) -> Any:
 
     Raises:
         ScenarioError: The text is no YAML; the message begins with `source`.
+
     """
     try:
         loader = _Loader(text)

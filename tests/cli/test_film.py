@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.cli import run
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.writer import FilmWriter
 from epuck_sim.recording.reader import read_recording
@@ -66,7 +65,7 @@ def here(tmp_path, monkeypatch) -> Path:
 @pytest.fixture
 def nothing_runs(monkeypatch) -> None:
     """Have no trial simulated."""
-    monkeypatch.setattr(run, "simulate", lambda *_, **__: pytest.fail("it ran"))
+    monkeypatch.setattr("epuck_sim.cli.trials.simulate", lambda *_, **__: pytest.fail("it ran"))
 
 
 # run --film

@@ -151,14 +151,14 @@ def test_progress_is_a_line_now_and_then(monkeypatch) -> None:
 @pytest.mark.parametrize("option", [("--trace", "t.parquet"), ("--film", "t.mp4"), ("--live",), ("--live", "--web")])
 def test_what_needs_bodies_is_refused(tmp_path, monkeypatch, option: tuple[str, ...]) -> None:
     monkeypatch.chdir(tmp_path)
-    words = "--trace, --film and --live are for model: embodied; give --record FILE.rrd for model: particles"
+    words = "model is 'particles'; --trace, --film and --live need model: embodied; --record FILE.rrd takes every model"
     assert refused("run", "particles", *option) == f"error: particles: {words}\n"
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_needs_bodies_is_refused_of_a_trial_of_a_run_folder_too(folder, tmp_path) -> None:
     stderr = refused("run", folder, "--point", 0, "--trial", 0, "--trace", tmp_path / "t.parquet")
-    assert "tiny: --trace, --film and --live are for model: embodied" in stderr
+    assert "tiny: model is 'particles'; --trace, --film and --live need model: embodied" in stderr
 
 
 def test_there_is_nothing_to_interpret() -> None:
@@ -230,8 +230,8 @@ def test_more_trials_and_points_are_added_to_those_there_are(tmp_path) -> None:
 
 
 def test_status_tells_how_far_it_is(folder) -> None:
-    assert "tiny: 12 points, 36 of 36 trials have a result" in called("run", folder, "--status")
-    status = json.loads(called("run", folder, "--status", "--json"))
+    assert "tiny: 12 points, 36 of 36 trials have a result" in called("status", folder)
+    status = json.loads(called("status", folder, "--json"))
     wanted = {"scenario": "tiny", "points": 12, "trials": 36, "stored": 36, "failed": [], "at_work": None}
     assert {key: status[key] for key in wanted} == wanted
     assert status["censored"] == sum((~point.observed).sum() for point in read_points(folder))

@@ -19,7 +19,6 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-from epuck_sim.cli import run
 from epuck_sim.cli.observers import LiveView
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.recording import recorder
@@ -154,7 +153,7 @@ def nothing_runs(monkeypatch) -> None:
     def forbidden(*_: Any, **__: Any) -> None:
         pytest.fail("a trial was simulated")
 
-    monkeypatch.setattr(run, "simulate", forbidden)
+    monkeypatch.setattr("epuck_sim.cli.trials.simulate", forbidden)
 
 
 @pytest.fixture
@@ -300,7 +299,7 @@ def test_an_interpreted_trial_of_a_run_folder_is_the_same_one(swept, tmp_path, v
         asked.append(interpret)
         return Simulation(*given, interpret=interpret)
 
-    monkeypatch.setattr(run, "simulate", simulate)
+    monkeypatch.setattr("epuck_sim.cli.trials.simulate", simulate)
     words = ["replay", swept, "--point", "1", "--trial", "1", "--record", tmp_path / "t.rrd"]
     called(*words, "--interpret")
     chosen = points(load_scenario(swept))[1]

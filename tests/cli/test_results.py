@@ -129,7 +129,7 @@ def test_export_writes_a_row_for_each_trial_with_a_result_and_tells_of_failed_on
     target = tmp_path / f"results{ending}"
     result = call("export", made, "--to", target)
     assert (result.exit_code, result.stdout) == (0, "")
-    assert result.stderr == f"3 trials failed and are left out; see: epuck-sim run {made}/ --status\n"
+    assert result.stderr == f"3 trials failed and are left out; see: epuck-sim status {made}\n"
     table = rows(target) if ending == ".csv" else pq.read_table(target).to_pylist()
     assert len(table) == 97 * 25
     assert [*table[0]][:4] == [COUPLING, SPEED, "seed", "t_sync_cycles"]

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 from epuck_sim import __version__
 from epuck_sim.cli import progress
 from epuck_sim.cli.app import app
+from epuck_sim.cli.listing import natural_order
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -103,7 +104,9 @@ def test_a_censored_trial_says_so() -> None:
 def test_list_names_arenas_and_controllers_a_line_each() -> None:
     lines = call("list").stdout.splitlines()
     names = [line.split()[0] for line in lines if line.startswith("  ")]
-    assert names == [*builtin_files(ARENAS), *builtin_files(SWEEPS), *builtin_files(CONTROLLERS)]
+    kinds = [sorted(builtin_files(kind), key=natural_order) for kind in (ARENAS, SWEEPS, CONTROLLERS)]
+    assert names == [name for kind in kinds for name in kind]
+    assert names.index("fig-5-3") < names.index("fig-5-10")
     assert all(len(line.split()) > 3 for line in lines if line.startswith("  "))
 
 

@@ -8,10 +8,12 @@ import pytest
 from rich.console import Console
 
 from epuck_sim.cli import progress as progress_module
+from epuck_sim.cli import tables
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar, in_words
 from epuck_sim.cli.tables import MOST_FAILURES, print_failures, print_status
 from epuck_sim.runs.reader import Failure, Status
 from epuck_sim.runs.records import SweepProgress
+from epuck_sim.trial.result import TrialResult
 
 TRIALS = 1000
 
@@ -116,10 +118,10 @@ def test_trials_that_end_at_one_moment_are_no_trouble(clock, capsys) -> None:
 @pytest.mark.usefixtures("clock")
 def test_progress_keeps_the_last_tally_also_when_it_shows_none() -> None:
     progress = SweepProgressBar()
-    assert progress.tally is None
+    assert progress.progress is None
     for number in range(3):
         progress(tally(number))
-    assert progress.tally == tally(2)
+    assert progress.progress == tally(2)
 
 
 def stopped() -> None:
@@ -294,3 +296,15 @@ def test_of_more_failures_the_first_are_listed_and_the_others_counted(capsys, mo
     *listed, last = capsys.readouterr().out.splitlines()
     assert listed == [f"  failed: --point {n} --trial {3 * n}: ValueError: {n}" for n in range(MOST_FAILURES)]
     assert last == f"  and {more} more"
+
+
+@pytest.mark.parametrize("width", [200, 80])
+def test_a_table_of_trials_has_units_and_whole_seeds_on_any_terminal(monkeypatch, width: int) -> None:
+    written = StringIO()
+    monkeypatch.setattr(tables, "Console", lambda **_: Console(file=written, width=width))
+    seed = 2**53 - 1
+    tables.print_trials([TrialResult("thesis", seed, 24, False, 24, 0.964, 1050, 104.9, 0.39)])
+    shown = written.getvalue()
+    assert str(seed) in shown
+    assert shown.count("[s]") == 2
+    assert "[cycles]" in shown

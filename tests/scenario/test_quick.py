@@ -218,8 +218,8 @@ def test_run_runs_the_quick_version_and_its_folder_holds_that_alone(tiny, tmp_pa
     assert "quick" not in written
     assert written == write_scenario(load_scenario(tiny, quick=True))
     assert load_scenario(folder) == load_scenario(tiny, quick=True)
-    assert refused("run", folder, "--status", "--quick") == (
-        "error: --status shows what is in the run folder; give no other option but --json\n"
+    assert refused("run", folder, "--status") == (
+        "error: --status is now a command of its own: epuck-sim status FOLDER\n"
     )
     assert refused("run", folder, "--quick").endswith("scenario.yaml: has no quick version; leave --quick out\n")
     full = call("run", tiny, "--out", folder)

@@ -45,11 +45,11 @@ def stored(folder: Path) -> int:
         return connection.execute("SELECT count(*) FROM trials").fetchone()[0]
 
 
-def begin(*arguments: str | Path, folder: Path, mark: str = "") -> subprocess.Popen:
-    """Start `epuck-sim run` in a process group of its own; `mark` is in the environment of all its processes."""
+def begin(*arguments: str | Path, folder: Path, mark: str = "", command: str = "run") -> subprocess.Popen:
+    """Start a command in a process group of its own; `mark` is in the environment of all its processes."""
     environment = {**os.environ, "EPUCK_SIM_TEST": mark}
     return subprocess.Popen(
-        [*COMMAND, "run", *map(str, arguments)],
+        [*COMMAND, command, *map(str, arguments)],
         cwd=folder,
         env=environment,
         stdout=subprocess.PIPE,

@@ -223,7 +223,7 @@ def test_a_second_command_on_the_folder_is_refused_while_the_first_is_at_work(tm
         _, err = second.communicate(timeout=60)
         assert second.returncode == 2
         assert f"process {first.pid} on " in err
-        status = begin(f"{folder}/", "--status", folder=tmp_path)
+        status = begin(folder, folder=tmp_path, command="status")
         out, _ = status.communicate(timeout=60)
         assert f"process {first.pid} on " in out
         assert status.returncode == 0
