@@ -56,7 +56,7 @@ class RobotGroup(ConfigModel):
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     placement: Literal["random", "grid", "poses"] = "random"
-    """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as given in `poses`."""
+    """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
     """`x_cm, y_cm, heading_rad` of each robot, instead of a placement."""
     controller: str = "firefly"
