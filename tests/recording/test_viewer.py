@@ -3,7 +3,6 @@
 import os
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -29,6 +28,7 @@ from epuck_sim.recording.viewer.viewer import draw_screenshot, has_display, serv
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.processes import processes_marked, start, wait_until
 from tests.recording.viewers import (
     ARENA,
     DARK,
@@ -43,7 +43,6 @@ from tests.recording.viewers import (
     pixels,
     replace_rerun,
 )
-from tests.sweep.short_sweeps import processes_marked, wait_until
 
 # as `scene`, `series` and `pictures.COLOURS` have them
 WALL = (150, 150, 150)
@@ -456,22 +455,12 @@ def test_a_port_in_use_is_told_before_anything_starts(monkeypatch, address: str)
 @pytest.mark.parametrize("send", [os.kill, os.killpg])
 def test_serving_ends_well_on_ctrl_c(thesis, tmp_path, send: Callable[[int, int], None]) -> None:
     port, told = free_port(), tmp_path / "told"
-    process = subprocess.Popen(
-        [sys.executable, "-c", SERVE, str(thesis[0]), str(port), str(told)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        wait_until(lambda: told.exists() and told.read_text())
-        assert told.read_text().startswith(f"http://127.0.0.1:{port}?url=")
-        assert answer(told.read_text())
-        send(process.pid, signal.SIGINT)
-        assert process.communicate(timeout=30) == ("ended\n", "")
-    finally:
-        process.kill()
-        process.communicate()
+    process = start([sys.executable, "-c", SERVE, thesis[0], str(port), told])
+    wait_until(lambda: told.exists() and told.read_text())
+    assert told.read_text().startswith(f"http://127.0.0.1:{port}?url=")
+    assert answer(told.read_text())
+    send(process.pid, signal.SIGINT)
+    assert process.communicate(timeout=30) == ("ended\n", "")
     assert process.returncode == 0
 
 

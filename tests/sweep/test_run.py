@@ -24,7 +24,8 @@ from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.model import run_trial
-from tests.sweep.short_sweeps import begin, processes_marked, short_sweep, stored, table, wait_until
+from tests.processes import processes_marked, wait_until
+from tests.sweep.short_sweeps import begin, short_sweep, stored, table
 
 TRIALS = 30
 POINTS = 8
