@@ -15,7 +15,7 @@ time.sleep(600)
 
 FAILING = """
 import sys
-from tests.conftest import *
+from tests.conftest import _no_process_outlives_its_test
 from tests.processes import start
 
 def test_it():

@@ -57,15 +57,14 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
     """Make a database with points and without trials, which appears under its name when it is complete."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
-    with sqlite_errors(path), atomic_write(path) as part:
-        with closing(sqlite3.connect(part)) as connection:
-            connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
-            connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-            connection.execute(f"PRAGMA user_version = {FORMAT}")
-            connection.execute(POINTS)
-            connection.execute(TRIALS.format(axes=columns, provenance=provenance))
-            connection.executemany(ENTER_POINT, points)
-            connection.commit()
+    with sqlite_errors(path), atomic_write(path) as part, closing(sqlite3.connect(part)) as connection:
+        connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {FORMAT}")
+        connection.execute(POINTS)
+        connection.execute(TRIALS.format(axes=columns, provenance=provenance))
+        connection.executemany(ENTER_POINT, points)
+        connection.commit()
 
 
 def check_database(path: Path) -> None:

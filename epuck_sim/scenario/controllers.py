@@ -10,7 +10,7 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.util.builtin import CONTROLLERS, builtin_folder
+from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
 
 def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
@@ -66,8 +66,8 @@ def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes
 
 def _stored_name(controller: Controller) -> str:
     """Return the name of a shipped controller, or the path of another."""
-    shipped = controller.path.parent == builtin_folder(CONTROLLERS)
-    return controller.name if shipped else str(controller.path)
+    is_shipped = builtin_files(CONTROLLERS).get(controller.name) == controller.path
+    return controller.name if is_shipped else str(controller.path)
 
 
 def map_controllers(key: str, value: Any, change: Callable[[Any], str]) -> Any:

@@ -25,6 +25,10 @@ COUNT_S = 1.0
 """Shortest time in seconds between two counts of a cluster's workers."""
 
 
+PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
+"""Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
+
+
 class Pool(NamedTuple):
     """An executor, and what the scheduler needs to know of it."""
 
@@ -51,7 +55,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     # a server that has the simulation loaded forks the workers: it has no threads that a fork could break
     context = multiprocessing.get_context("forkserver")
     workers = workers or _cores()
-    context.set_forkserver_preload(["epuck_sim.sweep.worker"])
+    context.set_forkserver_preload(PRELOADED)
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
         resource_tracker.ensure_running()  # later it would unblock the signal

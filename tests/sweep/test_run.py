@@ -104,7 +104,7 @@ def test_no_seed_is_computed_before_its_trial_is_due(monkeypatch) -> None:
 
 def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> None:
     axes = ["robots.0.controller=firefly,oscillator,constant", "robots.0.count=2,3"]
-    found = points(load_scenario("thesis", ["trials=2"], axes))
+    found = points(load_scenario({"trials": 2}, axes=axes))
     done = {(number, trial) for number in (0, 1, 2) for trial in range(2)} | {(4, 0)}
     ahead = first_of_each_kind(found, done, interpret=False)
     assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
