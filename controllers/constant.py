@@ -14,11 +14,11 @@ def check(parameters):
 
 
 def start(memory, parameters, random):
-    """Nothing to remember."""
+    """Do nothing: there is nothing to remember."""
 
 
 def step(sensors, memory, actuators, parameters, random):
-    """Command the same as always."""
+    """Set the same command in each step."""
     actuators.left_cm_s = parameters.left_cm_s
     actuators.right_cm_s = parameters.right_cm_s
     actuators.ring_on = parameters.ring_on

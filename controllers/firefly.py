@@ -1,4 +1,4 @@
-"""The robot of thesis chapter 4: it flashes as `oscillator` says and moves as `obstacle_avoidance` says."""
+"""The robot of thesis chapter 4: it flashes as `oscillator` does and moves as `obstacle_avoidance` does."""
 
 import obstacle_avoidance
 import oscillator
@@ -14,12 +14,12 @@ def check(parameters):
 
 
 def start(memory, parameters, random):
-    """Begin both parts."""
+    """Start both parts."""
     obstacle_avoidance.start(memory, parameters, random)
     oscillator.start(memory, parameters, random)
 
 
 def step(sensors, memory, actuators, parameters, random):
-    """Motion and synchronisation do not know of each other (thesis Appendix B)."""
+    """Run both parts; motion and synchronisation do not affect each other (thesis Appendix B)."""
     obstacle_avoidance.step(sensors, memory, actuators, parameters, random)
     oscillator.step(sensors, memory, actuators, parameters, random)

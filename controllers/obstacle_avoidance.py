@@ -8,8 +8,8 @@ from epuck_sim.util.rng import randint
 PARAMETERS = {
     "speed_cm_s": 12.8,  # V, straight ahead
     "proximity_threshold": 70,  # proxThres: nearer than 100 - 70 = 30 mm is close
-    "proximity_count_threshold": 5,  # proxCountThres: longer than this close to something, and it is a wall
-    "rotation_max": 25,  # rotMax: a random turn lasts up to so many steps
+    "proximity_count_threshold": 5,  # proxCountThres: what is close for longer, in steps, is a wall
+    "rotation_max": 25,  # rotMax: maximum duration of a random turn, in steps
     "rotation_speed_cm_s": 12.8,  # MAX_SPEED
 }
 
@@ -37,7 +37,7 @@ def check(parameters):
 
 
 def start(memory, parameters, random):
-    """Appendix B's static variables."""
+    """Initialise the static variables of Appendix B."""
     memory.rotation_time = 0
     memory.proximity_count = 0
     memory.left_mm_s = 0
@@ -45,17 +45,17 @@ def start(memory, parameters, random):
 
 
 def quotient(dividend, divisor):
-    """C's whole-number division, toward zero."""
+    """Return the quotient as C's integer division does, truncated toward zero."""
     return int(dividend / divisor)
 
 
 def proximity(distance_mm):
-    """getProximityValues: how near, from 0 (beyond 100 mm) to 100 (touching)."""
+    """Return getProximityValues: the nearness, from 0 (beyond 100 mm) to 100 (touching)."""
     return 0 if distance_mm > 100 else 100 - distance_mm
 
 
 def proximity_pointer(sensors, parameters):
-    """calculateProxPointer: the vector to the middle of what is close."""
+    """Return calculateProxPointer: the vector to the middle of what is close."""
     x = 0
     y = 0
     for sensor in FRONT:
@@ -67,7 +67,7 @@ def proximity_pointer(sensors, parameters):
 
 
 def choose_speeds(x, y, memory, parameters, random):
-    """calculateMotorSpeed: forward, or a turn away from what lies at (x, y)."""
+    """Run calculateMotorSpeed: forward, or a turn away from what lies at (x, y)."""
     threshold = parameters.proximity_threshold
     turn = int(parameters.rotation_speed_cm_s * 10 + 0.5)
 
@@ -102,7 +102,7 @@ def choose_speeds(x, y, memory, parameters, random):
 
 
 def step(sensors, memory, actuators, parameters, random):
-    """Carry out motionAlgorithm."""
+    """Run motionAlgorithm."""
     x, y = proximity_pointer(sensors, parameters)
     choose_speeds(x, y, memory, parameters, random)
     actuators.left_cm_s = memory.left_mm_s / 10

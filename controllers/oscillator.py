@@ -13,17 +13,17 @@ PARAMETERS = {
     "flash_fraction": 0.075,  # phi_LED / tau
     "refractory_fraction": 0.15,  # phi_ref / tau
     "delay_ms": 0,  # Delta of Algorithm 2; 62 on the robots, 0 makes it Algorithm 1
-    "flash_pixels": 1,  # so many red pixels are a flash; 2 on the robots (thesis 4.3.1)
-    "once_per_sighting": False,  # True: one update a sighting instead of one with every picture of it
+    "flash_pixels": 1,  # minimum number of red pixels of a flash; 2 on the robots (thesis 4.3.1)
+    "once_per_sighting": False,  # True: one update for each sighting instead of one for each picture of it
 }
 
 MEMORY = {"phase_ms": int, "flash_seen": int}
 
-PARTS = 1_000_000  # the coupling is a whole number of millionths, so that the product stays whole
+PARTS = 1_000_000  # the coupling is an integer number of millionths, so that its products are integers
 
 
 def check(parameters):
-    """Algorithm 1's and 2's requirements."""
+    """Refuse what Algorithms 1 and 2 do not allow."""
     if not 0.001 <= parameters.period_s <= 86_400:
         raise ValueError(f"period_s is {parameters.period_s}; allowed: 0.001 to 86400")
     if abs(whole_ms(parameters.period_s) - parameters.period_s * 1000) > 1e-3:
@@ -47,23 +47,23 @@ def check(parameters):
 
 
 def whole_ms(seconds):
-    """Whole milliseconds; the allowance keeps 1.001 s from becoming 1000 ms."""
+    """Return integer milliseconds; the allowance keeps 1.001 s from becoming 1000 ms."""
     return int(seconds * 1000 + 1e-6)
 
 
 def start(memory, parameters, random):
-    """Phases begin uniform in [0, tau)."""
+    """Draw the initial phase uniformly from [0, tau)."""
     memory.phase_ms = randint(random, whole_ms(parameters.period_s))
     memory.flash_seen = 0
 
 
 def is_flash(sensors, parameters):
-    """Whether enough pixels are red."""
+    """Return whether enough pixels are red."""
     return np.count_nonzero(sensors.camera) >= parameters.flash_pixels
 
 
 def updated(phase, parameters):
-    """Algorithm 2's PHASEUPDATE': the new phase, and whether a new cycle began at the flash.
+    """Return Algorithm 2's PHASEUPDATE': the new phase, and whether a new cycle began at the flash.
 
     With no delay this is Algorithm 1's update (eq. 4.1). Line 2's modulo is left out: a phase out of the refractory
     period is above the delay, and one that has passed the period must still fire, as it does in Algorithm 1.
@@ -81,7 +81,7 @@ def updated(phase, parameters):
 
 
 def step(sensors, memory, actuators, parameters, random):
-    """Algorithm 1, line by line; a picture acts once, in however many steps it is there (thesis 4.3.1)."""
+    """Run Algorithm 1, line by line; a picture acts only once, even if it stays for several steps (thesis 4.3.1)."""
     flash = is_flash(sensors, parameters)
     acts = flash and sensors.new_picture and not (parameters.once_per_sighting and memory.flash_seen)
     memory.flash_seen = int(flash)

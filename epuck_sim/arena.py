@@ -11,7 +11,7 @@ from epuck_sim.geometry import polygon_distance_cm
 
 @dataclass(frozen=True, eq=False)
 class Arena:
-    """A rectangle from (0, 0) to (width_cm, height_cm) with walls all round."""
+    """A rectangle from (0, 0) to (width_cm, height_cm) with walls on all sides, and its obstacles."""
 
     width_cm: float
     height_cm: float
@@ -26,7 +26,14 @@ class Arena:
 def make_arena(
     width_cm: float, height_cm: float, circles: Sequence[Sequence[float]], polygons: Sequence[FloatArray]
 ) -> Arena:
-    """Return the arena with round obstacles (x, y, radius) and convex polygons."""
+    """Return the arena with the given obstacles.
+
+    Args:
+        width_cm: length along x.
+        height_cm: length along y.
+        circles: centre x, centre y and radius in cm of each round obstacle.
+        polygons: (v, 2) cm: corners of each convex obstacle, counter-clockwise.
+    """
     edges = [np.hstack([corners, np.roll(corners, -1, axis=0)]) for corners in polygons]
     return Arena(
         width_cm,
@@ -38,7 +45,7 @@ def make_arena(
 
 
 def clearance_cm(arena: Arena, x_cm: float, y_cm: float) -> float:
-    """Return how far (x_cm, y_cm) is from the nearest wall or obstacle; negative beyond a wall or inside one."""
+    """Return the distance from a point to the nearest wall or obstacle; negative beyond that wall or inside it."""
     walls = min(x_cm, y_cm, arena.width_cm - x_cm, arena.height_cm - y_cm)
     circles = np.hypot(arena.circles[:, 0] - x_cm, arena.circles[:, 1] - y_cm) - arena.circles[:, 2]
     polygons = [polygon_distance_cm(corners, x_cm, y_cm) for corners in arena.polygons]

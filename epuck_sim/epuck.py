@@ -14,8 +14,10 @@ HEIGHT_CM = 4.7
 """Height of the body (e-puck data sheet)."""
 
 RING_HEIGHT_CM = 4.0
+"""Height of the ring of eight red LEDs above the floor; our estimate: no source states it."""
+
 RING_RADIUS_CM = 3.5
-"""Height above the floor, and radius, of the ring of eight red LEDs; our estimates: no source states them."""
+"""Radius of the ring of LEDs; our estimate: no source states it."""
 
 MASS_G = 152.0
 """Mass (thesis 3.1.4.1)."""
@@ -24,7 +26,7 @@ WHEEL_BASE_CM = 5.1
 """Distance between the wheels (thesis 3.1.4.1)."""
 
 WHEEL_LIMIT_CM_S = 12.8
-"""Largest speed of a wheel, either way (thesis 3.1.4.1)."""
+"""Largest speed of a wheel, forwards or backwards (thesis 3.1.4.1)."""
 
 # --- infrared proximity sensors: numbered clockwise seen from above, from front-right -------------
 
@@ -40,36 +42,36 @@ INFRARED_POSITIONS_CM = np.array(
         (3.35, 1.05),
     ]
 )
-"""(8, 2) cm: where the sensors sit (Enki 2.x e-puck model)."""
+"""(8, 2) cm: positions of the sensors (Enki 2.x e-puck model)."""
 
 INFRARED_DIRECTIONS_RAD = np.radians([-18.0, -45.0, -90.0, -142.0, 142.0, 90.0, 45.0, 18.0])
-"""(8,) rad: where the sensors look (Enki 2.x e-puck model)."""
+"""(8,) rad: directions of the sensors (Enki 2.x e-puck model)."""
 
 INFRARED_SPREAD_RAD = math.radians(15.0)
 """Angle between a sensor's centre ray and each of its two side rays (Enki 2.x e-puck model)."""
 
 INFRARED_RANGE_CM = 12.0
-"""Beyond this distance a ray finds nothing (Enki 2.x e-puck model)."""
+"""Range of an infrared ray (Enki 2.x e-puck model)."""
 
 INFRARED_PEAK_COUNTS = 3731.0
-"""m of the response m (c - x0^2) / (x^2 - 2 x0 x + c): the largest reading (Enki 2.x e-puck model)."""
+"""Largest reading, m of the response m (c - x0^2) / (x^2 - 2 x0 x + c) (Enki 2.x e-puck model)."""
 
 INFRARED_PEAK_CM = 0.3
-"""x0 of the response: where the reading is largest (Enki 2.x e-puck model)."""
+"""Distance of the largest reading, x0 of the infrared response (Enki 2.x e-puck model)."""
 
 INFRARED_WIDTH_CM2 = 0.7
-"""c of the response (Enki 2.x e-puck model)."""
+"""Width of the peak, c of the infrared response (Enki 2.x e-puck model)."""
 
 INFRARED_TABLE_COUNTS = np.array([4095.0, 3756.0, 3591.0, 558.0, 133.0, 58.0, 29.0])
-"""(7,) counts above ambient, falling: the firmware's table of distances (e-puck firmware)."""
+"""(7,) counts above ambient light, falling: readings of the firmware's table of distances (e-puck firmware)."""
 
 INFRARED_TABLE_MM = np.array([0.0, 3.0, 10.0, 25.0, 50.0, 75.0, 100.0])
-"""(7,) mm that belong to `INFRARED_TABLE_COUNTS` (e-puck firmware)."""
+"""(7,) mm: distances of the readings `INFRARED_TABLE_COUNTS` (e-puck firmware)."""
 
 OUT_OF_RANGE_MM = 65535
-"""The distance that stands for "nothing in range" (e-puck firmware): never mistaken for a far one."""
+"""Distance that stands for "nothing in range" (e-puck firmware); no real distance is as large."""
 
 # --- line camera ----------------------------------------------------------------------------------
 
 CAMERA_FORWARD_CM = 3.7
-"""The camera sits at the front of the body, this far ahead of the axle's centre (e-puck hardware)."""
+"""Distance of the camera ahead of the axle's centre: it is at the front of the body (e-puck hardware)."""

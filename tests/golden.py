@@ -71,7 +71,7 @@ def particles(name: str) -> dict[str, Any]:
     """Return the digest of the first events of agents, and their phases after half a second."""
     simulation, arrays = ParticleSimulation(name, seed=1), []
     for event in islice(simulation, EVENTS):
-        arrays += [np.array([event.time_s]), event.fired, event.heard]
+        arrays += [np.array([event.time_s]), event.fired, event.received]
     arrays += [simulation.positions(), simulation.headings(), simulation.phases()]
     early = ParticleSimulation(name, seed=1)
     early.run_to(0.5)

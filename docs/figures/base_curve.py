@@ -1,7 +1,7 @@
-"""Makes docs/figures/base_curve.csv and .png, T_sync against speed in the base case: `make figures` runs it.
+"""Write docs/figures/base_curve.csv and .png, T_sync against speed in the base case; `make figures` runs this script.
 
-The dashed line of thesis Figs. 4.2 and 4.3: ten robots, 60 x 60 cm, tau = 5 s, epsilon = 0.1. It takes about a
-quarter of an hour on one core.
+The base case is the dashed line of thesis Figs. 4.2 and 4.3: ten robots, 60 x 60 cm, tau = 5 s, epsilon = 0.1. The
+script takes about a quarter of an hour on one core.
 """
 
 import csv
@@ -44,7 +44,7 @@ def simulate() -> None:
 
 
 def draw() -> None:
-    """Draw the table."""
+    """Draw the figure from the table."""
     speed, few, mean, error, _ = np.loadtxt(OUT.with_suffix(".csv"), delimiter=",", skiprows=1, unpack=True)
     figure = Figure(figsize=(6, 4), layout="constrained")
     axes = figure.subplots()

@@ -1,8 +1,8 @@
 """Makes docs/figures/fig-4-7.csv and .png from the run folder that is its argument: `make figures` runs it.
 
-Thesis Fig. 4.7: T_sync of ten e-pucks against speed, five trials each, as the film above the arena shows it. Here the
-robots are those of arenas/physical.yaml. The first five trials at each speed are filmed and tracked, and the folder's
-fifty tell T_sync by the order parameter; beside them are the robots without imperfections, of base_curve.csv.
+Thesis Fig. 4.7: T_sync of ten e-pucks against speed, five trials each, measured in films from above the arena. Here
+the robots are those of arenas/physical.yaml. The first five trials at each speed are filmed and tracked; the fifty in
+the run folder give T_sync by the order parameter. base_curve.csv adds the robots without imperfections.
 """
 
 import csv
@@ -14,37 +14,40 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation
-from epuck_sim.overhead.camera_model import overhead_lens
-from epuck_sim.overhead.render.virtual_camera import Webcam
-from epuck_sim.overhead.track.ring_counter import Tracker
-from epuck_sim.overhead.track.spread import SpreadWatch, is_synchronised
+from epuck_sim.overhead.camera_model import overhead_camera
+from epuck_sim.overhead.render.virtual_camera import VirtualCamera
+from epuck_sim.overhead.track.ring_counter import RingCounter
+from epuck_sim.overhead.track.spread import SynchronyDetector, is_synchronised
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.scenario import Scenario
 
 OUT = Path(__file__).with_name("fig-4-7.csv")
 FILMED = 5
-THRESHOLD_S = 2 / 15.5
-"""Two frames (thesis 4.3.1)."""
+"""Number of trials filmed at each speed."""
 
-MOST_CYCLES = 500
+THRESHOLD_S = 2 / 15.5
+"""Spread at which a film shows synchrony: two frames (thesis 4.3.1)."""
+
+MAX_CYCLES = 500
+"""Number of periods after which filming gives up."""
 
 
 def film(task: tuple[Scenario, int]) -> float:
-    """Return T_sync in periods as the film of a trial shows it; NaN if it has not come after `MOST_CYCLES`."""
+    """Return T_sync of a film of a trial, in periods; NaN if it is not reached within `MAX_CYCLES`."""
     scenario, seed = task
     simulation = Simulation(scenario, seed)
     arena = scenario.arena
-    webcam = Webcam(scenario.overhead, arena.build(), seed)
-    tracker = Tracker(overhead_lens(scenario.overhead, arena.width_cm, arena.height_cm))
+    camera = VirtualCamera(scenario.overhead, arena.build(), seed)
+    counter = RingCounter(overhead_camera(scenario.overhead, arena.width_cm, arena.height_cm))
     (period_s,) = set(simulation.period_ms / 1000)
     start_s = scenario.overhead.lit_start_s
-    spreads = SpreadWatch(period_s, start_s)
+    detector = SynchronyDetector(period_s, start_s)
     for step in simulation:
-        for frame in webcam.take(step.time_s, step.poses, step.ring_on):
-            evaluation = spreads.look(frame.time_s, len(tracker.look(frame)))
+        for frame in camera.observe(step.time_s, step.poses, step.ring_on):
+            evaluation = detector.update(frame.time_s, len(counter.process(frame)))
             if evaluation is not None and is_synchronised(evaluation, THRESHOLD_S):
                 return (evaluation.time_s - start_s) / period_s
-        if step.time_s > MOST_CYCLES * period_s:
+        if step.time_s > MAX_CYCLES * period_s:
             break
     return np.nan
 

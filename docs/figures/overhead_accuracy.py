@@ -3,7 +3,7 @@
 Detection: 100 trials in each of four conditions are filmed into H.264 for 10 s and tracked; rings are compared with
 where the simulation has them. Agreement: 100 trials at ten speeds are filmed until the film itself shows synchrony, and
 its T_sync is compared with that of the trial, r >= 0.95 at a firing of the reference. `make figures` runs it; it takes
-about half an hour on two cores. With a number as its argument it makes so many trials, for a quick look.
+about half an hour on two cores. With a number as its argument it runs that many trials, for a quick look.
 """
 
 import csv
@@ -20,24 +20,24 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import Simulation, load_scenario
-from epuck_sim.overhead.camera_model import overhead_lens
+from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.render.film_trial import film_trial
-from epuck_sim.overhead.render.virtual_camera import Webcam
+from epuck_sim.overhead.render.virtual_camera import VirtualCamera
 from epuck_sim.overhead.track.period_estimation import estimate_flash_s, spread_at_s, spread_threshold_s
-from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.ring_detection import RingFinder
-from epuck_sim.overhead.track.spread import SpreadWatch, first_synchronised, is_synchronised
-from epuck_sim.overhead.truth import Score, compare
+from epuck_sim.overhead.track.spread import SynchronyDetector, first_synchronised, is_synchronised
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.seeds import trial_seed
+from tests.overhead.score import Score, compare
 
 OUT = Path(__file__).parent
 TRIALS = 100
 MASTER_SEED = 0
 SPEEDS_CM_S = (0.5, 0.7, 1.0, 1.4, 2.1, 3.0, 4.3, 6.2, 8.9, 12.8)
-"""Of the physical experiments."""
+"""Speeds of the physical experiments."""
 
 CLEAN = [f"overhead.{key}=0" for key in ("noise_levels", "blur_px", "bloom", "vignetting", "distortion")]
 HARSH = ["noise_levels=8", "blur_px=1.5", "bloom=0.3", "vignetting=0.5", "distortion=-0.1"]
@@ -51,7 +51,7 @@ CONDITIONS = {
 FILM_S = 10.0
 
 LATEST_CYCLES = 100
-"""After the trial is synchronised its film may go on for so long."""
+"""Number of cycles for which a film may continue after its trial is synchronised."""
 
 CRITERIA = ("2 frames", "Appendix C", "r of 0.95")
 PERIOD_S = 5.0
@@ -70,7 +70,7 @@ def detect(settings: list[str], trial: int) -> Score:
             for step in islice(simulation, round(FILM_S / simulation.step_s)):
                 film(step, watch)
                 steps.append((step.time_s, step.poses[:, :2].copy(), step.ring_on.copy()))
-        finder = RingFinder(overhead_lens(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
+        finder = RingFinder(overhead_camera(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
         exposure_s = scenario.overhead.exposure_ms / 1000
         with open_film(str(path)) as film:
             scores = [score(finder, frame, steps, exposure_s) for frame in film.frames()]
@@ -78,7 +78,7 @@ def detect(settings: list[str], trial: int) -> Score:
 
 
 def score(finder: RingFinder, frame: Frame, steps: list, exposure_s: float) -> Score:
-    """Return how well the rings in a frame are found; a ring is where it is in the middle of the exposure."""
+    """Return how well the rings in a frame are found; the truth is their place in the middle of the exposure."""
     times_s = np.array([time_s for time_s, *_ in steps])
     first, last = (np.searchsorted(times_s, frame.time_s + end_s + 1e-5) - 1 for end_s in (0, exposure_s - 2e-5))
     on = np.array([ring_on for *_, ring_on in steps[first : last + 1]])
@@ -92,26 +92,26 @@ def score(finder: RingFinder, frame: Frame, steps: list, exposure_s: float) -> S
 
 
 def frames_of(simulation: Simulation, watch: SynchronyWatch) -> Iterator[Frame]:
-    """Yield a film of a simulation as long as it is asked for."""
+    """Yield the frames of a film of a simulation that never ends."""
     scenario = simulation.scenario
-    webcam = Webcam(scenario.overhead, scenario.arena.build(), simulation.seed)
+    camera = VirtualCamera(scenario.overhead, scenario.arena.build(), simulation.seed)
     for step in simulation:
         watch.look(step)
-        yield from webcam.take(step.time_s, step.poses, step.ring_on)
+        yield from camera.observe(step.time_s, step.poses, step.ring_on)
 
 
 def agree(trial: int) -> list[float]:
-    """Return a trial's speed and T_sync, and how its film has it by each criterion: in periods, and flashes a robot."""
+    """Return a trial's speed, seed and T_sync, and T_sync of its film by each criterion in periods and in flashes."""
     speed = SPEEDS_CM_S[trial % len(SPEEDS_CM_S)]
     scenario = load_scenario("thesis", [f"robots.0.parameters.speed_cm_s={speed}"])
     simulation = Simulation(scenario, trial_seed(MASTER_SEED, trial))
     watch = SynchronyWatch(simulation)
-    tracker = Tracker(overhead_lens(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
-    spreads = SpreadWatch(PERIOD_S, 0.0)
+    counter = RingCounter(overhead_camera(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
+    detector = SynchronyDetector(PERIOD_S, 0.0)
     evaluations = []
     t_sync = None
     for frame in frames_of(simulation, watch):
-        evaluation = spreads.look(frame.time_s, len(tracker.look(frame)))
+        evaluation = detector.update(frame.time_s, len(counter.process(frame)))
         if t_sync is None and watch.is_synchronised:
             t_sync = watch.cycles
         if evaluation is not None:
@@ -119,7 +119,7 @@ def agree(trial: int) -> list[float]:
             is_over = is_synchronised(evaluation, 0.125) or (t_sync and watch.cycles > t_sync + LATEST_CYCLES)
             if t_sync is not None and is_over:
                 break
-    times_s, counts = tracker.times_s, tracker.counts
+    times_s, counts = counter.times_s, counter.counts
     flash_s = estimate_flash_s(times_s, counts)
     thresholds_s = (2 / 15.5, spread_threshold_s(PERIOD_S, flash_s), spread_at_s(PERIOD_S, flash_s))
     row = [speed, simulation.seed, t_sync]
@@ -153,13 +153,13 @@ def draw(rows: np.ndarray) -> None:
 
 
 def report(rows: np.ndarray) -> Iterator[list]:
-    """Yield, for each criterion and way to count cycles, by how much the film is later than the trial."""
+    """Yield how much later the film is synchronised than the trial, for each criterion and way to count cycles."""
     for place, name in enumerate(CRITERIA):
         for offset, unit in enumerate(("periods", "flashes")):
             later = rows[:, 3 + 2 * place + offset] - rows[:, 2]
-            told = later[~np.isnan(later)]
-            spread = np.percentile(told, [5, 25, 50, 75, 95])
-            yield [name, unit, len(told), len(later), float(told.mean()), *map(float, spread)]
+            known = later[~np.isnan(later)]
+            spread = np.percentile(known, [5, 25, 50, 75, 95])
+            yield [name, unit, len(known), len(later), float(known.mean()), *map(float, spread)]
 
 
 if __name__ == "__main__":

@@ -15,8 +15,8 @@ from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.render.film_trial import film_trial
 from epuck_sim.overhead.track.annotate import Annotator
-from epuck_sim.overhead.track.result import Known
-from epuck_sim.overhead.track.ring_counter import Tracker, follow
+from epuck_sim.overhead.track.film_calibration import TrackOptions
+from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.track_film import snapshot, track_film
 
 OUT = Path(__file__).parent
@@ -30,8 +30,8 @@ AT_S = 98.9
 def film(path: Path, *settings: str) -> None:
     """Film the trial."""
     scenario = load_scenario(SCENARIO, [FURTHER, *settings])
-    with film_trial(path, scenario, SEED) as onlooker:
-        run_trial(Simulation(scenario, SEED), [onlooker])
+    with film_trial(path, scenario, SEED) as observer:
+        run_trial(Simulation(scenario, SEED), [observer])
 
 
 def picture_at(path: Path) -> Picture:
@@ -46,15 +46,15 @@ def main() -> None:
         dark, lit = Path(folder) / "dark.mp4", Path(folder) / "lit.mp4"
         film(dark)
         film(lit, "overhead.light=lit")
-        track = track_film(str(dark), Known(), None, lambda frames, _: frames)
-        save_track_figure(OUT / "overhead_track.png", track.history(), snapshot(track))
+        track = track_film(str(dark), TrackOptions(), None, lambda frames, _: frames)
+        save_track_figure(OUT / "overhead_track.png", track, snapshot(track))
         with open_film(str(dark)) as opened:
             annotator = Annotator(opened.width_px, opened.height_px, track.period_s)
-            for moment in follow(
-                opened.frames(), Tracker(track.lens), track.period_s, lambda: track.threshold_ms / 1000
+            for tracked in track_frames(
+                opened.frames(), RingCounter(track.camera), track.period_s, lambda: track.threshold_ms / 1000
             ):
-                annotated = annotator.annotate(*moment)
-                if moment.frame.time_s >= AT_S:
+                annotated = annotator.annotate(*tracked)
+                if tracked.frame.time_s >= AT_S:
                     break
         pictures = {"in the light": picture_at(lit), "as the webcam saw it": picture_at(dark), "tracked": annotated}
     figure = Figure(figsize=(11, 4.4), layout="constrained")

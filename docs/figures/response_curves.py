@@ -1,7 +1,7 @@
-"""Makes docs/figures/response_curves.png, thesis Fig. 5.1: `make figures` runs it.
+"""Draw docs/figures/response_curves.png, thesis Fig. 5.1; `make figures` runs this script.
 
-Above, the shift of the phase by a pulse; below, what the pulse of one of two oscillators changes in their order
-parameter (eq. 5.8).
+The upper panel shows the shift of the phase by a pulse, the lower one the change of the order parameter of two
+oscillators by the pulse of one of them (eq. 5.8).
 """
 
 from pathlib import Path

@@ -1,12 +1,12 @@
 """The `epuck-sim` command: its subcommands, and how signals end it."""
 
-import signal
 from typing import Annotated
 
 import typer
 
 from epuck_sim import __version__
 from epuck_sim.cli.film import films
+from epuck_sim.cli.interrupt import end_on_request
 from epuck_sim.cli.replay import replays
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
@@ -39,7 +39,5 @@ def _options(
 
 def main() -> None:
     """Run the command; SIGTERM and SIGHUP end it as Ctrl-C does, unless they are ignored, as under nohup."""
-    for request in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(request) is not signal.SIG_IGN:
-            signal.signal(request, signal.default_int_handler)
+    end_on_request()
     app()

@@ -1,6 +1,7 @@
 """How the command ends where something is wrong: one message and an exit code, never a traceback for a mistake."""
 
 import errno
+from bdb import BdbQuit
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,7 +12,7 @@ from epuck_sim.errors import EpuckSimError, ScenarioError
 
 @contextmanager
 def exit_on_error() -> Iterator[None]:
-    """Turn a user's mistake into one message and exit code 2, Ctrl-C into exit code 130."""
+    """Turn a user's mistake into one message and exit code 2, Ctrl-C and leaving the debugger into exit code 130."""
     try:
         yield
     except EpuckSimError as error:
@@ -23,7 +24,7 @@ def exit_on_error() -> Iterator[None]:
         what = f"{error.filename}" if error.filename else "the output cannot be written"
         typer.echo(f"error: {what}: {error.strerror or error}", err=True)
         raise typer.Exit(2) from error
-    except KeyboardInterrupt as interrupt:
+    except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)
         raise typer.Exit(130) from interrupt
 

@@ -1,4 +1,4 @@
-"""What `epuck-sim fit` prints: regimes and scaling laws."""
+"""Tables of `epuck-sim fit`: local minima and peaks, and scaling laws."""
 
 import json
 import math
@@ -11,87 +11,103 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE
-from epuck_sim.figures.labels import format_axis_values
-from epuck_sim.statistics.curves import distinguishing_axes
+from epuck_sim.figures.labels import distinguishing_labels
 from epuck_sim.statistics.extrema import SpeedExtrema
 from epuck_sim.statistics.scaling_fit import FittedCurve, Laws
 from epuck_sim.statistics.scaling_laws import Estimate
 
-QUANTITIES = ("V_m [cm/s]", "T_m [cycles]", "V_p [cm/s]", "T_p [cycles]")
+EXTREMA_HEADINGS = ("V_m [cm/s]", "T_m [cycles]", "V_p [cm/s]", "T_p [cycles]")
 
 
 def print_fit(curves: Sequence[FittedCurve], laws: Laws, as_json: bool) -> None:
-    """Print the regimes of each curve, and the laws, on stdout."""
+    """Print the local minimum and the peak of each curve, and the laws, on stdout."""
     if as_json:
         print(json.dumps({"curves": [_curve_object(curve) for curve in curves], "laws": _laws_object(laws)}))
         return
     console = Console(width=None if sys.stdout.isatty() else WIDE)
-    table = Table(title="Local minimum and peak, with 95 % intervals", title_justify="left")
-    for heading in ("run", "curve", *QUANTITIES, "p"):
-        table.add_column(Text(heading))
-    for run in dict.fromkeys(curve.run for curve in curves):
-        group = [curve for curve in curves if curve.run == run]
-        for curve, axes in zip(group, distinguishing_axes([curve.axes for curve in group]), strict=True):
-            table.add_row(Text(run), Text(format_axis_values(axes)), *_bump_cells(curve.bump))
-    console.print(table)
-    print("-: no rise that noise would not make, or undo.")
+    _print_extrema(console, curves)
     if laws.reason:
         print(f"No laws: {laws.reason}.")
-        return
-    table = Table(title=f"Scaling laws of {laws.curves} curves, thesis 4.2.2", title_justify="left")
-    for heading in ("quantity", "parameter", "form", "exponent", "thesis", "misfit"):
-        table.add_column(heading)
+    else:
+        _print_laws(console, laws)
+
+
+def _print_extrema(console: Console, curves: Sequence[FittedCurve]) -> None:
+    table = _make_table("Local minimum and peak, with 95 % intervals", "run", "curve", *EXTREMA_HEADINGS, "p")
+    for run in dict.fromkeys(curve.run for curve in curves):
+        group = [curve for curve in curves if curve.run == run]
+        for curve, label in zip(group, distinguishing_labels([curve.axes for curve in group]), strict=True):
+            table.add_row(Text(run), Text(label), *_extrema_cells(curve.extrema))
+    console.print(table)
+    print("-: no rise beyond noise, which alone makes one as large, or removes it.")
+
+
+def _print_laws(console: Console, laws: Laws) -> None:
+    title = f"Scaling laws of {laws.curves} curves, thesis 4.2.2"
+    table = _make_table(title, "quantity", "parameter", "form", "exponent", "thesis", "misfit")
     for row in laws.exponents:
         thesis = f"{row.thesis:g}" if row.thesis else "none"
         misfit = f"{row.misfit:.1f}" if math.isfinite(row.misfit) else "-"
-        table.add_row(row.quantity, row.parameter, row.form, _told(row.exponent), thesis, misfit)
+        table.add_row(row.quantity, row.parameter, row.form, _format_estimate(row.exponent), thesis, misfit)
     console.print(table)
     for quantity, law in laws.offset_laws.items():
-        print(
-            f"{quantity} = A L e^N / tau^2 + K: A = {_told(law.factor)}, K = {_told(law.offset)}, "
-            f"R^2 = {law.r_squared:.2f}".replace("nan", "-")
-        )
-    print("Intervals hold the noise of the trials alone; a misfit far above 1 says that the law does not hold.")
-    print("T_m and T_p: exponents leave the thesis's offset K out, and are the nearer to 0 the larger it is.")
+        factor, offset = _format_estimate(law.factor), _format_estimate(law.offset)
+        fitted = f"A = {factor} cycles s^2/cm, K = {offset} cycles, R^2 = {law.r_squared:.2f}".replace("nan", "-")
+        print(f"{quantity} = A L e^N / tau^2 + K: {fitted}")
+    print("Intervals account for the noise of the trials alone; where a misfit is far above 1, the law does not hold.")
+    print("T_m and T_p: the exponents ignore the offset K of the thesis; the larger it is, the closer they are to 0.")
     if laws.left_out:
         print(f"{laws.left_out} curves with both are left out: they differ in more than V, epsilon, L, N and tau.")
 
 
-def _bump_cells(bump: SpeedExtrema | None) -> list[str]:
-    if bump is None:
+def _make_table(title: str, *headings: str) -> Table:
+    """Return a table whose cells are folded, never cut, where the terminal is narrow."""
+    table = Table(title=title, title_justify="left")
+    for heading in headings:
+        table.add_column(Text(heading), overflow="fold")
+    return table
+
+
+def _extrema_cells(extrema: SpeedExtrema | None) -> list[str]:
+    if extrema is None:
         return ["too few speeds"]
-    if not bump.is_found:
-        return ["-"] * len(QUANTITIES) + [f"{bump.p_value:.3f}"]
-    return [*map(_told, _estimates(bump).values()), f"{bump.p_value:.3f}"]
+    if not extrema.is_found:
+        return ["-"] * len(EXTREMA_HEADINGS) + [f"{extrema.p_value:.3f}"]
+    return [*map(_format_estimate, _estimates(extrema).values()), f"{extrema.p_value:.3f}"]
 
 
-def _estimates(bump: SpeedExtrema) -> dict[str, Estimate]:
-    values = {"v_m": bump.v_m, "t_m": bump.t_m, "v_p": bump.v_p, "t_p": bump.t_p}
-    return {name: Estimate(values[name], *ends) for name, ends in zip(values, bump.intervals.tolist(), strict=True)}
+def _estimates(extrema: SpeedExtrema) -> dict[str, Estimate]:
+    values = {"v_m": extrema.v_m, "t_m": extrema.t_m, "v_p": extrema.v_p, "t_p": extrema.t_p}
+    return {name: Estimate(values[name], *ends) for name, ends in zip(values, extrema.intervals.tolist(), strict=True)}
 
 
-def _told(estimate: Estimate) -> str:
+def _format_estimate(estimate: Estimate) -> str:
     return f"{estimate.value:.3g} ({estimate.low:.3g} to {estimate.high:.3g})"
 
 
 def _curve_object(curve: FittedCurve) -> dict[str, Any]:
-    bump = curve.bump
+    extrema = curve.extrema
     estimates: dict[str, Any] = dict.fromkeys(("v_m", "t_m", "v_p", "t_p"))
-    if bump is not None and bump.is_found:
-        estimates = {name: estimate._asdict() for name, estimate in _estimates(bump).items()}
-    return {"run": curve.run, "axes": curve.axes, "p_value": bump and bump.p_value, **estimates}
+    if extrema is not None and extrema.is_found:
+        estimates = {name: estimate._asdict() for name, estimate in _estimates(extrema).items()}
+    return {"run": curve.run, "axes": curve.axes, "p_value": extrema and extrema.p_value, **estimates}
 
 
 def _laws_object(laws: Laws) -> dict[str, Any]:
     exponents = [
-        {**row._asdict(), "exponent": row.exponent._asdict(), "misfit": _finite(row.misfit)} for row in laws.exponents
+        {**row._asdict(), "exponent": row.exponent._asdict(), "misfit": _finite_or_none(row.misfit)}
+        for row in laws.exponents
     ]
     offset_laws = {
-        name: {"factor": law.factor._asdict(), "offset": law.offset._asdict(), "r_squared": _finite(law.r_squared)}
+        name: {
+            "factor": law.factor._asdict(),
+            "offset": law.offset._asdict(),
+            "r_squared": _finite_or_none(law.r_squared),
+        }
         for name, law in laws.offset_laws.items()
     }
     return {**laws._asdict(), "exponents": exponents, "offset_laws": offset_laws}
 
 
-def _finite(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None

@@ -49,7 +49,6 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
 
     Raises:
         EpuckSimError: a file cannot be written, a viewer cannot be opened, or the model has nothing to look at.
-
     """
     factories: list[ObserverFactory] = []
     for target in (options.trace, options.record, options.film):

@@ -1,4 +1,4 @@
-"""Options of commands that are more than a word or a number."""
+"""Parses and checks command-line options that are more than a word or a number."""
 
 import os
 import re
@@ -11,7 +11,7 @@ NUMBER = r"\s*([0-9]*\.?[0-9]+)\s*"
 
 
 def parse_arena(text: str) -> tuple[float, float]:
-    """Return width and height of a floor, given as SIDE or as WIDTHxHEIGHT in cm; raises FilmError.
+    """Return width and height, in cm, of a floor given as SIDE or WIDTHxHEIGHT; raises FilmError for anything else.
 
     >>> parse_arena("60"), parse_arena("60x100")
     ((60.0, 60.0), (60.0, 100.0))
@@ -24,7 +24,7 @@ def parse_arena(text: str) -> tuple[float, float]:
 
 
 def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
-    """Return the pixels of four corners, given as X,Y,X,Y,X,Y,X,Y; raises FilmError.
+    """Return the pixels of four corners given as X,Y,X,Y,X,Y,X,Y; raises FilmError for anything else.
 
     >>> parse_corners("10,12, 470,11, 468,470, 12,469")
     ((10.0, 12.0), (470.0, 11.0), (468.0, 470.0), (12.0, 469.0))
@@ -37,10 +37,17 @@ def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
 
 
 def check_outputs(film: str | None, plot: Path | None, rings: Path | None, annotate: Path | None) -> None:
-    """Refuse files that cannot be written or would replace one another, before a film is read, which takes a while.
+    """Check before a film is read, which takes a while, that the outputs of `track` can be written.
 
-    Raises FilmError for a name with another ending than its option's, and for one that is given twice or is the film's,
-    and EpuckSimError as `check_target` does.
+    Args:
+        film: the film to track; None for a camera.
+        plot: the figure; its table is written beside it.
+        rings: the table of rings.
+        annotate: the annotated film.
+
+    Raises:
+        FilmError: a name has the wrong ending, is given twice, or is the film's.
+        EpuckSimError: a file cannot be written (see `check_target`).
     """
     given = (("--plot", plot, ".png"), ("--rings", rings, ".csv"), ("--annotate", annotate, ".mp4"))
     owners = {} if film is None else {os.path.realpath(film): "the film"}
@@ -53,4 +60,4 @@ def check_outputs(film: str | None, plot: Path | None, rings: Path | None, annot
             check_target(target)
             owner = owners.setdefault(os.path.realpath(target), option)
             if owner != option:
-                raise FilmError(f"{option} is {path}; allowed: another name, for {target} is of {owner}")
+                raise FilmError(f"{option} is {path}; allowed: another name, because {target} belongs to {owner}")

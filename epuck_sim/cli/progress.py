@@ -1,4 +1,4 @@
-"""What people see of a run: progress while it lasts, a table or JSON when it is done."""
+"""Progress on stderr while trials, sweeps and films last."""
 
 import sys
 import time
@@ -7,32 +7,60 @@ from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
-from rich.status import Status
+from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
-from epuck_sim.overhead.film.frame import Passing, Timed
+from epuck_sim.overhead.film.frame import ProgressWrapper, Timed
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.observer import TrialState
 
 REFRESH_S = 0.2
-"""How often a terminal shows how far a trial is."""
+"""Seconds between two updates on a terminal."""
 
 LINE_S = 10.0
-"""How often a log does."""
+"""Seconds between two lines in a log."""
 
 
-class TrialProgress:
-    """Shows on stderr how far they are; to be used in a `with` block."""
+class _ProgressLine:
+    """One line on stderr, in a `with` block: redrawn in place on a terminal, printed anew now and then in a log."""
 
-    def __init__(self, trials: int) -> None:
+    def __init__(self, *columns: ProgressColumn, is_redrawn: bool = True) -> None:
+        console = Console(stderr=True)
+        self._bar = Progress(*columns, console=console) if console.is_terminal and is_redrawn else None
+        self._pause_s = REFRESH_S if self._bar else LINE_S
+        self._next = 0.0
+
+    def show(self, text: str, completed: int | None = None, total: int | None = None) -> None:
+        """Show how far the task is."""
+        if self._bar is None:
+            print(text, file=sys.stderr, flush=True)
+            return
+        if not self._bar.task_ids:
+            self._bar.add_task("", total=total)
+        self._bar.update(self._bar.task_ids[0], completed=completed, description=text, refresh=True)
+
+    def __enter__(self) -> Self:
+        if self._bar:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if self._bar:
+            self._bar.stop()
+
+
+class TrialProgress(_ProgressLine):
+    """Shows how far trials are that run one after the other."""
+
+    def __init__(self, trials: int, *, interpret: bool = False) -> None:
+        # interpreted controllers may stop at breakpoints: a spinner would write over the debugger's prompt
+        super().__init__(SpinnerColumn(), TextColumn("{task.description}"), is_redrawn=not interpret)
         self._trials = trials
         self._trial = 0
-        console = Console(stderr=True)
-        text = "preparing; a first run compiles what it needs, which takes some seconds"
-        self._status = Status(text, console=console) if console.is_terminal else None
-        self._pause_s = REFRESH_S if self._status else LINE_S
-        self._next = 0.0
         self._began = 0.0
+        if self._bar:
+            self.show("preparing; a first run compiles what it needs, which takes some seconds")
 
     def begin(self, trial: int) -> None:
         """Say that trial number `trial` begins."""
@@ -47,41 +75,17 @@ class TrialProgress:
             return
         self._next = now + self._pause_s
         r = "" if state.order_parameter is None else f", order parameter {state.order_parameter:.3f}"
-        text = (
+        self.show(
             f"trial {self._trial + 1} of {self._trials}: {state.time_s:.1f} s simulated, {state.cycles} cycles{r}, "
             f"{state.time_s / (now - self._began):.0f} x real time"
         )
-        if self._status:
-            self._status.update(text)
-        else:
-            print(text, file=sys.stderr)
-
-    def __enter__(self) -> Self:
-        if self._status:
-            self._status.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if self._status:
-            self._status.stop()
 
 
-def print_stderr(line: str) -> None:
-    """Print a line on stderr, at once."""
-    print(line, file=sys.stderr, flush=True)
-
-
-class SweepProgressBar:
-    """Shows on stderr how far it is; to be used in a `with` block."""
+class SweepProgressBar(_ProgressLine):
+    """Shows how far a sweep is."""
 
     def __init__(self) -> None:
-        console = Console(stderr=True)
-        columns = (BarColumn(), TextColumn("{task.description}"))
-        self._bar = Progress(*columns, console=console, auto_refresh=False) if console.is_terminal else None
-        self._pause_s = REFRESH_S if self._bar else LINE_S
-        self._next = 0.0
+        super().__init__(BarColumn(), TextColumn("{task.description}"))
         self._began: float | None = None
         self.progress: SweepProgress | None = None
 
@@ -91,10 +95,11 @@ class SweepProgressBar:
         now = time.monotonic()
         if progress.ended and self._began is None:
             self._began = now  # the first trial waits for workers to start: no measure of the others
-        if now < self._next and progress.stored + progress.failed < progress.trials:
+        done = progress.stored + progress.failed
+        if now < self._next and done < progress.trials:
             return
         self._next = now + self._pause_s
-        self._show(progress, self._words(progress, now))
+        self.show(self._words(progress, now), done, progress.trials)
 
     def _words(self, progress: SweepProgress, now: float) -> str:
         failed = f", {progress.failed} failed" if progress.failed else ""
@@ -105,25 +110,10 @@ class SweepProgressBar:
         a_minute = (progress.ended - 1) / max(now - self._began, 1e-9) * 60
         return f"{words}, {a_minute:.0f} a minute, {in_words(left / a_minute * 60)} left"
 
-    def _show(self, progress: SweepProgress, words: str) -> None:
-        if self._bar is None:
-            print(words, file=sys.stderr, flush=True)
-            return
-        if not self._bar.task_ids:
-            self._bar.add_task("", total=progress.trials)
-        self._bar.update(self._bar.task_ids[0], completed=progress.stored + progress.failed, description=words)
-        self._bar.refresh()
 
-    def __enter__(self) -> Self:
-        if self._bar:
-            self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        if self._bar:
-            self._bar.stop()
+def print_stderr(line: str) -> None:
+    """Print a line on stderr, at once."""
+    print(line, file=sys.stderr, flush=True)
 
 
 def in_words(seconds: float) -> str:
@@ -137,7 +127,7 @@ def in_words(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def progress_bar(doing: str) -> Passing:
+def progress_bar(doing: str) -> ProgressWrapper:
     """Return what passes frames, or rows with a time, on and shows on a terminal's stderr how far they are."""
 
     def show(timed: Iterable[Timed], duration_s: float | None) -> Iterator[Timed]:

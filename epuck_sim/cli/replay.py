@@ -10,30 +10,38 @@ from epuck_sim.cli.errors import exit_on_error, reject_first
 replays = typer.Typer()
 
 WEB_PORT = 9090
+"""Default port of the viewer for browsers."""
 
 
 @replays.command()
 def replay(
     source: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A file FILE.rrd, or a run folder with --point and --trial.")
+        Path,
+        typer.Argument(metavar="RECORDING", help="A recording FILE.rrd, or a run folder with --point and --trial."),
     ],
-    point: Annotated[int | None, typer.Option(min=0, help="Of a run folder: a point's number, from 0.")] = None,
-    trial: Annotated[int | None, typer.Option(min=0, help="And a trial's, from 0: it is simulated again.")] = None,
+    point: Annotated[int | None, typer.Option(min=0, help="For a run folder: the number of a point, from 0.")] = None,
+    trial: Annotated[
+        int | None, typer.Option(min=0, help="For a run folder: the number of a trial, from 0; it is simulated again.")
+    ] = None,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.rrd", help="Record it there; by default to FOLDER-point-K-trial-J.rrd, here."),
+        typer.Option(
+            metavar="FILE.rrd",
+            help="Where to record it; by default to FOLDER-point-K-trial-J.rrd in the current folder.",
+        ),
     ] = None,
-    interpret: Annotated[bool, typer.Option("--interpret", help="Run its controllers as plain Python.")] = False,
+    interpret: Annotated[bool, typer.Option("--interpret", help="Run controllers as plain Python.")] = False,
     web: Annotated[bool, typer.Option("--web", help="Serve it to browsers on this machine, until Ctrl-C.")] = False,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help=f"For --web; {WEB_PORT} by default.")] = None,
     screenshot: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Draw what the viewer shows; needs no display.")
+        Path | None, typer.Option(metavar="FILE.png", help="Draw what the viewer shows; this needs no display.")
     ] = None,
     at: Annotated[
-        float | None, typer.Option(metavar="SECONDS", min=0, help="The moment that is drawn; the end by default.")
+        float | None,
+        typer.Option(metavar="SECONDS", min=0, help="Moment that is drawn, in simulated time; the end by default."),
     ] = None,
 ) -> None:
-    """Open a recording in rerun's viewer; of a sweep, which keeps none, simulate one of the trials again."""
+    """Open a recording in rerun's viewer. Sweeps keep none: a trial of a run folder is simulated again."""
     with exit_on_error():
         again = point is not None and trial is not None
         reject_first(
@@ -72,8 +80,14 @@ def replay(
             )
             draw_screenshot(file, end_s if at is None else at, screenshot)
         elif web:
-            serve(file, port or WEB_PORT, typer.echo)
+            serve(file, port or WEB_PORT, announce)
         elif again and not has_display():
             typer.echo(NO_DISPLAY, err=True)
         else:
             show(file)
+
+
+def announce(address: str) -> None:
+    """Print where a recording is served, and how to end that."""
+    typer.echo(address)
+    typer.echo("press Ctrl-C to end", err=True)

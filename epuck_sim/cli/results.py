@@ -1,6 +1,6 @@
 """The commands that read run folders: `export`, `summarize`, `plot` and `fit`."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -11,6 +11,9 @@ from epuck_sim.cli.errors import exit_on_error, reject_first
 from epuck_sim.errors import StoreError
 
 if TYPE_CHECKING:  # or --help would wait for numpy
+    from matplotlib.figure import Figure
+
+    from epuck_sim.figures.csv_tables import Table
     from epuck_sim.runs.reader import PointTrials
 
 results = typer.Typer()
@@ -35,7 +38,7 @@ def export_results(
 
 @results.command()
 def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
-    """Print the statistics of T_sync at each point of a sweep, censored trials taken into account."""
+    """Print the statistics of T_sync at each point of a sweep; censored trials are taken into account."""
     with exit_on_error():
         from epuck_sim.cli.tables import print_summary
         from epuck_sim.runs.reader import read_points
@@ -45,7 +48,7 @@ def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
 
 
 class Form(StrEnum):
-    """How a sweep can be drawn."""
+    """A way to draw a sweep."""
 
     CURVES = "curves"
     MAP = "map"
@@ -54,14 +57,24 @@ class Form(StrEnum):
     COURSE = "course"
 
 
-class Wanted(NamedTuple):
-    """What the command says of the figure of a sweep; where it is None, the scenario's section `figure` counts."""
+class FigureOptions(NamedTuple):
+    """Options of `plot` about the figure of a sweep; for one that is None, the scenario's section `figure` decides."""
 
     form: Form | None
     x: str | None
     y: str | None
     panels: str | None
     censored_at: int | None
+
+
+class Sketch(NamedTuple):
+    """A figure to be drawn and saved."""
+
+    default_stem: Path
+    """Where it is saved without `--to`."""
+    draw: "Callable[[], Figure]"
+    tables: "Mapping[str, Table]"
+    """Its numbers, by the endings of their files."""
 
 
 @results.command()
@@ -71,87 +84,111 @@ def plot(
     ],
     to: Annotated[
         Path | None,
-        typer.Option(metavar="STEM", help="Write STEM.png and so on; by default FOLDER/T_sync, FOLDER/FORM, or FILE."),
+        typer.Option(
+            metavar="STEM|FILE",
+            help="Write STEM.png, STEM.svg and so on, or one picture, FILE.png, FILE.svg or FILE.pdf, with its numbers "
+            "as CSV beside it. By default STEM is FOLDER/T_sync, FOLDER/FORM, or the recording's name.",
+        ),
     ] = None,
-    form: Annotated[Form | None, typer.Option(help="By default what the scenario says, or else curves.")] = None,
+    form: Annotated[
+        Form | None, typer.Option(help="How to draw a sweep; by default as the scenario says, or else curves.")
+    ] = None,
     x: Annotated[
-        str | None, typer.Option(metavar="KEY", help="The axis to draw a sweep against; the speed by default.")
+        str | None, typer.Option(metavar="KEY", help="Horizontal axis of a sweep's figure; by default the speed.")
     ] = None,
-    y: Annotated[str | None, typer.Option(metavar="KEY", help="Of a map, the axis that goes up.")] = None,
+    y: Annotated[str | None, typer.Option(metavar="KEY", help="Vertical axis of a map.")] = None,
     panels: Annotated[
-        str | None, typer.Option(metavar="KEY", help="Of curves, the axis with a panel for each of its values.")
+        str | None, typer.Option(metavar="KEY", help="Axis of curves that has a panel for each of its values.")
     ] = None,
     censored_at: Annotated[
         int | None,
-        typer.Option(metavar="CYCLES", min=1, help="Of violins: estimate the mean as if trials were censored there."),
+        typer.Option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
     ] = None,
 ) -> None:
-    """Draw a sweep's T_sync as curves, a map or violins, or what its trials do over time; or a recorded trial."""
+    """Draw a sweep's T_sync as curves, a map or violins, or the course of its trials over time; or a recorded trial."""
     with exit_on_error():
-        wanted = Wanted(form, x, y, panels, censored_at)
-        for file in _plot_sweep(results, to, wanted) if results.is_dir() else _plot_trial(results, to, wanted):
+        from epuck_sim.figures.saving import Target, parse_target, save_figure
+
+        target = parse_target(to) if to else None
+        options = FigureOptions(form, x, y, panels, censored_at)
+        sketch = _sketch_sweep(results, options) if results.is_dir() else _sketch_trial(results, options)
+        for file in save_figure(target or Target(sketch.default_stem), sketch.draw, sketch.tables):
             typer.echo(file)
 
 
-def _plot_trial(recording: Path, to: Path | None, wanted: Wanted) -> list[Path]:
-    from epuck_sim.figures.trial_page import save_page
+def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
+    from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    options = zip(("--form", "--x", "--y", "--panels", "--censored-at"), wanted, strict=True)
-    reject_first(*((value is not None, f"{name} is for run folders; {recording} is none") for name, value in options))
-    return save_page(read_recording(recording), str(recording), to or recording.with_suffix(""))
+    given = zip(("--form", "--x", "--y", "--panels", "--censored-at"), options, strict=True)
+    reject_first(*((value is not None, f"{name} is for run folders; {recording} is none") for name, value in given))
+    recorded = read_recording(recording)
+    check_drawable(recorded, str(recording))
+    return Sketch(recording.with_suffix(""), lambda: draw_page(recorded), {})
 
 
-def _plot_sweep(folder: Path, to: Path | None, wanted: Wanted) -> list[Path]:
-    from epuck_sim.figures.curves import save_figure
-    from epuck_sim.figures.maps import read_maps, save_maps
-    from epuck_sim.figures.violins import read_violins, save_violins
+def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
     from epuck_sim.runs.reader import read_points, read_status
-    from epuck_sim.statistics.curves import choose_axis, choose_second_axis, read_curves
 
     points = read_points(folder)
-    figure = points[0].scenario.figure
-    form = wanted.form or Form(figure.form)
+    form = options.form or Form(points[0].scenario.figure.form)
     over_time = form in (Form.PERTURBATION, Form.COURSE)
     reject_first(
-        (wanted.x is not None and over_time, f"--x is for figures of T_sync, but this is {form}, over time"),
-        (wanted.y is not None and form != Form.MAP, f"--y is for --form map, but this is {form}"),
-        (wanted.panels is not None and form != Form.CURVES, f"--panels is for --form curves, but this is {form}"),
+        (options.x is not None and over_time, f"--x is for figures of T_sync, but this is {form}, over time"),
+        (options.y is not None and form != Form.MAP, f"--y is for --form map, but this is {form}"),
+        (options.panels is not None and form != Form.CURVES, f"--panels is for --form curves, but this is {form}"),
         (
-            wanted.censored_at is not None and form != Form.VIOLINS,
+            options.censored_at is not None and form != Form.VIOLINS,
             f"--censored-at is for --form violins, but this is {form}",
         ),
     )
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
-    stem, title = to or folder / (form if over_time else "T_sync"), read_status(folder).scenario
+    title = read_status(folder).scenario
     if over_time:
-        return _plot_over_time(stem, title, form, points)
-    x = choose_axis(points, *_said(wanted.x, "--x", figure.x, f"{folder}: figure.x"))
-    if form == Form.MAP:
-        own = None if figure.y == x else figure.y  # which --x may have taken
-        y = choose_second_axis(points, x, *_said(wanted.y, "--y", own, f"{folder}: figure.y"))
-        return save_maps(stem, title, x, y, read_maps(points, x, y))
-    if form == Form.VIOLINS:
-        limit = wanted.censored_at or figure.censored_at_cycles
-        return save_violins(stem, title, x, read_violins(points, x, limit), limit)
-    own = None if figure.panels == x else figure.panels
-    panels, origin = _said(wanted.panels, "--panels", own, f"{folder}: figure.panels")
-    return save_figure(stem, title, x, read_curves(points, x), panels, origin)
+        return _sketch_over_time(folder / form, title, form, points)
+    return _sketch_t_sync(folder, title, points, options._replace(form=form))
 
 
-def _plot_over_time(stem: Path, title: str, form: Form, points: "Sequence[PointTrials]") -> list[Path]:
-    from epuck_sim.figures.courses import read_courses, save_courses
-    from epuck_sim.figures.perturbations import read_perturbations, save_perturbations
+def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", options: FigureOptions) -> Sketch:
+    from epuck_sim.figures.curves import check_panels, curves_tables, draw_curves, find_extrema
+    from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
+    from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
+    from epuck_sim.statistics.curves import choose_axis, choose_second_axis, read_curves
+
+    stem, figure = folder / "T_sync", points[0].scenario.figure
+    x = choose_axis(points, *_option_or_key(options.x, "--x", figure.x, f"{folder}: figure.x"))
+    if options.form == Form.MAP:
+        key = None if figure.y == x else figure.y  # --x may have taken it
+        y = choose_second_axis(points, x, *_option_or_key(options.y, "--y", key, f"{folder}: figure.y"))
+        maps = read_maps(points, x, y)
+        return Sketch(stem, lambda: draw_maps(title, x, y, maps), {".csv": maps_table(x, maps)})
+    if options.form == Form.VIOLINS:
+        limit = options.censored_at or figure.censored_at_cycles
+        violins = read_violins(points, x, limit)
+        return Sketch(stem, lambda: draw_violins(title, x, violins, limit), {".csv": violins_table(x, violins)})
+    key = None if figure.panels == x else figure.panels
+    panels, origin = _option_or_key(options.panels, "--panels", key, f"{folder}: figure.panels")
+    curves = read_curves(points, x)
+    check_panels(panels, curves, origin)
+    extrema = find_extrema(x, curves)
+    return Sketch(stem, lambda: draw_curves(title, x, curves, extrema, panels), curves_tables(x, curves, extrema))
+
+
+def _sketch_over_time(stem: Path, title: str, form: Form, points: "Sequence[PointTrials]") -> Sketch:
+    from epuck_sim.figures.courses import courses_table, draw_courses, read_courses
+    from epuck_sim.figures.perturbations import draw_perturbations, perturbations_table, read_perturbations
 
     if form == Form.COURSE:
-        return save_courses(stem, title, read_courses(points))
-    return save_perturbations(stem, title, read_perturbations(points))
+        courses = read_courses(points)
+        return Sketch(stem, lambda: draw_courses(title, courses), {".csv": courses_table(courses)})
+    perturbations = read_perturbations(points)
+    return Sketch(stem, lambda: draw_perturbations(title, perturbations), {".csv": perturbations_table(perturbations)})
 
 
-def _said(wanted: str | None, option: str, default: str | None, key: str) -> tuple[str | None, str]:
-    """Return what counts, and what messages call it: an option of the command, or a key of the scenario."""
-    return (default, key) if wanted is None else (wanted, option)
+def _option_or_key(option: str | None, name: str, value: str | None, key: str) -> tuple[str | None, str]:
+    """Return the option, or else the value of the scenario's key, and the name of the one that counts."""
+    return (value, key) if option is None else (option, name)
 
 
 @results.command()
@@ -159,7 +196,7 @@ def fit(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
     as_json: JsonOption = False,
 ) -> None:
-    """Print where T_sync has its local minimum and peak against speed, and the laws by which they scale."""
+    """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale."""
     with exit_on_error():
         from epuck_sim.cli.fit_tables import print_fit
         from epuck_sim.statistics.scaling_fit import fit_curves, fit_laws

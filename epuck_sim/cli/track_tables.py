@@ -1,4 +1,4 @@
-"""What `epuck-sim track` is told, and what it prints."""
+"""What `epuck-sim track` prints: a table, or JSON."""
 
 import json
 import sys
@@ -13,12 +13,12 @@ from epuck_sim.util.provenance import versions
 
 
 def print_track_json(track: Track) -> None:
-    """Print what a film tells as one JSON object on a line of stdout."""
+    """Print the summary of a track as one JSON object on a line of stdout."""
     print(json.dumps({**track.summary(), "versions": versions()}), flush=True)
 
 
 def print_track(track: Track) -> None:
-    """Print what a film tells as a readable table on stdout."""
+    """Print the summary of a track as a readable table on stdout."""
     table = Table(title=Text(track.film), title_justify="left", show_header=False)
     for name, value in _lines(track):
         table.add_row(name, value)
@@ -26,19 +26,19 @@ def print_track(track: Track) -> None:
 
 
 def _lines(track: Track) -> Iterator[tuple[str, str]]:
-    yield "frames", f"{track.frames} at {track.fps:.4g} a second"
-    yield "trial", f"from {track.start_s:.1f} s on, for {track.duration_s:.1f} s"
+    yield "frames", f"{track.frames} at {track.fps:.4g} per second"
+    yield "trial", f"from {track.start_s:.1f} s, for {track.duration_s:.1f} s"
     yield "geometry from", track.calibration
-    yield "period", f"{track.period_s:.4g} s{_how(track, 'period_s')}"
+    yield "period", f"{track.period_s:.4g} s{_if_estimated(track, 'period_s')}"
     yield "flash", f"{track.flash_ms:.0f} ms"
-    yield "robots seen", f"{track.robots_seen} at once, {track.flashes_per_period:.1f} flashes a period"
-    yield "threshold", f"{track.threshold_ms:.0f} ms{_how(track, 'threshold_ms')}"
+    yield "robots seen", f"{track.robots_seen} at once, {track.flashes_per_period:.1f} flashes per period"
+    yield "threshold", f"{track.threshold_ms:.0f} ms{_if_estimated(track, 'threshold_ms')}"
     if track.t_sync_s is None:
         yield "T_sync", "never"
     else:
         yield "T_sync", f"{track.t_sync_cycles:.1f} cycles, {track.t_sync_s:.1f} s"
-        yield "flashes until then", f"{track.t_sync_flashes:.1f} of each robot"
+        yield "flashes until then", f"{track.t_sync_flashes:.1f} per robot"
 
 
-def _how(track: Track, name: str) -> str:
+def _if_estimated(track: Track, name: str) -> str:
     return ", estimated" if name in track.estimated else ""

@@ -64,7 +64,7 @@ def _run(origin: str, scenario: Scenario, seeds: Iterable[int], trials: int, opt
     results: list[TrialResult] = []
     with open_observers(options, scenario, trials) as factories:
         try:
-            with TrialProgress(trials) as progress, prefix_scenario(origin):
+            with TrialProgress(trials, interpret=options.interpret) as progress, prefix_scenario(origin):
                 for trial, seed in enumerate(seeds):
                     with ExitStack() as stack:
                         observers = [stack.enter_context(factory(trial, seed)) for factory in factories]

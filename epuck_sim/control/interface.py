@@ -1,4 +1,4 @@
-"""What a controller is: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step`; see `controller_file`.
+"""What a controller is: one Python file with `PARAMETERS`, `MEMORY`, `start` and `step` (see `control.loader`).
 
     PARAMETERS = {"speed_cm_s": 6.0}     name -> default; the default's type is the parameter's type
     MEMORY = {"turns": int}              name -> type, or (type, shape): what a robot remembers between two steps
@@ -7,17 +7,17 @@
     def step(sensors, memory, actuators, parameters, random): ...
     def check(parameters): ...           optional: raises ValueError on values that make no sense
 
-`step` reads `sensors` (see `Sensors`), keeps what it likes in `memory`, and sets `actuators.left_cm_s`,
+`step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets `actuators.left_cm_s`,
 `actuators.right_cm_s` and `actuators.ring_on`. `random` is the robot's own stream for `epuck_sim.util.rng`.
 A robot whose memory has `phase_ms` and whose parameters have `period_s` is an oscillator: its synchrony is measured.
-A controller may import others that lie beside it, and shipped ones, by their file's name.
+A controller may import files that lie beside it, and the built-in controllers, by name.
 """
 
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,27 +29,27 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 Value = bool | int | float
 
 MAX_WHOLE = 2**53
-"""Whole parameters are smaller than this: they are the same as `int` and as `float`."""
+"""Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
 
 
 class Sensors(NamedTuple):
     """What one robot senses at the start of a control step."""
 
     step_ms: int
-    """Whole milliseconds that have passed on the robot's own clock since its last control step."""
+    """Integer milliseconds on the robot's own clock since its last control step."""
     infrared: FloatArray
     """(8,) counts: raw readings of the proximity sensors."""
     distance_mm: IntArray
-    """(8,) mm: distances that belong to the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
+    """(8,) mm: distances computed from the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
     camera: IntArray
     """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture."""
     new_picture: bool = True
-    """Whether `camera` holds a picture that the controller has not had before; where cameras take fewer pictures than
-    there are control steps, it holds the last one until the next is there."""
+    """Whether `camera` holds a picture that the controller has not seen before. Cameras that take fewer pictures than
+    there are control steps hold the last one until the next arrives."""
 
 
 ACTUATORS = np.dtype([("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)], align=True)
-"""What a controller sets, one record a robot; it keeps its values until they are set anew."""
+"""Record of what a controller commands, one for each robot; it keeps its values until they are set again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +61,14 @@ class Controller:
     parameters: Mapping[str, Value]
     """Name and default of each parameter."""
     memory: np.dtype[Any]
-    """The record of what a robot remembers."""
+    """Record type of what a robot remembers."""
     start: Callable[..., None]
     step: Callable[..., None]
     check: Callable[[SimpleNamespace], None] | None
     sources: Mapping[Path, bytes]
-    """What stood in every file that the controller's code comes from when it was loaded."""
+    """Contents of every file that the controller's code comes from, at the time of loading."""
+    modules: Mapping[Path, ModuleType]
+    """The module made from each of these files: the controller's own copy, which no `import` statement returns."""
 
     @property
     def is_oscillator(self) -> bool:
@@ -77,7 +79,11 @@ class Controller:
     def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
         """Return every parameter with its given value or its default.
 
-        Raises ValueError, which names the parameter, the value and what is allowed.
+        Args:
+            given: Values by the names of parameters.
+
+        Raises:
+            ValueError: A name or value is not allowed; the message says what is.
         """
         for name in given:
             if name not in self.parameters:
@@ -98,7 +104,7 @@ class Controller:
         return values
 
     def parameter_record(self, values: Mapping[str, Value]) -> npt.NDArray[np.void]:
-        """Return a record array of length 1 that holds `values`."""
+        """Return (1,) a record that holds the value of each parameter."""
         record = np.zeros(1, record_type({name: type(value) for name, value in self.parameters.items()}))
         for name, value in values.items():
             record[name] = value
@@ -106,7 +112,11 @@ class Controller:
 
 
 def typed(name: str, given: object, default: Value) -> Value:
-    """Return `given` as a value of the default's type, or raise ValueError."""
+    """Return `given` converted to the default's type.
+
+    Raises:
+        ValueError: That would change its value; the message names the parameter and what is allowed.
+    """
     if isinstance(default, bool):
         if isinstance(given, bool):
             return given
@@ -121,9 +131,13 @@ def typed(name: str, given: object, default: Value) -> Value:
 
 
 def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
-    """Return the record with `fields`, name -> type or (type, shape); truth values are kept as 0 and 1.
+    """Return the record type with these fields; truth values are kept as the integers 0 and 1.
 
-    Raises ValueError on a name that a record cannot have, or a type that is not int, float or bool.
+    Args:
+        fields: Name -> type or (type, shape).
+
+    Raises:
+        ValueError: A record cannot have this name, or a type is not int, float or bool.
     """
     columns: list[tuple[Any, ...]] = []
     for name, field in fields.items():
@@ -131,6 +145,6 @@ def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
         if kind not in (bool, int, float):
             raise ValueError(f"{name!r} is {field!r}; allowed: int, float, bool, or one of them and a shape")
         if not isinstance(name, str) or not name.isidentifier() or hasattr(np.recarray, name):
-            raise ValueError(f"{name!r} is no name that a record can have, or one that numpy needs; choose another")
+            raise ValueError(f"{name!r} is not a name that a record can have, or numpy needs it; choose another")
         columns.append((name, np.float64 if kind is float else np.int64, *shape))
     return np.dtype(columns or [("nothing", np.int64)], align=True)

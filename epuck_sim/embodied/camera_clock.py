@@ -1,8 +1,8 @@
-"""Cameras that take fewer pictures than there are control steps, and hand them on late (thesis 4.3.1).
+"""Cameras that take fewer pictures than there are control steps, and deliver them late (thesis 4.3.1).
 
-Each camera takes a picture at its own instants, `interval` apart from a random beginning on; the picture is that of the
-control step in which the instant lies. The controller has it once a latency of its own is over. Times here are in
-control steps.
+Each camera takes pictures at instants of its own, `interval` apart, the first at a random time; a picture shows the
+control step in which its instant lies. The controller receives it after a random latency. Times here are in control
+steps.
 """
 
 import numpy as np
@@ -11,15 +11,15 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.util.jit import jit
 from epuck_sim.util.rng import uniform
 
-_NONE = -2
-"""The step in which a picture arrives that was never taken."""
+_NEVER = -2
+"""Arrival step before a camera has taken its first picture."""
 
 
 class CameraClock:
-    """The cameras of a group of robots: what they look at becomes the pictures that controllers have."""
+    """The clock of a group's cameras: decides which of the pictures in view controllers receive, and when."""
 
-    seen: IntArray
-    """(robots, pixels) what is in view; to be written in each control step, before `tick`."""
+    in_view: IntArray
+    """(robots, pixels) what each camera looks at; to be written in each control step, before `tick`."""
 
     def __init__(
         self,
@@ -31,18 +31,23 @@ class CameraClock:
     ) -> None:
         """Begin with no picture taken.
 
-        interval: from one picture to the next, at least 1; latency: the most that a picture takes, at most the
-        interval; streams: (robots, 4); written to are (robots, pixels) camera, and (robots,) new_picture.
+        Args:
+            interval: control steps from one picture to the next, at least 1.
+            latency: longest time in control steps that a picture takes to arrive, at most the interval.
+            streams: (robots, 4) random streams.
+            camera: (robots, pixels) the picture that each controller has; written.
+            new_picture: (robots,) whether it arrived in this step; written.
         """
         robots = len(streams)
-        self.seen = np.zeros(camera.shape, np.int64)
+        self.in_view = np.zeros(camera.shape, np.int64)
         first = np.array([interval * uniform(stream) for stream in streams])
-        taken, arrival = np.zeros(robots, np.int64), np.full(robots, _NONE)
-        waiting = np.zeros_like(self.seen)
-        self._arguments = (interval, latency, streams, first, taken, arrival, self.seen, waiting, camera, new_picture)
+        taken, arrival = np.zeros(robots, np.int64), np.full(robots, _NEVER)
+        waiting = np.zeros_like(self.in_view)
+        own = (interval, latency, streams, first, taken, arrival)
+        self._arguments = (*own, self.in_view, waiting, camera, new_picture)
 
     def tick(self, step: int) -> None:
-        """Take the pictures of this control step, and hand on those that arrive in it."""
+        """Take the pictures of this control step, and deliver those that arrive in it."""
         _take_pictures(step, *self._arguments)
 
 
@@ -55,15 +60,25 @@ def _take_pictures(
     first: FloatArray,
     taken: IntArray,
     arrival: IntArray,
-    seen: IntArray,
+    in_view: IntArray,
     waiting: IntArray,
     camera: IntArray,
     new_picture: BoolArray,
 ) -> None:
     """Carry out `CameraClock.tick`.
 
-    first: (robots,) instants of the first pictures; taken: (robots,) pictures so far; arrival: (robots,) the step in
-    which the last of them, (robots, pixels) waiting, arrives: in which the next is taken at the latest.
+    Args:
+        step: number of the control step.
+        interval: see `CameraClock`.
+        latency: see `CameraClock`.
+        streams: see `CameraClock`.
+        first: (robots,) instants of the first pictures.
+        taken: (robots,) number of pictures taken.
+        arrival: (robots,) step in which the last of them arrives, which is not after the next one is taken.
+        in_view: see `CameraClock`.
+        waiting: (robots, pixels) the last picture taken.
+        camera: see `CameraClock`.
+        new_picture: see `CameraClock`.
     """
     for robot in range(len(taken)):
         new_picture[robot] = arrival[robot] == step
@@ -72,8 +87,8 @@ def _take_pictures(
         instant = first[robot] + taken[robot] * interval
         if instant < step + 1.0:
             taken[robot] += 1
-            waiting[robot] = seen[robot]
+            waiting[robot] = in_view[robot]
             arrival[robot] = int(instant + latency * uniform(streams[robot]))
             if arrival[robot] == step:
                 new_picture[robot] = True
-                camera[robot] = seen[robot]
+                camera[robot] = in_view[robot]

@@ -1,4 +1,4 @@
-"""A grid of cells over the arena, so that sensors look at what is near instead of at everybody."""
+"""A cell list: a grid over the arena with the robots in each cell, so that sensors look at near robots only."""
 
 import math
 from typing import NamedTuple
@@ -10,25 +10,26 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.util.jit import jit
 
 REACH_CM = float(np.hypot(*epuck.INFRARED_POSITIONS_CM.T).max()) + epuck.INFRARED_RANGE_CM + epuck.RADIUS_CM
-"""No infrared ray of a robot meets another one whose centre is farther than this."""
+"""Largest distance in cm between the centres of two robots at which an infrared ray of one can meet the other."""
 
 
 class CellList(NamedTuple):
-    """Which robots stand in which cell; cell (column, row) has the number row * columns + column."""
+    """The robots in each cell; cell (column, row) has the number row * columns + column."""
 
     columns: int
     rows: int
     width_cm: float
-    """Width of a cell, at least `REACH_CM` unless there is but one column."""
+    """Width of a cell in cm, at least `REACH_CM` unless there is only one column."""
     height_cm: float
+    """Height of a cell in cm, at least `REACH_CM` unless there is only one row."""
     first: IntArray
-    """(cells + 1,) where in `members` each cell's robots begin."""
+    """(cells + 1,) index in `members` at which each cell's robots begin; the last is the number of robots."""
     members: IntArray
-    """(robots,) robots' numbers, cell by cell."""
+    """(robots,) numbers of the robots, cell by cell."""
 
 
 def make_cell_list(width_cm: float, height_cm: float, robots: int) -> CellList:
-    """Return empty cells for an arena: as wide as infrared reaches, or wider, so that there is about one a robot."""
+    """Return an empty cell list with about one cell per robot, but no cell smaller than infrared reaches."""
     side = max(REACH_CM, math.sqrt(width_cm * height_cm / robots))
     columns = max(1, int(width_cm / side))
     rows = max(1, int(height_cm / side))
@@ -43,14 +44,14 @@ def make_cell_list(width_cm: float, height_cm: float, robots: int) -> CellList:
 
 
 @jit
-def cell_index(position: float, size: float, slots: int) -> int:
-    """Return the column (or row) of a position; one that lies beyond a wall belongs to the last one there."""
-    return min(max(int(position / size), 0), slots - 1)
+def cell_index(position: float, size: float, count: int) -> int:
+    """Return the column (or row) of a position; a position beyond a wall belongs to the cell at that wall."""
+    return min(max(int(position / size), 0), count - 1)
 
 
 @jit
 def sort_into_cells(poses: FloatArray, cells: CellList) -> None:
-    """Fill `cells` with robots by their (robots, 3) poses; within a cell in the order of their numbers."""
+    """Fill `cells` with the robots at (robots, 3) `poses`; within a cell in the order of their numbers."""
     first = cells.first
     first[:] = 0
     for robot in range(len(poses)):

@@ -24,15 +24,25 @@ def apply_commands(
     ring_on: BoolArray,
     poses: FloatArray,
     gain: FloatArray,
-    noise: FloatArray,
     slip: float,
     step_s: float,
     velocities: FloatArray,
+    noise: FloatArray,
+    noise_step: int,
 ) -> int:
-    """Carry out what controllers command; return the first robot with a wheel speed that is no number, or -1.
+    """Carry out what controllers command; return the first robot with a wheel speed that is not a number, or -1.
 
-    actuators: (robots,) see `controller.ACTUATORS`. Written are (robots, 2) wheels_cm_s, within the wheels' limit, and
-    (robots,) ring_on; the other arguments are those of `chord_velocities`, which writes velocities.
+    Args:
+        actuators: (robots,) records, see `control.interface.ACTUATORS`.
+        wheels_cm_s: (robots, 2) cm/s: left and right wheel, within the wheels' limit; written.
+        ring_on: (robots,) whether each ring is lit; written.
+        poses: see `chord_velocities`, which takes it, and the next four, too.
+        gain: see `chord_velocities`.
+        slip: see `chord_velocities`.
+        step_s: see `chord_velocities`.
+        velocities: see `chord_velocities`; written.
+        noise: (steps, robots, 2) numbers from [0, 1) for some steps.
+        noise_step: index of the step whose noise is used.
     """
     for robot in range(len(actuators)):
         left, right = actuators[robot].left_cm_s, actuators[robot].right_cm_s
@@ -41,7 +51,7 @@ def apply_commands(
         wheels_cm_s[robot, 0] = min(max(left, -_LIMIT), _LIMIT)
         wheels_cm_s[robot, 1] = min(max(right, -_LIMIT), _LIMIT)
         ring_on[robot] = actuators[robot].ring_on != 0
-    chord_velocities(poses, wheels_cm_s, gain, noise, slip, step_s, velocities)
+    chord_velocities(poses, wheels_cm_s, gain, noise[noise_step], slip, step_s, velocities)
     return -1
 
 
@@ -55,11 +65,16 @@ def chord_velocities(
     step_s: float,
     velocities: FloatArray,
 ) -> None:
-    """Write (robots, 3) velocities, cm/s, cm/s, rad/s, that take each robot to the end of its arc in `step_s`.
+    """Write the velocities that take each robot to the end of its arc in `step_s`.
 
-    poses: (robots, 3); wheels_cm_s: (robots, 2) left and right; gain: (robots, 2) each wheel's factor, 1 of one that
-    does as it is told, 0 of one that does not move its robot; noise: (robots, 2) from [0, 1), which makes each speed
-    that much of the way from 1 - slip to 1 + slip times itself (Enki).
+    Args:
+        poses: (robots, 3) cm, cm, rad: x, y, heading.
+        wheels_cm_s: (robots, 2) cm/s: left and right wheel.
+        gain: (robots, 2) factor of each wheel's speed: 1 for an ideal wheel, 0 for a robot that is stuck.
+        noise: (robots, 2) numbers from [0, 1); 0 makes a speed 1 - slip times itself, 1 makes it 1 + slip times (Enki).
+        slip: largest relative deviation of a wheel's speed.
+        step_s: seconds of a control step.
+        velocities: (robots, 3) cm/s, cm/s, rad/s; written.
     """
     for robot in range(len(poses)):
         left = wheels_cm_s[robot, 0] * (1.0 + slip * (2.0 * noise[robot, 0] - 1.0)) * gain[robot, 0]

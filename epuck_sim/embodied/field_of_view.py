@@ -1,6 +1,7 @@
-"""What a camera views of the floor: which robots and cells it may see, found without a sine.
+"""View culling: which robots and cells a camera may see, found without trigonometric functions.
 
-These are bounds, quick and safe: they never rule out what a ray would meet. What is seen, `camera` decides ray by ray.
+The tests are fast and conservative: they never rule out a disc that a ray would meet. `line_camera` then decides ray by
+ray what is seen.
 """
 
 import math
@@ -14,57 +15,65 @@ _RADIUS = epuck.RADIUS_CM
 
 
 class FieldOfView(NamedTuple):
-    """The part of the floor between the rays of two pixels, as seen from (x, y)."""
+    """The part of the floor between the rays of two pixels that begin at (x, y)."""
 
     x: float
     y: float
     left_x: float
     left_y: float
+    """Direction of the leftmost ray, with `left_x`: a unit vector."""
     right_x: float
     right_y: float
-    """Directions of the leftmost and the rightmost ray."""
+    """Direction of the rightmost ray, with `right_x`: a unit vector."""
     wide: bool
-    """Whether they are half a turn apart or more; then nothing is ruled out."""
+    """Whether the two rays are half a turn apart or more; then nothing is ruled out."""
 
 
 @jit
 def may_contain_disc(view: FieldOfView, dx: float, dy: float, radius: float) -> bool:
-    """Whether a disc at (dx, dy) from the camera may reach into the view; never False for one that does."""
+    """Return whether a disc at (dx, dy) from the camera may reach into the view; never False for one that does."""
     beyond_left = dy * view.left_x - dx * view.left_y
     beyond_right = dx * view.right_y - dy * view.right_x
     return view.wide or max(beyond_left, beyond_right) <= radius
 
 
 @jit
-def visible_cells(left: float, right: float, wide: bool, here: int, ring: int, slots: int) -> tuple[int, int]:
-    """Return the first column (or row) up to `ring` away that the view may hold, and the one after the last.
+def visible_cells(left: float, right: float, wide: bool, own: int, ring: int, count: int) -> tuple[int, int]:
+    """Return the first column (or row) up to `ring` away that the view may contain, and the one after the last.
 
-    left, right: the components of the view's outermost rays along the columns. Where neither points backwards, a robot
-    that is seen may still have its centre in the column before.
+    Where no ray points backwards, a robot that is seen may still have its centre in the previous column.
+
+    Args:
+        left: component of the view's leftmost ray along the columns.
+        right: component of the view's rightmost ray along the columns.
+        wide: whether the two rays are half a turn apart or more.
+        own: column of the camera.
+        ring: largest difference to the camera's column.
+        count: number of columns.
     """
-    low = here - (ring if wide or min(left, right) < 0.0 else min(ring, 1))
-    high = here + (ring if wide or max(left, right) > 0.0 else min(ring, 1))
-    return max(low, 0), min(high + 1, slots)
+    low = own - (ring if wide or min(left, right) < 0.0 else min(ring, 1))
+    high = own + (ring if wide or max(left, right) > 0.0 else min(ring, 1))
+    return max(low, 0), min(high + 1, count)
 
 
 @jit
-def distance_outside(x: float, y: float, column: int, line: int, ring: int, cells: CellList) -> float:
-    """Return how far, at least, a point of the arena outside the square of cells up to `ring` is from (x, y)."""
+def distance_outside(x: float, y: float, column: int, cell_row: int, ring: int, cells: CellList) -> float:
+    """Return the distance from (x, y) to the nearest point of the arena outside the square of cells up to `ring`."""
     distance = math.inf
     if column - ring > 0:
         distance = min(distance, x - (column - ring) * cells.width_cm)
     if column + ring < cells.columns - 1:
         distance = min(distance, (column + ring + 1) * cells.width_cm - x)
-    if line - ring > 0:
-        distance = min(distance, y - (line - ring) * cells.height_cm)
-    if line + ring < cells.rows - 1:
-        distance = min(distance, (line + ring + 1) * cells.height_cm - y)
+    if cell_row - ring > 0:
+        distance = min(distance, y - (cell_row - ring) * cells.height_cm)
+    if cell_row + ring < cells.rows - 1:
+        distance = min(distance, (cell_row + ring + 1) * cells.height_cm - y)
     return distance
 
 
 @jit
 def angular_radius_bound(distance: float) -> float:
-    """Return an angle no smaller than half of what a robot at `distance` covers, asin(radius / distance)."""
+    """Return an upper bound of a robot's angular radius at `distance`, asin(radius / distance)."""
     if distance <= _RADIUS:
         return math.pi
     share = _RADIUS / distance
@@ -73,7 +82,7 @@ def angular_radius_bound(distance: float) -> float:
 
 @jit
 def fast_atan2(ahead: float, aside: float) -> float:
-    """Return atan2(aside, ahead) to 1e-5 in a fifth of its time (Abramowitz and Stegun 4.4.49)."""
+    """Return atan2(aside, ahead) with an error below 1e-5, five times as fast (Abramowitz and Stegun 4.4.49)."""
     x, y = abs(ahead), abs(aside)
     longer = max(x, y)
     if longer == 0.0:

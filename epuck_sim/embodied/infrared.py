@@ -1,7 +1,7 @@
 """The eight infrared proximity sensors: from poses to raw readings to distances (thesis 3.1.4.1, Appendix B).
 
-Each sensor casts three rays. Their responses are summed, and corrected so that a flat wall straight ahead reads what
-the centre ray alone would: F(left) + F(centre) + F(right) - 2 F(centre / cos 15 deg) (Enki 2.x).
+Each sensor casts three rays. Their responses are summed, and corrected so that the reading of a flat wall straight
+ahead is that of the centre ray alone: F(left) + F(centre) + F(right) - 2 F(centre / cos 15 deg) (Enki 2.x).
 """
 
 import math
@@ -15,7 +15,10 @@ from epuck_sim.embodied.ray_casting import to_disc, to_segment
 from epuck_sim.util.jit import jit
 
 SENSORS = len(epuck.INFRARED_POSITIONS_CM)
+"""Number of proximity sensors."""
+
 RAYS = 3
+"""Rays of each sensor."""
 
 _X = np.ascontiguousarray(epuck.INFRARED_POSITIONS_CM[:, 0])
 _Y = np.ascontiguousarray(epuck.INFRARED_POSITIONS_CM[:, 1])
@@ -28,11 +31,11 @@ _RANGE = epuck.INFRARED_RANGE_CM
 _PEAK = epuck.INFRARED_PEAK_COUNTS
 _PEAK_CM = epuck.INFRARED_PEAK_CM
 _WIDTH = epuck.INFRARED_WIDTH_CM2
-_REACH = REACH_CM - epuck.RADIUS_CM  # of a ray's end from the body's centre
+_REACH = REACH_CM - epuck.RADIUS_CM  # largest distance from the body's centre to the end of a ray
 _TABLE_COUNTS = epuck.INFRARED_TABLE_COUNTS
 _TABLE_MM = epuck.INFRARED_TABLE_MM
 _NOTHING_MM = epuck.OUT_OF_RANGE_MM
-_ROUNDING_MM = 1e-6  # what is cut off to whole mm: a wall 40 mm away must not read 39
+_ROUNDING_MM = 1e-6  # added before truncation to whole mm: a wall 40 mm away must not read 39
 
 
 @jit
@@ -78,9 +81,17 @@ def sense_infrared(
     observer: int,
     readings: FloatArray,
 ) -> None:
-    """Write the noiseless readings, (observers, 8) in counts, of the robots from number `observer` on.
+    """Write the readings of some robots, without noise.
 
-    poses: (robots, 3) x cm, y cm, heading rad; circles (k, 3), edges (m, 4): see `arena.Arena`; cells: sorted by poses.
+    Args:
+        poses: (robots, 3) cm, cm, rad: x, y, heading.
+        width_cm: width of the arena.
+        height_cm: height of the arena.
+        circles: (k, 3) cm: round obstacles, see `arena.Arena`.
+        edges: (m, 4) cm: edges of the other obstacles, see `arena.Arena`.
+        cells: cell list sorted by `poses`.
+        observer: number of the first robot that senses.
+        readings: (observers, 8) counts: the readings of the robots from `observer` on; written.
     """
     distances = np.empty((SENSORS, RAYS))
     for row in range(len(readings)):
@@ -107,7 +118,7 @@ def sense_infrared(
 def _meet_walls(
     x: float, y: float, cos: float, sin: float, width_cm: float, height_cm: float, distances: FloatArray
 ) -> None:
-    """Shorten the rays that meet a wall; `distances` (8, 3) are those of a robot at (x, y)."""
+    """Shorten the rays that meet a wall: (8, 3) `distances` in cm, of a robot at (x, y)."""
     if x <= _REACH:
         _meet_wall(x, -cos, sin, distances)
     if width_cm - x <= _REACH:
@@ -120,7 +131,7 @@ def _meet_walls(
 
 @jit
 def _meet_wall(away: float, ahead: float, aside: float, distances: FloatArray) -> None:
-    """Shorten the rays that meet the wall `away` from the body's centre towards (ahead, aside), a unit vector."""
+    """Shorten the rays that meet the wall at the distance `away` in the direction (ahead, aside), a unit vector."""
     for sensor in range(SENSORS):
         gap = max(away - ahead * _X[sensor] - aside * _Y[sensor], 0.0)
         if gap > _RANGE:
@@ -133,11 +144,11 @@ def _meet_wall(away: float, ahead: float, aside: float, distances: FloatArray) -
 
 @jit
 def _meet_robots(poses: FloatArray, robot: int, cos: float, sin: float, cells: CellList, distances: FloatArray) -> None:
-    """Shorten the rays that meet another robot, one of those in the cells around."""
+    """Shorten the rays that meet another robot; those in the cells around are looked at."""
     x, y = poses[robot, 0], poses[robot, 1]
     column = cell_index(x, cells.width_cm, cells.columns)
-    line = cell_index(y, cells.height_cm, cells.rows)
-    for r in range(max(line - 1, 0), min(line + 2, cells.rows)):
+    cell_row = cell_index(y, cells.height_cm, cells.rows)
+    for r in range(max(cell_row - 1, 0), min(cell_row + 2, cells.rows)):
         start = cells.first[r * cells.columns + max(column - 1, 0)]
         end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
         for member in range(start, end):
@@ -149,13 +160,13 @@ def _meet_robots(poses: FloatArray, robot: int, cos: float, sin: float, cells: C
 
 @jit
 def _meet_disc(ahead: float, aside: float, radius: float, distances: FloatArray) -> None:
-    """Shorten the rays that meet the disc centred at (ahead, aside) of the body."""
+    """Shorten the rays that meet the disc centred at (ahead, aside) in the body's frame."""
     for sensor in range(SENSORS):
         fx, fy = ahead - _X[sensor], aside - _Y[sensor]
         beyond_left = fy * _COS[sensor, 2] - fx * _SIN[sensor, 2]
         beyond_right = fx * _SIN[sensor, 0] - fy * _COS[sensor, 0]
         if max(beyond_left, beyond_right) > radius:
-            continue  # aside of all three rays
+            continue  # beside all three rays
         for ray in range(RAYS):
             reach = to_disc(0.0, 0.0, _COS[sensor, ray], _SIN[sensor, ray], fx, fy, radius)
             distances[sensor, ray] = min(distances[sensor, ray], reach)
@@ -181,10 +192,15 @@ def to_distances(
     by_table: bool,
     distances_mm: IntArray,
 ) -> None:
-    """Amplify (robots, 8) readings in counts, add noise, and write the (robots, 8) distances in whole mm.
+    """Amplify the readings, add noise, and convert them to distances.
 
-    gain: (robots, 8) each sensor's factor, 1 of one that reads as it should; noise: (robots, 8) standard normal
-    numbers; noise_counts: their size.
+    Args:
+        readings: (robots, 8) counts; overwritten with the amplified, noisy readings.
+        gain: (robots, 8) factor of each sensor's reading, 1 for an ideal sensor.
+        noise: (robots, 8) standard normal numbers; further rows are ignored.
+        noise_counts: standard deviation of the noise in counts.
+        by_table: whether distances come from the firmware's table instead of the inverse response.
+        distances_mm: (robots, 8) whole mm; written.
     """
     for robot in range(readings.shape[0]):
         for sensor in range(readings.shape[1]):

@@ -1,8 +1,8 @@
 """The line camera: from poses and lit rings to rows of pixels, with exact occlusion (thesis 4.1.1).
 
 Pixel i of n looks along one ray, the middle of its share of the field of view; index 0 is the left edge, as in a
-picture. The nearest surface on the ray gives the pixel: a lit ring is red, all else is dark. Robots are discs of the
-body's radius. The walls, dark and convex, hide nobody.
+picture. The nearest surface on the ray decides the pixel: a lit ring is red, all else is dark. Robots are discs of the
+body's radius. The walls are dark, and the floor they bound is convex, so that they hide no robot.
 """
 
 import math
@@ -24,33 +24,35 @@ from epuck_sim.embodied.field_of_view import (
 from epuck_sim.embodied.ray_casting import to_disc, to_segment
 from epuck_sim.util.jit import jit
 
-Shown = BoolArray | IntArray
+Labels = BoolArray | IntArray
 
 _RADIUS = epuck.RADIUS_CM
 _FORWARD = epuck.CAMERA_FORWARD_CM
 
 
 class Camera(NamedTuple):
-    """Where a camera's pixels look; angles are left of straight ahead."""
+    """The directions of a camera's pixels; angles are left of straight ahead."""
 
     first: int
-    """The first pixel that is looked at, and the one after the last: the central window."""
+    """First pixel of the central window; pixels outside the window are always 0."""
     end: int
+    """Pixel after the last one of the central window."""
     left_rad: float
     """Angle of the middle of pixel 0."""
     pixels_per_rad: float
-    """Pixels, to the right, in one radian."""
+    """Pixels in one radian, counted to the right."""
     half_view_rad: float
-    """No pixel that is looked at is farther from straight ahead."""
+    """Largest angle between straight ahead and the edge of the central window."""
     range_cm: float
-    """Surfaces beyond it are not seen."""
+    """Range of the camera in cm; rings farther away are not seen."""
     cos: FloatArray
-    """(pixels,) the pixels' directions in the body's frame."""
+    """(pixels,) cosines of the pixels' directions in the body's frame."""
     sin: FloatArray
+    """(pixels,) sines of the pixels' directions in the body's frame."""
 
 
 def make_camera(pixels: int, field_of_view_rad: float, central_pixels: int, range_cm: float = math.inf) -> Camera:
-    """Return the camera whose `pixels` share the field of view; only the `central_pixels` are looked at."""
+    """Return the camera whose `pixels` share the field of view, with a window of `central_pixels`."""
     pitch = field_of_view_rad / pixels
     angles = field_of_view_rad / 2 - pitch * (np.arange(pixels) + 0.5)
     first = (pixels - central_pixels) // 2
@@ -69,7 +71,7 @@ def make_camera(pixels: int, field_of_view_rad: float, central_pixels: int, rang
 @jit
 def see(
     poses: FloatArray,
-    shown: Shown,
+    labels: Labels,
     circles: FloatArray,
     edges: FloatArray,
     cells: CellList,
@@ -77,14 +79,20 @@ def see(
     observer: int,
     rows: IntArray,
 ) -> None:
-    """Write the rows that the robots from number `observer` on see, one a row of (observers, pixels) `rows`.
+    """Write the rows of pixels that some robots see: 0 where the nearest surface is dark, or beyond the range.
 
-    poses: (robots, 3) x cm, y cm, heading rad; shown: (robots,) what a pixel holds that meets this robot, 0 if it is
-    dark (of the line camera: whose ring is on); circles (k, 3), edges (m, 4): see `arena.Arena`; cells: sorted by
-    poses. Pixels outside the central window are 0.
+    Args:
+        poses: (robots, 3) cm, cm, rad: x, y, heading.
+        labels: (robots,) value of a pixel that sees this robot; for the line camera, whether its ring is lit.
+        circles: (k, 3) cm: round obstacles, see `arena.Arena`.
+        edges: (m, 4) cm: edges of the other obstacles, see `arena.Arena`.
+        cells: cell list sorted by `poses`.
+        camera: the observers' camera.
+        observer: number of the first robot that observes.
+        rows: (observers, pixels) one row for each of the robots from `observer` on; written.
     """
     rows[:] = 0
-    lit = np.flatnonzero(shown)
+    lit = np.flatnonzero(labels)
     if len(lit) == 0:
         return
     depth = np.empty(rows.shape[1])
@@ -92,13 +100,13 @@ def see(
         robot = observer + row
         if not _is_any_in_view(poses, lit, camera, robot):
             continue  # nothing red to see: most of the time, where robots are few
-        if _see_robots(poses, shown, cells, camera, robot, rows[row], depth):
+        if _see_robots(poses, labels, cells, camera, robot, rows[row], depth):
             _hide_behind_obstacles(poses[robot], circles, edges, camera, rows[row], depth)
 
 
 @jit
 def _view(pose: FloatArray, cos: float, sin: float, camera: Camera, left: int, right: int) -> FieldOfView:
-    """Return what a robot's camera views from pixel `left` to pixel `right`; cos, sin: of its heading."""
+    """Return a robot's field of view from pixel `left` to pixel `right`; `cos` and `sin` are those of its heading."""
     return FieldOfView(
         pose[0] + _FORWARD * cos,
         pose[1] + _FORWARD * sin,
@@ -112,7 +120,7 @@ def _view(pose: FloatArray, cos: float, sin: float, camera: Camera, left: int, r
 
 @jit
 def _is_any_in_view(poses: FloatArray, others: IntArray, camera: Camera, robot: int) -> bool:
-    """Whether any of `others`, numbers of robots, may reach into a robot's field of view."""
+    """Return whether any robot whose number is in `others` may reach into a robot's field of view."""
     cos, sin = math.cos(poses[robot, 2]), math.sin(poses[robot, 2])
     view = _view(poses[robot], cos, sin, camera, camera.first, camera.end - 1)
     for other in others:
@@ -123,26 +131,26 @@ def _is_any_in_view(poses: FloatArray, others: IntArray, camera: Camera, robot: 
 
 @jit
 def _see_robots(
-    poses: FloatArray, shown: Shown, cells: CellList, camera: Camera, robot: int, row: IntArray, depth: FloatArray
+    poses: FloatArray, labels: Labels, cells: CellList, camera: Camera, robot: int, row: IntArray, depth: FloatArray
 ) -> bool:
-    """Write what one robot sees of the others, and the distances; return whether any of them is lit.
+    """Write the labels that one robot sees, and the distances, to its row; return whether any label is not 0.
 
-    Cells are visited in squares around the camera, from near to far, until what is left lies behind what was seen.
+    Cells are visited in squares around the camera, from near to far, until all remaining robots must be hidden.
     """
     cos, sin = math.cos(poses[robot, 2]), math.sin(poses[robot, 2])
     depth[camera.first : camera.end] = camera.range_cm
-    left, right = camera.first, camera.end - 1  # pixels beyond them see something nearer than what is to come
+    left, right = camera.first, camera.end - 1  # pixels beyond them see something nearer than any robot to come
     view = _view(poses[robot], cos, sin, camera, left, right)
     column = cell_index(view.x, cells.width_cm, cells.columns)
-    line = cell_index(view.y, cells.height_cm, cells.rows)
+    cell_row = cell_index(view.y, cells.height_cm, cells.rows)
     half_cell = 0.5 * math.hypot(cells.width_cm, cells.height_cm)
     any_lit = False
     for ring in range(max(cells.columns, cells.rows)):
         west, east = visible_cells(view.left_x, view.right_x, view.wide, column, ring, cells.columns)
-        south, north = visible_cells(view.left_y, view.right_y, view.wide, line, ring, cells.rows)
+        south, north = visible_cells(view.left_y, view.right_y, view.wide, cell_row, ring, cells.rows)
         any_in_view = False
         for r in range(south, north):
-            inside = line - ring < r < line + ring
+            inside = cell_row - ring < r < cell_row + ring
             for c in range(column - ring, column + ring + 1, 2 * ring if inside else 1):
                 if c < west or c >= east:
                     continue
@@ -156,10 +164,10 @@ def _see_robots(
                     dx, dy = poses[other, 0] - view.x, poses[other, 1] - view.y
                     if other != robot and may_contain_disc(view, dx, dy, _RADIUS):
                         ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
-                        any_lit |= _see_disc(ahead, aside, shown[other], camera, row, depth)
+                        any_lit |= _see_disc(ahead, aside, labels[other], camera, row, depth)
         if not any_in_view:  # nor will there be any beyond
             return any_lit
-        unseen = distance_outside(view.x, view.y, column, line, ring, cells) - _RADIUS
+        unseen = distance_outside(view.x, view.y, column, cell_row, ring, cells) - _RADIUS
         while left <= right and depth[left] < unseen:
             left += 1
         while left <= right and depth[right] < unseen:
@@ -171,8 +179,8 @@ def _see_robots(
 
 
 @jit
-def _see_disc(ahead: float, aside: float, shown: int, camera: Camera, row: IntArray, depth: FloatArray) -> bool:
-    """Write a robot's disc, centred at (ahead, aside) of the camera, where it is nearest; return whether as lit."""
+def _see_disc(ahead: float, aside: float, label: int, camera: Camera, row: IntArray, depth: FloatArray) -> bool:
+    """Write the label of a robot at (ahead, aside) where its disc is nearest so far; return whether a pixel is lit."""
     distance = math.sqrt(ahead * ahead + aside * aside)
     nearest = distance - _RADIUS - 1e-9
     width = angular_radius_bound(distance)
@@ -189,10 +197,10 @@ def _see_disc(ahead: float, aside: float, shown: int, camera: Camera, row: IntAr
             if depth[pixel] < nearest:
                 continue
             reach = to_disc(0.0, 0.0, camera.cos[pixel], camera.sin[pixel], ahead, aside, _RADIUS)
-            if reach < depth[pixel] or (reach == depth[pixel] and shown > row[pixel] and reach < math.inf):
+            if reach < depth[pixel] or (reach == depth[pixel] and label > row[pixel] and reach < math.inf):
                 depth[pixel] = reach
-                row[pixel] = shown
-                any_lit |= shown > 0
+                row[pixel] = label
+                any_lit |= label > 0
     return any_lit
 
 
@@ -200,7 +208,7 @@ def _see_disc(ahead: float, aside: float, shown: int, camera: Camera, row: IntAr
 def _hide_behind_obstacles(
     pose: FloatArray, circles: FloatArray, edges: FloatArray, camera: Camera, row: IntArray, depth: FloatArray
 ) -> None:
-    """Darken the lit pixels before which an obstacle stands."""
+    """Set pixels to 0 where an obstacle is nearer than the robot seen."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = pose[0] + _FORWARD * cos, pose[1] + _FORWARD * sin
     for pixel in range(camera.first, camera.end):

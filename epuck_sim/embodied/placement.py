@@ -1,4 +1,4 @@
-"""Where robots start: at random without overlap, on the grid of the physical experiments, or as they are told."""
+"""Placement of robots at the start: at given poses, on the grid of the physical experiments, or at random."""
 
 import math
 
@@ -12,62 +12,75 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 
 GRID_SPACING_CM = 10.0
-"""Distance between the points of the grid (thesis 4.3.1)."""
+"""Distance between the points of the grid in cm (thesis 4.3.1)."""
 
 GRID_HEADINGS = 8
-"""Headings on the grid are multiples of 45 degrees (thesis 4.3.1)."""
+"""Number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)."""
 
-DRAWS = 10_000
-"""So often a robot's place is drawn before the arena counts as full."""
+MAX_DRAWS = 10_000
+"""Number of random positions tried for a robot before the arena counts as full."""
 
 _TOUCH_CM = 2 * epuck.RADIUS_CM
 _TOLERANCE_CM = 1e-6
 
 
 def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> FloatArray:
-    """Return (robots, 3) cm, cm, rad: the poses at the start of a trial.
+    """Return the poses at the start of a trial.
 
-    Groups with poses come first, then those on the grid, then those at random, so that nobody is in another's way.
-    Raises ScenarioError where robots do not fit, overlap, or stand in a wall or an obstacle.
+    Groups with given poses are placed first, then those on the grid, then those at random, so that none takes a place
+    that another one needs.
+
+    Args:
+        scenario: the scenario with the arena and the groups.
+        sequence: the seed sequence from which placements are drawn.
+
+    Returns:
+        (robots, 3) cm, cm, rad: x, y, heading.
+
+    Raises:
+        ScenarioError: robots do not fit, overlap, or stand in a wall or an obstacle.
     """
     arena = scenario.arena.build()
     random = np.random.default_rng(sequence)
     groups: list[FloatArray] = [np.empty((0, 3)) for _ in scenario.robots]
-    for placement, place in (("poses", _as_told), ("grid", _on_grid), ("random", _at_random)):
+    for placement, place in (("poses", _at_given_poses), ("grid", _on_grid), ("random", _at_random)):
         for number, group in enumerate(scenario.robots):
             if group.placement == placement:
                 groups[number] = place(group, f"{scenario.name}: robots.{number}", arena, np.vstack(groups), random)
     return np.vstack(groups)
 
 
-def _as_told(group: RobotGroup, where: str, arena: Arena, taken: FloatArray, _: np.random.Generator) -> FloatArray:
+def _at_given_poses(
+    group: RobotGroup, key: str, arena: Arena, placed: FloatArray, _: np.random.Generator
+) -> FloatArray:
+    """Return the poses that the scenario gives; raise ScenarioError if one is not free."""
     poses = np.array(group.poses, float)
     for number, (x, y, _heading) in enumerate(poses):
         gap = clearance_cm(arena, x, y) - epuck.RADIUS_CM
         if gap < -_TOLERANCE_CM:
             raise ScenarioError(
-                f"{where}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall or an obstacle; allowed: at "
+                f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall or an obstacle; allowed: at "
                 f"least {epuck.RADIUS_CM:g} cm away from them"
             )
-        others = np.vstack([taken, poses[:number]])
+        others = np.vstack([placed, poses[:number]])
         distances = np.hypot(others[:, 0] - x, others[:, 1] - y)
         if distances.size and distances.min() < _TOUCH_CM - _TOLERANCE_CM:
             other = others[distances.argmin()]
             raise ScenarioError(
-                f"{where}.poses.{number}: is [{x:g}, {y:g}] and overlaps the robot at [{other[0]:g}, {other[1]:g}]; "
+                f"{key}.poses.{number}: is [{x:g}, {y:g}] and overlaps the robot at [{other[0]:g}, {other[1]:g}]; "
                 f"allowed: at least {_TOUCH_CM:g} cm between centres"
             )
     return poses
 
 
-def _on_grid(group: RobotGroup, where: str, arena: Arena, taken: FloatArray, random: np.random.Generator) -> FloatArray:
-    """Points 10 cm apart with equal padding to the walls, at least the spacing; headings in steps of 45 degrees."""
+def _on_grid(group: RobotGroup, key: str, arena: Arena, placed: FloatArray, random: np.random.Generator) -> FloatArray:
+    """Return free points of a grid of 10 cm, as far from the walls or farther, with headings in steps of 45 degrees."""
     xs, ys = (_grid_line(length) for length in (arena.width_cm, arena.height_cm))
     points = np.array([(x, y) for y in ys for x in xs])
-    free = np.array([_is_free(arena, taken, x, y) for x, y in points])
+    free = np.array([_is_free(arena, placed, x, y) for x, y in points])
     if free.sum() < group.count:
         raise ScenarioError(
-            f"{where}.count: is {group.count}; allowed: up to {free.sum()}, the free points of the grid of "
+            f"{key}.count: is {group.count}; allowed: up to {free.sum()}, the free points of the grid of "
             f"{len(xs)} x {len(ys)} in this arena; give fewer robots or a larger arena"
         )
     chosen = random.choice(points[free], group.count, replace=False)
@@ -76,33 +89,35 @@ def _on_grid(group: RobotGroup, where: str, arena: Arena, taken: FloatArray, ran
 
 
 def _grid_line(length_cm: float) -> FloatArray:
+    """Return the coordinates of the grid's points along one side of the arena."""
     points = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
     steps: FloatArray = np.arange(points, dtype=float) - (points - 1) / 2
     return length_cm / 2 + GRID_SPACING_CM * steps
 
 
 def _at_random(
-    group: RobotGroup, where: str, arena: Arena, taken: FloatArray, random: np.random.Generator
+    group: RobotGroup, key: str, arena: Arena, placed: FloatArray, random: np.random.Generator
 ) -> FloatArray:
-    """Centres uniform where bodies are off the walls, redrawn where they overlap (Enki; thesis 3.3)."""
-    poses = np.vstack([taken, np.empty((group.count, 3))])
+    """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
+    poses = np.vstack([placed, np.empty((group.count, 3))])
     low = epuck.RADIUS_CM
     high = (arena.width_cm - low, arena.height_cm - low)
-    for place in range(len(taken), len(poses)):
-        for _ in range(DRAWS):
+    for robot in range(len(placed), len(poses)):
+        for _ in range(MAX_DRAWS):
             x, y = random.uniform(low, high)
-            if _is_free(arena, poses[:place], x, y):
+            if _is_free(arena, poses[:robot], x, y):
                 break
         else:
             raise ScenarioError(
-                f"{where}.count: is {group.count}; no free place was found for robot {place - len(taken)} in {DRAWS} "
-                f"draws: random placement fills at most about half of the floor; give fewer robots, a larger arena, "
-                "or poses"
+                f"{key}.count: is {group.count}; no free place was found for robot {robot - len(placed)} in "
+                f"{MAX_DRAWS} draws: random placement fills at most about half of the floor; give fewer robots, a "
+                "larger arena, or poses"
             )
-        poses[place] = x, y, random.uniform(0, 2 * math.pi)
-    return poses[len(taken) :]
+        poses[robot] = x, y, random.uniform(0, 2 * math.pi)
+    return poses[len(placed) :]
 
 
-def _is_free(arena: Arena, taken: FloatArray, x: float, y: float) -> bool:
-    apart = (taken[:, 0] - x) ** 2 + (taken[:, 1] - y) ** 2 >= _TOUCH_CM**2
+def _is_free(arena: Arena, placed: FloatArray, x: float, y: float) -> bool:
+    """Return whether a robot at (x, y) touches no robot that is placed, no wall and no obstacle."""
+    apart = (placed[:, 0] - x) ** 2 + (placed[:, 1] - y) ** 2 >= _TOUCH_CM**2
     return bool(apart.all()) and clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM

@@ -1,6 +1,6 @@
-"""Where a ray first meets a disc or a segment.
+"""Ray casting: the distance along a ray to a disc or a segment.
 
-A ray starts at (ox, oy) and runs along the unit vector (dx, dy). Each function gives the distance in cm to the first
+A ray starts at (ox, oy) and runs along the unit vector (dx, dy). Each function returns the distance in cm to the first
 surface, `inf` where the ray misses, and 0 where it starts inside a disc and looks towards its centre.
 """
 
@@ -15,7 +15,7 @@ def to_disc(ox: float, oy: float, dx: float, dy: float, cx: float, cy: float, ra
     fx = cx - ox
     fy = cy - oy
     along = fx * dx + fy * dy
-    if along <= 0.0:  # from inside, too: bodies that touch may overlap a little, and a sensor still looks away
+    if along <= 0.0:  # also from inside: bodies that touch may overlap a little, and a sensor that looks away sees none
         return math.inf
     outside = fx * fx + fy * fy - radius * radius
     if outside <= 0.0:
@@ -33,7 +33,7 @@ def to_segment(ox: float, oy: float, dx: float, dy: float, ax: float, ay: float,
     ex = bx - ax
     ey = by - ay
     turn = dx * ey - dy * ex
-    if turn == 0.0:  # parallel: the ends of the polygon's other edges are what it would meet
+    if turn == 0.0:  # parallel: the ray would meet the polygon's neighbouring edges
         return math.inf
     fx = ax - ox
     fy = ay - oy

@@ -1,8 +1,8 @@
-"""The rigid bodies: robots, walls and obstacles in pymunk. The only module that knows of pymunk and its batches.
+"""The rigid bodies: robots, walls and obstacles in pymunk. No other module uses pymunk.
 
 Contacts are hard, without bounce, and by default without friction: they never turn a robot (Enki). Wheels set the
-bodies' velocities at the beginning of each control step; what a contact then does to them stands until the next one.
-A robot that pushes one that holds still thus moves both at half its speed.
+bodies' velocities at the beginning of each control step, and changes made by contacts last until the next one. Thus a
+robot that pushes one that holds still moves both at half its speed.
 """
 
 import numpy as np
@@ -15,14 +15,14 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
 
 WALL_CM = 50.0
-"""Thickness of the walls: far more than a robot can cover in one physics step."""
+"""Thickness of the walls in cm: far more than a robot can cover in one physics step."""
 
 MARGIN_CM = 0.08
-"""By so much every body is larger than it is, and twice that an overlap may be before it is corrected.
+"""Margin in cm by which bodies are enlarged; overlaps of up to twice the margin are not corrected.
 
-pymunk finds out about a contact when bodies overlap already: two robots that meet head-on at full speed close 2.56 mm
-in a physics step. So it is told 1.6 mm in advance; what is left is below 1 mm, and robots that press on something come
-to rest where their real surfaces touch.
+pymunk detects a contact only after bodies overlap, and two robots that meet head-on at full speed approach by 2.56 mm
+in a physics step. Margins make it detect contacts 1.6 mm earlier, so that real bodies overlap by less than 1 mm, and
+robots that press on something come to rest where their real surfaces touch.
 """
 
 _POSES = BodyFields.POSITION | BodyFields.ANGLE
@@ -33,12 +33,19 @@ class World:
     """The bodies of one trial; a space is never used for a second one (viblo/pymunk#181)."""
 
     poses: FloatArray
-    """(robots, 3) cm, cm, rad: x, y, heading; brought up to date by `advance`. Headings count full turns."""
+    """(robots, 3) cm, cm, rad: x, y, heading; updated by `advance`. Headings count full turns."""
     velocities: FloatArray
     """(robots, 3) cm/s, cm/s, rad/s: to be written before `advance`."""
 
     def __init__(self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int) -> None:
-        """Put robots at (robots, 3) `poses` into the arena; `friction` is between any two bodies that touch."""
+        """Put robots at (robots, 3) `poses` into the arena.
+
+        Args:
+            arena: the arena, in cm.
+            poses: (robots, 3) cm, cm, rad: x, y, heading.
+            friction: coefficient between any two bodies that touch.
+            physics_hz: physics steps in a second.
+        """
         self._space = space = pymunk.Space()
         space.collision_slop = 2 * MARGIN_CM
         space.collision_bias = 0.0  # an overlap is gone after one physics step
@@ -66,7 +73,7 @@ class World:
         self._commands.set_float_buf(commands)
 
     def advance(self, steps: int) -> None:
-        """Set the bodies' velocities and move them by so many physics steps."""
+        """Set the bodies' velocities and move the bodies for this number of physics steps."""
         space, step, step_s = self._space, self._space.step, self._step_s
         pymunk.batch.set_space_bodies(space, _VELOCITIES, self._commands)
         for _ in range(steps):
@@ -91,6 +98,7 @@ def _walls(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
 
 
 def _obstacles(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
+    """Return the shapes of the arena's obstacles."""
     circles: list[pymunk.Shape] = [
         pymunk.Circle(body, radius + MARGIN_CM, offset=(x, y)) for x, y, radius in arena.circles.tolist()
     ]

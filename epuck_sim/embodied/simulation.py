@@ -1,37 +1,41 @@
 """The embodied simulation: sense, control, act, move, one control step after the other (thesis 3.1.4.1).
 
-Within a step everybody senses the same instant, then every controller runs, then rings and wheels take effect, then
-bodies move. What a controller commands in one step is seen by the others in the next.
+Within a step all robots sense the same instant, then every controller runs, then rings and wheels take effect, then
+bodies move. What a controller commands in one step is seen by the other robots in the next.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import FloatArray
-from epuck_sim.control.interface import ACTUATORS
+from epuck_sim.arrays import FloatArray, StreamArray
 from epuck_sim.control.runner import RobotError, SensorArrays
-from epuck_sim.embodied.cell_list import make_cell_list
 from epuck_sim.embodied.differential_drive import apply_commands
-from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SwarmArrays, start_group
-from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, make_swarm_arrays, start_group
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.sensing import sense
 from epuck_sim.embodied.step import Step
-from epuck_sim.embodied.variation import RobotClocks, Stoppages, draw_variation
-from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.embodied.variation import RobotClocks, RobotVariation, Stoppages, draw_variation
+from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.scenario import Scenario, require_model
+from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.util.seeds import robot_streams
 
 
 class Simulation:
-    """A swarm in its arena; iterating takes one control step after the other, without end.
+    """A swarm of e-pucks in its arena, an endless iterator over control steps.
+
+    The first step shows the robots where they were placed; each further one first moves the bodies for one control
+    interval (0.1 s by default). Then all robots sense that instant, and their controllers command rings and wheels.
+    The simulation never ends by itself: `run_trial` decides when a trial is terminated (synchronised) or censored (its
+    limit of cycles or of time is reached), and stops asking for steps.
+
+    The outcome depends on the scenario and the seed alone, to the bit.
 
     >>> simulation = Simulation("thesis", seed=1)
     >>> step = next(iter(simulation))
@@ -44,7 +48,7 @@ class Simulation:
     step_s: float
     """Seconds from one control step to the next."""
     period_ms: FloatArray
-    """(robots,) ms: the oscillators' periods; NaN for robots that are none."""
+    """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
 
     def __init__(
         self,
@@ -55,143 +59,176 @@ class Simulation:
     ) -> None:
         """Place the robots and start their controllers.
 
-        scenario: a Scenario, or what `load_scenario` takes; seed: the scenario's own if None; interpret: run
-        controllers as plain Python, with the same outcome.
-        Raises ScenarioError where robots do not fit, ControllerError where a controller cannot start.
+        Args:
+            scenario: a scenario of model `embodied` without a sweep, or what `load_scenario` takes.
+            seed: the trial's seed, 0 or more; the scenario's own if None.
+            interpret: run controllers as plain Python instead of compiled, with the same outcome.
+
+        Raises:
+            ScenarioError: the scenario or the seed is not allowed, or the robots do not fit into the arena.
+            ControllerError: a controller cannot be compiled, or raises at its start.
         """
-        scenario = require_model(load_scenario(scenario), EmbodiedScenario, "a Simulation needs model: embodied")
-        self.scenario = scenario
-        if scenario.sweep is not None:
-            raise ScenarioError(
-                f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`"
-            )
-        self.seed = scenario.seed if seed is None else seed
-        if self.seed < 0:
-            raise ScenarioError(f"{scenario.name}: seed is {self.seed}; allowed: whole numbers from 0")
+        self.scenario = scenario = require_model(
+            load_scenario(scenario), EmbodiedScenario, "a Simulation needs model: embodied; use ParticleSimulation"
+        )
+        self.seed = seed_of_trial(scenario, seed)
         self.step_s = scenario.timing.step_ms / 1000
-        placing, sensing, driving, *own = np.random.SeedSequence(self.seed).spawn(6)
-        self._sensing = np.random.Generator(np.random.SFC64(sensing))
-        self._driving = np.random.Generator(np.random.SFC64(driving))
-        thinking, ageing, filming = (robot_streams(sequence, scenario.robot_count) for sequence in own)
-
-        poses = place_robots(scenario, placing)
-        arena = scenario.arena.build()
-        self._world = World(arena, poses, scenario.contact.friction, scenario.timing.physics_hz)
-
-        robots, pixels = len(poses), scenario.camera_pixels
-        senses = SensorArrays(
-            np.full(robots, scenario.timing.step_ms),
-            np.zeros((robots, SENSORS)),
-            np.zeros((robots, SENSORS), np.int64),
-            np.zeros((robots, pixels), np.int64),
-            np.ones(robots, np.bool_),
-        )
-        self._infrared_noise = np.zeros((NOISE_STEPS, robots, SENSORS))
-        self._actuators = np.zeros(robots, ACTUATORS)
-        self._wheels = np.zeros((robots, 2))
-        self._wheel_noise = np.zeros((NOISE_STEPS, robots, 2))
-        self._ring_on = np.zeros(robots, np.bool_)
-        self._number = -1  # of the last step taken
         self._step_ms = scenario.timing.step_ms
-        self._moves = scenario.timing.physics_hz // scenario.timing.control_hz
-        traits = draw_variation(scenario.spread, ageing)
-        self._ticks: list[Callable[[int], None]] = []
-        if scenario.spread.clock_rate > 0:
-            self._ticks.append(RobotClocks(traits.clock_rate, self._step_ms, senses.step_ms).tick)
-        if scenario.stuck.per_hour > 0:
-            self._ticks.append(Stoppages(scenario.stuck, self.step_s, ageing, traits.wheel_gain).tick)
+        self._step_number = -1  # of the last step taken
+        self._physics_steps = scenario.timing.physics_hz // scenario.timing.control_hz
+        for_placement, for_infrared, for_wheels, *for_robots = np.random.SeedSequence(self.seed).spawn(6)
+        self._infrared_random = np.random.Generator(np.random.SFC64(for_infrared))
+        self._wheel_random = np.random.Generator(np.random.SFC64(for_wheels))
+        controller_streams, variation_streams, camera_streams = (
+            robot_streams(sequence, scenario.robot_count) for sequence in for_robots
+        )
 
-        everybody = SwarmArrays(
-            poses=self._world.poses,
-            ring_on=self._ring_on,
-            arena=arena,
-            cells=make_cell_list(arena.width_cm, arena.height_cm, robots),
-            senses=senses,
-            infrared_noise=self._infrared_noise,
-            infrared_gain=traits.infrared_gain,
-            actuators=self._actuators,
-            thinking=thinking,
-            filming=filming,
-        )
-        self._teams = list(self._make_teams(everybody, interpret))
-        self._ticks += [tick for team in self._teams for tick in team.ticks]
-        self.period_ms = np.concatenate([np.full(len(team.control.memory), team.period_ms) for team in self._teams])
-        arrays = (self._world.poses, *senses[1:4], self._wheels, self._ring_on)
-        self._shown: tuple[Any, ...] = (
-            *(_read_only(array) for array in arrays),
-            tuple(_read_only(team.control.memory) for team in self._teams),
-        )
-        self._acting = [
-            (
-                *(self._actuators, self._wheels, self._ring_on, self._world.poses),
-                *(traits.wheel_gain, noise, scenario.noise.wheel_speed, self.step_s, self._world.velocities),
-            )
-            for noise in self._wheel_noise
-        ]
+        arena = scenario.arena.build()
+        poses = place_robots(scenario, for_placement)
+        self._world = World(arena, poses, scenario.contact.friction, scenario.timing.physics_hz)
+        self._swarm = make_swarm_arrays(scenario, arena, self._world)
+        variation = draw_variation(scenario.spread, variation_streams)
+        ticks = self._start_clocks(variation, variation_streams)
+        self._groups = self._start_groups(variation, controller_streams, camera_streams, interpret)
+        self._ticks = ticks + [group.camera_clock.tick for group in self._groups if group.camera_clock is not None]
+        self.period_ms = np.concatenate([np.full(len(group.runner.memory), group.period_ms) for group in self._groups])
+        self._apply_commands = self._prepare_commands(variation.wheel_gain)
+        self._step_arrays: tuple[Any, ...] = self._show(self._swarm.sensors)[2:]
         self._warm_up()
 
-    def _make_teams(self, everybody: SwarmArrays, interpret: bool) -> Iterator[RobotGroupState]:
-        first = 0
-        for group in self.scenario.robots:
+    def _start_clocks(self, variation: RobotVariation, streams: StreamArray) -> list[Callable[[int], None]]:
+        """Return what takes each step's number before controllers run: robots' clocks and stoppages, if any."""
+        ticks: list[Callable[[int], None]] = []
+        if self.scenario.spread.clock_rate > 0:
+            ticks.append(RobotClocks(variation.clock_rate, self._step_ms, self._swarm.sensors.step_ms).tick)
+        if self.scenario.stuck.per_hour > 0:
+            ticks.append(Stoppages(self.scenario.stuck, self.step_s, streams, variation.wheel_gain).tick)
+        return ticks
+
+    def _start_groups(
+        self,
+        variation: RobotVariation,
+        controller_streams: StreamArray,
+        camera_streams: StreamArray,
+        interpret: bool,
+    ) -> list[RobotGroupState]:
+        """Return all groups with their controllers started; a controller that raises is named with its robot."""
+        groups: list[RobotGroupState] = []
+        first_robot = 0
+        for section in self.scenario.robots:
             try:
-                yield start_group(self.scenario, group, first, everybody, interpret=interpret)
+                group = start_group(
+                    self.scenario,
+                    section,
+                    first_robot,
+                    self._swarm,
+                    infrared_gain=variation.infrared_gain,
+                    controller_streams=controller_streams,
+                    camera_streams=camera_streams,
+                    interpret=interpret,
+                )
             except RobotError as error:
-                raise self._blame(error, first) from error
-            first += group.count
+                raise self._located(error, first_robot) from error
+            groups.append(group)
+            first_robot += section.count
+        return groups
+
+    def _prepare_commands(self, wheel_gain: FloatArray) -> Callable[[int], int]:
+        """Return `apply_commands` with all its arguments but the last; (robots, 2) wheel_gain is read in each step."""
+        swarm = self._swarm
+        return partial(
+            apply_commands,
+            swarm.actuators,
+            swarm.wheels_cm_s,
+            swarm.ring_on,
+            swarm.poses,
+            wheel_gain,
+            self.scenario.noise.wheel_speed,
+            self.step_s,
+            swarm.velocities,
+            swarm.wheel_noise,
+        )
+
+    def _show(self, sensors: SensorArrays) -> Step:
+        """Return a step that has no number yet, and the arrays of every step."""
+        return Step(
+            number=-1,
+            time_s=0.0,
+            poses=_read_only(self._swarm.poses),
+            infrared=_read_only(sensors.infrared),
+            distance_mm=_read_only(sensors.distance_mm),
+            camera=_read_only(sensors.camera),
+            wheels_cm_s=_read_only(self._swarm.wheels_cm_s),
+            ring_on=_read_only(self._swarm.ring_on),
+            memories=tuple(_read_only(group.runner.memory) for group in self._groups),
+        )
 
     def _warm_up(self) -> None:
         """Have compiled what the steps call, before any clock runs; there is no noise and no command yet."""
-        for team in self._teams:
-            sense(*team.sensing[0])
+        for group in self._groups:
+            group.sense(0)
         for tick in self._ticks:
             tick(-1)
-        apply_commands(*self._acting[0])
+        self._apply_commands(0)
 
     @property
     def steps(self) -> int:
         """Control steps taken so far."""
-        return self._number + 1
+        return self._step_number + 1
 
-    def __iter__(self) -> Iterator[Step]:
-        """Go on from where the simulation stands."""
+    def __iter__(self) -> Self:
+        """Return the simulation itself: a further loop continues where the last one stopped."""
         return self
 
     def __next__(self) -> Step:
-        """Move the bodies, unless this is the first step; let everybody sense, and command; return the step.
+        """Take one control step and return it.
 
-        Raises ControllerError where a controller does.
+        Bodies move, unless this is the first step; then all robots sense, and their controllers command.
+
+        Returns:
+            The step; its arrays are overwritten by the next one.
+
+        Raises:
+            ControllerError: a controller raises, or sets a wheel speed that is not a number.
         """
-        self._number += 1
-        now = self._number % NOISE_STEPS
-        noise = self.scenario.noise
-        if self._number > 0:
-            self._world.advance(self._moves)
-        if now == 0 and noise.infrared_counts > 0:
-            self._sensing.standard_normal(out=self._infrared_noise)
-        if now == 0 and noise.wheel_speed > 0:
-            self._driving.random(out=self._wheel_noise)
-        for team in self._teams:
-            sense(*team.sensing[now])
+        self._step_number += 1
+        noise_step = self._step_number % NOISE_STEPS
+        if self._step_number > 0:
+            self._world.advance(self._physics_steps)
+        if noise_step == 0:
+            self._draw_noise()
+        for group in self._groups:
+            group.sense(noise_step)
         for tick in self._ticks:
-            tick(self._number)
-        for team in self._teams:
+            tick(self._step_number)
+        for group in self._groups:
             try:
-                team.control.step()
+                group.runner.step()
             except RobotError as error:
-                raise self._blame(error, team.first) from error
-        unfit = apply_commands(*self._acting[now])
-        if unfit >= 0:
-            raise ControllerError(f"{self._place(unfit)}: its controller sets a wheel speed that is not a number")
-        return Step(self._number, self._number * self._step_ms / 1000, *self._shown)
+                raise self._located(error, group.first_robot) from error
+        invalid = self._apply_commands(noise_step)
+        if invalid >= 0:
+            raise ControllerError(f"{self._location(invalid)}: its controller sets a wheel speed that is not a number")
+        return Step(self._step_number, self._step_number * self._step_ms / 1000, *self._step_arrays)
 
-    def _place(self, robot: int) -> str:
-        return f"{self.scenario.name}: robot {robot}, step {max(self._number, 0)}, seed {self.seed}"
+    def _draw_noise(self) -> None:
+        """Draw the noise of the next `NOISE_STEPS` steps."""
+        if self.scenario.noise.infrared_counts > 0:
+            self._infrared_random.standard_normal(out=self._swarm.infrared_noise)
+        if self.scenario.noise.wheel_speed > 0:
+            self._wheel_random.random(out=self._swarm.wheel_noise)
 
-    def _blame(self, error: RobotError, first: int) -> ControllerError:
-        return ControllerError(f"{self._place(first + error.robot)}: {error}")
+    def _location(self, robot: int) -> str:
+        """Return where a controller failed, for an error."""
+        return f"{self.scenario.name}: robot {robot}, step {max(self._step_number, 0)}, seed {self.seed}"
+
+    def _located(self, error: RobotError, first_robot: int) -> ControllerError:
+        """Return the error of a controller of the group that begins with `first_robot`, with its location."""
+        return ControllerError(f"{self._location(first_robot + error.robot)}: {error}")
 
 
 def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return a view of an array that refuses to be written to."""
     view = array.view()
     view.flags.writeable = False
     return view

@@ -1,4 +1,4 @@
-"""One control step of a simulation, as onlookers see it."""
+"""One control step of a simulation, as observers see it."""
 
 from typing import Any, NamedTuple
 
@@ -9,46 +9,47 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
 
 class Step(NamedTuple):
-    """One control step of all robots: what they sensed, and what they commanded at that instant.
+    """One control step of all robots: what they sensed at one instant, and what their controllers then commanded.
 
-    The arrays are read-only views of the simulation's own and hold the next step's values as soon as that is taken:
-    copy what you keep.
+    A step does not know whether the trial is over: `run_trial` terminates a trial (synchronised) or censors it (a limit
+    is reached). The arrays are read-only views of the simulation's own, which the next step overwrites: copy what you
+    keep.
     """
 
     number: int
-    """Control steps before this one."""
+    """Number of control steps before this one."""
     time_s: float
-    """Simulated time of this instant."""
+    """Simulated time of this instant in seconds."""
     poses: FloatArray
     """(robots, 3) cm, cm, rad: x, y, heading at this instant; headings count full turns."""
     infrared: FloatArray
     """(robots, 8) counts: readings of the proximity sensors."""
     distance_mm: IntArray
-    """(robots, 8) mm: distances that belong to them; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
+    """(robots, 8) mm: distances that belong to the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
     camera: IntArray
-    """(robots, pixels): 1 where a lit ring is seen; index 0 is the left edge. Shorter rows are filled up with 0."""
+    """(robots, pixels): 1 where a lit ring is seen; index 0 is the left edge. Shorter rows are padded with 0."""
     wheels_cm_s: FloatArray
     """(robots, 2) cm/s: left and right wheel as commanded, within the wheels' limit, without noise."""
     ring_on: BoolArray
-    """(robots,): whose ring is lit, as commanded."""
+    """(robots,): whether the ring is lit, as commanded."""
     memories: tuple[npt.NDArray[Any], ...]
-    """One record array a group of robots: what each remembers."""
+    """One record array for each group: the memory of each of its robots."""
 
     @property
     def phase_ms(self) -> FloatArray:
-        """(robots,) ms: the oscillators' phases; NaN for robots that remember none."""
+        """(robots,) ms: the oscillators' phases; NaN for robots whose memory has no phase."""
         groups = [memory_field(memory, "phase_ms", np.nan) for memory in self.memories]
-        return groups[0] if len(groups) == 1 else np.concatenate(groups)  # which takes as long as all the rest
+        return groups[0] if len(groups) == 1 else np.concatenate(groups)  # a concatenation takes as long as all else
 
     @property
     def flash_seen(self) -> BoolArray:
-        """(robots,): who sees a flash, by its controller's own judgement, or else by any red pixel."""
-        judged = np.concatenate([memory_field(memory, "flash_seen", np.nan) for memory in self.memories])
-        return np.where(np.isnan(judged), self.camera.any(axis=1), judged > 0)
+        """(robots,): whether a robot sees a flash, as its controller decides, or else if any pixel is red."""
+        decided = np.concatenate([memory_field(memory, "flash_seen", np.nan) for memory in self.memories])
+        return np.where(np.isnan(decided), self.camera.any(axis=1), decided > 0)
 
 
-def memory_field(memory: npt.NDArray[Any], field: str, otherwise: float) -> FloatArray:
-    """Return (robots,) a copy of a field of what a group remembers, or `otherwise` where it remembers none."""
+def memory_field(memory: npt.NDArray[Any], field: str, default: float) -> FloatArray:
+    """Return (robots,) a copy of a field of a group's memory, filled with `default` if there is no such field."""
     if field in (memory.dtype.names or ()):
         return np.array(memory[field], float)
-    return np.full(len(memory), otherwise)
+    return np.full(len(memory), default)

@@ -1,6 +1,6 @@
-"""What real robots have and ideal ones do not: they differ from each other, and get stuck (thesis 4.4).
+"""How real robots deviate from ideal ones: they differ from each other, and get stuck (thesis 4.4).
 
-Each robot draws from a stream of its own, so that further robots change nothing for those that are there.
+Each robot draws from a stream of its own, so that adding robots changes nothing for the others.
 """
 
 import math
@@ -15,22 +15,22 @@ from epuck_sim.util.jit import jit
 from epuck_sim.util.rng import uniform
 
 _DRAWS = 4 + SENSORS
-"""Of a robot's traits; all are drawn, whatever the spread, so that none decides what another is."""
+"""Random numbers drawn for each robot; all are drawn, so that a spread of 0 leaves the other factors as they are."""
 
 
 class RobotVariation(NamedTuple):
-    """In what robots differ: factors, 1 of a robot that is as it should be."""
+    """Factors in which robots differ; all are 1 for an ideal robot."""
 
     wheel_gain: FloatArray
-    """(robots, 2) what becomes of the speed of the left and the right wheel."""
+    """(robots, 2) factor of the speed of the left and the right wheel."""
     clock_rate: FloatArray
-    """(robots,) how fast a robot's clock runs."""
+    """(robots,) rate of a robot's clock, relative to real time."""
     infrared_gain: FloatArray
-    """(robots, 8) what becomes of each sensor's reading."""
+    """(robots, 8) factor of each infrared sensor's reading."""
 
 
 def draw_variation(spread: SpreadSection, streams: StreamArray) -> RobotVariation:
-    """Return the traits of robots, from (robots, 4) their streams, which advance."""
+    """Return factors drawn from the robots' streams, (robots, 4), which advance."""
     drawn = np.array([[2 * uniform(stream) - 1 for _ in range(_DRAWS)] for stream in streams])
     both = 1 + spread.wheel_speed * drawn[:, :1]
     each = 1 + spread.wheel_imbalance * drawn[:, 1:3]
@@ -38,32 +38,45 @@ def draw_variation(spread: SpreadSection, streams: StreamArray) -> RobotVariatio
 
 
 class RobotClocks:
-    """Robots' own clocks, which run in whole milliseconds."""
+    """The robots' own clocks, which count whole milliseconds."""
 
-    def __init__(self, rates: FloatArray, step_ms: int, passed_ms: IntArray) -> None:
-        """rates: (robots,) of real time; step_ms: the control step's; passed_ms: (robots,) is written to."""
+    def __init__(self, rates: FloatArray, step_ms: int, elapsed_ms: IntArray) -> None:
+        """Set the clocks' rates.
+
+        Args:
+            rates: (robots,) rate of each clock, relative to real time.
+            step_ms: milliseconds of a control step.
+            elapsed_ms: (robots,) ms that pass on each clock in a control step; written.
+        """
         self._step_ms = step_ms * rates
-        self._passed_ms = passed_ms
+        self._elapsed_ms = elapsed_ms
 
     def tick(self, step: int) -> None:
-        """Write what passes on each clock up to the next control step: 25, 25, 26 ... ms, of which none is lost."""
-        self._passed_ms[:] = np.floor((step + 1) * self._step_ms) - np.floor(step * self._step_ms)
+        """Write the ms until the next control step by each clock: 25, 25, 26 ...; fractions carry over."""
+        self._elapsed_ms[:] = np.floor((step + 1) * self._step_ms) - np.floor(step * self._step_ms)
 
 
 class Stoppages:
-    """What robots get stuck on: after random times, for random times, both exponential. All begin free."""
+    """Random stoppages: robots are free and stuck by turns for exponentially distributed times, free at first."""
 
     def __init__(self, section: StuckSection, step_s: float, streams: StreamArray, wheel_gain: FloatArray) -> None:
-        """streams: (robots, 4); wheel_gain: (robots, 2) of free robots; is written to, 0 while a robot is stuck."""
+        """Begin with all robots free.
+
+        Args:
+            section: how often robots get stuck, and for how long.
+            step_s: seconds of a control step.
+            streams: (robots, 4) random streams.
+            wheel_gain: (robots, 2) factor of each wheel's speed when free; written: 0 while a robot is stuck.
+        """
         robots = len(streams)
         self._step_s = step_s
-        self._arguments = (
-            *(3600 / section.per_hour, section.mean_s, streams),
-            *(np.zeros(robots), np.ones(robots, np.bool_), wheel_gain.copy(), wheel_gain),
-        )
+        mean_free_s, mean_stuck_s = 3600 / section.per_hour, section.mean_s
+        until_s, is_stuck = np.zeros(robots), np.ones(robots, np.bool_)  # at time 0 all are released
+        free_gain = wheel_gain.copy()
+        self._arguments = (mean_free_s, mean_stuck_s, streams, until_s, is_stuck, free_gain, wheel_gain)
 
     def tick(self, step: int) -> None:
-        """Stop and release those whose time has come by this control step."""
+        """Stop and release the robots whose turn has come by this control step."""
         _stop_and_release(step * self._step_s, *self._arguments)
 
 
@@ -78,7 +91,7 @@ def _stop_and_release(
     free_gain: FloatArray,
     wheel_gain: FloatArray,
 ) -> None:
-    """Bring (robots, 2) wheel_gain up to date; (robots,) is_stuck holds until the times until_s."""
+    """Update (robots, 2) wheel_gain and (robots,) is_stuck, whose values hold until the times (robots,) until_s."""
     for robot in range(len(until_s)):
         while until_s[robot] <= time_s:
             is_stuck[robot] = not is_stuck[robot]

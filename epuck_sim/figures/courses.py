@@ -1,7 +1,6 @@
-"""What becomes of synchrony over time: the mean course of trials, simulated again (thesis Figs. 5.9, 5.11)."""
+"""Mean courses of synchrony over time, for which trials are simulated again (thesis Figs. 5.9, 5.11)."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,79 +8,69 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.csv_tables import rounded, save_table
-from epuck_sim.figures.labels import format_axis_values
-from epuck_sim.figures.style import disable_mathtext, make_logarithmic, output_paths, save_drawing
+from epuck_sim.figures.csv_tables import Table, rounded
+from epuck_sim.figures.labels import distinguishing_labels
+from epuck_sim.figures.style import disable_mathtext, make_logarithmic
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.statistics.curves import distinguishing_axes
+from epuck_sim.scenario.scenario import require_model
 
-MOST_MOMENTS = 400
-"""Of a course; of a longer one they are farther and farther apart."""
+MAX_MOMENTS = 400
+"""Largest number of moments of a course; those of a longer one are farther and farther apart."""
 
 
 class Courses(NamedTuple):
-    """What happened at one point of a sweep."""
+    """Mean course of the trials at one point of a sweep."""
 
     axes: dict[str, Any]
     is_displaced: bool
-    """Whether an agent was displaced at the beginning; else deviations tell no more than that clocks differ."""
+    """Whether an agent was displaced at the beginning; otherwise deviations only show that clocks differ."""
     cycle: FloatArray
     """(moments,) periods since the beginning."""
     order_parameter: FloatArray
-    """(moments,) mean of all trials."""
+    """(moments,) order parameter, mean of all trials."""
     deviation: FloatArray
-    """(moments,) mean of all agents and trials, in cycles."""
+    """(moments,) deviation from the twin in cycles, mean of all agents and trials."""
 
 
 def read_courses(points: Sequence[PointTrials]) -> list[Courses]:
-    """Return the mean course of each point's trials; raises EpuckSimError for another model than particles."""
-    return [_courses(point, particles_of(point)) for point in points if len(point.times)]
+    """Simulate the mean course of the trials of each point; raise ScenarioError for a model other than particles."""
+    return [_simulate(point, require_particles(point)) for point in points if len(point.times)]
 
 
-def _courses(point: PointTrials, scenario: ParticleScenario) -> Courses:
+def require_particles(point: PointTrials) -> ParticleScenario:
+    """Return the scenario of a point; raise ScenarioError for a model other than particles."""
+    return require_model(point.scenario, ParticleScenario, "the forms perturbation and course need model: particles")
+
+
+def _simulate(point: PointTrials, scenario: ParticleScenario) -> Courses:
     cycle = choose_moments(scenario.stop.max_cycles)
     times = cycle * scenario.clocks.period_s
-    found = [simulate_with_twin(scenario, seed, times) for seed in point.seeds]
+    comparisons = [simulate_with_twin(scenario, seed, times) for seed in point.seeds]
     return Courses(
         point.axes,
         scenario.start.displacement > 0,
         cycle,
-        np.mean([course.order_parameter for course in found], axis=0),
-        np.mean([course.deviation.mean(axis=1) for course in found], axis=0),
+        np.mean([each.order_parameter for each in comparisons], axis=0),
+        np.mean([each.deviation.mean(axis=1) for each in comparisons], axis=0),
     )
 
 
 def choose_moments(cycles: int) -> FloatArray:
-    """Return moments, in periods, in the middle of a period, when a synchronised swarm does not fire.
+    """Choose moments, in periods, that lie in the middle of periods, when a synchronised swarm does not fire.
 
     >>> choose_moments(3).tolist()
     [0.5, 1.5, 2.5]
     """
-    if cycles <= MOST_MOMENTS:
+    if cycles <= MAX_MOMENTS:
         return np.arange(0.5, cycles)
-    return np.unique(np.geomspace(1, cycles, MOST_MOMENTS).astype(int)) - 0.5
+    return np.unique(np.geomspace(1, cycles, MAX_MOMENTS).astype(int)) - 0.5
 
 
-def particles_of(point: PointTrials) -> ParticleScenario:
-    """Return the scenario of a point; raises EpuckSimError for another model than particles."""
-    scenario = point.scenario
-    if not isinstance(scenario, ParticleScenario):
-        raise EpuckSimError(
-            f"{scenario.name}: the forms perturbation and course are for model: particles; this is {scenario.model}"
-        )
-    return scenario
-
-
-def save_courses(stem: Path, title: str, courses: Sequence[Courses]) -> list[Path]:
-    """Write the courses as STEM.png, STEM.svg and STEM.csv, and return the files."""
-    files = output_paths(stem, ".png", ".svg", ".csv")
-    save_drawing(draw_courses(title, courses), *files[:2])
-    columns = (*courses[0].axes, "cycle", "order_parameter", "deviation")
-    save_table(files[2], columns, _course_rows(courses))
-    return files
+def courses_table(courses: Sequence[Courses]) -> Table:
+    """Return a table with a row for each moment of each course."""
+    return Table((*courses[0].axes, "cycle", "order_parameter", "deviation"), _course_rows(courses))
 
 
 def _course_rows(courses: Sequence[Courses]) -> Iterator[list[Any]]:
@@ -91,18 +80,18 @@ def _course_rows(courses: Sequence[Courses]) -> Iterator[list[Any]]:
 
 
 def draw_courses(title: str, courses: Sequence[Courses]) -> Figure:
-    """Return the figure: the order parameter and, below, if agents were displaced, the deviation from the twin."""
+    """Draw the order parameter and, if agents were displaced, the deviation from the twin below it."""
     has_two = any(each.is_displaced for each in courses)
     figure = Figure(figsize=(7, 6 if has_two else 4), layout="constrained")
     panels = figure.subplots(1 + has_two, 1, sharex=True, squeeze=False)[:, 0]
     above, below = panels[0], panels[-1]
-    labels = [format_axis_values(each) for each in distinguishing_axes([each.axes for each in courses])]
+    labels = distinguishing_labels([each.axes for each in courses])
     colours = colormaps["viridis"](np.linspace(0, 0.9, len(courses)))
     for each, label, colour in zip(courses, labels, colours, strict=True):
         above.plot(each.cycle, each.order_parameter, color=colour, label=label)
         if has_two:
             below.plot(each.cycle, np.where(each.deviation > 0, each.deviation, np.nan), color=colour)
-    if any(each.cycle[-1] > MOST_MOMENTS for each in courses):
+    if any(each.cycle[-1] > MAX_MOMENTS for each in courses):
         make_logarithmic(below, "x")
     if has_two:
         make_logarithmic(below, "y")

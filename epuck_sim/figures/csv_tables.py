@@ -3,7 +3,7 @@
 import csv
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,22 +11,30 @@ from epuck_sim.statistics.curves import Curve
 from epuck_sim.util.atomic_write import atomic_write
 
 POINT_COLUMNS = ("trials", "censored", "mean", "mean_low", "mean_high")
-"""What follows the axes in a table of curves: number of trials, share of them, and cycles."""
+"""Columns after the axes in a table of curves: number of trials, share of censored ones, and cycles."""
 
 DIGITS = 6
+"""Significant digits of numbers in tables."""
+
+
+class Table(NamedTuple):
+    """What a CSV file holds."""
+
+    columns: Sequence[str]
+    rows: Iterable[Sequence[Any]]
 
 
 def save_table(file: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write a CSV file; raises EpuckSimError where it cannot be written."""
+    """Write a CSV file; raise EpuckSimError where it cannot be written."""
     with atomic_write(file) as part, part.open("w", newline="", encoding="utf-8") as text:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)
 
 
-def save_curves(file: Path, axis: str, curves: Sequence[Curve]) -> None:
-    """Write a row for each point of some curves over `axis`; their other axes come first."""
-    save_table(file, (*curves[0].axes, axis, *POINT_COLUMNS), _point_rows(curves))
+def curves_table(axis: str, curves: Sequence[Curve]) -> Table:
+    """Return a table with a row for each point of curves over `axis`; their other axes come first."""
+    return Table((*curves[0].axes, axis, *POINT_COLUMNS), _point_rows(curves))
 
 
 def _point_rows(curves: Sequence[Curve]) -> Iterator[list[Any]]:
@@ -37,7 +45,7 @@ def _point_rows(curves: Sequence[Curve]) -> Iterator[list[Any]]:
 
 
 def rounded(number: float) -> str:
-    """Return a number as tables have it, and nothing for what is not finite.
+    """Return a number with the digits of tables, and nothing for one that is not finite.
 
     >>> rounded(1234.56789), rounded(float("nan"))
     ('1234.57', '')

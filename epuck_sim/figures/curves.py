@@ -1,7 +1,6 @@
 """Curves of T_sync against speed, or another axis, from a run folder: a line for each combination of the others."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.csv_tables import rounded, save_curves, save_table
+from epuck_sim.figures.csv_tables import Table, curves_table, rounded
 from epuck_sim.figures.labels import axis_label, format_axis_values
 from epuck_sim.figures.style import (
     add_shared_legend,
@@ -19,64 +18,65 @@ from epuck_sim.figures.style import (
     is_logarithmic,
     make_logarithmic,
     make_panels,
-    output_paths,
-    save_drawing,
 )
 from epuck_sim.statistics.curves import SPEED, Curve, distinguishing_axes
 from epuck_sim.statistics.extrema import SpeedExtrema, find_minimum_and_peak
 from epuck_sim.util.messages import comma_list, did_you_mean
 
-BUMP_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
+EXTREMA_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
+"""Columns of the minimum and the peak in the table of extrema, cm/s and cycles."""
+
+MAX_EXTRAPOLATION = 100
+"""Largest mean that is shown, as a multiple of the limit of cycles; larger ones are extrapolated too far."""
 
 
-FARTHEST = 100
-"""So many times the limit of cycles a figure shows: means beyond are extrapolated too far to mean much."""
+def check_panels(panels: str | None, curves: Sequence[Curve], origin: str = "--panels") -> None:
+    """Raise EpuckSimError if `panels` is not one of the curves' other axes; `origin` is what messages call it."""
+    axes = curves[0].axes
+    if panels is not None and panels not in axes:
+        raise EpuckSimError(f"{origin}: {did_you_mean(panels, axes)}; other axes: {comma_list(axes)}")
 
 
-def save_figure(
-    stem: Path, title: str, axis: str, curves: Sequence[Curve], panels: str | None = None, origin: str = "--panels"
-) -> list[Path]:
-    """Write the figure as STEM.png and STEM.svg, its points as STEM.csv and V_m and V_p as STEM-regimes.csv.
-
-    axis: the dotted key of the curves' x; panels: of the axis with a panel for each value, if any; origin: who wants
-    that, for messages. Returns the files; raises EpuckSimError where one cannot be written, or there is no such axis.
-    """
-    if panels is not None and panels not in curves[0].axes:
-        raise EpuckSimError(
-            f"{origin}: {did_you_mean(panels, curves[0].axes)}; other axes: {comma_list(curves[0].axes)}"
-        )
-    bumps = [
-        find_minimum_and_peak(curve.x, curve.means, curve.resampled) if axis.endswith(SPEED) else None
-        for curve in curves
-    ]
-    files = output_paths(stem, ".png", ".svg", ".csv", "-regimes.csv")
-    save_drawing(draw(title, axis, curves, bumps, panels), *files[:2])
-    save_curves(files[2], axis, curves)
-    save_table(files[3], (*curves[0].axes, *BUMP_COLUMNS, "p_value"), _bump_rows(curves, bumps))
-    return files
+def find_extrema(axis: str, curves: Sequence[Curve]) -> list[SpeedExtrema | None]:
+    """Return the minimum and the peak of each curve over `axis`, a dotted key; None where this is not a speed."""
+    if not axis.endswith(SPEED):
+        return [None] * len(curves)
+    return [find_minimum_and_peak(curve.x, curve.means, curve.resampled) for curve in curves]
 
 
-def draw(
-    title: str, axis: str, curves: Sequence[Curve], bumps: Sequence[SpeedExtrema | None], split_by: str | None = None
+def curves_tables(axis: str, curves: Sequence[Curve], extrema: Sequence[SpeedExtrema | None]) -> dict[str, Table]:
+    """Return the points of curves over `axis`, and their minima and peaks, as tables by the endings of their files."""
+    columns = (*curves[0].axes, *EXTREMA_COLUMNS, "p_value")
+    return {".csv": curves_table(axis, curves), "-regimes.csv": Table(columns, _extrema_rows(curves, extrema))}
+
+
+def draw_curves(
+    title: str, axis: str, curves: Sequence[Curve], extrema: Sequence[SpeedExtrema | None], split_by: str | None = None
 ) -> Figure:
-    """Return the figure: means and their 95 % bands, T_sync on a logarithmic scale, hollow where trials are censored.
+    """Draw means with their 95 % bands, T_sync on a logarithmic scale, hollow where trials are censored.
 
     A cross at the upper edge is a mean that is undetermined; triangles are the local minimum and the peak, where found.
-    split_by: the axis with a panel for each of its values.
+
+    Args:
+        title: Title of the figure.
+        axis: Dotted key of the horizontal axis.
+        curves: The curves, at least one.
+        extrema: Minimum and peak of each curve, or None.
+        split_by: Dotted key of the axis that has a panel for each of its values; one panel by default.
     """
-    told = distinguishing_axes([curve.axes for curve in curves])
+    distinguishing = distinguishing_axes([curve.axes for curve in curves])
     heads = [format_axis_values({split_by: curve.axes[split_by]}) if split_by else "" for curve in curves]
-    labels = [format_axis_values({key: value for key, value in each.items() if key != split_by}) for each in told]
-    heading, size = list(dict.fromkeys(heads)), (6.0, 3.8) if len(set(heads)) == 1 else (3.8, 3.4)
-    figure, panels = make_panels(title, heading, (axis_label(axis), "T_sync [cycles]"), size)
+    labels = [format_axis_values({key: row[key] for key in row if key != split_by}) for row in distinguishing]
+    titles, size = list(dict.fromkeys(heads)), (6.0, 3.8) if len(set(heads)) == 1 else (3.8, 3.4)
+    figure, panels = make_panels(title, titles, (axis_label(axis), "T_sync [cycles]"), size)
     highest = max((np.nanmax(each, initial=1.0) for each in (curve.means for curve in curves)), default=1.0)
-    highest = min(highest, FARTHEST * max(curve.scenario.stop.max_cycles for curve in curves))
+    highest = min(highest, MAX_EXTRAPOLATION * max(curve.scenario.stop.max_cycles for curve in curves))
     x = np.concatenate([curve.x for curve in curves])
     make_logarithmic(panels[0], "y", *["x"] * is_logarithmic(axis, x))
     names = list(dict.fromkeys(labels))
     colours = dict(zip(names, colormaps["viridis"](np.linspace(0, 0.9, len(names))), strict=True))
-    for curve, bump, head, label in zip(curves, bumps, heads, labels, strict=True):
-        _draw_curve(panels[heading.index(head)], curve, bump, colours[label], label, 2 * highest)
+    for curve, each, head, label in zip(curves, extrema, heads, labels, strict=True):
+        _draw_curve(panels[titles.index(head)], curve, each, colours[label], label, 2 * highest)
     panels[0].set_ylim(top=min(panels[0].get_ylim()[1], 3 * highest))
     if any(labels) and len(panels) == 1:
         disable_mathtext(panels[0].legend(fontsize="small"))
@@ -86,7 +86,7 @@ def draw(
 
 
 def _draw_curve(
-    axes: Axes, curve: Curve, bump: SpeedExtrema | None, colour: FloatArray, label: str, unknown_at: float
+    axes: Axes, curve: Curve, extrema: SpeedExtrema | None, colour: FloatArray, label: str, unknown_at: float
 ) -> None:
     known = ~np.isnan(curve.means)
     low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, posinf=1e12), np.nan).T
@@ -96,15 +96,15 @@ def _draw_curve(
         chosen = known & ((curve.censored > 0) == censored)
         axes.plot(curve.x[chosen], curve.means[chosen], "o", color=colour, markersize=4, markerfacecolor=face)
     axes.plot(curve.x[~known], np.full(np.count_nonzero(~known), unknown_at), "x", color=colour)
-    if bump is not None and bump.is_found:
-        for speed, time, marker in ((bump.v_m, bump.t_m, "v"), (bump.v_p, bump.t_p, "^")):
+    if extrema is not None and extrema.is_found:
+        for speed, time, marker in ((extrema.v_m, extrema.t_m, "v"), (extrema.v_p, extrema.t_p, "^")):
             axes.plot(speed, time, marker, color=colour, markersize=10, markeredgecolor="black", zorder=4)
 
 
-def _bump_rows(curves: Sequence[Curve], bumps: Sequence[SpeedExtrema | None]) -> Iterator[list[Any]]:
-    """Yield a row for each curve; nothing but the p-value where the bump may be noise."""
-    for curve, bump in zip(curves, bumps, strict=True):
-        numbers = [np.nan] * len(BUMP_COLUMNS)
-        if bump is not None and bump.is_found:
-            numbers = [n for estimate, ends in zip(bump[:4], bump.intervals, strict=True) for n in (estimate, *ends)]
-        yield [*curve.axes.values(), *map(rounded, numbers), rounded(np.nan if bump is None else bump.p_value)]
+def _extrema_rows(curves: Sequence[Curve], extrema: Sequence[SpeedExtrema | None]) -> Iterator[list[Any]]:
+    """Yield a row for each curve, with the p-value alone where the minimum and the peak may be noise."""
+    for curve, each in zip(curves, extrema, strict=True):
+        numbers = [np.nan] * len(EXTREMA_COLUMNS)
+        if each is not None and each.is_found:
+            numbers = [n for estimate, ends in zip(each[:4], each.intervals, strict=True) for n in (estimate, *ends)]
+        yield [*curve.axes.values(), *map(rounded, numbers), rounded(np.nan if each is None else each.p_value)]

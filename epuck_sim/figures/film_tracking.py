@@ -1,6 +1,6 @@
-"""The figure of a tracked film, after thesis Figs. 4.5 and 4.6: the evolving histogram, and its spread over time."""
+"""The figure of a tracked film, like thesis Figs. 4.5 and 4.6: the evolving histogram, and its spread over time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -15,110 +15,123 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.figures.csv_tables import rounded, save_table
 from epuck_sim.figures.style import add_shared_legend, make_logarithmic
-from epuck_sim.overhead.track.history import ACROSS, History, Snapshot, choose_moments
-from epuck_sim.overhead.track.spread import LEAST_SEEN, Evaluation, frame_ends
+from epuck_sim.overhead.track.result import Snapshot, Track
+from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, frame_ends
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
 COLUMNS = ("time_s", "cycles", "count", "spread_ms")
-"""Of the table, a row for each evaluation: time of the mode, on the film's clock and in periods since the start."""
+"""Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
+
+ACROSS = 4
+"""Number of snapshots in a row of the figure."""
 
 SHOWN_PERIODS = 1.3
-"""A snapshot shows the histogram so far back."""
+"""Number of periods of the past that a snapshot of the histogram shows."""
 
 BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#1a9641", "#39ff14"
 
 
-def save_track_figure(png: Path, history: History, snapshot: Snapshot | None = None) -> list[Path]:
-    """Draw FILE.png and write `COLUMNS` into FILE.csv beside it; return both. Nothing in them tells when.
+def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None) -> list[Path]:
+    """Draw the figure of a tracked film, and write its evaluations into a table; neither contains the time of writing.
 
-    Raises FilmError for another ending, and EpuckSimError where one of the two cannot be written.
+    Args:
+        png: the figure, FILE.png; the table is FILE.csv.
+        track: the tracked film.
+        snapshot: a frame to show with its rings, if any.
+
+    Returns:
+        The two files.
+
+    Raises:
+        FilmError: the name does not end in .png.
+        EpuckSimError: one of the files cannot be written.
     """
     if png.suffix != ".png":
-        raise FilmError(f"{png}: ends in {png.suffix!r}; allowed: .png, for the figure; its numbers go into .csv")
+        raise FilmError(f"{png}: ends in {png.suffix!r}; allowed: .png, the figure; its table is written as .csv")
     files = [png, png.with_suffix(".csv")]
     for file in files:
         check_target(file)
-    figure = draw_track(history, snapshot)
+    figure = draw_track(track, snapshot)
     with atomic_write(png) as part:
         figure.savefig(part, format="png", dpi=120)
-    save_table(files[1], COLUMNS, _rows(history))
+    save_table(files[1], COLUMNS, _rows(track))
     return files
 
 
-def _rows(history: History) -> Iterator[list[Any]]:
-    for each in history.evaluations:
-        values = (each.time_s, history.cycles(each.time_s), each.rings, 1000 * each.spread_s)
+def _rows(track: Track) -> Iterator[list[Any]]:
+    for each in track.evaluations:
+        values = (each.time_s, track.cycles_at(each.time_s), each.rings, 1000 * each.spread_s)
         yield [*map(rounded, values)]
 
 
-def draw_track(history: History, snapshot: Snapshot | None = None) -> Figure:
+def draw_track(track: Track, snapshot: Snapshot | None = None) -> Figure:
     """Return the figure: snapshots of the histogram, then the counts and the spreads of the whole film.
 
-    The first row of snapshots shows the first period, the second evaluations from the first one to synchrony, the third
-    those around and after it.
+    The first row of snapshots shows the first period; the second shows evaluations from the first one to synchrony; the
+    third shows those around synchrony and after it.
     """
     figure = Figure(figsize=(15.5 if snapshot else 11, 10), layout="constrained")
     places = figure.add_gridspec(2, 2, width_ratios=(4, 10), height_ratios=(3, 2))
     if snapshot:
-        _draw_picture(figure.add_subfigure(places[0, 0]), history, snapshot)
-    _draw_snapshots(figure.add_subfigure(places[0, 1 if snapshot else 0 :]), history)
-    counts, spreads = figure.add_subfigure(places[1, :]).subplots(2, 1, sharex=True)
-    _draw_counts(counts, history)
-    _draw_spreads(spreads, history)
-    add_shared_legend(figure, [spreads])
+        _draw_picture(figure.add_subfigure(places[0, 0]), track, snapshot)
+    _draw_snapshots(figure.add_subfigure(places[0, 1 if snapshot else 0 :]), track)
+    counts, detector = figure.add_subfigure(places[1, :]).subplots(2, 1, sharex=True)
+    _draw_counts(counts, track)
+    _draw_spreads(detector, track)
+    add_shared_legend(figure, [detector])
     return figure
 
 
-def _draw_picture(page: SubFigure, history: History, snapshot: Snapshot) -> None:
+def _draw_picture(page: SubFigure, track: Track, snapshot: Snapshot) -> None:
     panel = page.subplots()
     panel.imshow(snapshot.picture)
     for column, row, radius in snapshot.rings_px:
         panel.add_patch(Circle((column, row), radius, fill=False, color=FOUND, linewidth=2))
     panel.set(xticks=[], yticks=[])
     rings = len(snapshot.rings_px)
-    cycles = history.cycles(snapshot.time_s)
+    cycles = track.cycles_at(snapshot.time_s)
     panel.set_title(f"{cycles:.1f} cycles: {rings} {'ring' if rings == 1 else 'rings'}", fontsize="medium")
 
 
-def _draw_snapshots(page: SubFigure, history: History) -> None:
-    """Draw a row of panels for each row of moments; places without one stay empty."""
+def _draw_snapshots(page: SubFigure, track: Track) -> None:
+    """Draw a row of panels for each row of moments; places without a moment stay empty."""
     grid = page.subplots(3, ACROSS, sharex=True, sharey=True)
     letters = iter(ascii_lowercase)
-    for panels, moments in zip(grid, choose_moments(history), strict=True):
-        for panel, (now_s, evaluation) in zip(panels, moments, strict=False):
-            _draw_snapshot(panel, history, now_s, evaluation)
-            words = f"({next(letters)}) {round(history.cycles(now_s), 2):g} cycles"
-            panel.set_title(words, fontsize="small", loc="left", pad=3)
-        for unused in panels[len(moments) :]:
+    for panels, tracked_frames in zip(grid, choose_moments(track), strict=True):
+        for panel, (now_s, evaluation) in zip(panels, tracked_frames, strict=False):
+            _draw_snapshot(panel, track, now_s, evaluation)
+            title = f"({next(letters)}) {round(track.cycles_at(now_s), 2):g} cycles"
+            panel.set_title(title, fontsize="small", loc="left", pad=3)
+        for unused in panels[len(tracked_frames) :]:
             unused.set_axis_off()
-    grid[0, 0].set(xlim=(-SHOWN_PERIODS * history.period_s, 0.03 * history.period_s), ylim=(0, 1.45 * _most(history)))
+    grid[0, 0].set(xlim=(-SHOWN_PERIODS * track.period_s, 0.03 * track.period_s), ylim=(0, 1.45 * _max_count(track)))
     grid[0, 0].yaxis.set_major_locator(MaxNLocator(4, integer=True))
     page.supxlabel("time from now [s]", fontsize="small")
     page.supylabel("lit rings", fontsize="small")
 
 
-def _draw_snapshot(panel: Axes, history: History, now_s: float, evaluation: Evaluation | None) -> None:
-    """Draw what the histogram is, with now at the right; long lines mark a period, a short one its midpoint."""
-    period_s = history.period_s
-    oldest_s = max(now_s - SHOWN_PERIODS * period_s, history.start_s)
-    first, end = np.searchsorted(history.times_s, (oldest_s, now_s))
-    _fill_counts(panel, history.times_s[first:end] - now_s, history.counts[first:end], 0.0)
-    top = _most(history)
+def _draw_snapshot(panel: Axes, track: Track, now_s: float, evaluation: Evaluation | None) -> None:
+    """Draw the histogram of a moment, the present at the right; long lines mark a period, a short one its midpoint."""
+    period_s = track.period_s
+    oldest_s = max(now_s - SHOWN_PERIODS * period_s, track.start_s)
+    first, end = np.searchsorted(track.times_s, (oldest_s, now_s))
+    _fill_counts(panel, track.times_s[first:end] - now_s, track.counts[first:end], 0.0)
+    top = _max_count(track)
     panel.vlines([-period_s, 0], 0, 1.2 * top, color=MARK, linewidth=1.6)
     panel.vlines(-period_s / 2, 1.05 * top, 1.2 * top, color=MARK, linewidth=1.6)
     panel.tick_params(labelsize="small")
     if evaluation is not None:
-        style: dict[str, Any] = {"color": SYNC, "weight": "bold"} if history.begins_synchrony(evaluation) else {}
-        words = f"{1000 * evaluation.spread_s:.0f} ms"
-        panel.text(-period_s / 2, 1.24 * top, words, ha="center", va="bottom", fontsize="small", **style)
+        style: dict[str, Any] = {"color": SYNC, "weight": "bold"} if _is_first_synchrony(track, evaluation) else {}
+        label = f"{1000 * evaluation.spread_s:.0f} ms"
+        panel.text(-period_s / 2, 1.24 * top, label, ha="center", va="bottom", fontsize="small", **style)
 
 
-def _most(history: History) -> int:
-    return int(history.counts.max(initial=1))
+def _max_count(track: Track) -> int:
+    return int(track.counts.max(initial=1))
 
 
 def _fill_counts(panel: Axes, times: FloatArray, counts: IntArray, end: float) -> None:
-    """Draw each count for as long as its frame stands: nothing where frames are missing."""
+    """Draw each count for the time its frame stands for; nothing where frames are missing."""
     if len(times) < 2:
         return
     edges = np.column_stack([times, frame_ends(times, end)]).ravel()
@@ -126,32 +139,60 @@ def _fill_counts(panel: Axes, times: FloatArray, counts: IntArray, end: float) -
     panel.stairs(heights, edges, fill=True, facecolor=BAR, edgecolor=BAR, linewidth=0.4)
 
 
-def _draw_counts(panel: Axes, history: History) -> None:
-    times = history.cycles(history.times_s)
-    _fill_counts(panel, times, history.counts, times[-1])
-    panel.set(ylabel="lit rings", ylim=(0, 1.1 * _most(history)), xlim=(times[0], times[-1]))
+def _draw_counts(panel: Axes, track: Track) -> None:
+    times = track.cycles_at(track.times_s)
+    _fill_counts(panel, times, track.counts, times[-1])
+    panel.set(ylabel="lit rings", ylim=(0, 1.1 * _max_count(track)), xlim=(times[0], times[-1]))
     panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    _mark_synchrony(panel, history)
+    _mark_synchrony(panel, track)
 
 
-def _draw_spreads(panel: Axes, history: History) -> None:
-    """Draw a dot for each evaluation, an empty one where too much of the period was not seen."""
-    modes = history.cycles(np.array([each.time_s for each in history.evaluations]))
-    spreads_ms = 1000 * np.array([each.spread_s for each in history.evaluations])
-    is_seen = np.array([each.seen >= LEAST_SEEN for each in history.evaluations], bool)
+def _draw_spreads(panel: Axes, track: Track) -> None:
+    """Draw a dot for each evaluation; an empty one if too much of its period was not seen."""
+    modes = track.cycles_at(np.array([each.time_s for each in track.evaluations]))
+    spreads_ms = 1000 * np.array([each.spread_s for each in track.evaluations])
+    is_seen = np.array([each.coverage >= MIN_COVERAGE for each in track.evaluations], bool)
     panel.plot(modes, spreads_ms, color="0.75", linewidth=0.8, zorder=1)
     panel.plot(modes[is_seen], spreads_ms[is_seen], "ko", markersize=4)
     if not is_seen.all():
         label = "frames are missing"
         panel.plot(modes[~is_seen], spreads_ms[~is_seen], "ko", markerfacecolor="white", markersize=4, label=label)
-    limit_ms = 1000 * history.threshold_s
+    limit_ms = track.threshold_ms
     panel.axhline(limit_ms, color=LIMIT, linestyle="--", linewidth=1, label=f"threshold: {limit_ms:.0f} ms")
-    _mark_synchrony(panel, history)
-    panel.set(xlabel=f"cycles of {history.period_s:.4g} s", ylabel="spread [ms]")
+    _mark_synchrony(panel, track)
+    panel.set(xlabel=f"cycles of {track.period_s:.4g} s", ylabel="spread [ms]")
     make_logarithmic(panel, "y")
 
 
-def _mark_synchrony(panel: Axes, history: History) -> None:
-    if history.t_sync_s is not None:
-        cycles = history.cycles(history.t_sync_s)
+def _mark_synchrony(panel: Axes, track: Track) -> None:
+    if track.t_sync_cycles is not None:
+        cycles = track.t_sync_cycles
         panel.axvline(cycles, color=SYNC, linewidth=1.2, zorder=0.5, label=f"T_sync: {cycles:.1f} cycles")
+
+
+def choose_moments(track: Track) -> list[list[tuple[float, Evaluation | None]]]:
+    """Return three rows of up to `ACROSS` moments, in order of time, each with the evaluation made at that moment.
+
+    An evaluation is made half a period after its mode, when the mode is at the midpoint.
+    """
+    quarters = [track.start_s + track.period_s * (quarter + 1) / ACROSS for quarter in range(ACROSS)]
+    made = [(each.time_s + track.period_s / 2, each) for each in track.evaluations]
+    sync = next((index for index, (_, each) in enumerate(made) if _is_first_synchrony(track, each)), None)
+    split = max(0, len(made) - ACROSS if sync is None else sync - 1)
+    return [[(now_s, None) for now_s in quarters], _evenly_spaced(made[:split]), _first_and_last(made[split:])]
+
+
+def _is_first_synchrony(track: Track, evaluation: Evaluation) -> bool:
+    """Return whether an evaluation is the one at T_sync, apart from rounding."""
+    return track.t_sync_s is not None and abs(evaluation.time_s - (track.start_s + track.t_sync_s)) < 1e-6
+
+
+def _evenly_spaced(moments: Sequence[tuple[float, Evaluation]]) -> list[tuple[float, Evaluation | None]]:
+    """Return up to `ACROSS` of the moments at equal distances, including the first and the last."""
+    places = np.linspace(0, len(moments) - 1, min(ACROSS, len(moments)))
+    return [moments[round(place)] for place in places]
+
+
+def _first_and_last(moments: Sequence[tuple[float, Evaluation]]) -> list[tuple[float, Evaluation | None]]:
+    """Return the first `ACROSS` - 1 of the moments and the last one."""
+    return [*moments[: ACROSS - 1], *moments[ACROSS - 1 :][-1:]]

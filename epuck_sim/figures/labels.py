@@ -1,7 +1,9 @@
-"""The thesis's names for keys of a scenario."""
+"""Names of axes of a sweep in figures and tables: the thesis's symbols for keys of a scenario, and units."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+from epuck_sim.statistics.curves import distinguishing_axes
 
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
@@ -22,7 +24,7 @@ SYMBOLS = {
     "k": ("K", ""),
     "central_pixels": ("pixels", ""),
 }
-"""The thesis's symbols, and units, by the last part of a key."""
+"""Symbol in the thesis, and unit, by the last part of a key."""
 
 
 def key_name(key: str) -> str:
@@ -35,16 +37,25 @@ def key_name(key: str) -> str:
 
 
 def format_axis_values(values: Mapping[str, Any]) -> str:
-    """Return axis values in words.
+    """Return axis values as text, with symbols and units.
 
-    >>> values_told({"arena.width_cm": 60, "robots.0.count": 10, "neighbourhood.angle_deg": 90})
+    >>> format_axis_values({"arena.width_cm": 60, "robots.0.count": 10, "neighbourhood.angle_deg": 90})
     'L = 60 cm, N = 10, θ = 90°'
-    >>> values_told({"agents.reorient_on": ["emitting", "receiving"], "neighbourhood.radius_cm": None})
+    >>> format_axis_values({"agents.reorient_on": ["emitting", "receiving"], "neighbourhood.radius_cm": None})
     'reorienting on = emitting and receiving, R = none'
     """
     units = {key: unit_of(key) for key in values}
     spaced = {key: unit if unit == "°" else f" {unit}" for key, unit in units.items()}
     return ", ".join(f"{key_name(key)} = {_format_value(value, spaced[key])}" for key, value in values.items())
+
+
+def distinguishing_labels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a label for each row of axis values, with the values that distinguish it from the others.
+
+    >>> distinguishing_labels([{"arena.width_cm": 60, "agents.count": 9}, {"arena.width_cm": 80, "agents.count": 9}])
+    ['L = 60 cm', 'L = 80 cm']
+    """
+    return [format_axis_values(row) for row in distinguishing_axes(rows)]
 
 
 def _format_value(value: Any, unit: str) -> str:
@@ -54,7 +65,7 @@ def _format_value(value: Any, unit: str) -> str:
 
 
 def axis_label(key: str) -> str:
-    """Return what stands beside an axis of a figure.
+    """Return the label of an axis of a figure: symbol and unit.
 
     >>> axis_label("arena.width_cm"), axis_label("robots.0.count")
     ('L [cm]', 'N')
@@ -64,7 +75,7 @@ def axis_label(key: str) -> str:
 
 
 def unit_of(key: str) -> str:
-    """Return the unit of a key's values, or nothing.
+    """Return the unit of a key's values; empty if there is none.
 
     >>> unit_of("arena.width_cm")
     'cm'

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from itertools import groupby
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,53 +13,52 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.figures.csv_tables import save_curves
-from epuck_sim.figures.labels import axis_label, format_axis_values
+from epuck_sim.figures.csv_tables import Table, curves_table
+from epuck_sim.figures.labels import axis_label, distinguishing_labels
 from epuck_sim.figures.style import (
     add_shared_legend,
     format_tick,
     is_logarithmic,
     make_logarithmic,
     make_panels,
-    output_paths,
-    save_drawing,
 )
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.curves import Curve, distinguishing_axes, estimate_curve, group_by_other_axes
+from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
 
 COLOURS = colormaps["viridis"]
 
-MOST_LEVELS = 20
-"""So many colours can be told apart."""
+MAX_LEVELS = 20
+"""Largest number of levels; more colours are hard to distinguish."""
 
 STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
-"""Decades from one level to the next; the least of them is taken that needs no more than `MOST_LEVELS`."""
+"""Distances from one level to the next, in decades; the smallest that needs at most `MAX_LEVELS` is taken."""
 
-FEWEST_VALUES = 3
-"""Of x and of y in every panel, or no contours are drawn between the points."""
+MIN_CONTOUR_VALUES = 3
+"""Fewest values of x and of y in every panel with which contours are drawn between the points."""
 
 GREY = "0.88"
+"""Colour of cells whose mean is undetermined."""
 
 
 class Map(NamedTuple):
-    """Mean T_sync, in cycles, over two axes: the points measured, of which the grid may have holes."""
+    """Mean T_sync, in cycles, at the points of two axes; the grid may have holes."""
 
     axes: dict[str, Any]
     """Values of the other axes."""
     x: FloatArray
-    """(nx,) values of the axis to the right, ascending."""
+    """(nx,) values of the horizontal axis, ascending."""
     y: FloatArray
-    """(ny,) values of the axis that goes up, ascending."""
+    """(ny,) values of the vertical axis, ascending."""
     means: FloatArray
-    """(ny, nx) by Appendix A; NaN where undetermined, and where there are no trials."""
+    """(ny, nx) mean by Appendix A; NaN where it is undetermined, and where there are no trials."""
     is_tried: BoolArray
     """(ny, nx) whether there are trials."""
     rows: list[Curve]
-    """The same points along x, one curve for each y, which is the last of its axes."""
+    """The same points as curves over x, one for each y, which is the last of its axes."""
 
 
 def read_maps(points: Sequence[PointTrials], x: str, y: str) -> list[Map]:
-    """Return a map for each combination of the values of the other axes, in the order of the sweep."""
+    """Estimate a map for each combination of the values of the other axes, in the order of the sweep."""
     return [_map(group, x, y, others) for others, group in group_by_other_axes(points, y, x)]
 
 
@@ -77,35 +75,35 @@ def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any]) 
     return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), means, is_tried, rows)
 
 
-def save_maps(stem: Path, title: str, x: str, y: str, maps: Sequence[Map]) -> list[Path]:
-    """Write the maps as STEM.png and STEM.svg, and their points as STEM.csv, with the columns of a figure of curves.
-
-    x, y: dotted keys of the axes. Returns the files; raises EpuckSimError where one cannot be written, and for more
-    maps than there can be panels.
-    """
-    files = output_paths(stem, ".png", ".svg", ".csv")
-    save_drawing(draw_maps(title, x, y, maps), *files[:2])
-    save_curves(files[2], x, [row for each in maps for row in each.rows])
-    return files
+def maps_table(x: str, maps: Sequence[Map]) -> Table:
+    """Return the points of maps over `x`, with the columns of a table of curves."""
+    return curves_table(x, [row for each in maps for row in each.rows])
 
 
 def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
-    """Return the figure: a panel for each map, all in the same colours.
+    """Draw a panel for each map, all in the same colours.
 
     Each point fills the cell around it, with a hatched grey where its mean is undetermined; one without trials is
     blank. Between neighbours that are determined, contours are drawn over the cells; nothing else is interpolated.
+
+    Args:
+        title: Title of the figure.
+        x: Dotted key of the horizontal axis.
+        y: Dotted key of the vertical axis.
+        maps: The maps, at least one.
+
+    Raises:
+        EpuckSimError: There are more maps than panels of a figure.
     """
-    told = distinguishing_axes([each.axes for each in maps])
+    titles = distinguishing_labels([each.axes for each in maps])
     size = (5.2, 3.8) if len(maps) == 1 else (2.9, 2.5)
-    figure, panels = make_panels(
-        title, [format_axis_values(each) for each in told], (axis_label(x), axis_label(y)), size
-    )
+    figure, panels = make_panels(title, titles, (axis_label(x), axis_label(y)), size)
     logarithmic = (
         is_logarithmic(x, np.concatenate([each.x for each in maps])),
         is_logarithmic(y, np.concatenate([each.y for each in maps])),
     )
     make_logarithmic(panels[0], *(name for name, chosen in zip("xy", logarithmic, strict=True) if chosen))
-    has_contours = all(min(each.means.shape) >= FEWEST_VALUES for each in maps)
+    has_contours = all(min(each.means.shape) >= MIN_CONTOUR_VALUES for each in maps)
     levels = choose_levels(np.concatenate([each.means.ravel() for each in maps]))
     for panel, each in zip(panels, maps, strict=True):
         _draw_map(panel, each, levels, logarithmic, has_contours)
@@ -116,7 +114,7 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
 
 
 def choose_levels(means: FloatArray) -> FloatArray:
-    """Return the levels, log10 of cycles, ascending, between which means, (n,), have one colour; all lie between them.
+    """Return the ends of the ranges of one colour, log10 of cycles, ascending; all means, (n,), lie between them.
 
     >>> choose_levels(np.array([20.0, 70.0, np.nan])).tolist()
     [1.3, 1.35, 1.4, 1.45, 1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85]
@@ -125,7 +123,7 @@ def choose_levels(means: FloatArray) -> FloatArray:
     low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
     for step in STEPS:
         first, last = math.floor(low / step), math.floor(high / step) + 1
-        if last - first <= MOST_LEVELS:
+        if last - first <= MAX_LEVELS:
             break
     return np.round(np.arange(first, last + 1) * step, 9)
 
@@ -151,7 +149,7 @@ def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[boo
 
 
 def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool], has_contours: bool) -> None:
-    """Have the panels end at the outermost points, which lie within their cells where there are cells alone."""
+    """End the panels at the outermost points, or at the edges of their cells where there are no contours."""
     for name, is_log in zip("xy", logarithmic, strict=True):
         values = [getattr(each, name) for each in maps]
         ends = np.concatenate(values if has_contours else [_edges(each, is_log) for each in values])
@@ -159,7 +157,7 @@ def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool]
 
 
 def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray) -> None:
-    """Add it beside the panels, with powers of ten; where there are not two of them, with the numbers between."""
+    """Add a colour bar beside the panels, with powers of ten, or with numbers between where it holds only one."""
     colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
     bar = figure.colorbar(colours, ax=list(panels), label="T_sync [cycles]", spacing="proportional")
     powers = range(math.ceil(levels[0]), math.floor(levels[-1]) + 1)
@@ -175,12 +173,12 @@ def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray) 
 
 
 def _scaled(values: FloatArray, is_log: bool) -> FloatArray:
-    """Return values, (n,), as far apart as they are on the page."""
+    """Return values, (n,), in proportion to their places on the page."""
     return np.log10(values) if is_log else values
 
 
 def _edges(values: FloatArray, is_log: bool) -> FloatArray:
-    """Return the ends of the cells around ascending values, (n,): (n + 1,), halfway on the page; one alone is 1 wide.
+    """Return the edges, (n + 1,), of cells around ascending values, (n,), halfway on the page; a single cell is 1 wide.
 
     >>> _edges(np.array([1.0, 2.0, 4.0]), False), _edges(np.array([1.0, 100.0]), True)
     (array([0.5, 1.5, 3. , 5. ]), array([1.e-01, 1.e+01, 1.e+03]))

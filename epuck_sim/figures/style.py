@@ -1,12 +1,9 @@
-"""Figures on paper and on the screen: their panels and scales, and every figure written twice, as PNG and as SVG."""
+"""Panels, legends and scales that figures have in common."""
 
 import math
-import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -16,27 +13,35 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.curves import SPEED
-from epuck_sim.util.atomic_write import atomic_write, check_target
 
-DECADE = 10.0
-"""Values that span so much have a logarithmic scale."""
+LOG_RATIO = 10.0
+"""Ratio of the largest to the smallest value from which an axis has a logarithmic scale."""
 
-MOST_PANELS = 64
-"""A page with more is neither read nor quickly drawn."""
+MAX_PANELS = 64
+"""Largest number of panels of a figure; one with more is neither legible nor quickly drawn."""
 
 
 def make_panels(
     title: str, titles: Sequence[str], labels: tuple[str, str], size: tuple[float, float]
 ) -> tuple[Figure, list[Axes]]:
-    """Return a page with a panel for each of the titles, row by row, and the panels, which share their scales.
+    """Make a figure with a panel for each title, row by row; the panels share their scales.
 
-    labels: of the horizontal and the vertical axis; size: width and height of a panel, inches.
-    Raises EpuckSimError for more than `MOST_PANELS`.
+    Args:
+        title: Title of the figure.
+        titles: Titles of the panels.
+        labels: Labels of the horizontal and of the vertical axis.
+        size: Width and height of a panel, inches.
+
+    Returns:
+        The figure, and its panels in the order of `titles`.
+
+    Raises:
+        EpuckSimError: There are more than `MAX_PANELS` titles.
     """
     count = len(titles)
-    if count > MOST_PANELS:
+    if count > MAX_PANELS:
         raise EpuckSimError(
-            f"there would be {count} panels, one for each combination of the other axes; allowed: up to {MOST_PANELS}; "
+            f"there would be {count} panels, one for each combination of the other axes; allowed: up to {MAX_PANELS}; "
             "draw against other axes, or --form curves"
         )
     columns = count if count <= 3 else math.ceil(math.sqrt(count))
@@ -47,9 +52,9 @@ def make_panels(
     for unused in grid[count:]:
         unused.remove()
     panels = list(grid[:count])
-    for panel, words in zip(panels, titles, strict=True):
+    for panel, text in zip(panels, titles, strict=True):
         panel.tick_params(labelsize="medium" if count == 1 else "small")
-        panel.set_title(words, fontsize="medium", parse_math=False)
+        panel.set_title(text, fontsize="medium", parse_math=False)
     for panel in panels[::columns]:
         panel.set_ylabel(labels[1])
     for panel in panels[-columns:]:  # the lowest of each column, though the last row may be shorter
@@ -59,7 +64,7 @@ def make_panels(
 
 
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
-    """Write below the panels what has a label in any of them, once."""
+    """Add a legend below the panels that names each label of any of them once."""
     handles: dict[str, Any] = {}
     for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
@@ -70,22 +75,22 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
 
 
 def disable_mathtext(legend: Legend) -> None:
-    """Have a dollar sign in a legend be one, and not begin a formula."""
+    """Show dollar signs in a legend as they are, instead of taking them for formulas."""
     for text in legend.get_texts():
         text.set_parse_math(False)
 
 
 def is_logarithmic(key: str, values: FloatArray) -> bool:
-    """Return whether an axis with these values, (n,), has a logarithmic scale: positive, and a speed or far apart.
+    """Return whether an axis with these values, (n,), is logarithmic: they are positive, and speeds or far apart.
 
     >>> is_logarithmic("space.side_cm", np.array([10.0, 100.0])), is_logarithmic("agents.count", np.array([5.0, 40.0]))
     (True, False)
     """
-    return bool(values.min() > 0 and (key.endswith(SPEED) or values.max() / values.min() >= DECADE))
+    return bool(values.min() > 0 and (key.endswith(SPEED) or values.max() / values.min() >= LOG_RATIO))
 
 
 def make_logarithmic(axes: Axes, *names: str) -> None:
-    """Make the scales "x" and "y", as named, logarithmic with plain numbers."""
+    """Make the named scales, of "x" and "y", logarithmic, with plain numbers as labels."""
     for name in names:
         axes.set(**{f"{name}scale": "log"})
         axis = axes.xaxis if name == "x" else axes.yaxis
@@ -95,12 +100,12 @@ def make_logarithmic(axes: Axes, *names: str) -> None:
 
 
 class _LogLocator(LogLocator):
-    """Ticks at 1, 2 and 5 of each decade, or at 1 alone where so many numbers would overlap."""
+    """Ticks at 1, 2 and 5 of each decade, or at 1 alone where these numbers would overlap."""
 
     axis: Axis  # matplotlib sets it
 
     def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
-        """Return where ticks are between two ends, as matplotlib asks."""
+        """Return the ticks between two ends."""
         has_room = 0 < vmax <= vmin * 10 ** (self.axis.get_tick_space() / 3)
         self.set_params(subs=(1, 2, 5) if has_room else (1,))
         return super().tick_values(vmin, vmax)
@@ -109,7 +114,7 @@ class _LogLocator(LogLocator):
 def format_tick(number: float) -> str:
     """Return a number as figures show it.
 
-    >>> in_figures(0.05), in_figures(1e6)
+    >>> format_tick(0.05), format_tick(1e6)
     ('0.05', '$10^{6}$')
     """
     digits, _, exponent = f"{number:g}".partition("e")
@@ -117,23 +122,3 @@ def format_tick(number: float) -> str:
         return digits
     factor = "" if digits == "1" else rf"{digits}\cdot"
     return f"${factor}10^{{{int(exponent)}}}$"
-
-
-def output_paths(stem: Path, *endings: str) -> list[Path]:
-    """Return STEM with each of the endings; raises EpuckSimError where one of these files cannot be written."""
-    if stem.name in ("", ".."):
-        raise EpuckSimError(f"{stem}: is no file's name; give FOLDER/NAME, to which .png and so on are added")
-    files = [stem.with_name(f"{stem.name}{ending}") for ending in endings]
-    for file in files:
-        check_target(file)
-    return files
-
-
-def save_drawing(figure: Figure, png: Path, svg: Path) -> None:
-    """Write a figure into two files; nothing in them tells when: the same results give the same files."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
-        with atomic_write(png) as part:
-            figure.savefig(part, format="png", dpi=120)
-        with atomic_write(svg) as part, rc_context({"svg.hashsalt": "epuck-sim"}):
-            figure.savefig(part, format="svg", metadata={"Date": None})

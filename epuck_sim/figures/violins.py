@@ -1,7 +1,6 @@
-"""Distributions of T_sync beside the mean of Appendix A, as if trials had been censored earlier (thesis Fig. A.1)."""
+"""Distributions of T_sync beside Appendix A's mean, also as if trials had been censored earlier (thesis Fig. A.1)."""
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,59 +8,61 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.figures.csv_tables import rounded, save_table
-from epuck_sim.figures.labels import axis_label, format_axis_values
+from epuck_sim.figures.csv_tables import Table, rounded
+from epuck_sim.figures.labels import axis_label, distinguishing_labels
 from epuck_sim.figures.style import (
     add_shared_legend,
     format_tick,
     is_logarithmic,
     make_logarithmic,
     make_panels,
-    output_paths,
-    save_drawing,
 )
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.curves import distinguishing_axes, group_by_other_axes
+from epuck_sim.statistics.curves import group_by_other_axes
 from epuck_sim.statistics.mean_estimate import estimate_mean
 
 COLUMNS = ("trials", "censored", "plain_mean", "estimate", "low", "high")
-"""What follows the axes in the table: number of trials, share of them, and cycles."""
+"""Columns after the axes in the table: number of trials, share of censored ones, and cycles."""
 
 HEIGHTS = 100
-"""At so many times is the density of a violin calculated."""
+"""Number of times at which the density of a violin is evaluated."""
 
-WIDTH = 0.4
-"""Half that of a violin where it is widest, as a share of the least distance of two."""
+HALF_WIDTH = 0.4
+"""Half the largest width of a violin, relative to the smallest distance between two."""
 
 VIOLIN, LINE = "#6baed6", "#b2182b"
+"""Colours of violins and of the estimates' line."""
 
 
 class Violins(NamedTuple):
-    """How T_sync, in cycles, is distributed along an axis; points without trials are left out."""
+    """Distributions of T_sync, in cycles, along an axis, at the S points that have trials."""
 
     axes: dict[str, Any]
     """Values of the other axes."""
     x: FloatArray
     """(S,) values of the axis, ascending."""
     synchronised: list[FloatArray]
-    """S times (trials,) cycles of the trials that are not censored."""
+    """S arrays, (trials,) each: T_sync of the trials that are not censored."""
     trials: IntArray
-    """(S,) all of them."""
+    """(S,) number of trials, censored ones included."""
     plain_means: FloatArray
-    """(S,); NaN where trials are censored."""
+    """(S,) mean of all trials; NaN where some are censored."""
     estimates: FloatArray
-    """(S, 3) mean by Appendix A and the ends of its 95 % interval, trials being censored early; NaN if undetermined."""
+    """(S, 3) mean by Appendix A and the ends of its 95 % interval, with early censoring; NaN where undetermined."""
 
     @property
     def censored(self) -> IntArray:
-        """(S,) how many of the trials are censored in the data themselves."""
+        """(S,) number of trials that are censored in the data themselves."""
         return self.trials - np.array([len(times) for times in self.synchronised], np.int64)
 
 
 def read_violins(points: Sequence[PointTrials], axis: str, censored_at: int | None = None) -> list[Violins]:
     """Return the violins of each combination of the values of the other axes, in the order of the sweep.
 
-    censored_at: the cycle at which the estimate takes trials to be censored; None for where they are.
+    Args:
+        points: Points of a sweep.
+        axis: Dotted key of the horizontal axis.
+        censored_at: Cycle at which the estimate takes trials to be censored; by default, where they are.
     """
     return [_violins(group, axis, others, censored_at) for others, group in group_by_other_axes(points, axis)]
 
@@ -84,18 +85,9 @@ def _estimate(point: PointTrials, censored_at: int | None) -> tuple[float, float
     return estimate.mean, estimate.low, estimate.high
 
 
-def save_violins(
-    stem: Path, title: str, axis: str, groups: Sequence[Violins], censored_at: int | None = None
-) -> list[Path]:
-    """Write the violins as STEM.png and STEM.svg, and a row for each of them as STEM.csv.
-
-    axis: the dotted key of their x; censored_at: what they were read with. Returns the files; raises EpuckSimError
-    where one cannot be written, and for more groups than there can be panels.
-    """
-    files = output_paths(stem, ".png", ".svg", ".csv")
-    save_drawing(draw_violins(title, axis, groups, censored_at), *files[:2])
-    save_table(files[2], (*groups[0].axes, axis, *COLUMNS), _rows(groups))
-    return files
+def violins_table(axis: str, groups: Sequence[Violins]) -> Table:
+    """Return a table with a row for each violin of groups over `axis`, a dotted key."""
+    return Table((*groups[0].axes, axis, *COLUMNS), _rows(groups))
 
 
 def _rows(groups: Sequence[Violins]) -> Iterator[list[Any]]:
@@ -106,24 +98,33 @@ def _rows(groups: Sequence[Violins]) -> Iterator[list[Any]]:
 
 
 def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: int | None = None) -> Figure:
-    """Return the figure: a panel for each group, T_sync on a logarithmic scale.
+    """Draw a panel for each group, T_sync on a logarithmic scale.
 
     A violin is the density of log T_sync of the trials that synchronised, a bar where they all took one time. The line
     is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the plain mean,
     where no trial is censored; a dashed line is where the estimate takes trials to be censored.
+
+    Args:
+        title: Title of the figure.
+        axis: Dotted key of the horizontal axis.
+        groups: Violins of each panel, at least one.
+        censored_at: Cycle with which they were read.
+
+    Raises:
+        EpuckSimError: There are more groups than panels of a figure.
     """
-    told = [format_axis_values(each) for each in distinguishing_axes([each.axes for each in groups])]
+    titles = distinguishing_labels([each.axes for each in groups])
     size = (6.2, 3.8) if len(groups) == 1 else (3.6, 2.7)
-    figure, panels = make_panels(_heading(title, groups), told, (axis_label(axis), "T_sync [cycles]"), size)
+    figure, panels = make_panels(_heading(title, groups), titles, (axis_label(axis), "T_sync [cycles]"), size)
     x = np.concatenate([each.x for each in groups])
     is_log = is_logarithmic(axis, x)
     make_logarithmic(panels[0], "y", *["x"] * is_log)
     places = np.unique(np.log10(x) if is_log else x)
-    half = WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
+    half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
     shown = [array for each in groups for array in (*each.synchronised, each.estimates[:, 0])]
     highest = float(np.nanmax(np.concatenate(shown), initial=censored_at or 1))
     for panel, group in zip(panels, groups, strict=True):
-        _draw_violins(panel, group, half, is_log)
+        _draw_violins(panel, group, half_width, is_log)
         _draw_estimates(panel, group, highest)
         if censored_at is not None:
             limit = f"T_cens of that mean: {format_tick(censored_at)}"
@@ -138,23 +139,26 @@ def _heading(title: str, groups: Sequence[Violins]) -> str:
     return f"{title}\n{censored} of {trials} trials censored, not in the violins" if censored else title
 
 
-def _draw_violins(panel: Axes, group: Violins, half: float, is_log: bool) -> None:
-    """Draw them so wide to either side, in decades where x is logarithmic."""
+def _draw_violins(panel: Axes, group: Violins, half_width: float, is_log: bool) -> None:
+    """Draw violins with this largest half-width, in decades where x is logarithmic."""
     for x, times in zip(group.x, group.synchronised, strict=True):
         if len(times):
             heights, widths = density(times)
-            left, right = (x * 10**side if is_log else x + side for side in (-half * widths, half * widths))
+            left, right = (x * 10**side if is_log else x + side for side in (-half_width * widths, half_width * widths))
             panel.fill_betweenx(heights, left, right, color=VIOLIN, linewidth=1, label="trials that synchronised")
 
 
 def density(times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return times from the least to the greatest of some, (n,) cycles, and the density of log T there, at most 1.
+    """Estimate the density of the logarithms of times, (n,) cycles, by normal kernels as wide as Scott's rule says.
 
-    It is estimated by normal distributions around each of them, as wide as Scott's rule says; a bar, where all are one.
+    Returns:
+        Times from the smallest to the largest, and the density there, relative to its maximum; 1 where all are equal.
 
     >>> density(np.array([7.0, 7.0]))
     (array([7., 7.]), array([1., 1.]))
+
     """
+    # scipy.stats.gaussian_kde gives the same to 1e-15, but takes a second to import and 20 ms for 1,000 times
     logs = np.log10(times)
     if logs.min() == logs.max():
         return np.repeat(times[0], 2), np.ones(2)

@@ -2,15 +2,15 @@
 
 What happens at an instant, in frozen time:
 
-1. All oscillators fire whose time lies within 1e-12 cycles of the earliest.
-2. Each that fires sends a pulse to its neighbours, as they are then. One who hears it, and has neither fired nor heard
-   a pulse at this instant, and whose phase is beyond the refractory period, shifts its phase by the response curve.
-3. One whose phase reaches 1 by that fires at this instant too, and 2 goes on with it, until nobody is left.
-4. All that have fired are at phase 0. Agents that are to reorient do so.
-5. If the reference has fired, the order parameter is measured.
+1. All oscillators fire whose firing times lie within 1e-12 cycles of the earliest.
+2. Each oscillator that fires sends a pulse to its present neighbours. A receiver shifts its phase by the response
+   curve, unless it has already fired or received a pulse at this instant, or is refractory.
+3. A receiver whose phase reaches 1 fires at the same instant, and step 2 is repeated until no oscillator is left.
+4. The phases of all oscillators that fired are 0. Agents that reorient on pulses do so.
+5. If the reference fired, the order parameter is measured.
 
-Nobody fires twice or hears two pulses at one instant, and a shift depends on one's own phase alone: the order in which
-pulses are delivered makes no difference.
+At one instant, no oscillator fires twice or receives two pulses, and a shift depends on the receiver's phase alone:
+the order in which pulses are delivered makes no difference.
 """
 
 import math
@@ -19,65 +19,78 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.particles.motion import Flights, begin_cycle, carry_on, ends_at, first_to_end, reorient, turn_next
+from epuck_sim.particles.motion import (
+    Trajectories,
+    advance_all,
+    first_to_hit_wall,
+    rebase_trajectories,
+    reflect_next,
+    reorient,
+    wall_hit_time,
+)
 from epuck_sim.particles.neighbour_search import find_neighbours
-from epuck_sim.particles.neighbourhood import Neighbourhood, begin_cycle_of_neighbours
-from epuck_sim.particles.order_kernel import COMPLEX, REFERENCE, are_near, measure_order, near_enough
+from epuck_sim.particles.neighbourhood import Neighbourhood, rebase_neighbourhood
+from epuck_sim.particles.order_kernel import COMPLEX, REFERENCE, are_phases_within, max_phase_offset, measure_order
 from epuck_sim.particles.oscillators import (
     Oscillators,
-    begin_next_cycle,
     earliest_firing,
     firing_now,
     phase_at,
+    rebase_oscillators,
     set_next_firing,
 )
-from epuck_sim.particles.phase_response import CURVES, Response, shifted
+from epuck_sim.particles.phase_response import CURVES, Response, phase_after_pulse
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
-ENDLESS = 2**62
-"""More than is ever counted."""
+UNLIMITED = 2**62
+"""Larger than any count or cycle number."""
 
 INSTANTS, CYCLES, FIRINGS, SYNCHRONISED = range(4)
-"""What is counted: instants; firings of the reference, and of all; 1 if the last instant brought synchrony."""
+"""Indices of counters: instants; firings of the reference, of all; 1 if the last instant brought synchrony, else 0."""
 
 
 class Rules(NamedTuple):
-    """What the oscillators do, and when a trial ends."""
+    """How oscillators and agents respond to pulses, and when a trial ends."""
 
     response: Response
+    """The phase response curve."""
     reorients_on_emitting: bool
+    """Whether agents reorient when they emit a pulse."""
     reorients_on_receiving: bool
+    """Whether agents reorient when they receive a pulse."""
     reference: int
+    """Index of the agent whose firings are counted as cycles."""
     metric: int
+    """`COMPLEX` or `REFERENCE`."""
     threshold: float
-    """Of the order parameter; inf where there is none."""
-    near: float
-    """If any phase is farther than this, in cycles, from the reference's, the threshold is not reached."""
+    """Order parameter at which the swarm is synchronised; inf if there is none."""
+    max_offset: float
+    """Cycles; if any phase is farther than this from the reference's, the threshold is not reached."""
 
 
 class Instant(NamedTuple):
-    """Who did what at the last instant."""
+    """What happened at the last instant, and the counters of the trial."""
 
     fired: IntArray
-    """(agents,) who fired, the first `counts[0]` of them, in the order of the cascade."""
-    heard: IntArray
-    """(agents,) who shifted its phase, the first `counts[1]`, those that fired by that among them."""
+    """(agents + 1,) the agents that fired, in the order of the cascade: the first `counts[0]` entries."""
+    received: IntArray
+    """(agents + 1,) the agents whose phases were shifted, even to 1: the first `counts[1]` entries."""
     counts: IntArray
-    """(2,)"""
+    """(2,) numbers of agents in `fired` and `received`."""
     is_done: BoolArray
-    """(agents,) scratch: has fired or heard a pulse at this instant."""
-    order: FloatArray
+    """(agents,) scratch: whether each agent has fired or received a pulse at this instant."""
+    order_parameter: FloatArray
     """(1,) the order parameter at the last firing of the reference; NaN before it is measured."""
-    tally: IntArray
-    """(4,) see `INSTANTS` and so on."""
+    counters: IntArray
+    """(4,) counts at the indices `INSTANTS`, `CYCLES`, `FIRINGS` and `SYNCHRONISED`."""
 
 
 def make_rules(scenario: ParticleScenario) -> Rules:
-    """Return a scenario's rules."""
+    """Return the rules of a scenario."""
     response, stop, reorient_on = scenario.response, scenario.stop, scenario.agents.reorient_on
-    alone = scenario.agents.count == 1  # is never synchronised
-    threshold = math.inf if alone or stop.order_parameter is None else stop.order_parameter
+    is_single = scenario.agents.count == 1  # a single agent is never synchronised
+    threshold = math.inf if is_single or stop.order_parameter is None else stop.order_parameter
     return Rules(
         Response(CURVES.index(response.curve), response.coupling, response.refractory),
         "emitting" in reorient_on,
@@ -85,44 +98,46 @@ def make_rules(scenario: ParticleScenario) -> Rules:
         stop.reference,
         COMPLEX if stop.metric == "complex" else REFERENCE,
         threshold,
-        near_enough(scenario.agents.count, threshold) if threshold < math.inf else -1.0,
+        max_phase_offset(scenario.agents.count, threshold) if threshold < math.inf else -1.0,
     )
 
 
 def make_instant(agents: int) -> Instant:
-    """Return an instant at which nothing has happened."""
-    fired, heard = np.zeros((2, agents + 1), np.int64)
-    counts, tally = np.zeros(2, np.int64), np.zeros(4, np.int64)
-    return Instant(fired, heard, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), tally)
+    """Return an instant at which nothing has happened yet."""
+    fired, received = np.zeros((2, agents + 1), np.int64)
+    counts, counters = np.zeros(2, np.int64), np.zeros(4, np.int64)
+    return Instant(fired, received, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), counters)
 
 
 @jit_no_alloc
-def turn_if_next(flights: Flights, hood: Neighbourhood, clocks: Oscillators, instant: Instant) -> int:
-    """Return who reaches a wall before anybody fires, and have it set out again; -1 if somebody fires before."""
-    carry_on(flights, clocks.now[0])  # past what was not asked for until now
-    while min(earliest_firing(clocks), ends_at(flights, first_to_end(flights))) >= 1.0:
-        begin_next(flights, hood, clocks)
-    turning = ends_at(flights, first_to_end(flights))
-    if turning > earliest_firing(clocks):
+def reflect_if_next(
+    trajectories: Trajectories, neighbourhood: Neighbourhood, oscillators: Oscillators, instant: Instant
+) -> int:
+    """Reflect the agent that reaches a wall before the next firing; return its index, or -1 if a firing comes first."""
+    advance_all(trajectories, oscillators.now[0])  # wall hits that were passed without being asked for
+    while min(earliest_firing(oscillators), wall_hit_time(trajectories, first_to_hit_wall(trajectories))) >= 1.0:
+        start_next_cycle(trajectories, neighbourhood, oscillators)
+    wall_time = wall_hit_time(trajectories, first_to_hit_wall(trajectories))
+    if wall_time > earliest_firing(oscillators):
         return -1
-    clocks.now[0] = turning
-    instant.tally[SYNCHRONISED] = 0
-    return turn_next(flights)
+    oscillators.now[0] = wall_time
+    instant.counters[SYNCHRONISED] = 0
+    return reflect_next(trajectories)
 
 
 @jit_inline
-def begin_next(flights: Flights, hood: Neighbourhood, clocks: Oscillators) -> None:
-    """Count all times from a cycle later."""
-    begin_next_cycle(clocks)
-    begin_cycle(flights)
-    begin_cycle_of_neighbours(hood)
+def start_next_cycle(trajectories: Trajectories, neighbourhood: Neighbourhood, oscillators: Oscillators) -> None:
+    """Count all times from the start of the next cycle."""
+    rebase_oscillators(oscillators)
+    rebase_trajectories(trajectories)
+    rebase_neighbourhood(neighbourhood)
 
 
 @jit_no_alloc
 def advance(
-    flights: Flights,
-    hood: Neighbourhood,
-    clocks: Oscillators,
+    trajectories: Trajectories,
+    neighbourhood: Neighbourhood,
+    oscillators: Oscillators,
     rules: Rules,
     instant: Instant,
     instants: int,
@@ -130,93 +145,107 @@ def advance(
     last_cycle: int,
     last_time: float,
 ) -> None:
-    """Go on until so many instants, or firings of the reference, have been counted in all, or until synchrony.
+    """Simulate until one of several limits is reached, or until the swarm is synchronised.
 
-    last_cycle, last_time: nothing happens after this time of this cycle.
+    Args:
+        trajectories: Motion of the agents.
+        neighbourhood: Rule and cache of neighbours.
+        oscillators: Firing times.
+        rules: Responses to pulses, and the threshold of synchrony.
+        instant: Receives what happened, and counts it.
+        instants: Limit of instants, counted from the beginning of the trial.
+        cycles: Limit of firings of the reference, counted from the beginning of the trial.
+        last_cycle: Nothing happens after `last_time` of this cycle.
+        last_time: Cycles since the start of that cycle.
     """
-    tally = instant.tally
-    tally[SYNCHRONISED] = 0
+    counters = instant.counters
+    counters[SYNCHRONISED] = 0
     is_measured = True
-    while tally[INSTANTS] < instants and tally[CYCLES] < cycles and not tally[SYNCHRONISED]:
-        time = earliest_firing(clocks)
-        while time >= 1.0 and clocks.cycle[0] < last_cycle:
-            begin_next(flights, hood, clocks)
-            time = earliest_firing(clocks)
-        if clocks.cycle[0] > last_cycle or (clocks.cycle[0] == last_cycle and time > last_time):
+    while counters[INSTANTS] < instants and counters[CYCLES] < cycles and not counters[SYNCHRONISED]:
+        time = earliest_firing(oscillators)
+        while time >= 1.0 and oscillators.cycle[0] < last_cycle:
+            start_next_cycle(trajectories, neighbourhood, oscillators)
+            time = earliest_firing(oscillators)
+        if oscillators.cycle[0] > last_cycle or (oscillators.cycle[0] == last_cycle and time > last_time):
             break
-        fire(flights, hood, clocks, rules, instant, time)
+        fire(trajectories, neighbourhood, oscillators, rules, instant, time)
         if rules.reorients_on_emitting or rules.reorients_on_receiving:
-            reorient_all(flights, rules, instant, time)
+            reorient_agents(trajectories, rules, instant, time)
         fired = instant.fired[: instant.counts[0]]
-        tally[INSTANTS] += 1
-        tally[FIRINGS] += instant.counts[0]
+        counters[INSTANTS] += 1
+        counters[FIRINGS] += instant.counts[0]
         is_measured = True
         for agent in fired:
             if agent == rules.reference:
-                tally[CYCLES] += 1
-                is_measured = are_near(clocks, rules.near, time)
+                counters[CYCLES] += 1
+                is_measured = are_phases_within(oscillators, rules.max_offset, time)
                 if is_measured:
-                    instant.order[0] = measure_order(clocks, rules.metric, time)
-                    tally[SYNCHRONISED] = instant.order[0] >= rules.threshold
+                    instant.order_parameter[0] = measure_order(oscillators, rules.metric, time)
+                    counters[SYNCHRONISED] = instant.order_parameter[0] >= rules.threshold
                 else:
-                    instant.order[0] = math.nan
+                    instant.order_parameter[0] = math.nan
     if not is_measured:
-        instant.order[0] = measure_order(clocks, rules.metric, clocks.now[0])
+        instant.order_parameter[0] = measure_order(oscillators, rules.metric, oscillators.now[0])
 
 
 @jit_inline
 def fire(
-    flights: Flights, hood: Neighbourhood, clocks: Oscillators, rules: Rules, instant: Instant, time: float
+    trajectories: Trajectories,
+    neighbourhood: Neighbourhood,
+    oscillators: Oscillators,
+    rules: Rules,
+    instant: Instant,
+    time: float,
 ) -> None:
-    """Let all fire that are due at `time`, and all that they make fire."""
-    agents = len(clocks.due)
-    fired, heard, is_done = instant.fired, instant.heard, instant.is_done
-    firing, hearing = firing_now(clocks, time, fired), 0
-    for agent in fired[:firing]:
+    """Fire all oscillators whose time has come, and all that their pulses make fire."""
+    agents = len(oscillators.next_firing)
+    fired, received, is_done = instant.fired, instant.received, instant.is_done
+    fired_count, received_count = firing_now(oscillators, time, fired), 0
+    for agent in fired[:fired_count]:
         is_done[agent] = True
-    done = firing
-    place = 0
-    while place < firing and done < agents:
-        row = find_neighbours(hood, flights, fired[place], time)
-        for other in hood.members[row, : hood.counts[fired[place]]]:
+    done = fired_count
+    sent = 0
+    while sent < fired_count and done < agents:
+        row = find_neighbours(neighbourhood, trajectories, fired[sent], time)
+        for other in neighbourhood.members[row, : neighbourhood.counts[fired[sent]]]:
             if is_done[other]:
                 continue
-            phase = phase_at(clocks, other, time)
+            phase = phase_at(oscillators, other, time)
             if phase <= rules.response.refractory:
                 continue
             is_done[other] = True
             done += 1
-            heard[hearing] = other
-            hearing += 1
-            phase = shifted(rules.response, phase)
+            received[received_count] = other
+            received_count += 1
+            phase = phase_after_pulse(rules.response, phase)
             if phase >= 1.0:
-                fired[firing] = other
-                firing += 1
+                fired[fired_count] = other
+                fired_count += 1
             else:
-                set_next_firing(clocks, other, time + (1 - phase) * clocks.period[other])
-        place += 1
-    for agent in fired[:firing]:
-        set_next_firing(clocks, agent, time + clocks.period[agent])
+                set_next_firing(oscillators, other, time + (1 - phase) * oscillators.period[other])
+        sent += 1
+    for agent in fired[:fired_count]:
+        set_next_firing(oscillators, agent, time + oscillators.period[agent])
         is_done[agent] = False
-    for agent in heard[:hearing]:
+    for agent in received[:received_count]:
         is_done[agent] = False
-    clocks.now[0] = time
-    instant.counts[0] = firing
-    instant.counts[1] = hearing
+    oscillators.now[0] = time
+    instant.counts[0] = fired_count
+    instant.counts[1] = received_count
 
 
 @jit_inline
-def reorient_all(flights: Flights, rules: Rules, instant: Instant, time: float) -> None:
-    """Have those set out anywhere who emitted, or received, a pulse; nobody twice."""
-    carry_on(flights, time)
-    fired, heard = instant.fired[: instant.counts[0]], instant.heard[: instant.counts[1]]
+def reorient_agents(trajectories: Trajectories, rules: Rules, instant: Instant, time: float) -> None:
+    """Reorient the agents that emitted, or received, a pulse, whichever the rules ask for; none of them twice."""
+    advance_all(trajectories, time)
+    fired, received = instant.fired[: instant.counts[0]], instant.received[: instant.counts[1]]
     if rules.reorients_on_emitting:
         for agent in fired:
-            reorient(flights, agent, time)
+            reorient(trajectories, agent, time)
             instant.is_done[agent] = True
     if rules.reorients_on_receiving:
-        for agent in heard:
+        for agent in received:
             if not instant.is_done[agent]:
-                reorient(flights, agent, time)
+                reorient(trajectories, agent, time)
     for agent in fired:
         instant.is_done[agent] = False

@@ -1,9 +1,11 @@
-"""Agents on their way: straight flights from wall to wall, and where everybody is at any time (thesis 3.1, 5.1.2).
+"""Straight trajectories from wall to wall, and the position of every agent at any time (thesis 3.1, 5.1.2, D).
 
-Nobody is moved while time passes. A flight knows where and when it began and when it ends; who asks where an agent is
-has its flights carried on first. When that happens makes no difference, to the bit: each agent draws directions from a
-stream of its own, and a flight's times are kept as a cycle and the time in it. So two swarms of one seed move alike
-whatever their oscillators do. Times as arguments are in cycles since the present cycle began (see `clocks`).
+Agents are not moved step by step. A trajectory stores where and when it began and when it reaches a wall; trajectories
+that have ended are continued only when a position is asked for. When this happens makes no difference, to the bit:
+each agent draws its directions from a stream of its own, and the times of a trajectory are stored as a cycle and the
+time in that cycle. So agents of two simulations with the same seed move alike whatever their oscillators do.
+
+Times passed as arguments are in cycles since the start of the present cycle (see `oscillators`).
 """
 
 import math
@@ -12,180 +14,246 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray, StreamArray
-from epuck_sim.particles.heading import set_out, set_out_anywhere
-from epuck_sim.particles.least import place_of_least
+from epuck_sim.particles.oscillators import argmin
 from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.rng import uniform
 
 
-class Flights(NamedTuple):
-    """The present flight of each agent, in a segment, square or cube from 0 to `side_cm`."""
+class Trajectories(NamedTuple):
+    """The present straight path of each agent, in a segment, square or cube from 0 to `side_cm`."""
 
     side_cm: float
+    """Side of the space."""
     is_cyclic: bool
+    """Whether an agent that leaves on one side enters on the opposite one, instead of being reflected."""
     origin: FloatArray
-    """(dimensions, agents) cm: where the flight began."""
+    """(dimensions, agents) cm: where each trajectory began."""
     heading: FloatArray
     """(dimensions, agents) unit vectors."""
     speed: FloatArray
-    """(agents,) cm in a cycle."""
-    began_cycle: FloatArray
-    """(agents,) the cycle in which the flight began."""
-    began: FloatArray
-    """(agents,) and when in that cycle, 0 to 1."""
+    """(agents,) cm per cycle."""
+    start_cycle: FloatArray
+    """(agents,) the cycle in which each trajectory began."""
+    start_time: FloatArray
+    """(agents,) the time in that cycle, 0 to 1."""
     end_cycle: FloatArray
-    """(agents,) the cycle in which a wall is reached; inf for who stands still."""
-    ends: FloatArray
-    """(agents,) and when in that cycle."""
+    """(agents,) the cycle in which each trajectory reaches a wall; inf for an agent that stands still."""
+    end_time: FloatArray
+    """(agents,) the time in that cycle."""
     wall: IntArray
-    """(agents,) which wall: twice the axis, and 1 more for the one at `side_cm`."""
+    """(agents,) the wall that is reached: 2 * axis, or 2 * axis + 1 for the one at `side_cm`."""
     cycle: FloatArray
-    """(1,) the present one."""
-    soonest: FloatArray
-    """(1,) when the first of all flights ends, counted from the present cycle; it may be too early."""
-    left: FloatArray
-    """(agents,) scratch: when each ends, counted likewise."""
+    """(1,) number of the present cycle, from 0."""
+    earliest_end: FloatArray
+    """(1,) a lower bound of the time of the first wall hit, in cycles since the start of the present cycle."""
+    end_times: FloatArray
+    """(agents,) scratch: the time of each wall hit, in cycles since the start of the present cycle."""
     streams: StreamArray
-    """(agents, 4) random numbers."""
+    """(agents, 4) states of the agents' random number generators."""
 
 
-def take_off(
+def start_trajectories(
     side_cm: float, is_cyclic: bool, origin: FloatArray, heading: FloatArray, speed: FloatArray, streams: StreamArray
-) -> Flights:
-    """Return the flights of agents that set out at time 0."""
-    began_cycle, began, end_cycle, ends, left = np.zeros((5, len(speed)))
-    wall = np.zeros(len(speed), np.int64)
-    times = began_cycle, began, end_cycle, ends
-    flights = Flights(side_cm, is_cyclic, origin, heading, speed, *times, wall, np.zeros(1), np.zeros(1), left, streams)
-    plan_all(flights)
-    return flights
+) -> Trajectories:
+    """Return trajectories that begin at time 0; the arguments are the fields of `Trajectories`."""
+    start_cycle, start_time, end_cycle, end_time, end_times = np.zeros((5, len(speed)))
+    trajectories = Trajectories(
+        side_cm,
+        is_cyclic,
+        origin,
+        heading,
+        speed,
+        start_cycle,
+        start_time,
+        end_cycle,
+        end_time,
+        np.zeros(len(speed), np.int64),
+        np.zeros(1),
+        np.zeros(1),
+        end_times,
+        streams,
+    )
+    find_wall_hits(trajectories)
+    return trajectories
 
 
 @jit_inline
-def plan_all(flights: Flights) -> None:
-    """Find when all flights end."""
-    for agent in range(len(flights.speed)):
-        plan(flights, agent)
-    flights.soonest[0] = ends_at(flights, first_to_end(flights))
+def find_wall_hits(trajectories: Trajectories) -> None:
+    """Compute when and where every trajectory reaches a wall."""
+    for agent in range(len(trajectories.speed)):
+        find_wall_hit(trajectories, agent)
+    trajectories.earliest_end[0] = wall_hit_time(trajectories, first_to_hit_wall(trajectories))
 
 
 @jit_inline
-def ends_at(flights: Flights, agent: int) -> float:
-    """Return when an agent's flight ends, in cycles since the present cycle began."""
-    ends: float = (flights.end_cycle[agent] - flights.cycle[0]) + flights.ends[agent]
-    return ends
-
-
-@jit_inline
-def flown_by(flights: Flights, agent: int, time: float) -> float:
-    """Return how many cm of its flight an agent has behind it at `time`."""
-    lasts = (flights.cycle[0] - flights.began_cycle[agent]) + (time - flights.began[agent])
-    flown: float = flights.speed[agent] * lasts
-    return flown
-
-
-@jit_inline
-def place_at(flights: Flights, agent: int, axis: int, time: float) -> float:
-    """Return where an agent is along an axis, cm, at `time`, no later than its flight's end."""
-    place: float = flights.origin[axis, agent] + flights.heading[axis, agent] * flown_by(flights, agent, time)
-    return place
-
-
-@jit_inline
-def plan(flights: Flights, agent: int) -> None:
-    """Find when an agent's flight ends, and where."""
-    lasts = math.inf
-    for axis in range(len(flights.origin)):
-        velocity = flights.heading[axis, agent] * flights.speed[agent]
+def find_wall_hit(trajectories: Trajectories, agent: int) -> None:
+    """Compute when and where an agent's trajectory reaches a wall."""
+    duration = math.inf
+    for axis in range(len(trajectories.origin)):
+        velocity = trajectories.heading[axis, agent] * trajectories.speed[agent]
         if velocity > 0:
-            until = (flights.side_cm - flights.origin[axis, agent]) / velocity
+            until = (trajectories.side_cm - trajectories.origin[axis, agent]) / velocity
         elif velocity < 0:
-            until = -flights.origin[axis, agent] / velocity
+            until = -trajectories.origin[axis, agent] / velocity
         else:
             continue
-        if until < lasts:
-            lasts = until
-            flights.wall[agent] = 2 * axis + (velocity > 0)
-    whole = math.floor(flights.began[agent] + lasts) if lasts < math.inf else math.inf
-    flights.end_cycle[agent] = flights.began_cycle[agent] + whole
-    flights.ends[agent] = flights.began[agent] + lasts - whole if lasts < math.inf else 0.0
+        if until < duration:
+            duration = until
+            trajectories.wall[agent] = 2 * axis + (velocity > 0)
+    start = trajectories.start_time[agent]
+    whole = math.floor(start + duration) if duration < math.inf else math.inf
+    trajectories.end_cycle[agent] = trajectories.start_cycle[agent] + whole
+    trajectories.end_time[agent] = start + duration - whole if duration < math.inf else 0.0
 
 
 @jit_inline
-def land(flights: Flights, agent: int, flown: float, cycle: float, time: float) -> None:
-    """Have an agent's flight begin at this time of this cycle, where it is after so many cm."""
-    for axis in range(len(flights.origin)):
-        reached = flights.origin[axis, agent] + flights.heading[axis, agent] * flown
-        flights.origin[axis, agent] = min(max(reached, 0.0), flights.side_cm)
-    flights.began_cycle[agent] = cycle
-    flights.began[agent] = time
+def wall_hit_time(trajectories: Trajectories, agent: int) -> float:
+    """Return when an agent reaches a wall, in cycles since the start of the present cycle."""
+    time: float = (trajectories.end_cycle[agent] - trajectories.cycle[0]) + trajectories.end_time[agent]
+    return time
 
 
 @jit_inline
-def turn(flights: Flights, agent: int) -> None:
-    """End an agent's flight at its wall: it comes in at the opposite one, or sets out in a new direction."""
-    axis, is_far = flights.wall[agent] // 2, flights.wall[agent] % 2 == 1
-    lasted = (flights.end_cycle[agent] - flights.began_cycle[agent]) + (flights.ends[agent] - flights.began[agent])
-    land(flights, agent, flights.speed[agent] * lasted, flights.end_cycle[agent], flights.ends[agent])
-    flights.origin[axis, agent] = flights.side_cm if is_far != flights.is_cyclic else 0.0
-    if not flights.is_cyclic:
-        set_out(flights.heading[:, agent], axis, -1.0 if is_far else 1.0, flights.streams[agent])
-    plan(flights, agent)
+def first_to_hit_wall(trajectories: Trajectories) -> int:
+    """Return the agent that reaches a wall first."""
+    for agent in range(len(trajectories.end_times)):
+        trajectories.end_times[agent] = wall_hit_time(trajectories, agent)
+    return argmin(trajectories.end_times, len(trajectories.end_times))
 
 
 @jit_inline
-def carry_on(flights: Flights, time: float) -> None:
-    """Have everybody whose flight ends before `time` set out again, as often as that takes."""
-    if time < flights.soonest[0]:
-        return
-    for agent in range(len(flights.speed)):
-        carry_one_on(flights, agent, time)
-    flights.soonest[0] = ends_at(flights, first_to_end(flights))
+def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> float:
+    """Return how many cm of its trajectory an agent has covered at `time`."""
+    elapsed = (trajectories.cycle[0] - trajectories.start_cycle[agent]) + (time - trajectories.start_time[agent])
+    distance_cm: float = trajectories.speed[agent] * elapsed
+    return distance_cm
 
 
 @jit_inline
-def carry_one_on(flights: Flights, agent: int, time: float) -> None:
-    """Have an agent set out again as often as its flight has ended by `time`."""
-    while ends_at(flights, agent) <= time:
-        turn(flights, agent)
+def coordinate_at(trajectories: Trajectories, agent: int, axis: int, time: float) -> float:
+    """Return an agent's position along an axis, in cm, at a time which is not after its wall hit."""
+    travelled_cm = distance_travelled(trajectories, agent, time)
+    coordinate_cm: float = trajectories.origin[axis, agent] + trajectories.heading[axis, agent] * travelled_cm
+    return coordinate_cm
 
 
 @jit_inline
-def first_to_end(flights: Flights) -> int:
-    """Return who reaches a wall first."""
-    for agent in range(len(flights.left)):
-        flights.left[agent] = ends_at(flights, agent)
-    return place_of_least(flights.left, len(flights.left))
+def compute_positions(trajectories: Trajectories, time: float, positions: FloatArray) -> None:
+    """Write the positions of all agents at `time` to `positions`, (dimensions, agents) cm.
+
+    Trajectories that have ended by then are continued.
+    """
+    advance_all(trajectories, time)
+    for axis in range(len(positions)):
+        for agent in range(len(trajectories.speed)):
+            positions[axis, agent] = coordinate_at(trajectories, agent, axis, time)
 
 
 @jit_inline
-def turn_next(flights: Flights) -> int:
-    """Have the one set out again whose flight ends first; return who it is."""
-    agent = first_to_end(flights)
-    turn(flights, agent)
-    flights.soonest[0] = ends_at(flights, first_to_end(flights))
+def restart_at(trajectories: Trajectories, agent: int, travelled_cm: float, cycle: float, time: float) -> None:
+    """Begin an agent's next trajectory `travelled_cm` along the present one, at `time` of `cycle`."""
+    for axis in range(len(trajectories.origin)):
+        reached = trajectories.origin[axis, agent] + trajectories.heading[axis, agent] * travelled_cm
+        trajectories.origin[axis, agent] = min(max(reached, 0.0), trajectories.side_cm)
+    trajectories.start_cycle[agent] = cycle
+    trajectories.start_time[agent] = time
+
+
+@jit_inline
+def reflect(trajectories: Trajectories, agent: int) -> None:
+    """Continue an agent's trajectory beyond its wall hit: in a random direction, or from the opposite, cyclic edge."""
+    axis, is_far = trajectories.wall[agent] // 2, trajectories.wall[agent] % 2 == 1
+    end_cycle, end_time = trajectories.end_cycle[agent], trajectories.end_time[agent]
+    duration = (end_cycle - trajectories.start_cycle[agent]) + (end_time - trajectories.start_time[agent])
+    restart_at(trajectories, agent, trajectories.speed[agent] * duration, end_cycle, end_time)
+    trajectories.origin[axis, agent] = trajectories.side_cm if is_far != trajectories.is_cyclic else 0.0
+    if not trajectories.is_cyclic:
+        heading_from_wall(trajectories.heading[:, agent], axis, -1.0 if is_far else 1.0, trajectories.streams[agent])
+    find_wall_hit(trajectories, agent)
+
+
+@jit_inline
+def reflect_next(trajectories: Trajectories) -> int:
+    """Reflect the agent that reaches a wall first; return its index."""
+    agent = first_to_hit_wall(trajectories)
+    reflect(trajectories, agent)
+    trajectories.earliest_end[0] = wall_hit_time(trajectories, first_to_hit_wall(trajectories))
     return agent
 
 
 @jit_inline
-def reorient(flights: Flights, agent: int, time: float) -> None:
-    """Have an agent set out anywhere at `time`, no later than its flight's end (D.1)."""
-    land(flights, agent, flown_by(flights, agent, time), flights.cycle[0], time)
-    set_out_anywhere(flights.heading[:, agent], flights.streams[agent])
-    plan(flights, agent)
-    flights.soonest[0] = min(flights.soonest[0], ends_at(flights, agent))
+def advance_all(trajectories: Trajectories, time: float) -> None:
+    """Continue all trajectories that end by `time`, over as many walls as are reached."""
+    if time < trajectories.earliest_end[0]:
+        return
+    for agent in range(len(trajectories.speed)):
+        advance_one(trajectories, agent, time)
+    trajectories.earliest_end[0] = wall_hit_time(trajectories, first_to_hit_wall(trajectories))
 
 
 @jit_inline
-def begin_cycle(flights: Flights) -> None:
-    """Count times from a cycle later."""
-    flights.cycle[0] += 1.0
-    flights.soonest[0] -= 1.0
+def advance_one(trajectories: Trajectories, agent: int, time: float) -> None:
+    """Continue an agent's trajectory until it lasts beyond `time`."""
+    while wall_hit_time(trajectories, agent) <= time:
+        reflect(trajectories, agent)
 
 
 @jit_inline
-def locate(flights: Flights, time: float, places: FloatArray) -> None:
-    """Write (dimensions, agents) cm where everybody is at `time` to `places`; flights go on."""
-    carry_on(flights, time)
-    for axis in range(len(places)):
-        for agent in range(len(flights.speed)):
-            places[axis, agent] = place_at(flights, agent, axis, time)
+def reorient(trajectories: Trajectories, agent: int, time: float) -> None:
+    """Turn an agent in a random direction at `time`, which is not after its wall hit (D.1)."""
+    restart_at(trajectories, agent, distance_travelled(trajectories, agent, time), trajectories.cycle[0], time)
+    random_heading(trajectories.heading[:, agent], trajectories.streams[agent])
+    find_wall_hit(trajectories, agent)
+    trajectories.earliest_end[0] = min(trajectories.earliest_end[0], wall_hit_time(trajectories, agent))
+
+
+@jit_inline
+def rebase_trajectories(trajectories: Trajectories) -> None:
+    """Count all times from the start of the next cycle."""
+    trajectories.cycle[0] += 1.0
+    trajectories.earliest_end[0] -= 1.0
+
+
+@jit_inline
+def heading_from_wall(heading: FloatArray, axis: int, inward: float, stream: StreamArray) -> None:
+    """Draw a heading within 90 degrees of a wall's normal.
+
+    In a square the angle to the normal is uniform (thesis 3.1), in a cube the direction is uniform over the hemisphere
+    (D.3), and in a segment the normal is the only direction.
+
+    Args:
+        heading: (dimensions,) unit vector, which is overwritten.
+        axis: Axis of the normal.
+        inward: Sign of the normal, 1 or -1.
+        stream: (4,) state of the random number generator.
+    """
+    if len(heading) == 1:
+        heading[0] = inward
+    elif len(heading) == 2:
+        angle = math.pi * (uniform(stream) - 0.5)
+        heading[axis] = inward * math.cos(angle)
+        heading[1 - axis] = math.sin(angle)
+    else:
+        set_heading(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
+
+
+@jit_inline
+def random_heading(heading: FloatArray, stream: StreamArray) -> None:
+    """Draw a heading, (dimensions,), uniformly over all directions."""
+    if len(heading) == 1:
+        heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
+    elif len(heading) == 2:
+        angle = 2 * math.pi * uniform(stream)
+        heading[0] = math.cos(angle)
+        heading[1] = math.sin(angle)
+    else:
+        set_heading(heading, 2, 2 * uniform(stream) - 1, uniform(stream))
+
+
+@jit_inline
+def set_heading(heading: FloatArray, axis: int, height: float, turn: float) -> None:
+    """Set a heading, (3,), by its component along an axis, -1 to 1, and its azimuth around it, 0 to 1 turn."""
+    rim = math.sqrt(1 - height * height)
+    heading[axis] = height
+    heading[(axis + 1) % 3] = rim * math.cos(2 * math.pi * turn)
+    heading[(axis + 2) % 3] = rim * math.sin(2 * math.pi * turn)

@@ -1,184 +1,235 @@
-"""Who hears the pulse of an agent that fires: the k nearest, or those in whose cone, or in its cone (thesis 5.1.3)."""
+"""Search for the receivers of a pulse: the k nearest, or those by a cone of vision or emission (thesis 5.1.3)."""
 
 import math
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.particles.cell_list import look_around
-from epuck_sim.particles.least import least, place_of_least
-from epuck_sim.particles.motion import Flights, ends_at, locate, place_at
-from epuck_sim.particles.neighbourhood import FULL_CIRCLE, NEAREST, REACHED, SEEN, Neighbourhood, is_worth_keeping, keep
+from epuck_sim.particles.cell_list import find_candidates
+from epuck_sim.particles.motion import Trajectories, compute_positions, coordinate_at, wall_hit_time
+from epuck_sim.particles.neighbourhood import (
+    EMISSION_CONE,
+    FULL_CIRCLE_COS,
+    NEAREST,
+    VISION_CONE,
+    Neighbourhood,
+    cache_until,
+    should_cache,
+)
+from epuck_sim.particles.oscillators import argmin, minimum
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
-FARTHER = 1.5
-"""If fewer than k are found within reach, the reach is so many times as far."""
+RADIUS_GROWTH = 1.5
+"""Factor by which the search radius grows while fewer than k agents are found."""
 
 
 @jit_inline
-def find_neighbours(hood: Neighbourhood, flights: Flights, agent: int, time: float) -> int:
-    """Have a row of `members` begin with the `counts[agent]` who hear `agent` fire at `time`; return the row."""
-    row = agent if hood.keeps else 0
-    if time < hood.until[agent]:
+def find_neighbours(neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float) -> int:
+    """Find the agents that receive a pulse which `agent` emits at `time`.
+
+    Args:
+        neighbourhood: Receives the neighbours: the first `counts[agent]` numbers in a row of `members`.
+        trajectories: Trajectories of all agents; continued as far as needed.
+        agent: The agent that fires.
+        time: Cycles since the start of the present cycle.
+
+    Returns:
+        The row of `members`.
+    """
+    row = agent if neighbourhood.is_cached else 0
+    if time < neighbourhood.cached_until[agent]:
         return row
-    if hood.has_lattice:
-        find_in_lattice(hood, flights, agent, time, hood.members[row])
+    if neighbourhood.uses_cell_list:
+        search_cell_list(neighbourhood, trajectories, agent, time, neighbourhood.members[row])
         return row
-    agents = len(flights.speed)
-    if hood.placed[0] != time:
-        locate(flights, time, hood.places)
-        hood.placed[0] = time
-    measure(hood, flights, flights.heading, agent, agents)
-    if hood.kind == NEAREST:
-        take_nearest(hood, agent, time, agents, math.inf, hood.members[row])
+    agents = len(trajectories.speed)
+    if neighbourhood.positions_time[0] != time:
+        compute_positions(trajectories, time, neighbourhood.positions)
+        neighbourhood.positions_time[0] = time
+    measure_distances(neighbourhood, trajectories, trajectories.heading, agent, agents)
+    if neighbourhood.kind == NEAREST:
+        select_nearest(neighbourhood, agent, time, agents, math.inf, neighbourhood.members[row])
     else:
-        take_cone(hood, flights, agent, time, agents, math.inf, hood.members[row])
+        select_in_cone(neighbourhood, trajectories, agent, time, agents, math.inf, neighbourhood.members[row])
     return row
 
 
 @jit_no_alloc
-def find_in_lattice(hood: Neighbourhood, flights: Flights, agent: int, time: float, members: IntArray) -> None:
-    """Write an agent's neighbours to `members`, looking at those alone that are near enough."""
-    reach_cm = hood.reach_cm
+def search_cell_list(
+    neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, members: IntArray
+) -> None:
+    """Write an agent's neighbours to `members`, with candidates from the cell list."""
+    candidates = neighbourhood.candidates
+    radius_cm = neighbourhood.search_radius_cm
     is_found = False
     while not is_found:
-        candidates = look_around(hood.lattice, flights, agent, time, reach_cm, hood.who)
+        count = find_candidates(neighbourhood.cell_list, trajectories, agent, time, radius_cm, candidates)
         own = 0
-        for place in range(candidates):
-            other = hood.who[place]
-            own = place if other == agent else own
-            for axis in range(len(hood.places)):
-                hood.facing[axis, place] = flights.heading[axis, other]
-                hood.places[axis, place] = place_at(flights, other, axis, time)
-        measure(hood, flights, hood.facing, own, candidates)
-        if candidates == len(flights.speed):
-            reach_cm = math.inf  # nobody is left
-        if hood.kind == NEAREST:
-            is_found = candidates > hood.k and take_nearest(hood, agent, time, candidates, reach_cm, members)
-            reach_cm *= FARTHER
+        for index in range(count):
+            other = candidates[index]
+            own = index if other == agent else own
+            for axis in range(len(neighbourhood.positions)):
+                neighbourhood.headings[axis, index] = trajectories.heading[axis, other]
+                neighbourhood.positions[axis, index] = coordinate_at(trajectories, other, axis, time)
+        measure_distances(neighbourhood, trajectories, neighbourhood.headings, own, count)
+        if count == len(trajectories.speed):
+            radius_cm = math.inf  # all agents are candidates
+        if neighbourhood.kind == NEAREST:
+            is_found = count > neighbourhood.k and select_nearest(neighbourhood, agent, time, count, radius_cm, members)
+            radius_cm *= RADIUS_GROWTH
         else:
-            take_cone(hood, flights, agent, time, candidates, reach_cm, members)
+            select_in_cone(neighbourhood, trajectories, agent, time, count, radius_cm, members)
             is_found = True
-    for rank in range(hood.counts[agent]):
-        members[rank] = hood.who[members[rank]]
+    for rank in range(neighbourhood.counts[agent]):
+        members[rank] = candidates[members[rank]]
 
 
 @jit_inline
-def measure(hood: Neighbourhood, flights: Flights, facing: FloatArray, own: int, candidates: int) -> None:
-    """Find how far all candidates are from the agent at place `own`, and how far ahead in the cones that count.
+def measure_distances(
+    neighbourhood: Neighbourhood, trajectories: Trajectories, headings: FloatArray, own: int, count: int
+) -> None:
+    """Compute the candidates' squared distances from the firing agent, and those along the axes of the cones.
 
-    facing: (dimensions, candidates) where they go. Loops without branches over arrays in a row are what a processor is
-    quickest at.
+    Branch-free loops over contiguous arrays, which vectorise.
+
+    Args:
+        neighbourhood: Holds the positions; receives the distances.
+        trajectories: The space.
+        headings: (dimensions, count) unit vectors: headings of the candidates.
+        own: Index of the firing agent among the candidates.
+        count: Number of candidates.
     """
-    square, along = hood.square, hood.along
-    is_round = hood.kind == NEAREST or hood.cos == FULL_CIRCLE
-    # in a cyclic space the nearest image counts; in another one nothing is taken off
-    cycle_cm, a_cycle = (flights.side_cm, 1 / flights.side_cm) if flights.is_cyclic else (0.0, 0.0)
-    for place in range(candidates):
-        square[place] = 0.0
-        along[place] = 0.0
-    for axis in range(len(hood.places)):
-        places, towards = hood.places[axis], facing[axis]
-        here, ahead = places[own], towards[own]
+    square, along = neighbourhood.square_distance, neighbourhood.axial_distance
+    is_round = neighbourhood.kind == NEAREST or neighbourhood.cos == FULL_CIRCLE_COS
+    # in a cyclic space the nearest image counts; otherwise nothing is subtracted
+    cycle_cm, per_cycle = (trajectories.side_cm, 1 / trajectories.side_cm) if trajectories.is_cyclic else (0.0, 0.0)
+    for index in range(count):
+        square[index] = 0.0
+        along[index] = 0.0
+    for axis in range(len(neighbourhood.positions)):
+        positions, directions = neighbourhood.positions[axis], headings[axis]
+        own_position, own_direction = positions[own], directions[own]
         if is_round:
-            for place in range(candidates):
-                apart = places[place] - here
-                apart -= cycle_cm * np.rint(apart * a_cycle)
-                square[place] += apart * apart
-        elif hood.kind == SEEN:
-            for place in range(candidates):
-                apart = places[place] - here
-                apart -= cycle_cm * np.rint(apart * a_cycle)
-                square[place] += apart * apart
-                along[place] -= apart * towards[place]
+            for index in range(count):
+                offset = positions[index] - own_position
+                offset -= cycle_cm * np.rint(offset * per_cycle)
+                square[index] += offset * offset
+        elif neighbourhood.kind == VISION_CONE:
+            for index in range(count):
+                offset = positions[index] - own_position
+                offset -= cycle_cm * np.rint(offset * per_cycle)
+                square[index] += offset * offset
+                along[index] -= offset * directions[index]
         else:
-            for place in range(candidates):
-                apart = places[place] - here
-                apart -= cycle_cm * np.rint(apart * a_cycle)
-                square[place] += apart * apart
-                along[place] += apart * ahead
+            for index in range(count):
+                offset = positions[index] - own_position
+                offset -= cycle_cm * np.rint(offset * per_cycle)
+                square[index] += offset * offset
+                along[index] += offset * own_direction
     square[own] = math.inf
 
 
 @jit_inline
-def take_nearest(
-    hood: Neighbourhood, agent: int, time: float, candidates: int, reach_cm: float, members: IntArray
+def select_nearest(
+    neighbourhood: Neighbourhood, agent: int, time: float, count: int, radius_cm: float, members: IntArray
 ) -> bool:
-    """Write the places of the k nearest to `members`; return False if others, beyond reach_cm, may be nearer."""
-    square = hood.square
+    """Write the indices of the k nearest candidates to `members`.
+
+    Args:
+        neighbourhood: Holds the distances.
+        agent: The agent that fires.
+        time: Cycles since the start of the present cycle.
+        count: Number of candidates.
+        radius_cm: All agents within this radius are candidates.
+        members: (agents,) output.
+
+    Returns:
+        Whether these are the nearest for certain: no agent beyond the radius may be nearer.
+    """
+    square = neighbourhood.square_distance
     farthest = 0.0
-    for rank in range(hood.k):
-        place = place_of_least(square, candidates)
-        members[rank] = place
-        farthest = square[place]
-        square[place] = math.inf
-    if farthest > reach_cm * reach_cm:
+    for rank in range(neighbourhood.k):
+        index = argmin(square, count)
+        members[rank] = index
+        farthest = square[index]
+        square[index] = math.inf
+    if farthest > radius_cm * radius_cm:
         return False
-    hood.counts[agent] = hood.k
-    if is_worth_keeping(hood, agent):
-        # both distances may change
-        gap = min(math.sqrt(least(square, 0, candidates)), reach_cm) - math.sqrt(farthest)
-        keep(hood, agent, time, time + gap / 2 * hood.patience)
+    neighbourhood.counts[agent] = neighbourhood.k
+    if should_cache(neighbourhood, agent):
+        # the farthest neighbour may recede while another agent approaches: each has half of the gap
+        gap_cm = min(math.sqrt(minimum(square, 0, count)), radius_cm) - math.sqrt(farthest)
+        cache_until(neighbourhood, agent, time, time + gap_cm / 2 * neighbourhood.inverse_closing_speed)
     return True
 
 
 @jit_inline
-def take_cone(
-    hood: Neighbourhood,
-    flights: Flights,
+def select_in_cone(
+    neighbourhood: Neighbourhood,
+    trajectories: Trajectories,
     agent: int,
     time: float,
-    candidates: int,
-    reach_cm: float,
+    count: int,
+    radius_cm: float,
     members: IntArray,
 ) -> None:
-    """Write the places of those to `members` to, or from, whom the cone reaches; who is where the agent is, is inside.
+    """Write the indices of all candidates inside the cone to `members`; coincident agents count as inside.
 
-    reach_cm: whoever is no candidate is farther away.
+    Args:
+        neighbourhood: Holds the distances.
+        trajectories: Trajectories of all agents.
+        agent: The agent that fires.
+        time: Cycles since the start of the present cycle.
+        count: Number of candidates.
+        radius_cm: All agents within this radius are candidates.
+        members: (agents,) output.
     """
-    square, along, inside = hood.square, hood.along, hood.inside
-    is_round, limit = hood.cos == FULL_CIRCLE, hood.radius_cm * hood.radius_cm
+    square, along, margin = neighbourhood.square_distance, neighbourhood.axial_distance, neighbourhood.angle_margin
+    is_round, limit = neighbourhood.cos == FULL_CIRCLE_COS, neighbourhood.radius_cm * neighbourhood.radius_cm
     found = 0
     if is_round:
-        for place in range(candidates):
-            members[found] = place  # overwritten by the next one if it is out of reach: no branch
-            found += square[place] <= limit
+        for index in range(count):
+            members[found] = index  # overwritten by the next one if this one is out of reach: no branch
+            found += square[index] <= limit
     else:
-        for place in range(candidates):  # along >= cos * distance, without a root
-            inside[place] = along[place] * abs(along[place]) - hood.cos * abs(hood.cos) * square[place]
-        for place in range(candidates):
-            members[found] = place
-            found += (square[place] <= limit) & (inside[place] >= 0)
-    hood.counts[agent] = found
-    if is_worth_keeping(hood, agent):
-        until = time + hood.patience * (reach_cm - hood.radius_cm) if reach_cm < math.inf else math.inf
-        stays = hood.inside
+        for index in range(count):  # along >= cos * distance, without a root
+            margin[index] = (
+                along[index] * abs(along[index]) - neighbourhood.cos * abs(neighbourhood.cos) * square[index]
+            )
+        for index in range(count):
+            members[found] = index
+            found += (square[index] <= limit) & (margin[index] >= 0)
+    neighbourhood.counts[agent] = found
+    if should_cache(neighbourhood, agent):
+        per_cm = neighbourhood.inverse_closing_speed
+        until = time + per_cm * (radius_cm - neighbourhood.radius_cm) if radius_cm < math.inf else math.inf
+        valid_until = neighbourhood.angle_margin
         if is_round:
-            for place in range(candidates):
-                stays[place] = time + hood.patience * abs(math.sqrt(square[place]) - hood.radius_cm)
+            for index in range(count):
+                valid_until[index] = time + per_cm * abs(math.sqrt(square[index]) - neighbourhood.radius_cm)
         else:
-            if hood.kind == REACHED:
-                until = min(until, ends_at(flights, agent))
-            for place in range(candidates):
-                hood.ends[place] = ends_at(flights, hood.who[place])
-            find_stays(hood, time, candidates)
-        keep(hood, agent, time, min(until, least(stays, 0, candidates)))
+            if neighbourhood.kind == EMISSION_CONE:
+                until = min(until, wall_hit_time(trajectories, agent))
+            for index in range(count):
+                neighbourhood.end_times[index] = wall_hit_time(trajectories, neighbourhood.candidates[index])
+            bound_crossing_times(neighbourhood, time, count)
+        cache_until(neighbourhood, agent, time, min(until, minimum(valid_until, 0, count)))
 
 
 @jit_inline
-def find_stays(hood: Neighbourhood, time: float, candidates: int) -> None:
-    """Replace what is known of cones in `inside` by a time until which each is, or is not, in the cone for sure.
+def bound_crossing_times(neighbourhood: Neighbourhood, time: float, count: int) -> None:
+    """Overwrite `angle_margin` with times until which each candidate certainly stays inside, or outside, the cone.
 
-    Agents can enter or leave it over its arc, or over an edge, and a cone of vision turns when its agent does.
+    An agent enters or leaves a cone across its arc or an edge, and a cone of vision turns when its agent is reflected.
     """
-    square, along, inside, ends = hood.square, hood.along, hood.inside, hood.ends
-    is_of_one = hood.kind == REACHED  # the cone is the firing agent's, and not another for each
-    for place in range(candidates):
-        beyond = math.sqrt(square[place]) - hood.radius_cm
-        # how far the cone's edge, or its extension beyond the apex, is
-        across = math.sqrt(max(square[place] - along[place] * along[place], 0.0))
-        edge = abs(across * hood.cos - along[place] * hood.sin)
-        within = min(edge, -beyond) if inside[place] >= 0 else edge
-        crossing = time + hood.patience * (beyond if beyond > 0 else within)
-        turning = math.inf if is_of_one or beyond > 0 else ends[place]
-        inside[place] = min(crossing, turning)
+    square, along, margin = neighbourhood.square_distance, neighbourhood.axial_distance, neighbourhood.angle_margin
+    is_own_cone = neighbourhood.kind == EMISSION_CONE  # of the firing agent, not one of each candidate
+    for index in range(count):
+        beyond = math.sqrt(square[index]) - neighbourhood.radius_cm
+        # distance from the cone's edge, or from its extension beyond the apex
+        across = math.sqrt(max(square[index] - along[index] * along[index], 0.0))
+        edge = abs(across * neighbourhood.cos - along[index] * neighbourhood.sin)
+        within = min(edge, -beyond) if margin[index] >= 0 else edge
+        crossing = time + neighbourhood.inverse_closing_speed * (beyond if beyond > 0 else within)
+        turning = math.inf if is_own_cone or beyond > 0 else neighbourhood.end_times[index]
+        margin[index] = min(crossing, turning)

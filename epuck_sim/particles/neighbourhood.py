@@ -1,7 +1,7 @@
-"""What is known of who hears whose pulses (thesis 3.1.2, 5.1.3).
+"""The neighbourhood rule and the cache of neighbours: which agents receive each agent's pulses (thesis 3.1.2, 5.1.3).
 
-Nobody moves faster than the fastest agent, so that distances and edges of cones give a time until which a
-neighbourhood stays as it is. Where agents are slow, that is many cycles.
+No agent moves faster than the fastest one. Distances to other agents, and to the edges of cones, therefore bound the
+time until which a neighbourhood cannot change; with slow agents that is many cycles.
 """
 
 import math
@@ -10,110 +10,117 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.particles.cell_list import CellList, begin_cycle_of_lattice, make_cell_list
+from epuck_sim.particles.cell_list import CellList, make_cell_list, rebase_cell_list
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, Range
 from epuck_sim.util.jit import jit_inline
 
-NEAREST, SEEN, REACHED = range(3)
-"""The k nearest; those in whose cone of vision the one that fires is; those in its cone of emission."""
+NEAREST, VISION_CONE, EMISSION_CONE = range(3)
+"""Kinds: the k nearest agents; those whose cones contain the firing agent; those inside its own cone, or range."""
 
 UNLIMITED_CM = 1e30
-"""Farther than anybody can be, but not inf, which is how far an agent is from itself."""
+"""An unlimited radius: farther than any agent, but finite, as an agent's distance to itself is set to inf."""
 
-FULL_CIRCLE = -2.0
-"""Less than any cosine."""
+FULL_CIRCLE_COS = -2.0
+"""Stands for the cosine of a cone that is a full circle; below any cosine."""
 
-PAUSE = 8
-"""For so many pulses nobody asks how long neighbours stay, after they did not stay for a cycle."""
+SKIPPED_PULSES = 8
+"""Number of pulses for which caching is skipped after a cached neighbourhood expired within a cycle."""
 
-MOST_KEPT = 2000
-"""Of more agents neighbours are not kept: it would take more than 32 MB."""
+MAX_CACHED_AGENTS = 2000
+"""Largest swarm whose neighbours are cached; the cache of a larger one would take more than 32 MB."""
 
-FEWEST_IN_CELLS = 400
-"""Fewer agents are not looked up in cells: all pairs are quicker."""
+MIN_CELL_LIST_AGENTS = 400
+"""Smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster."""
 
 
 class Neighbourhood(NamedTuple):
-    """The rule, and who is known to be whose neighbour.
+    """The rule, the cache of neighbours, and scratch arrays of the search.
 
-    Candidates are all agents, or those that the lattice finds; what is known of the k-th stands at place k.
+    The candidates of a search are all agents, or those that the cell list finds. Index k of a scratch array belongs to
+    the k-th candidate.
     """
 
     kind: int
+    """`NEAREST`, `VISION_CONE` or `EMISSION_CONE`."""
     k: int
+    """Number of neighbours of kind `NEAREST`."""
     radius_cm: float
+    """Radius of the cone or range; `UNLIMITED_CM` if there is none."""
     cos: float
-    """Of half the cone's angle, or `FULL_CIRCLE`."""
+    """Cosine of half the cone's angle, or `FULL_CIRCLE_COS`."""
     sin: float
-    keeps: bool
-    """Whether neighbours are kept at all."""
-    patience: float
-    """Cycles that it takes two of the fastest agents to come nearer by 1 cm."""
+    """Sine of half the cone's angle."""
+    is_cached: bool
+    """Whether neighbours are cached at all."""
+    inverse_closing_speed: float
+    """Cycles in which the two fastest agents can approach each other by 1 cm."""
     members: IntArray
-    """(agents, agents) each agent's neighbours; (1, agents) where they are not kept."""
+    """(agents, agents) each agent's neighbours; (1, agents), those of the last search, if they are not cached."""
     counts: IntArray
-    """(agents,) how many they are."""
-    until: FloatArray
-    """(agents,) till when they are known."""
-    pause: IntArray
-    """(agents,) for how many pulses nobody asks till when."""
-    has_lattice: bool
-    lattice: CellList
-    reach_cm: float
-    """So far the lattice is searched."""
-    who: IntArray
-    """(agents,) the candidates."""
-    places: FloatArray
-    """(dimensions, agents) cm: where they are at this instant."""
-    facing: FloatArray
-    """(dimensions, agents) unit vectors: where they go; of candidates that the lattice found."""
-    ends: FloatArray
-    """(agents,) when their flights end."""
-    placed: FloatArray
-    """(1,) the instant at which all agents are in `places`; NaN where it is past."""
-    square: FloatArray
-    """(agents,) cm^2: of their distances to the agent in question, whose own is inf."""
-    along: FloatArray
-    """(agents,) cm: how far they, or it, are ahead of the one whose cone counts."""
-    inside: FloatArray
-    """(agents,) cm^2: not below 0 for who is within the cone's angle; then, till when each stays in or out of it."""
+    """(agents,) number of neighbours of each agent."""
+    cached_until: FloatArray
+    """(agents,) time until which each agent's cached neighbours are valid, in cycles since the present one began."""
+    skip_count: IntArray
+    """(agents,) number of each agent's next pulses for which caching is skipped."""
+    uses_cell_list: bool
+    """Whether candidates are looked up in `cell_list`."""
+    cell_list: CellList
+    """Agents sorted by cell; a single cell if it is not used."""
+    search_radius_cm: float
+    """Radius of the first search in the cell list."""
+    candidates: IntArray
+    """(agents,) indices of the candidates."""
+    positions: FloatArray
+    """(dimensions, agents) cm: positions of the candidates."""
+    headings: FloatArray
+    """(dimensions, agents) unit vectors: headings of the candidates that the cell list found."""
+    end_times: FloatArray
+    """(agents,) cycles since the present one began: when the candidates reach a wall."""
+    positions_time: FloatArray
+    """(1,) time for which `positions` holds all agents; NaN if it holds none."""
+    square_distance: FloatArray
+    """(agents,) cm^2: squared distances of the candidates from the firing agent, which has inf itself."""
+    axial_distance: FloatArray
+    """(agents,) cm: components of these distances along the axis of the cone."""
+    angle_margin: FloatArray
+    """(agents,) cm^2: not negative within the cone's angle; overwritten by times of validity when these are needed."""
 
 
-def make_neighbourhood(scenario: ParticleScenario, fastest: float) -> Neighbourhood:
-    """Return a scenario's neighbourhoods, none of which is known yet; fastest: of the agents, cm in a cycle."""
+def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbourhood:
+    """Return the neighbourhood of a scenario, with an empty cache; max_speed: of the fastest agent, cm per cycle."""
     rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
     kind, k, radius_cm, angle_deg = NEAREST, agents - 1, UNLIMITED_CM, 360.0
     if isinstance(rule, Nearest):
         k = min(rule.k, agents - 1)
     else:
-        kind = SEEN if rule.kind == "cone_of_vision" else REACHED
+        kind = VISION_CONE if rule.kind == "cone_of_vision" else EMISSION_CONE
     if isinstance(rule, Range | Cone):
         radius_cm = UNLIMITED_CM if rule.radius_cm is None else rule.radius_cm
     if isinstance(rule, Cone):
         angle_deg = rule.angle_deg
-    # a cone turns when its agent does, and in a cyclic space when another one comes round the other way
-    turns = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
-    keeps = agents <= MOST_KEPT and not turns
+    # cones jump when their agents reorient, and when the nearest image of an agent changes in a cyclic space
+    jumps = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
+    is_cached = agents <= MAX_CACHED_AGENTS and not jumps
     side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)
     cell_cm = spacing_cm if kind == NEAREST else max(spacing_cm, radius_cm / 2)
-    reach_cm = spacing_cm * (k + 1) ** (1 / dimensions) if kind == NEAREST else radius_cm + cell_cm / 4
-    share = ((2 * reach_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents: those in the cells within reach
-    has_lattice = agents >= FEWEST_IN_CELLS and share < 1 / 3
+    search_cm = spacing_cm * (k + 1) ** (1 / dimensions) if kind == NEAREST else radius_cm + cell_cm / 4
+    share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents which are candidates
+    uses_cell_list = agents >= MIN_CELL_LIST_AGENTS and share < 1 / 3
     return Neighbourhood(
         kind,
         k,
         radius_cm,
-        FULL_CIRCLE if angle_deg >= 360 else math.cos(math.radians(angle_deg / 2)),
+        FULL_CIRCLE_COS if angle_deg >= 360 else math.cos(math.radians(angle_deg / 2)),
         math.sin(math.radians(angle_deg / 2)),
-        keeps,
-        1 / max(2 * fastest, 1e-300),
-        np.zeros((agents if keeps else 1, agents), np.int64),
+        is_cached,
+        1 / max(2 * max_speed, 1e-300),
+        np.zeros((agents if is_cached else 1, agents), np.int64),
         np.zeros(agents, np.int64),
         np.full(agents, -math.inf),
         np.zeros(agents, np.int64),
-        has_lattice,
-        make_cell_list(dimensions, side_cm, agents, cell_cm if has_lattice else side_cm, fastest),
-        reach_cm,
+        uses_cell_list,
+        make_cell_list(dimensions, side_cm, agents, cell_cm if uses_cell_list else side_cm, max_speed),
+        search_cm,
         np.arange(agents),
         np.zeros((dimensions, agents)),
         np.zeros((dimensions, agents)),
@@ -124,26 +131,26 @@ def make_neighbourhood(scenario: ParticleScenario, fastest: float) -> Neighbourh
 
 
 @jit_inline
-def is_worth_keeping(hood: Neighbourhood, agent: int) -> bool:
-    """Whether to find out until when an agent's neighbours stay; not if that was before its next pulse of late."""
-    if hood.pause[agent] > 0:
-        hood.pause[agent] -= 1
+def should_cache(neighbourhood: Neighbourhood, agent: int) -> bool:
+    """Whether caching this agent's neighbours is likely to pay off; counts the pulses for which it is skipped."""
+    if neighbourhood.skip_count[agent] > 0:
+        neighbourhood.skip_count[agent] -= 1
         return False
-    return hood.keeps
+    return neighbourhood.is_cached
 
 
 @jit_inline
-def keep(hood: Neighbourhood, agent: int, time: float, until: float) -> None:
-    """Take note that an agent's neighbours stay until then."""
-    hood.until[agent] = until
+def cache_until(neighbourhood: Neighbourhood, agent: int, time: float, until: float) -> None:
+    """Declare the neighbours of an agent, found at `time`, valid until a later time."""
+    neighbourhood.cached_until[agent] = until
     if until < time + 1:
-        hood.pause[agent] = PAUSE
+        neighbourhood.skip_count[agent] = SKIPPED_PULSES
 
 
 @jit_inline
-def begin_cycle_of_neighbours(hood: Neighbourhood) -> None:
-    """Count times from a cycle later."""
-    hood.placed[0] = math.nan
-    begin_cycle_of_lattice(hood.lattice)
-    for agent in range(len(hood.until)):
-        hood.until[agent] -= 1.0
+def rebase_neighbourhood(neighbourhood: Neighbourhood) -> None:
+    """Count all times from the start of the next cycle."""
+    neighbourhood.positions_time[0] = math.nan
+    rebase_cell_list(neighbourhood.cell_list)
+    for agent in range(len(neighbourhood.cached_until)):
+        neighbourhood.cached_until[agent] -= 1.0

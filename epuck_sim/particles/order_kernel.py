@@ -1,44 +1,44 @@
-"""The order parameter at a firing of the reference (thesis eqs. 3.4 and 5.7), and when it need not be worked out."""
+"""The order parameter at a firing of the reference (thesis eqs. 3.4 and 5.7), and a test of when it can be skipped."""
 
 import math
 
 from epuck_sim.particles.oscillators import Oscillators, phase_at
 from epuck_sim.util.jit import jit_inline
 
-ROUNDING = 1e-12
-"""Far more than the order parameter is off by."""
+ROUNDING_MARGIN = 1e-12
+"""Upper bound, with a wide margin, of the rounding error of an order parameter."""
 
 COMPLEX, REFERENCE = range(2)
-"""Metrics: eqs. 5.7 and 3.4."""
+"""Metrics: eq. 5.7 (the modulus of the mean phasor) and eq. 3.4 (relative to the reference)."""
 
 
 @jit_inline
-def are_near(clocks: Oscillators, near: float, time: float) -> bool:
-    """Whether no phase is farther than `near`, in cycles, from that of the reference, which is 0 at `time`."""
-    for agent in range(len(clocks.due)):
-        phase = phase_at(clocks, agent, time)
-        if min(phase, 1 - phase) > near:
+def are_phases_within(oscillators: Oscillators, max_offset: float, time: float) -> bool:
+    """Whether all phases at `time` are within `max_offset` cycles of 0, the phase of the reference when it fires."""
+    for agent in range(len(oscillators.next_firing)):
+        phase = phase_at(oscillators, agent, time)
+        if min(phase, 1 - phase) > max_offset:
             return False
     return True
 
 
 @jit_inline
-def measure_order(clocks: Oscillators, metric: int, time: float) -> float:
-    """Return the order parameter at `time`, at which the reference is at phase 0."""
+def measure_order(oscillators: Oscillators, metric: int, time: float) -> float:
+    """Return the order parameter at `time`, at which the phase of the reference is 0."""
     cosines, sines = 0.0, 0.0
-    for agent in range(len(clocks.due)):
-        angle = 2 * math.pi * phase_at(clocks, agent, time)
+    for agent in range(len(oscillators.next_firing)):
+        angle = 2 * math.pi * phase_at(oscillators, agent, time)
         cosines += math.cos(angle)
         sines += math.sin(angle)
     if metric == REFERENCE:
-        return cosines / len(clocks.due)
-    return math.hypot(cosines, sines) / len(clocks.due)
+        return cosines / len(oscillators.next_firing)
+    return math.hypot(cosines, sines) / len(oscillators.next_firing)
 
 
-def near_enough(agents: int, threshold: float) -> float:
-    """Return how far, in cycles, a phase may be from the reference's if `threshold` is to be reached.
+def max_phase_offset(agents: int, threshold: float) -> float:
+    """Return how far, in cycles, a phase may be from the reference's if the order parameter reaches `threshold`.
 
     With two of n oscillators an angle d apart, n r <= n - 2 + 2 cos(d / 2); eta is never larger than r.
     """
-    cosine = 1 - agents * (1 - threshold + ROUNDING) / 2
+    cosine = 1 - agents * (1 - threshold + ROUNDING_MARGIN) / 2
     return math.acos(cosine) / math.pi if -1 < cosine < 1 else 1.0

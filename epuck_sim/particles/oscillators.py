@@ -1,8 +1,8 @@
-"""When oscillators fire: a time for each, and the earliest of them without looking at all (thesis 3.1.1, 5.1.1).
+"""Oscillators stored as the times of their next firings, and a fast search for the earliest (thesis 3.1.1, 5.1.1).
 
-An oscillator is known by the time at which it will fire, not by its phase: while nobody hears a pulse nothing needs to
-be changed, and nothing adds up. Times are in cycles of the nominal period and count from the beginning of the present
-cycle, so that they keep their digits however long a trial lasts: a whole number is taken off, which is exact.
+As long as no pulse arrives, a firing time needs no update, so that no rounding error accumulates as it would in a
+phase. Times are in cycles of the nominal period, counted from the start of the present cycle: however long a trial
+lasts, they keep their digits, because whole cycles are subtracted exactly.
 """
 
 import math
@@ -11,88 +11,118 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.particles.least import least
 from epuck_sim.util.jit import jit_inline
 
-BLOCK = 32
-"""Of so many oscillators the earliest time is kept; of a block that has lost its earliest it is found anew."""
+BLOCK_SIZE = 32
+"""Number of oscillators in a block; each block keeps its earliest firing time, and is searched again after a change."""
 
-ONE_INSTANT = 1e-12
-"""Firings no farther apart than this, in cycles, happen at once: rounding parts what has merged by less."""
+SIMULTANEITY_CYCLES = 1e-12
+"""Firings no farther apart than this count as simultaneous: rounding separates merged oscillators by less."""
 
 
 class Oscillators(NamedTuple):
-    """The oscillators, in cycles."""
+    """Firing times and periods of all oscillators; times in cycles since the start of the present cycle."""
 
-    due: FloatArray
-    """(agents,) when each fires next."""
+    next_firing: FloatArray
+    """(agents,) time of each oscillator's next firing."""
     period: FloatArray
-    """(agents,) 1, but for jitter."""
-    earliest: FloatArray
-    """(blocks,) the earliest time in each block."""
+    """(agents,) each oscillator's period in cycles: 1 without jitter."""
+    block_earliest: FloatArray
+    """(blocks,) the earliest time in each block of `next_firing`."""
     is_stale: BoolArray
-    """(blocks,) whether it has to be found anew."""
+    """(blocks,) whether `block_earliest` must be searched for again."""
     now: FloatArray
-    """(1,) the time of the last instant, from the beginning of the present cycle."""
+    """(1,) the present time: usually that of the last event."""
     cycle: IntArray
-    """(1,) cycles before the present one."""
+    """(1,) number of the present cycle, from 0."""
 
 
 def start_oscillators(phases: FloatArray, period: FloatArray) -> Oscillators:
-    """Return clocks that stand at these phases, (agents,), at time 0; period: (agents,) in cycles."""
-    blocks = math.ceil(len(phases) / BLOCK)
-    due = (1 - phases) * period
-    return Oscillators(due, period, np.empty(blocks), np.ones(blocks, np.bool_), np.zeros(1), np.zeros(1, np.int64))
+    """Return oscillators which have the given phases, (agents,), at time 0; period: (agents,) cycles."""
+    blocks = math.ceil(len(phases) / BLOCK_SIZE)
+    next_firing = (1 - phases) * period
+    return Oscillators(
+        next_firing, period, np.empty(blocks), np.ones(blocks, np.bool_), np.zeros(1), np.zeros(1, np.int64)
+    )
 
 
 @jit_inline
-def set_next_firing(clocks: Oscillators, agent: int, time: float) -> None:
-    """Have an oscillator fire at `time`."""
-    block = agent // BLOCK
-    if clocks.due[agent] <= clocks.earliest[block]:
-        clocks.is_stale[block] = True
-    clocks.due[agent] = time
-    clocks.earliest[block] = min(clocks.earliest[block], time)
+def set_next_firing(oscillators: Oscillators, agent: int, time: float) -> None:
+    """Set the time of an oscillator's next firing."""
+    block = agent // BLOCK_SIZE
+    if oscillators.next_firing[agent] <= oscillators.block_earliest[block]:
+        oscillators.is_stale[block] = True
+    oscillators.next_firing[agent] = time
+    oscillators.block_earliest[block] = min(oscillators.block_earliest[block], time)
 
 
 @jit_inline
-def earliest_firing(clocks: Oscillators) -> float:
-    """Return when the next oscillator fires."""
-    soonest = math.inf
-    for block in range(len(clocks.earliest)):
-        if clocks.is_stale[block]:
-            last = min((block + 1) * BLOCK, len(clocks.due))
-            clocks.earliest[block] = least(clocks.due, block * BLOCK, last)
-            clocks.is_stale[block] = False
-        soonest = min(soonest, clocks.earliest[block])
-    return soonest
+def earliest_firing(oscillators: Oscillators) -> float:
+    """Return the time of the earliest next firing; searches stale blocks again."""
+    earliest = math.inf
+    for block in range(len(oscillators.block_earliest)):
+        if oscillators.is_stale[block]:
+            last = min((block + 1) * BLOCK_SIZE, len(oscillators.next_firing))
+            oscillators.block_earliest[block] = minimum(oscillators.next_firing, block * BLOCK_SIZE, last)
+            oscillators.is_stale[block] = False
+        earliest = min(earliest, oscillators.block_earliest[block])
+    return earliest
 
 
 @jit_inline
-def firing_now(clocks: Oscillators, time: float, found: IntArray) -> int:
-    """Write the numbers of all who fire at the instant `time` to `found`, (agents + 1,); return how many they are."""
+def firing_now(oscillators: Oscillators, time: float, found: IntArray) -> int:
+    """Write the indices of all oscillators that fire at `time` to `found`, (agents + 1,); return their number."""
     count = 0
-    for block in range(len(clocks.earliest)):
-        if clocks.earliest[block] <= time + ONE_INSTANT:
-            for agent in range(block * BLOCK, min((block + 1) * BLOCK, len(clocks.due))):
-                found[count] = agent  # overwritten by the next one if it is not due: no branch
-                count += clocks.due[agent] <= time + ONE_INSTANT
+    for block in range(len(oscillators.block_earliest)):
+        if oscillators.block_earliest[block] <= time + SIMULTANEITY_CYCLES:
+            for agent in range(block * BLOCK_SIZE, min((block + 1) * BLOCK_SIZE, len(oscillators.next_firing))):
+                found[count] = agent  # overwritten by the next one if this one does not fire: no branch
+                count += oscillators.next_firing[agent] <= time + SIMULTANEITY_CYCLES
     return count
 
 
 @jit_inline
-def phase_at(clocks: Oscillators, agent: int, time: float) -> float:
-    """Return an oscillator's phase at `time`, no later than it fires."""
-    phase: float = 1 - (clocks.due[agent] - time) / clocks.period[agent]
+def phase_at(oscillators: Oscillators, agent: int, time: float) -> float:
+    """Return an oscillator's phase at a time which is not after its next firing."""
+    phase: float = 1 - (oscillators.next_firing[agent] - time) / oscillators.period[agent]
     return phase
 
 
 @jit_inline
-def begin_next_cycle(clocks: Oscillators) -> None:
-    """Count times from a cycle later."""
-    for agent in range(len(clocks.due)):
-        clocks.due[agent] -= 1.0
-    for block in range(len(clocks.earliest)):
-        clocks.earliest[block] -= 1.0
-    clocks.now[0] -= 1.0
-    clocks.cycle[0] += 1
+def rebase_oscillators(oscillators: Oscillators) -> None:
+    """Count all times from the start of the next cycle."""
+    for agent in range(len(oscillators.next_firing)):
+        oscillators.next_firing[agent] -= 1.0
+    for block in range(len(oscillators.block_earliest)):
+        oscillators.block_earliest[block] -= 1.0
+    oscillators.now[0] -= 1.0
+    oscillators.cycle[0] += 1
+
+
+@jit_inline
+def minimum(values: FloatArray, first: int, last: int) -> float:
+    """Return the minimum of `values[first:last]`, inf if it is empty.
+
+    Branch-free: the comparisons are unpredictable, so branches would be mispredicted. Four minima are kept side by
+    side, because each comparison has to wait for the one before.
+    """
+    a = b = c = d = math.inf
+    whole = last - (last - first) % 4
+    for index in range(first, whole, 4):
+        a = min(a, values[index])
+        b = min(b, values[index + 1])
+        c = min(c, values[index + 2])
+        d = min(d, values[index + 3])
+    for index in range(whole, last):
+        a = min(a, values[index])
+    return min(a, b, c, d)
+
+
+@jit_inline
+def argmin(values: FloatArray, last: int) -> int:
+    """Return the index of the first minimum of `values[:last]`, which must not be empty; branch-free."""
+    lowest = minimum(values, 0, last)
+    found = 0
+    for index in range(last - 1, -1, -1):
+        found = index if values[index] == lowest else found
+    return found

@@ -1,4 +1,4 @@
-"""The course of a trial beside its undisturbed twin: how a disturbance spreads, and what is left of synchrony (5.4)."""
+"""A trial beside its undisturbed twin: how a disturbance spreads, and what remains of synchrony (thesis 5.4)."""
 
 from typing import NamedTuple
 
@@ -11,32 +11,47 @@ from epuck_sim.scenario.particles import ParticleScenario
 
 
 class TwinComparison(NamedTuple):
-    """A trial at some times."""
+    """A trial compared with its undisturbed twin at given times."""
 
     time_s: FloatArray
-    """(times,)"""
+    """(times,) s"""
     order_parameter: FloatArray
-    """(times,) of all agents at these times, which are not those at which the reference fires."""
+    """(times,) complex order parameter (eq. 5.7) of the disturbed trial at these times."""
     deviation: FloatArray
-    """(times, agents) how far each phase is from that of the undisturbed twin, 0 to 0.5 cycles."""
+    """(times, agents) distance of each phase from that of the same agent in the twin, 0 to 0.5 cycles."""
 
 
 def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray) -> TwinComparison:
-    """Return a trial's course, to its end or beyond synchrony, at ascending times, (times,) s.
+    """Simulate a trial and its undisturbed twin, and compare them.
 
-    The twin has the same seed, and so begins at the same places and moves alike, unless motion is coupled to pulses
-    (D.1). Its agents are not displaced and their clocks do not jitter (5.4.1, 5.4.2).
+    In the twin no phase is displaced and no period has jitter (5.4.1, 5.4.2). Its seed is the same, so that its agents
+    start at the same positions and move alike, unless motion is coupled to pulses (D.1). Both trials continue when they
+    are synchronised.
+
+    Args:
+        scenario: The disturbed trial.
+        seed: Seed of both trials.
+        time_s: (times,) s, ascending: when to compare them.
+
+    Returns:
+        The order parameter and the deviations at these times.
+
+    Raises:
+        ValueError: The times are not ascending.
     """
-    endless = scenario.model_copy(update={"stop": scenario.stop.model_copy(update={"order_parameter": None})})
+    without_end = scenario.model_copy(update={"stop": scenario.stop.model_copy(update={"order_parameter": None})})
     undisturbed = {
         "start": scenario.start.model_copy(update={"displacement": 0.0}),
         "clocks": scenario.clocks.model_copy(update={"jitter": 0.0}),
     }
-    swarms = ParticleSimulation(endless, seed), ParticleSimulation(endless.model_copy(update=undisturbed), seed)
+    simulations = (
+        ParticleSimulation(without_end, seed),
+        ParticleSimulation(without_end.model_copy(update=undisturbed), seed),
+    )
     phases = np.empty((2, len(time_s), scenario.agents.count))
-    for place, time in enumerate(time_s.tolist()):
-        for swarm, of_one in zip(swarms, phases, strict=True):
-            swarm.run_to(time)
-            of_one[place] = swarm.phases()
+    for index, time in enumerate(time_s.tolist()):
+        for simulation, its_phases in zip(simulations, phases, strict=True):
+            simulation.run_to(time)
+            its_phases[index] = simulation.phases()
     apart = np.abs(phases[0] - phases[1])
     return TwinComparison(time_s, METRICS["complex"](phases[0], 1.0), np.minimum(apart, 1 - apart))

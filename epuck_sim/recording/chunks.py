@@ -1,4 +1,4 @@
-"""Chunks, the pieces of which a recording is made: an entity, times, and what it held at each of them."""
+"""Chunks, the pieces of which a recording is made: an entity, times, and the entity's values at those times."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,14 +9,15 @@ from rerun.chunk import Chunk
 from epuck_sim.arrays import IntArray
 
 APPLICATION = "epuck-sim"
-"""By it the viewer knows which layout belongs to a recording."""
+"""Name by which the viewer matches layouts to recordings."""
 
 TIMELINE = "sim_time"
+"""Name of the only timeline of recordings: simulated time."""
 
 
 @contextmanager
-def strictly() -> Iterator[None]:
-    """Have rerun raise where it would warn, and leave out what it cannot make sense of."""
+def strict_mode() -> Iterator[None]:
+    """Have rerun raise an error in the block for malformed data, about which it would only warn."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     try:
@@ -25,15 +26,15 @@ def strictly() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def still(entity: str, what: rr.AsComponents) -> Chunk:
+def static_chunk(entity: str, values: rr.AsComponents) -> Chunk:
     """Return a chunk that holds at all times."""
-    batches = what.as_component_batches()
+    batches = values.as_component_batches()
     columns = [
         rr.ComponentColumn(each.component_descriptor(), each, lengths=[len(each.as_arrow_array())]) for each in batches
     ]
     return Chunk.from_columns(entity, [], columns)
 
 
-def moving(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn) -> Chunk:
+def temporal_chunk(entity: str, time_ns: IntArray, *columns: rr.ComponentColumn) -> Chunk:
     """Return a chunk with a row for each of these times, (rows,) in nanoseconds of simulated time."""
     return Chunk.from_columns(entity, [rr.TimeColumn(TIMELINE, duration=time_ns.astype("timedelta64[ns]"))], columns)

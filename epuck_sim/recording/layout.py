@@ -1,4 +1,4 @@
-"""How the viewer lays a recording out: the arena on the left, plots on the right, pictures below, time in seconds."""
+"""Layouts of the viewer: the arena on the left, plots on the right, pictures below, time in seconds."""
 
 import tempfile
 from collections.abc import Callable
@@ -13,14 +13,14 @@ from epuck_sim.recording.layers.time_series import FLASHES, PHASES, WHEELS
 from epuck_sim.recording.level import Level
 
 MARGIN_CM = 2.0
-"""Around the arena of robots."""
+"""Margin around the arena of robots, cm."""
 
 MARGIN_SHARE = 1 / 30
-"""Around that of point-like agents, of its width."""
+"""Margin around the space of point-like agents, as a share of its width."""
 
 
-def make_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
-    """Return the layout for recordings of robots, of a level, in an arena of this size."""
+def robot_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
+    """Return the layout for recordings of robots at a level, in an arena of this size."""
     flashes, phases, order = _plots("robot")
     arena = _arena(width_cm, height_cm, MARGIN_CM)
     if level is Level.SUMMARY:
@@ -39,8 +39,8 @@ def make_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprin
     return _blueprint(body)
 
 
-def make_swarm_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
-    """Return the layout for recordings of point-like agents; a segment, of no height, lies above the plots."""
+def agent_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
+    """Return the layout for recordings of point-like agents; a segment, which has no height, lies above the plots."""
     flashes, phases, order = _plots("agent")
     arena = _arena(width_cm, height_cm, MARGIN_SHARE * width_cm)
     if level is Level.SUMMARY:
@@ -53,7 +53,7 @@ def make_swarm_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Bl
 
 
 def _plots(noun: str) -> tuple[rrb.TimeSeriesView, rrb.TimeSeriesView, rrb.TimeSeriesView]:
-    """Return the plots of flashes, phases and the order parameter; noun: of whom."""
+    """Return the plots of flashes, phases and the order parameter; `noun` is robot or agent."""
     whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
     unit = rrb.ScalarAxis(range=(0, 1.02))
     order = rrb.TimeSeriesView(origin="/order", name="order parameter", axis_x=whole, axis_y=unit)
@@ -79,9 +79,9 @@ def layout_file(
     level: Level,
     width_cm: float,
     height_cm: float,
-    make: Callable[[Level, float, float], rrb.Blueprint] = make_layout,
+    make: Callable[[Level, float, float], rrb.Blueprint] = robot_layout,
 ) -> bytes:
-    """Return a layout as a file for the viewer (.rbl); each that is made leaves two threads of rerun behind."""
+    """Return a layout as a file for the viewer (.rbl), which is cached: rerun leaves two threads behind for each."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "layout.rbl"
         make(level, width_cm, height_cm).save(APPLICATION, file)

@@ -4,14 +4,14 @@ from enum import StrEnum
 
 
 class Level(StrEnum):
-    """Each level holds what the one before holds, and more."""
+    """How much is recorded: each level includes the one before."""
 
     SUMMARY = "summary"
     """Flashes and the order parameter."""
     POSES = "poses"
-    """Also the arena, the robots or agents with their rings or flashes and their headings, and the phases."""
+    """Also the arena, poses, rings and phases of robots or agents."""
     FULL = "full"
-    """Also fields of view and who sees whom, camera rows, infrared distances, wheel speeds and contacts.
+    """Also fields of view, which robots see which, camera rows, infrared distances, wheel speeds and contacts.
 
-    Of point-like agents, which have none of these: also cones or ranges, and who hears whom.
+    Point-like agents have none of these; instead, cones or ranges, and which agents receive whose pulses.
     """

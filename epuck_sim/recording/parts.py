@@ -1,59 +1,93 @@
 """The table of models that can be recorded: how their rows are gathered, and what a recording of them shows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol
 
 import rerun.blueprint as rrb
+from rerun.chunk import Chunk
 
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.buffers.agents import SwarmWindow
-from epuck_sim.recording.buffers.robots import Columns, Window
-from epuck_sim.recording.layers.agents import SwarmDetails
-from epuck_sim.recording.layers.robots import Details, RobotDetails
-from epuck_sim.recording.layout import make_layout, make_swarm_layout
+from epuck_sim.recording.buffers.agents import AgentBuffer
+from epuck_sim.recording.buffers.robots import RobotBuffer
+from epuck_sim.recording.buffers.row_batch import RowBatch
+from epuck_sim.recording.layers.agents import AgentLayers
+from epuck_sim.recording.layers.robots import RobotLayers
+from epuck_sim.recording.layout import agent_layout, robot_layout
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.population import Population
+from epuck_sim.recording.population import Population, agent_population, robot_population
 from epuck_sim.scenario.scenario import Scenario
 
 
 class Buffer(Protocol):
     """Gathers rows of a trial."""
 
-    taken: int
+    row_count: int
     """Rows in it."""
 
     @property
     def is_full(self) -> bool:
-        """Whether it is to be emptied."""
+        """Whether it must be flushed."""
 
-    def take(self, event: Any, state: Any) -> None:
-        """Take note of an event of the trial, as observers are shown it."""
+    def append(self, event: Any, state: Any) -> None:
+        """Add an event of the trial, as observers are shown it."""
 
-    def empty(self) -> Columns:
-        """Return the rows, at least one, and forget them."""
+    def flush(self) -> RowBatch:
+        """Return the rows, of which there must be one at least, and remove them."""
+
+
+class Layers(Protocol):
+    """What a full recording of one model shows, beside what all models have."""
+
+    def static_chunks(self) -> Iterable[Chunk]:
+        """Return what does not change, and the appearance of what does."""
+
+    def chunks(self, batch: RowBatch) -> Iterable[Chunk]:
+        """Return what these rows show."""
+
+    def final_chunks(self) -> Iterable[Chunk]:
+        """Return what was held back until the end of the trial."""
 
 
 class Parts(NamedTuple):
-    """What a recording of a model is made of."""
+    """What a recording of one model is made of."""
 
+    population: Callable[[Any], Population]
+    """Called with the scenario."""
     layout: Callable[[Level, float, float], rrb.Blueprint]
-    """From the level and the arena's width and height, cm."""
+    """Called with the level and the arena's width and height, cm."""
     buffer: Callable[[Any, int, Level, int], Buffer]
-    """From the scenario, the seed, the level and a number of rows."""
-    details: Callable[[Any, Population], Details]
-    """From the scenario and its population: what full recordings show beside poses and phases."""
+    """Called with the scenario, the seed, the level and the capacity in rows."""
+    layers: Callable[[Any, Population], Layers]
+    """Called with the scenario and its population, for full recordings."""
 
 
 PARTS = {
-    "embodied": Parts(make_layout, lambda scenario, _, level, rows: Window(scenario, level, rows), RobotDetails),
-    "particles": Parts(make_swarm_layout, SwarmWindow, SwarmDetails),
+    "embodied": Parts(
+        population=robot_population,
+        layout=robot_layout,
+        buffer=lambda scenario, _, level, capacity: RobotBuffer(scenario, level, capacity),
+        layers=RobotLayers,
+    ),
+    "particles": Parts(population=agent_population, layout=agent_layout, buffer=AgentBuffer, layers=AgentLayers),
 }
+"""Parts by model. A further model is one more entry."""
 
 
 def parts_of(scenario: Scenario) -> Parts:
-    """Return the parts of a recording of this scenario's model; raise RecordingError where it cannot be recorded."""
+    """Return the parts of a recording of a scenario's model; raise RecordingError if it cannot be recorded."""
     if scenario.model not in PARTS:
         raise RecordingError(
             f"{scenario.name}: model: {scenario.model} cannot be recorded; allowed: {', '.join(PARTS)}"
         )
     return PARTS[scenario.model]
+
+
+def population_of(scenario: Scenario) -> Population:
+    """Return a scenario's population; raise RecordingError if its model, or its period, cannot be recorded."""
+    return parts_of(scenario).population(scenario)
+
+
+def layout_of(scenario: Scenario, level: Level) -> rrb.Blueprint:
+    """Return how the viewer lays out recordings of a scenario; raise RecordingError as `population_of` does."""
+    arena = population_of(scenario).arena
+    return parts_of(scenario).layout(level, arena.width_cm, arena.height_cm)

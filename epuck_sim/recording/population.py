@@ -1,8 +1,7 @@
 """What recordings need to know of a scenario, whatever its model."""
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,55 +11,50 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Scenario
 
-FRAMES = 20
-"""Rows in a nominal period of point-like agents, beside those at which some fire."""
+ROWS_PER_PERIOD = 20
+"""Regular rows in a nominal period of point-like agents; there are further rows at the instants at which some fire."""
 
 PATH_S = 10.0
-"""So long before the moment at which robots are drawn do their paths begin."""
+"""Length of the drawn paths of robots in seconds."""
 
 PATH_CYCLES = 3
-"""And those of agents."""
+"""Length of the drawn paths of agents in nominal periods."""
 
-AGENTS_A_SIDE = 60
-"""An agent is drawn as a disc, of which so many would cover a side in a row, half over each other."""
+SIDE_IN_RADII = 60
+"""Side of the space of agents, in radii of the disc that is drawn for each."""
 
 SHORTEST_S = 1e-6
-"""Times are whole nanoseconds: of a shorter period, few."""
+"""Shortest period that can be recorded, in seconds: recordings store whole nanoseconds."""
 
 
 class Population(NamedTuple):
-    """Those that are recorded: robots, or point-like agents."""
+    """The robots, or point-like agents, of a scenario."""
 
     noun: str
-    """What one of them is called."""
+    """What one of them is called: robot or agent."""
     moment: str
-    """What a row is called."""
+    """What a row is called: step or moment."""
     size: int
-    """How many they are."""
+    """Number of robots or agents."""
     radius_cm: float
-    """Of the disc that is drawn for each."""
+    """Radius of the disc that is drawn for each, cm."""
     arena: Arena
-    """Of agents: their square, the side on which a cube stands, or a segment of no height."""
+    """Where they move; of agents: their square, the side on which a cube stands, or a segment of no height."""
     is_cyclic: bool
+    """Whether what leaves on one side comes in on the other."""
     period_ms: FloatArray
-    """(size,) nominal, of the oscillators; NaN for who has none."""
+    """(size,) nominal periods of the oscillators, ms; NaN for a robot that is none."""
     reference: int
+    """Number of the reference robot or agent."""
     rows_per_s: float
-    """At least so many rows are recorded of a simulated second."""
+    """Fewest rows that are recorded of a simulated second."""
     path_s: float
-    """So long before the moment at which all are drawn on a page do their paths begin."""
+    """Length of the drawn paths in seconds."""
 
 
-def population_of(scenario: Scenario) -> Population:
-    """Return a scenario's subject; raises RecordingError for a model, or a period, of which there are no recordings."""
-    if scenario.model not in POPULATIONS:
-        raise RecordingError(f"{scenario.name}: model: {scenario.model} cannot be recorded")
-    return POPULATIONS[scenario.model](scenario)
-
-
-def _robots(scenario: EmbodiedScenario) -> Population:
+def robot_population(scenario: EmbodiedScenario) -> Population:
+    """Return the robots of a scenario."""
     periods = [1000 * group.parameters.get("period_s", math.nan) for group in scenario.robots]
     return Population(
         noun="robot",
@@ -76,26 +70,23 @@ def _robots(scenario: EmbodiedScenario) -> Population:
     )
 
 
-def _agents(scenario: ParticleScenario) -> Population:
+def agent_population(scenario: ParticleScenario) -> Population:
+    """Return the point-like agents of a scenario; raise RecordingError if their period is too short to be recorded."""
     side_cm, period_s = scenario.space.side_cm, scenario.clocks.period_s
     if period_s < SHORTEST_S:
         raise RecordingError(
-            f"{scenario.name}: clocks.period_s is {period_s:g}; recordings, whose times are whole nanoseconds, are of "
-            f"{SHORTEST_S:g} or longer"
+            f"{scenario.name}: clocks.period_s is {period_s:g}, which is too short for a recording, whose times are "
+            f"whole nanoseconds; allowed: {SHORTEST_S:g} or longer"
         )
     return Population(
         noun="agent",
         moment="moment",
         size=scenario.agents.count,
-        radius_cm=side_cm / AGENTS_A_SIDE,
+        radius_cm=side_cm / SIDE_IN_RADII,
         arena=make_arena(side_cm, side_cm if scenario.space.dimensions > 1 else 0.0, (), ()),
         is_cyclic=scenario.space.boundary == "cyclic",
         period_ms=np.full(scenario.agents.count, 1000 * period_s),
         reference=scenario.stop.reference,
-        rows_per_s=FRAMES / period_s,
+        rows_per_s=ROWS_PER_PERIOD / period_s,
         path_s=PATH_CYCLES * period_s,
     )
-
-
-POPULATIONS: dict[str, Callable[[Any], Population]] = {"embodied": _robots, "particles": _agents}
-"""What is recorded, by model."""

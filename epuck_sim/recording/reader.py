@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import rerun.blueprint as rrb
 from rerun.chunk import Chunk, RrdReader
 
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
@@ -16,6 +17,7 @@ from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers import time_series
 from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
 from epuck_sim.recording.level import Level
+from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.recording.rrd_file import ENDING
 from epuck_sim.scenario.scenario import Scenario
@@ -23,61 +25,86 @@ from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.provenance import format_versions
 
-SERIES = (time_series.ORDER_AT_STEPS, time_series.ORDER_AT_FIRINGS, time_series.FLASHES, time_series.PHASES)
+_SERIES = (time_series.ORDER_AT_STEPS, time_series.ORDER_AT_FIRINGS, time_series.FLASHES, time_series.PHASES)
 
 
 class Recorded(NamedTuple):
-    """A trial as it was recorded; poses and phases have no rows where the level leaves them out.
+    """A trial as it was recorded; poses and phases have no rows if the level leaves them out.
 
-    Of robots, there is a row for each control step; of point-like agents, one for each instant at which some fire, and
-    20 in a nominal period beside them.
+    Robots have a row for each control step; point-like agents one for each instant at which some fire, and 20 regular
+    ones in each nominal period.
     """
 
     scenario: Scenario
+    """With all defaults written out."""
     seed: int
+    """Seed of the trial."""
     level: Level
+    """How much the recording holds."""
     versions: dict[str, str]
+    """Versions of epuck-sim and its libraries that made the recording."""
     cycles: int
-    """Firings of the reference."""
+    """Number of firings of the reference."""
     synchronised: bool
     """Whether the trial ended with the swarm synchronised."""
     time_s: FloatArray
-    """(rows,)"""
+    """(rows,) s: simulated time of each row."""
     order_parameter: FloatArray
     """(rows,) of all oscillators."""
     flash_s: FloatArray
-    """(flashes,) when somebody fired."""
+    """(flashes,) s: time of each flash."""
     flash_robot: IntArray
-    """(flashes,) who it was, by number."""
+    """(flashes,) number of the robot or agent that flashed."""
     flash_cycle: IntArray
-    """(flashes,) which of its own flashes it was, from 1."""
+    """(flashes,) which of its own flashes this was, from 1."""
     firing_s: FloatArray
-    """(firings,) when the reference fired."""
+    """(firings,) s: times at which the reference fired."""
     firing_order: FloatArray
-    """(firings,) the order parameter as the trial measured it then."""
+    """(firings,) order parameter that the trial measured then."""
     phase_ms: FloatArray
-    """(rows, count)"""
+    """(rows, count) ms: phases; count is the number of robots or agents."""
     positions: Float32Array
-    """(rows, count, 2) cm, in single precision, which is what a recording holds; of a cube, seen from above."""
+    """(rows, count, 2) cm: x and y, in single precision as in the file; a cube is seen from above."""
     headings: FloatArray
-    """(rows, count) rad in -pi to pi, of arrows in single precision."""
+    """(rows, count) rad in -pi to pi, from arrows in single precision."""
     ring_on: BoolArray
-    """(rows, count) whose ring is lit; of agents, who fired within the last 0.075 of a period."""
+    """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
 
 
 def last_moment_s(path: Path) -> float:
-    """Return the time of a recording's last row, 0 if there is none; raises as `read_recording` does."""
+    """Return the time of a recording's last row in seconds, 0 if there is none; raise as `read_recording` does."""
     entities = _Entities(path, time_series.ORDER_AT_STEPS)
     _check_format(path, entities.properties(TRIAL))
     return float(entities.times(time_series.ORDER_AT_STEPS).max(initial=0))
 
 
-def read_recording(path: Path) -> Recorded:
-    """Return what a recording of any level holds.
+def read_layout(path: Path) -> rrb.Blueprint | None:
+    """Return how the viewer lays out a recording; raise as `read_recording` does.
 
-    Raises RecordingError for a file that is no whole recording, or one of another program or version.
+    The layout is None if this version cannot read the scenario: then the viewer chooses one itself.
     """
-    entities = _Entities(path, *SERIES, ROBOTS, HEADINGS)
+    trial = _Entities(path).properties(TRIAL)
+    _check_format(path, trial)
+    try:
+        return layout_of(_scenario(trial), Level(trial["level"]))
+    except (ScenarioError, KeyError, ValueError):
+        return None
+
+
+def read_recording(path: Path | str) -> Recorded:
+    """Read a recording of any level into arrays.
+
+    Args:
+        path: the file, whose name ends in `.rrd`.
+
+    Returns:
+        The trial's scenario, seed and outcome, and a row for each recorded moment.
+
+    Raises:
+        RecordingError: the file is no complete recording, or one of another program or version.
+    """
+    path = Path(path)
+    entities = _Entities(path, *_SERIES, ROBOTS, HEADINGS)
     trial = entities.properties(TRIAL)
     _check_format(path, trial)
     try:
@@ -89,7 +116,7 @@ def read_recording(path: Path) -> Recorded:
     rows = len(recorded.time_s)
     for name in ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ():
         if len(getattr(recorded, name)) != rows:
-            raise RecordingError(f"{path}: is no whole recording: {name} of {rows} rows are not there")
+            raise RecordingError(f"{path}: is no whole recording: {name} is missing in some of {rows} rows")
     return recorded
 
 
@@ -103,11 +130,8 @@ def _check_format(path: Path, trial: dict[str, Any]) -> None:
 
 
 def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
-    """Return a recording's arrays; raises KeyError or ValueError for what is missing."""
-    given = parse_yaml(trial["scenario"], "its scenario")
-    if not isinstance(given, dict):
-        raise ScenarioError("its scenario is no mapping of keys to values")
-    scenario = validate(given, "its scenario")
+    """Return a recording's arrays; raise KeyError or ValueError if something is missing."""
+    scenario = _scenario(trial)
     count = scenario.population
     arrows = entities.values(HEADINGS, "Arrows2D:vectors").reshape(-1, count, 2)
     return Recorded(
@@ -131,33 +155,41 @@ def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any
     )
 
 
+def _scenario(trial: dict[str, Any]) -> Scenario:
+    """Return the scenario in a recording's properties; raise ScenarioError if this version cannot read it."""
+    given = parse_yaml(trial["scenario"], "its scenario")
+    if not isinstance(given, dict):
+        raise ScenarioError("its scenario is no mapping of keys to values")
+    return validate(given, "its scenario")
+
+
 class _Entities:
-    """The properties in a recording's file, and those of its entities that are asked for."""
+    """The properties in a recording's file, and some of its entities."""
 
     def __init__(self, path: Path, *entities: str) -> None:
         self._properties: dict[str, dict[str, Any]] = defaultdict(dict)
-        self._moving: dict[str, list[pa.RecordBatch]] = defaultdict(list)
+        self._batches: dict[str, list[pa.RecordBatch]] = defaultdict(list)
         for chunk in _read_chunks(path, ["/__properties/**", *entities]):
             if chunk.is_static:
                 self._properties[chunk.entity_path] |= chunk.to_record_batch().to_pydict()
             else:
-                self._moving[chunk.entity_path].append(chunk.to_record_batch())
-        for batches in self._moving.values():
+                self._batches[chunk.entity_path].append(chunk.to_record_batch())
+        for batches in self._batches.values():
             batches.sort(key=lambda batch: batch.column(TIMELINE)[0].value)
 
     def properties(self, name: str) -> dict[str, Any]:
-        """Return a recording's properties, each a single value; none where it has none of this name."""
+        """Return the values of a property by key; none if there is no such property."""
         columns = self._properties[f"/__properties/{name}"]
         return {key: value[0][0] for key, value in columns.items() if isinstance(value[0], list)}
 
     def times(self, entity: str) -> FloatArray:
         """Return (rows,) s: the times of an entity's rows."""
-        times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._moving[entity]]
+        times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._batches[entity]]
         return np.concatenate([np.empty(0), *times]) / 1e9
 
     def values(self, entity: str, component: str) -> FloatArray:
-        """Return the numbers of a component of all rows, one after the other."""
-        columns = [batch.column(component).flatten() for batch in self._moving[entity]]
+        """Return the numbers of a component in all rows, one after the other."""
+        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
         numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
         return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
 
@@ -165,10 +197,10 @@ class _Entities:
 def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
         raise RecordingError(f"{path}: {'is no file' if path.exists() else 'there is no such file'}")
-    if path.suffix != ENDING:  # which the viewer asks for, too
-        raise RecordingError(f"{path}: is no recording, which ends in {ENDING}")
+    if path.suffix != ENDING:  # which the viewer requires, too
+        raise RecordingError(f"{path}: is no recording: the name must end in {ENDING}")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about a file without its end, which is refused below
+        warnings.simplefilter("ignore")  # of a truncated file, which is refused below
         try:
             reader = RrdReader(path)
             found = reader.recordings()
@@ -179,7 +211,7 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
                 raise RecordingError(f"{path}: is no recording, though its name ends in {ENDING}") from error
             reason = "its end is missing" if "footer" in str(error) else error
             raise RecordingError(f"{path}: is no whole recording: {reason}; record the trial again") from error
-    programs = ", ".join(sorted({entry.application_id for entry in found})) or "nobody"
+    programs = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
     raise RecordingError(
         f"{path}: holds {len(found)} recordings, made by {programs}; allowed: one made by {APPLICATION}"
     )

@@ -1,4 +1,4 @@
-"""Records a trial: an observer that gathers rows in a window and turns full windows into chunks of a recording."""
+"""Records a trial: an observer that gathers rows in a buffer and turns full buffers into chunks of a recording."""
 
 import hashlib
 import json
@@ -11,13 +11,12 @@ from typing import Any
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.recording.chunks import still, strictly
-from epuck_sim.recording.layers.arena import ground, set_ground
-from epuck_sim.recording.layers.time_series import series, series_styles
+from epuck_sim.recording.chunks import static_chunk, strict_mode
+from epuck_sim.recording.layers.arena import arena_entities, static_arena_entities
+from epuck_sim.recording.layers.time_series import static_time_series, time_series
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import parts_of
-from epuck_sim.recording.population import population_of
 from epuck_sim.recording.rrd_file import rrd_file
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.scenario import Scenario
@@ -25,94 +24,109 @@ from epuck_sim.trial.observer import TrialState
 from epuck_sim.util.provenance import versions
 
 FORMAT = 1
-"""Of the entities in a recording; a newer one may have others."""
+"""Version of the entities in a recording."""
 
-WINDOW_S = 600
-"""Simulated time in memory before it is written."""
+BUFFER_S = 600
+"""Longest simulated time that is kept in memory before it is written, in seconds."""
 
-WINDOW_ROWS = 60_000
-"""But no more rows times robots, or agents, than these: about 8 MB."""
+BUFFER_ROWS = 60_000
+"""Most rows times robots, or agents, that are kept in memory before they are written: about 8 MB."""
 
 TRIAL = "trial"
+"""Name of the property that describes the trial."""
+
 OUTCOME = "outcome"
-"""Properties of a recording."""
+"""Name of the property that says how the trial ended."""
 
 
 @contextmanager
-def record(path: Path, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
-    """Yield an observer of a trial (see `run_trial`) that records it into a file for the rerun viewer.
+def record(path: Path | str, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
+    """Yield an observer of a trial (see `run_trial`) that records it into a file for rerun's viewer.
 
-    The file gets its name when the block ends; where it ends with an error, nothing is left behind.
-    Raises EpuckSimError where the file cannot be written, or the scenario cannot be recorded.
+    Args:
+        path: the file, whose name must end in `.rrd`. It gets its name when the block ends; if the block ends with an
+            error, an older file stays, and nothing else is left.
+        scenario: the trial's scenario.
+        seed: the trial's seed.
+        level: how much is recorded.
+
+    Raises:
+        EpuckSimError: the file cannot be written, or the scenario cannot be recorded.
     """
     scenario = load_scenario(scenario)  # with every default written out
-    parts, arena = parts_of(scenario), population_of(scenario).arena
+    parts = parts_of(scenario)
+    arena = parts.population(scenario).arena
     layout = layout_file(level, arena.width_cm, arena.height_cm, parts.layout)
-    with rrd_file(path, recording_id(scenario, seed, level), layout) as write:
-        recorder = Recorder(scenario, seed, level, WINDOW_S, write)
+    with rrd_file(Path(path), recording_id(scenario, seed, level), layout) as write:
+        recorder = Recorder(scenario, seed, level, BUFFER_S, write)
         yield recorder
         recorder.finish()
 
 
 class Recorder:
-    """An observer of a trial of any model that hands on chunks, window by window."""
+    """An observer of a trial of any model that hands chunks on whenever its buffer is full."""
 
     def __init__(
         self,
         scenario: Scenario,
         seed: int,
         level: Level,
-        window_s: float,
+        buffer_s: float,
         write: Callable[[Iterable[Chunk]], None],
     ) -> None:
-        """Write what does not move; nothing of a trial needs to exist yet.
+        """Write what does not change; the simulation need not exist yet.
 
-        window_s: the most of simulated time that is held back.
+        Args:
+            scenario: the trial's scenario.
+            seed: the trial's seed.
+            level: how much is recorded.
+            buffer_s: longest simulated time that is held back, in seconds.
+            write: called with chunks.
         """
         self._level = level
         self._send = write
-        self._subject = subject = population_of(scenario)
+        parts = parts_of(scenario)
+        self._population = population = parts.population(scenario)
         self._threshold = scenario.stop.order_parameter
         self._state: TrialState | None = None
-        rows = max(1, int(min(window_s * subject.rows_per_s, WINDOW_ROWS / subject.size)))
-        parts = parts_of(scenario)
-        self._window = parts.buffer(scenario, seed, level, rows)
-        self._details = parts.details(scenario, subject) if level is Level.FULL else None
+        capacity = max(1, int(min(buffer_s * population.rows_per_s, BUFFER_ROWS / population.size)))
+        self._buffer = parts.buffer(scenario, seed, level, capacity)
+        self._layers = parts.layers(scenario, population) if level is Level.FULL else None
         self._write(_description(scenario, seed, level))
-        self._write(series_styles(subject, level))
+        self._write(static_time_series(population, level))
         if level is not Level.SUMMARY:
-            self._write(set_ground(subject))
-        if self._details is not None:
-            self._write(self._details.still())
+            self._write(static_arena_entities(population))
+        if self._layers is not None:
+            self._write(self._layers.static_chunks())
 
     def __call__(self, event: Any, state: TrialState) -> None:
-        """Take note of an event of the trial."""
+        """Record an event of the trial."""
         self._state = state
-        self._window.take(event, state)
-        if self._window.is_full:
-            self._empty_window()
+        self._buffer.append(event, state)
+        if self._buffer.is_full:
+            self._flush()
 
-    def _empty_window(self) -> None:
-        columns = self._window.empty()
-        self._write(series(columns, self._threshold, self._level))
+    def _flush(self) -> None:
+        batch = self._buffer.flush()
+        self._write(time_series(batch, self._threshold, self._level))
         if self._level is not Level.SUMMARY:
-            self._write(ground(columns, self._subject.radius_cm))
-        if self._details is not None:
-            self._write(self._details.moving(columns))
+            self._write(arena_entities(batch, self._population.radius_cm))
+        if self._layers is not None:
+            self._write(self._layers.chunks(batch))
 
     def _write(self, chunks: Iterable[Chunk]) -> None:
-        with strictly():
+        with strict_mode():
             self._send(chunks)
 
     def finish(self) -> None:
-        """Write what is left, and how the trial ended."""
+        """Write the remaining rows, and how the trial ended."""
         cycles, synchronised = 0, False
         if self._state is not None:
             cycles, synchronised = self._state.outcome.cycles, self._state.is_synchronised
-        if self._window.taken:
-            self._empty_window()
-        if self._details is not None:
-            self._write(self._details.rest())
+        if self._buffer.row_count:
+            self._flush()
+        if self._layers is not None:
+            self._write(self._layers.final_chunks())
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 
@@ -123,6 +137,7 @@ def recording_id(scenario: Scenario, seed: int, level: Level) -> str:
 
 
 def _description(scenario: Scenario, seed: int, level: Level) -> Iterator[Chunk]:
+    """Yield the properties that describe the trial."""
     made_by = {**versions(), "rerun": version("rerun-sdk")}
     trial = rr.AnyValues(
         format=FORMAT,
@@ -132,4 +147,4 @@ def _description(scenario: Scenario, seed: int, level: Level) -> Iterator[Chunk]
         versions=json.dumps(made_by),
     )
     yield Chunk.from_property(TRIAL, trial)
-    yield still("/__properties", rr.archetypes.RecordingInfo(name=f"{scenario.name}, seed {seed}"))
+    yield static_chunk("/__properties", rr.archetypes.RecordingInfo(name=f"{scenario.name}, seed {seed}"))

@@ -1,4 +1,4 @@
-"""A recording's file, which appears under its name only when it is whole."""
+"""The file of a recording, which gets its name only when it is complete."""
 
 import threading
 from collections.abc import Iterable, Iterator
@@ -14,17 +14,23 @@ from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.util.atomic_write import check_target, temporary_path, write_errors
 
 ENDING = ".rrd"
+"""Suffix of a recording's name, by which the viewer knows it."""
 
-WAITING = 64
-"""Chunks that may wait to be written; where a disk is slower than the simulation, that waits, too."""
+QUEUE_LENGTH = 64
+"""Most chunks that wait to be written; if the disk is slower than the simulation, that waits, too."""
 
 
 @contextmanager
 def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWriter"]:
-    """Yield what writes chunks into a recording, which takes the name `path` when the block ends without an error.
+    """Yield a writer of chunks into a recording, which gets its name when the block ends without an error.
 
-    layout: a layout's file; it becomes a part of the recording. Where the block ends with an error, nothing is left.
-    Raises EpuckSimError where the file cannot be written.
+    Args:
+        path: the recording; an older one stays, and nothing else is left, if the block ends with an error.
+        recording_id: the recording's name in the viewer.
+        layout: contents of a layout's file, which becomes a part of the recording.
+
+    Raises:
+        EpuckSimError: the file cannot be written.
     """
     check_recording_target(path)
     path = path.resolve()
@@ -46,7 +52,7 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
 
 @contextmanager
 def _blaming(path: Path) -> Iterator[None]:
-    """Have what goes wrong be told of the file that is to be."""
+    """Have errors in the block name the recording instead of its temporary files."""
     try:
         with write_errors(path):
             yield
@@ -55,7 +61,7 @@ def _blaming(path: Path) -> Iterator[None]:
 
 
 def check_recording_target(path: Path) -> None:
-    """Raise EpuckSimError where no recording can be written: as `check_target` does, and without its ending."""
+    """Raise EpuckSimError if no recording can be written to `path`: its suffix is wrong, or as `check_target` says."""
     if path.suffix != ENDING:
         raise RecordingError(f"{path}: a recording's name must end in {ENDING}, by which the viewer knows it")
     check_target(path)
@@ -64,14 +70,14 @@ def check_recording_target(path: Path) -> None:
 class ChunkWriter:
     """Writes chunks as they come, so that memory does not grow.
 
-    Rerun itself takes the next chunk whenever it has written one, until there is no more: that needs a thread.
+    Rerun pulls chunks from an iterator until that ends, so it runs in a thread of its own.
     """
 
     def __init__(self, part: Path, recording_id: str, target: Path) -> None:
-        """Begin to write `part`; errors are told of `target`, the file that is to be."""
+        """Begin to write `part`; error messages name `target`, the file that it will become."""
         self._part = part
         self._target = target
-        self._chunks: Queue[Chunk | None] = Queue(WAITING)
+        self._chunks: Queue[Chunk | None] = Queue(QUEUE_LENGTH)
         self._stream = LazyChunkStream.from_iter(iter(self._chunks.get, None))
         self._problem: Exception | None = None
         self._thread = threading.Thread(target=self._write, args=(recording_id,), daemon=True)
@@ -80,17 +86,17 @@ class ChunkWriter:
     def _write(self, recording_id: str) -> None:
         try:
             self._stream.write_rrd(self._part, application_id=APPLICATION, recording_id=recording_id)
-        except Exception as error:  # it is raised by `check`, in the thread that runs the trial
+        except Exception as error:  # `check` raises it in the thread that runs the trial
             self._problem = error
 
     def __call__(self, chunks: Iterable[Chunk]) -> None:
-        """Have chunks written, soon; raises as `check` does."""
+        """Queue chunks to be written; raise as `check` does."""
         for chunk in chunks:
             self._put(chunk)
         self.check()
 
     def _put(self, chunk: Chunk | None) -> None:
-        """Wait until there is room, unless nothing is written any more."""
+        """Queue a chunk when there is room; drop it if the thread has ended, which only an error can make it do."""
         while self._thread.is_alive():
             with suppress(Full):
                 self._chunks.put(chunk, timeout=0.1)

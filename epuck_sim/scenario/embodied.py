@@ -163,6 +163,27 @@ class EmbodiedScenario(Scenario):
         return tuple(group.controller for group in self.robots)
 
     @property
+    def scales(self) -> dict[str, float]:
+        """Coupling epsilon and period tau (s) of the first group, number N of robots, root L (cm) of the area."""
+        oscillator = self.robots[0].parameters
+        return {
+            "epsilon": float(oscillator.get("coupling", math.nan)),
+            "L": math.sqrt(self.arena.width_cm * self.arena.height_cm),
+            "N": float(self.robot_count),
+            "tau": float(oscillator.get("period_s", math.nan)),
+        }
+
+    @property
+    def scale_keys(self) -> tuple[str, ...]:
+        """Dotted keys of the values on which `scales`, and the speed, depend."""
+        groups = [f"robots.{number}" for number in range(len(self.robots))]
+        return (
+            *("arena.width_cm", "arena.height_cm"),
+            *(f"{group}.{key}" for group in groups for key in ("count", "parameters.speed_cm_s")),
+            *(f"{groups[0]}.parameters.{name}" for name in ("coupling", "period_s")),
+        )
+
+    @property
     def camera_pixels(self) -> int:
         """Number of pixels of the camera that has the most."""
         return max(group.camera.pixels for group in self.robots)

@@ -180,6 +180,21 @@ class ParticleScenario(Scenario):
         return self
 
     @property
+    def scales(self) -> dict[str, float]:
+        """The coupling epsilon, the side L in cm, the number N of agents and the period tau in s."""
+        return {
+            "epsilon": self.response.coupling,
+            "L": self.space.side_cm,
+            "N": float(self.agents.count),
+            "tau": self.clocks.period_s,
+        }
+
+    @property
+    def scale_keys(self) -> tuple[str, ...]:
+        """Dotted keys of the values on which `scales`, and the speed, depend."""
+        return ("agents.speed_cm_s", "response.coupling", "space.side_cm", "agents.count", "clocks.period_s")
+
+    @property
     def population(self) -> int:
         """Number of agents."""
         return self.agents.count

@@ -70,6 +70,16 @@ class Scenario(ConfigModel):
         """Names of what is compiled for its trials."""
         return self.controllers or (self.model,)
 
+    @property
+    def scales(self) -> dict[str, float]:
+        """Quantities, by name, that T_sync scales with (thesis 4.2.2); NaN for one that the scenario does not have."""
+        return {}
+
+    @property
+    def scale_keys(self) -> tuple[str, ...]:
+        """Dotted keys of the values on which `scales`, and the speed, depend."""
+        return ()
+
     def resolved(self, origin: str, folder: Path | None = None) -> Self:  # noqa: ARG002 for models that name files
         """Return the scenario with everything filled in that lies in other files.
 
@@ -104,3 +114,17 @@ def require_model(scenario: Scenario, kind: type[Kind], why: str) -> Kind:
     if not isinstance(scenario, kind):
         raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}; {why}")
     return scenario
+
+
+def seed_of_trial(scenario: Scenario, seed: int | None) -> int:
+    """Return the seed with which to simulate one trial: `seed`, or the scenario's own if that is None.
+
+    Raises:
+        ScenarioError: the scenario holds a sweep, which is not one trial, or the seed is negative.
+    """
+    if scenario.sweep is not None:
+        raise ScenarioError(f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`")
+    chosen = scenario.seed if seed is None else seed
+    if chosen < 0:
+        raise ScenarioError(f"{scenario.name}: seed is {chosen}; allowed: whole numbers from 0")
+    return chosen

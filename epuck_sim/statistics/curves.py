@@ -1,4 +1,4 @@
-"""The results of a sweep as curves: T_sync against one axis, a curve for each combination of the others."""
+"""Curves of T_sync against one axis of a sweep, one for each combination of the other axes."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -14,75 +14,84 @@ from epuck_sim.statistics.mean_estimate import estimate_mean
 from epuck_sim.util.messages import comma_list, did_you_mean
 
 SPEED = ".speed_cm_s"
-"""The axis to draw against ends so, where there is one."""
+"""Ending of the keys of speeds, against which T_sync is drawn by default."""
 
 
 class Curve(NamedTuple):
-    """Mean T_sync, in cycles, along an axis; points without trials are left out."""
+    """Mean T_sync, in cycles, along an axis, at the S points that have trials."""
 
     axes: dict[str, Any]
     """Values of the other axes."""
     scenario: Scenario
-    """That of its first point."""
+    """Scenario of its first point."""
     x: FloatArray
     """(S,) values of the axis, ascending."""
     trials: IntArray
-    """(S,)"""
+    """(S,) number of trials."""
     censored: FloatArray
-    """(S,) share of them."""
+    """(S,) share of the trials."""
     means: FloatArray
-    """(S,) by Appendix A; NaN where undetermined."""
+    """(S,) mean by Appendix A; NaN where undetermined."""
     intervals: FloatArray
     """(S, 2) 95 % bootstrap intervals."""
     resampled: FloatArray
     """(B, S) bootstrap means; inf or NaN where undetermined."""
 
 
-def choose_axis(points: Sequence[PointTrials], wanted: str | None = None, origin: str = "--x") -> str:
-    """Return the axis to draw against: the one wanted, or that of the speed, or the one with the most numbers.
+def choose_axis(points: Sequence[PointTrials], requested: str | None = None, origin: str = "--x") -> str:
+    """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
 
-    origin: who wants it, for messages. Raises EpuckSimError where there is none.
+    Args:
+        points: Points of a sweep.
+        requested: Dotted key, or None.
+        origin: Option or key that requests it, for messages.
+
+    Raises:
+        EpuckSimError: The requested axis, or every axis, is without numbers.
     """
-    numbers = _with_numbers(points)
-    if wanted is not None:
-        return _known(wanted, numbers, origin)
+    numbers = _numeric_axes(points)
+    if requested is not None:
+        return _check_axis(requested, numbers, origin)
     if not numbers:
         raise EpuckSimError("there is no axis with numbers to draw T_sync against")
     return max(numbers, key=lambda key: (key.endswith(SPEED), len(numbers[key])))
 
 
-def choose_second_axis(points: Sequence[PointTrials], x: str, wanted: str | None = None, origin: str = "--y") -> str:
-    """Return the axis of a map that goes up: the one wanted, or else the only other one whose numbers differ.
+def choose_second_axis(points: Sequence[PointTrials], x: str, requested: str | None = None, origin: str = "--y") -> str:
+    """Choose the vertical axis of a map: the requested one, or the only other one whose numbers differ.
 
-    x: the axis to the right; origin: who wants the other, for messages. Raises EpuckSimError where there is none, where
-    there are several to choose from, and where the values of both go along with each other.
+    Args:
+        points: Points of a sweep.
+        x: Dotted key of the horizontal axis.
+        requested: Dotted key of the vertical axis, or None.
+        origin: Option or key that requests it, for messages.
+
+    Raises:
+        EpuckSimError: There is no such axis, there are several to choose from, or it is tied one-to-one to `x`.
     """
-    numbers = _with_numbers(points)
+    numbers = _numeric_axes(points)
     others: list[str] = []
     for key, values in numbers.items():
         if len(values) > 1 and not any(_is_tied_to(key, axis, points) for axis in (x, *others)):
             others.append(key)
-    if wanted is not None:
-        if _known(wanted, numbers, origin) == x or _is_tied_to(wanted, x, points):
-            raise EpuckSimError(f"{origin}: {wanted} goes along with {x}, which goes to the right; {_choice(others)}")
-        return wanted
+    choice = f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
+    if requested is not None:
+        if _check_axis(requested, numbers, origin) == x or _is_tied_to(requested, x, points):
+            raise EpuckSimError(f"{origin}: {requested} varies together with {x}, the horizontal axis; {choice}")
+        return requested
     if len(others) != 1:
-        raise EpuckSimError(f"a map needs a second axis, beside {x}: {_choice(others)}")
+        raise EpuckSimError(f"a map needs a second axis, beside {x}: {choice}")
     return others[0]
 
 
-def _choice(others: list[str]) -> str:
-    return f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
+def _check_axis(requested: str, numbers: Mapping[str, object], origin: str) -> str:
+    if requested not in numbers:
+        raise EpuckSimError(f"{origin}: {did_you_mean(requested, numbers)}; axes with numbers: {comma_list(numbers)}")
+    return requested
 
 
-def _known(wanted: str, numbers: Mapping[str, object], origin: str) -> str:
-    if wanted not in numbers:
-        raise EpuckSimError(f"{origin}: {did_you_mean(wanted, numbers)}; axes with numbers: {comma_list(numbers)}")
-    return wanted
-
-
-def _with_numbers(points: Sequence[PointTrials]) -> dict[str, set[float]]:
-    """Return the values of each axis that holds numbers alone."""
+def _numeric_axes(points: Sequence[PointTrials]) -> dict[str, set[float]]:
+    """Return the distinct values of each axis all of whose values are numbers."""
     columns = {key: [point.axes[key] for point in points] for key in points[0].axes}
     return {key: set(values) for key, values in columns.items() if _are_numbers(values)}
 
@@ -92,15 +101,18 @@ def _are_numbers(values: Sequence[Any]) -> bool:
 
 
 def read_curves(points: Sequence[PointTrials], axis: str) -> list[Curve]:
-    """Return a curve for each combination of the values of the other axes, in the order of the sweep."""
+    """Estimate a curve for each combination of the values of the other axes, in the order of the sweep."""
     return [estimate_curve(group, axis, others) for others, group in group_by_other_axes(points, axis)]
 
 
 def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple[dict[str, Any], list[PointTrials]]]:
-    """Return the values of all other axes and the points that share them, sorted by `axes`.
+    """Group points by the values of all axes but `axes`, and sort each group by `axes`.
 
-    An axis that goes along with one of `axes` is none of the others. Groups are in the order of the sweep; points
-    without trials are left out.
+    An axis that is tied one-to-one to one of `axes` is not among the others. Groups are in the order of the sweep;
+    points without trials are left out.
+
+    Returns:
+        For each group, the values of the other axes, and its points.
     """
     others = [key for key in points[0].axes if not any(key == x or _is_tied_to(key, x, points) for x in axes)]
     groups: dict[str, list[PointTrials]] = {}
@@ -115,13 +127,13 @@ def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple
 
 
 def _is_tied_to(key: str, axis: str, points: Sequence[PointTrials]) -> bool:
-    """Return whether the values of `axis` and `key` belong together one to one, as in a zip."""
+    """Return whether the values of `axis` and `key` correspond one-to-one, as in a zip."""
     pairs = {(point.axes[axis], repr(point.axes[key])) for point in points}
     return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
 
 
 def estimate_curve(points: Sequence[PointTrials], axis: str, others: dict[str, Any]) -> Curve:
-    """Return the curve through points that have trials, sorted by `axis`; others: the values that they share."""
+    """Estimate the curve through points that have trials, sorted by `axis`; `others` are the values that they share."""
     estimates = [estimate_mean(point.times, point.observed, point.seed) for point in points]
     return Curve(
         axes=others,
@@ -136,9 +148,9 @@ def estimate_curve(points: Sequence[PointTrials], axis: str, others: dict[str, A
 
 
 def distinguishing_axes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return of each row of axis values those that tell it from the others; what goes along with another is left out.
+    """Keep only the axis values that distinguish each row, and drop axes that are tied one-to-one to another.
 
-    >>> told_apart([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])
+    >>> distinguishing_axes([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])
     [{'width': 4}, {'width': 6}]
     """
     kept: list[str] = []

@@ -1,23 +1,26 @@
-"""Where do the regimes of a swarm lie? The local minimum and the peak of T_sync against speed (thesis 4.2.2)."""
+"""The local minimum and the peak of T_sync against speed, between which it rises (thesis 4.2.2)."""
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import RBFInterpolator  # type: ignore[import-untyped]
+from scipy.optimize import isotonic_regression  # type: ignore[import-untyped]
 
 from epuck_sim.arrays import FloatArray
 
 MIN_SPEEDS = 6
-"""Fewer determined speeds than this leave a bump undetermined: a smooth curve with two bends takes four and more."""
+"""Fewest determined speeds of a curve with extrema: a smooth curve with two bends takes four or more."""
 
 SIGNIFICANCE = 0.05
-"""A bump is found where, in a smaller share than this of all cases, noise on a falling curve would look as strong, and
-noise on the curve itself would leave no bump."""
+"""Largest p-value, and largest share of resamples without extrema, with which a minimum and a peak are found."""
 
-UNDETERMINED_SHARE = 0.05
-"""A speed is left out where a larger share of its resamples is undetermined."""
+MAX_UNDETERMINED = 0.05
+"""Largest share of undetermined resamples at a speed that is taken into account."""
 
 GRID_POINTS = 300
-LEAST_VARIANCE = 1e-8  # of log T; keeps curves without noise solvable, and no experiment knows T_sync to 0.01 %
+"""Number of speeds at which a smoothed curve is evaluated."""
+
+MIN_VARIANCE = 1e-8  # of log T; keeps curves without noise solvable, and no experiment knows T_sync to 0.01 %
 
 # How rough log T may be: the variance of its third derivative's white noise, per decade of speed. From almost a
 # parabola to a curve through every point.
@@ -25,6 +28,8 @@ ROUGHNESSES = 10.0 ** np.arange(-1, 6.5, 0.5)
 # The likeliest curve has too flat peaks, and intervals about them miss the truth too often; three times as rough,
 # they cover it, and the estimates are as good.
 UNDERSMOOTHING = 3.0
+# The covariance of a threefold integral of white noise is, up to parabolas, -|distance| ^ 5 over this.
+QUINTIC_SCALE = 240
 
 
 class SmoothCurve(NamedTuple):
@@ -50,28 +55,34 @@ class SpeedExtrema(NamedTuple):
     t_p: float
     """Cycles."""
     intervals: FloatArray
-    """(4, 2) the 95 % intervals of v_m, t_m, v_p, t_p: low and high."""
+    """(4, 2) 95 % intervals of v_m, t_m, v_p, t_p: low and high."""
     rise: float
-    """Of log T between the two."""
+    """Rise of log T from the minimum to the peak."""
     p_value: float
-    """How often noise on a falling curve rises as much as this is strong."""
+    """Probability that noise on a falling curve rises by at least the strength of this pair."""
     resampled: FloatArray
     """(B, 4) v_m, t_m, v_p, t_p of each resample; NaN where it has no such pair."""
 
     @property
     def is_found(self) -> bool:
-        """Whether the pair is more than noise: noise does not make it, and noise does not undo it."""
+        """Whether the pair is more than noise: noise neither makes it nor removes it."""
         kept = float(np.isfinite(self.resampled[:, 0]).mean())
         return self.p_value < SIGNIFICANCE and kept > 1 - SIGNIFICANCE
 
 
 def smooth_curve(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SmoothCurve | None:
-    """Return T_sync as a smooth function of speed, in logs of both; None if fewer than six speeds are determined.
+    """Smooth T_sync as a function of speed, in logs of both.
 
-    speeds: (S,) cm/s, ascending. means: (S,) cycles, NaN where undetermined. resampled: (B, S) bootstrap means.
+    Speed 0 is left out, and so is every speed whose mean, or more than 5 % of whose resamples, are undetermined (not
+    finite). Up to 5 % count as the longest resample that is determined, since what is undetermined took too long.
 
-    Left out are speed 0 and speeds where the mean or more than 5 % of the resamples are undetermined (not finite); up
-    to 5 % count as the longest that is determined, since what is undetermined took too long.
+    Args:
+        speeds: (S,) cm/s, ascending.
+        means: (S,) cycles, NaN where undetermined.
+        resampled: (B, S) bootstrap means, cycles.
+
+    Returns:
+        The smoothed curve, or None if fewer than six speeds are determined.
     """
     fit = _fit(speeds, means, resampled)
     if fit is None:
@@ -80,43 +91,36 @@ def smooth_curve(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -
 
 
 def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SpeedExtrema | None:
-    """Return the local minimum and the later peak with the largest rise in log T between them.
+    """Find the local minimum and the later peak with the largest rise in log T between them (thesis 4.2.2).
 
-    Arguments, and what is left out, are those of `smooth_curve`; None if fewer than six speeds are determined.
+    The strength of a pair is the least of the fall to the minimum, the rise, and the fall from the peak. Noise makes
+    rises too: the p-value is the share of rises at least as large as this strength on the falling curve that fits best,
+    under the noise of the resamples. Intervals are percentiles over the pairs of the resamples.
 
-    A bump is as strong as the least of: the fall to the minimum, the rise, the fall from the peak. Noise makes rises
-    too; the p-value is the share of those at least as large as that on the falling curve that fits best, under the
-    noise of the resamples. Intervals are percentiles over the resamples' own pairs.
+    Args:
+        speeds: (S,) cm/s, ascending.
+        means: (S,) cycles, NaN where undetermined.
+        resampled: (B, S) bootstrap means, cycles; `smooth_curve` says what is left out.
+
+    Returns:
+        The pair, with NaN where there is none, or None if fewer than six speeds are determined.
     """
     fit = _fit(speeds, means, resampled)
     if fit is None:
         return None
     noise = fit.resampled - fit.resampled.mean(axis=0)
-    falling = falling_fit(fit.logs, 1 / fit.variances) + noise
-    of_noise, _ = _pairs(fit.speeds, falling @ fit.smoother.T)
-    pair, (strength,) = _pairs(fit.speeds, (fit.smoother @ fit.logs)[None])
-    pairs, _ = _pairs(fit.speeds, fit.resampled @ fit.smoother.T)
+    falling = isotonic_regression(fit.logs, weights=1 / fit.variances, increasing=False).x + noise
+    on_falling, _ = _largest_rises(fit.speeds, falling @ fit.smoother.T)
+    pair, (strength,) = _largest_rises(fit.speeds, (fit.smoother @ fit.logs)[None])
+    pairs, _ = _largest_rises(fit.speeds, fit.resampled @ fit.smoother.T)
     v_m, t_m, v_p, t_p = pair[0].tolist()
     if strength == 0:
         return SpeedExtrema(v_m, t_m, v_p, t_p, np.full((4, 2), np.nan), 0.0, 1.0, pairs)
     # the curve itself counts as one more draw, so that no finite number of resamples gives a p-value of 0
-    p_value = (1 + np.count_nonzero(np.log(of_noise[:, 3] / of_noise[:, 1]) >= strength)) / (1 + len(noise))
+    p_value = (1 + np.count_nonzero(np.log(on_falling[:, 3] / on_falling[:, 1]) >= strength)) / (1 + len(noise))
     own = pairs[~np.isnan(pairs[:, 0])]
     intervals = np.percentile(own if len(own) else pair, [2.5, 97.5], axis=0).T
     return SpeedExtrema(v_m, t_m, v_p, t_p, intervals, float(np.log(t_p / t_m)), p_value, pairs)
-
-
-def falling_fit(values: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the values (K,) that never rise and fit best by weighted least squares, pooling neighbours that do."""
-    blocks: list[tuple[float, float, int]] = []  # value, weight, points
-    for point in zip(values.tolist(), weights.tolist(), strict=True):
-        value, weight, points = *point, 1
-        while blocks and blocks[-1][0] < value:
-            before, its_weight, its_points = blocks.pop()
-            value = (before * its_weight + value * weight) / (its_weight + weight)
-            weight, points = weight + its_weight, points + its_points
-        blocks.append((value, weight, points))
-    return np.repeat([value for value, _, _ in blocks], [points for _, _, points in blocks])
 
 
 class _Fit(NamedTuple):
@@ -129,50 +133,48 @@ class _Fit(NamedTuple):
 
 def _fit(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> _Fit | None:
     finite = np.isfinite(resampled)
-    determined = (speeds > 0) & np.isfinite(means) & (finite.mean(axis=0) >= 1 - UNDETERMINED_SHARE)
+    determined = (speeds > 0) & np.isfinite(means) & (finite.mean(axis=0) >= 1 - MAX_UNDETERMINED)
     if np.count_nonzero(determined) < MIN_SPEEDS:
         return None
     longest = np.where(finite, resampled, 0).max(axis=0)
     log_resampled = np.log(np.where(finite, resampled, longest)[:, determined])
     x, logs = np.log10(speeds[determined]), np.log(means[determined])
-    variances = np.maximum(log_resampled.var(axis=0, ddof=1), LEAST_VARIANCE)
+    variances = np.maximum(log_resampled.var(axis=0, ddof=1), MIN_VARIANCE)
     grid = np.linspace(x[0], x[-1], GRID_POINTS)
     roughness = UNDERSMOOTHING * _likeliest_roughness(x, logs, variances)
     return _Fit(10**grid, _smoother(x, variances / roughness, grid), logs, log_resampled, variances)
 
 
-def _kernel(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the covariance, up to parabolas, of a threefold integral of white noise at x (n,) and y (m,), (n, m)."""
-    return -(np.abs(x[:, None] - y) ** 5) / 240
-
-
 def _smoother(x: FloatArray, penalties: FloatArray, grid: FloatArray) -> FloatArray:
     """Return the matrix (G, K) of the quintic smoothing spline: least squares plus a penalty on the third derivative.
 
-    It leaves parabolas as they are, and extremes are such; a penalty on the curvature flattens them.
+    It leaves parabolas as they are, and extrema are such; a penalty on the curvature would flatten them.
     """
-    parabola = np.vander(x, 3)
-    system = np.block([[_kernel(x, x) + np.diag(penalties), parabola], [parabola.T, np.zeros((3, 3))]])
-    inverse = np.linalg.inv(system)[:, : len(x)]
-    return np.hstack([_kernel(grid, x), np.vander(grid, 3)]) @ inverse
+    smoothing = QUINTIC_SCALE * penalties
+    spline = RBFInterpolator(x[:, None], np.eye(len(x)), smoothing=smoothing, kernel="quintic", degree=2)
+    return np.asarray(spline(grid[:, None]))
 
 
 def _likeliest_roughness(x: FloatArray, logs: FloatArray, variances: FloatArray) -> float:
     """Return the roughness of largest likelihood, given the noise and with parabolas projected out."""
     contrasts = np.linalg.qr(np.vander(x, 3), "complete")[0][:, 3:]
-    seen = contrasts.T @ logs
-    rough = contrasts.T @ _kernel(x, x) @ contrasts
+    projected = contrasts.T @ logs
+    rough = contrasts.T @ (-(np.abs(x[:, None] - x) ** 5) / QUINTIC_SCALE) @ contrasts
     noise = contrasts.T @ np.diag(variances) @ contrasts
 
-    def surprise(roughness: float) -> float:
+    def negative_log_likelihood(roughness: float) -> float:
         covariance = roughness * rough + noise
-        return float(seen @ np.linalg.solve(covariance, seen) + np.linalg.slogdet(covariance)[1])
+        return float(projected @ np.linalg.solve(covariance, projected) + np.linalg.slogdet(covariance)[1])
 
-    return float(min(ROUGHNESSES, key=surprise))
+    return float(min(ROUGHNESSES, key=negative_log_likelihood))
 
 
-def _pairs(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return v_m, t_m, v_p, t_p (B, 4) of curves of log T (B, G), NaN if none, and their strengths (B,), 0 if none."""
+def _largest_rises(speeds: FloatArray, logs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Find the pair with the largest rise on each curve of log T, (B, G).
+
+    Returns:
+        (B, 4) v_m, t_m, v_p, t_p, NaN where there is no pair, and (B,) the strengths of these, 0 where there is none.
+    """
     rising = np.diff(logs, axis=1) >= 0
     inner = logs[:, 1:-1]
     troughs = np.where(~rising[:, :-1] & rising[:, 1:], inner, np.inf)

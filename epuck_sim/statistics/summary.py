@@ -1,4 +1,4 @@
-"""The synchronisation time at each point of a sweep, with what is censored taken into account (thesis Appendix A)."""
+"""Statistics of T_sync at each point of a sweep; censored trials are taken into account (thesis Appendix A)."""
 
 import math
 from collections.abc import Iterable
@@ -15,36 +15,38 @@ class PointSummary(NamedTuple):
     point: int
     axes: dict[str, Any]
     trials: int
-    """Those that have a result."""
+    """Number of trials that have a result."""
     censored: float
-    """Their share that is censored; 0 without trials."""
+    """Share of these trials that is censored; 0 without trials."""
     mean: float | None
-    """By Appendix A: the mean of the Weibull distribution that is nearest to the Kaplan-Meier estimate."""
+    """Mean of the Weibull distribution that is nearest to the Kaplan-Meier estimate (Appendix A)."""
     mean_low: float | None
+    """Lower end of the 95 % bootstrap interval of the mean."""
     mean_high: float | None
-    """The 95 % bootstrap interval of the mean."""
+    """Upper end of the 95 % bootstrap interval of the mean."""
     median: float | None
-    """Kaplan-Meier."""
+    """Median of the Kaplan-Meier estimate."""
     median_low: float | None
+    """Lower end of the 95 % interval of the median."""
     median_high: float | None
-    """Its 95 % interval."""
+    """Upper end of the 95 % interval of the median."""
     restricted_mean: float | None
-    """The mean of T_sync or `horizon`, whichever is less: the area under the Kaplan-Meier curve up to there."""
+    """Mean of the lesser of T_sync and `horizon`: the area under the Kaplan-Meier estimate up to there."""
     horizon: float
-    """The limit of cycles, or as far as trials were followed."""
+    """Limit of cycles, or the longest trial where some were censored before this limit."""
 
 
 def summarize(points: Iterable[PointTrials]) -> list[PointSummary]:
-    """Return the statistics of each point; the same results give the same numbers."""
-    return [_summary(point) for point in points]
+    """Return the statistics of each point; equal results give equal numbers."""
+    return [_summarize_point(point) for point in points]
 
 
-def _summary(point: PointTrials) -> PointSummary:
+def _summarize_point(point: PointTrials) -> PointSummary:
     times, observed = point.times, point.observed
     limit = float(point.scenario.stop.max_cycles)
     if not len(times):
         return PointSummary(point.number, point.axes, 0, 0.0, None, None, None, None, None, None, None, limit)
-    # trials that ran out of time before they ran out of cycles tell nothing of what comes after the longest of them
+    # trials that ran out of time before they ran out of cycles say nothing about what comes after the longest of them
     horizon = limit if observed.all() else min(limit, float(times.max()))
     mean = estimate_mean(times, observed, point.seed)
     median, median_low, median_high = median_time(times, observed)
@@ -53,16 +55,16 @@ def _summary(point: PointTrials) -> PointSummary:
         axes=point.axes,
         trials=len(times),
         censored=1 - float(observed.mean()),
-        mean=_known(mean.mean),
-        mean_low=_known(mean.low),
-        mean_high=_known(mean.high),
-        median=_known(median),
-        median_low=_known(median_low),
-        median_high=_known(median_high),
-        restricted_mean=_known(restricted_mean(times, observed, horizon)),
+        mean=_finite_or_none(mean.mean),
+        mean_low=_finite_or_none(mean.low),
+        mean_high=_finite_or_none(mean.high),
+        median=_finite_or_none(median),
+        median_low=_finite_or_none(median_low),
+        median_high=_finite_or_none(median_high),
+        restricted_mean=_finite_or_none(restricted_mean(times, observed, horizon)),
         horizon=horizon,
     )
 
 
-def _known(number: float) -> float | None:
+def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None

@@ -2,8 +2,9 @@
 
 T_sync is counted in whole cycles. A trial that is not synchronised at its limit is censored there: all that is known of
 its T_sync is that it is longer. Throughout, `times` is (n,) cycles and `observed` (n,), True where the trial has
-synchronised; of two trials with one time, one synchronised and one censored, the censored one was still at risk.
-Times that are negative or not finite, no trials, and arrays of different shapes raise ValueError.
+synchronised. Of two trials with equal times, one synchronised and one censored, the censored one was still at risk.
+Every function raises ValueError for times that are negative or not finite, for no trials, and for arrays of different
+shapes.
 """
 
 import math
@@ -19,24 +20,24 @@ _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a
 
 
 class Sample(NamedTuple):
-    """Trials in the order of time; those that equal each other share one of m cells."""
+    """Trials in the order of time; equal ones share one of m cells."""
 
     times: FloatArray  # (m,) cycles
     observed: BoolArray  # (m,): events come before censorings of the same time
-    cell: IntArray  # (n,) of each trial, ascending
+    cell: IntArray  # (n,) cell of each trial, ascending
 
 
-class Curves(NamedTuple):
-    """Kaplan-Meier estimates of B samples, which have k event times between them."""
+class SurvivalCurves(NamedTuple):
+    """Kaplan-Meier estimates of B samples with k event times in all."""
 
     times: FloatArray  # (k,) cycles, ascending
     events: IntArray  # (B, k) trials that synchronise then
     at_risk: IntArray  # (B, k) trials still running just before
-    survival: FloatArray  # (B, k + 1) R before the first of the times and after each
+    survival: FloatArray  # (B, k + 1) R before the first event time and after each
 
 
 def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
-    """Return trials in the order of time; raises ValueError as told above."""
+    """Sort trials by time, and gather equal ones."""
     t, is_event = np.asarray(times, float), np.asarray(observed, bool)
     if t.ndim != 1 or t.shape != is_event.shape:
         raise ValueError(f"times and observed must be (n,) both, but are {t.shape} and {is_event.shape}")
@@ -50,16 +51,16 @@ def make_sample(times: npt.ArrayLike, observed: npt.ArrayLike) -> Sample:
     return Sample(t[is_new], is_event[is_new], np.cumsum(is_new) - 1)
 
 
-def make_curves(sample: Sample, counts: IntArray) -> Curves:
-    """Return the estimates of samples with other numbers of trials, counts (B, m), in the cells."""
+def make_curves(sample: Sample, counts: IntArray) -> SurvivalCurves:
+    """Return the estimates of samples whose cells hold other numbers of trials, counts (B, m)."""
     at_risk = counts[:, ::-1].cumsum(axis=1)[:, ::-1][:, sample.observed]
     events = counts[:, sample.observed]
     survival = np.ones((len(counts), events.shape[1] + 1))
     np.cumprod((at_risk - events) / np.maximum(at_risk, 1), axis=1, out=survival[:, 1:])
-    return Curves(sample.times[sample.observed], events, at_risk, survival)
+    return SurvivalCurves(sample.times[sample.observed], events, at_risk, survival)
 
 
-def make_curve(sample: Sample) -> Curves:
+def make_curve(sample: Sample) -> SurvivalCurves:
     """Return the estimate of the sample itself: B = 1."""
     return make_curves(sample, np.bincount(sample.cell)[None])
 
@@ -92,9 +93,9 @@ def median_time(times: npt.ArrayLike, observed: npt.ArrayLike, level: float = 0.
 
 
 def restricted_mean(times: npt.ArrayLike, observed: npt.ArrayLike, horizon: float) -> float:
-    """Return the mean of T_sync, or of `horizon` where that is less, cycles: the area under R up to there (Irwin 1949).
+    """Return the mean of the lesser of T_sync and `horizon`, cycles: the area under R up to there (Irwin 1949).
 
-    NaN, undetermined, where R is not known so far: the longest trial is censored, before the horizon.
+    It is NaN, undetermined, where R is unknown up to the horizon, because the longest trial is censored before it.
     """
     if not 0 <= horizon < math.inf:
         raise ValueError(f"the horizon must be finite and not negative, but is {horizon}")

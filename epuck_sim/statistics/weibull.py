@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.survival import Curves, make_curve, make_sample
+from epuck_sim.statistics.survival import SurvivalCurves, make_curve, make_sample
 
-_LEAST_STEP = 1e-8  # in log(-log R): a fit is found when the next step would be smaller
-_MOST_STEPS = 100  # a fit takes about 5; one that takes more than these is not found
+_TOLERANCE = 1e-8  # in log(-log R): a fit has converged when the next step would be smaller
+_MAX_STEPS = 100  # a fit takes about 5; one that takes more has not converged
 
 
 class Weibull(NamedTuple):
@@ -27,16 +27,16 @@ class Weibull(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """The mean, alpha Gamma(1 + 1 / gamma), cycles; inf where no float can hold it.
+        """Mean, alpha Gamma(1 + 1 / gamma), cycles; inf where it is larger than any float.
 
         >>> round(Weibull(scale=50.0, shape=0.5).mean, 9)
         100.0
         """
-        return float(means_of(np.array([math.log(self.scale)]), np.array([self.shape]))[0])
+        return float(weibull_means(np.array([math.log(self.scale)]), np.array([self.shape]))[0])
 
 
-def means_of(log_scales: FloatArray, shapes: FloatArray) -> FloatArray:
-    """Return the means, (B,) cycles, of distributions by log alpha, (B,), and gamma, (B,)."""
+def weibull_means(log_scales: FloatArray, shapes: FloatArray) -> FloatArray:
+    """Return the means, (B,) cycles, of Weibull distributions with these log alpha, (B,), and gamma, (B,)."""
     log_gammas = np.array([math.lgamma(1 + 1 / shape) for shape in shapes.tolist()])
     with np.errstate(over="ignore"):
         means: FloatArray = np.exp(log_scales + log_gammas)
@@ -44,10 +44,13 @@ def means_of(log_scales: FloatArray, shapes: FloatArray) -> FloatArray:
 
 
 def fit_weibull(times: npt.ArrayLike, observed: npt.ArrayLike) -> Weibull | None:
-    """Return the Weibull distribution that is nearest to the Kaplan-Meier estimate (Appendix A).
+    """Fit a Weibull distribution to the Kaplan-Meier estimate (Appendix A).
 
-    Nearest is the least sum of squares over all uncensored trials. None if no distribution is: it takes two distinct
-    event times above 0, and a single trial that brings R to 0 does not count as one.
+    The fit has the least sum of squares over all uncensored trials. It needs two distinct event times above 0, of which
+    that of a single trial that brings R to 0 is none.
+
+    Returns:
+        The distribution, or None where none fits.
     """
     lines = local_fits(make_curve(make_sample(times, observed)))
     if not len(lines):
@@ -58,21 +61,21 @@ def fit_weibull(times: npt.ArrayLike, observed: npt.ArrayLike) -> Weibull | None
     return Weibull(scale, shape) if scale < math.inf else None
 
 
-def fit_points(curves: Curves) -> tuple[FloatArray, FloatArray, FloatArray]:
+def points_to_fit(curves: SurvivalCurves) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the points to fit: x, (k,), their weights, (B, k), and R, (B, k).
 
-    Appendix A multiplies R trial by trial: d trials of one time are d points, with R from (n - 1) / n to (n - d) / n of
-    that before. Their squares add up, but for a constant, to d times the square at their mean. At time 0 every Weibull
-    distribution has R = 1: points there cannot matter.
+    Appendix A multiplies R trial by trial: d trials with one time are d points, with R from (n - 1) / n to (n - d) / n
+    of that before. Their squares add up, but for a constant, to d times the square at their mean. At time 0 every
+    Weibull distribution has R = 1, so that points there do not matter.
     """
     later = curves.times > 0
     n, d, before = curves.at_risk[:, later], curves.events[:, later], curves.survival[:, :-1][:, later]
     return np.log(curves.times[later]), d.astype(float), before * (n - (d + 1) / 2) / np.maximum(n, 1)
 
 
-def rough_lines(curve: Curves, points: int) -> FloatArray:
-    """Return (s, 2) the lines through each two of up to so many points of one sample, early to late."""
-    x, _, survival = fit_points(curve)
+def starting_lines(curve: SurvivalCurves, points: int) -> FloatArray:
+    """Return the rising lines, (s, 2), through each two of up to `points` points of one sample, early to late."""
+    x, _, survival = points_to_fit(curve)
     chosen = np.unique(np.linspace(0, max(len(x) - 1, 0), min(len(x), points)).round().astype(int))
     x, y = x[chosen], np.log(-np.log(np.maximum(survival[0, chosen], 0.01)))  # no line reaches R = 0
     first, second = np.triu_indices(len(x), 1)
@@ -82,13 +85,13 @@ def rough_lines(curve: Curves, points: int) -> FloatArray:
     return np.stack([y[first] - slope * x[first], slope], axis=1)
 
 
-def local_fits(curve: Curves) -> FloatArray:
-    """Return (s, 2) the lines of one sample whose squares are less than their neighbours', the best first.
+def local_fits(curve: SurvivalCurves) -> FloatArray:
+    """Return the lines, (s, 2), at which the squares of one sample have a local minimum, the best first.
 
-    As a rule there is one; two or three if, say, a few of the trials are much shorter than all others.
+    There is usually one; there are two or three if, for example, a few trials are much shorter than all others.
     """
-    starts = rough_lines(curve, 6)
-    x, weights, survival = fit_points(curve)
+    starts = starting_lines(curve, 6)
+    x, weights, survival = points_to_fit(curve)
     shape = (len(starts), len(x))
     lines, squares = fit_lines(x, np.broadcast_to(weights, shape), np.broadcast_to(survival, shape), starts)
     is_found = np.isfinite(squares)
@@ -99,27 +102,33 @@ def local_fits(curve: Curves) -> FloatArray:
 def fit_lines(
     x: FloatArray, weights: FloatArray, survival: FloatArray, starts: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (B, 2) the lines with the least squares and (B,) these, NaN and inf where none is found.
+    """Fit a line to each sample by Newton's method, all at once; a step is halved until the squares fall.
 
-    x: (k,), weights and survival: (B, k), starts: (B, 2). Newton's method for all samples at once; a step is halved
-    until the squares fall.
+    Args:
+        x: (k,) log of the event times.
+        weights: (B, k) number of trials at each of these.
+        survival: (B, k) R there.
+        starts: (B, 2) lines to start from.
+
+    Returns:
+        (B, 2) the lines with the least squares, and (B,) these squares; NaN and inf where no fit converges.
     """
     lines, least = np.full((len(starts), 2), np.nan), np.full(len(starts), math.inf)
-    # Two parameters take two points. With but one above R = 0, the steeper a line through it, the better it fits. With
-    # two, neither a step nor a constant is best: there is a line of finite slope.
+    # Two parameters need two points. With only one above R = 0, the steeper a line through it, the better it fits. With
+    # two, neither a step nor a constant is best, so that the slope of the best line is finite.
     rows = np.flatnonzero(((weights > 0) & (survival > 0)).sum(axis=1) >= 2)
     weights, survival = weights[rows], survival[rows]
     line, best = starts[rows], np.full(len(rows), math.inf)
     step, length = np.zeros_like(line), best
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         tried = line + step
         squares, next_step, next_length = _newton(x, weights, survival, tried)
         is_better = (squares < best) & (tried[:, 1] > 0)  # gamma > 0
         line, best = np.where(is_better[:, None], tried, line), np.where(is_better, squares, best)
         step = np.where(is_better[:, None], next_step, step / 2)
         length = np.where(is_better, next_length, length / 2)
-        is_found, goes_on = length <= _LEAST_STEP, length > _LEAST_STEP  # neither where it is NaN
-        lines[rows[is_found]], least[rows[is_found]] = line[is_found], best[is_found]
+        has_converged, goes_on = length <= _TOLERANCE, length > _TOLERANCE  # neither where it is NaN
+        lines[rows[has_converged]], least[rows[has_converged]] = line[has_converged], best[has_converged]
         rows, line, best = rows[goes_on], line[goes_on], best[goes_on]
         step, length = step[goes_on], length[goes_on]
         if not len(rows):
@@ -131,14 +140,14 @@ def fit_lines(
 def _newton(
     x: FloatArray, weights: FloatArray, survival: FloatArray, line: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the squares of each line, (B,), the step to take from it, (B, 2), and that step's length, (B,).
+    """Return the squares of each line, (B,), the step to take from it, (B, 2), and the length of this step, (B,).
 
-    Shapes as for `fit_lines`. The length is how much the line changes where it matters; it is at most 1, and NaN where
+    Shapes are those of `fit_lines`. The length is the change of the line at the points; it is at most 1, and NaN where
     the squares do not depend on the line.
     """
     z = np.exp(np.minimum(line[:, :1] + line[:, 1:] * x, 6.5))  # -log R; beyond, R is 1e-288 or less
     r = np.exp(-z)
-    error, fall = r - survival, r * z  # R falls so much per unit of the line
+    error, fall = r - survival, r * z  # fall of R per unit of the line
     pull = weights * fall
     w = pull * (fall + error * (z - 1))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -156,7 +165,7 @@ def _newton(
 
 
 def _moments(x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the sums of w, (B,), and by the weights w, (B, k): x's means, (B,), x less these, and its variances."""
+    """Return the sums of the weights w, (B,), the means of x, (B,), x minus these, (B, k), and its variances, (B,)."""
     total = w.sum(axis=1)
     centre = np.einsum("ij,j->i", w, x) / total
     away = x - centre[:, None]

@@ -73,10 +73,10 @@ def remove_unfinished() -> None:
 
 
 def _remove(part: Path) -> None:
-    if part.is_dir():
+    try:
+        part.unlink()
+    except OSError:  # it is a folder, or nothing was written
         shutil.rmtree(part, ignore_errors=True)
-    else:
-        part.unlink(missing_ok=True)
 
 
 def check_target(path: Path) -> None:

@@ -1,14 +1,19 @@
-"""Compilation with numba, cached on disk where no edit can leave a stale result behind.
+"""Compilation with numba, cached on disk in such a way that no edit can leave stale code behind.
 
-numba alone looks only at the file of the function it caches: an edit of a helper in another file goes unnoticed.
-Here each set of sources has a cache folder of its own, named after their contents.
+numba alone compares only the file of the function that it caches: an edit of a helper in another file goes unnoticed.
+Here each set of sources has a cache folder of its own, named after their contents. Folders that have not been used for
+a month are removed.
 """
 
 import hashlib
 import os
+import re
+import shutil
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
@@ -20,11 +25,22 @@ from numba.core import config
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
+PACKAGE = Path(__file__).parents[1]
+"""Folder of the package."""
+
+VALUE_FILES = ("epuck.py", "control/interface.py", "embodied/rigid_bodies.py")
+"""Files without kernels whose constants and types kernels refer to."""
+
+UNUSED_S = 30 * 24 * 3600.0
+"""Time in seconds after which a cache folder that no process has used is removed."""
+
+_USER = os.getuid() if hasattr(os, "getuid") else 0
+
 _redirecting = threading.Lock()
 
 
 def digest(contents: Iterable[bytes]) -> str:
-    """Return a name for `contents`, and for the version of numba that compiles them."""
+    """Return 16 hexadecimal digits that stand for `contents` and for the version of numba."""
     name = hashlib.sha256(numba_version.encode())
     for content in contents:
         name.update(hashlib.sha256(content).digest())
@@ -32,17 +48,19 @@ def digest(contents: Iterable[bytes]) -> str:
 
 
 @lru_cache
-def kernel_digest() -> str:
-    """Return the digest of this package's kernels: of every file that imports this module, and of the constants."""
-    package = Path(__file__).parents[1]
+def kernel_digest(package: Path = PACKAGE) -> str:
+    """Return the digest of all files that the package's kernels depend on.
+
+    These are the files which import this module, and `VALUE_FILES`; a test makes sure that there are no others.
+    """
+    values = [(package / name).read_bytes() for name in VALUE_FILES]
     sources = [source.read_bytes() for source in sorted(package.rglob("*.py"))]
-    constants = (package / "epuck.py").read_bytes()
-    return digest([constants, *(source for source in sources if b"epuck_sim.util.jit import" in source)])
+    return digest([*values, *(source for source in sources if b"epuck_sim.util.jit import" in source)])
 
 
 @lru_cache
 def cache_root() -> Path:
-    """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache, else a temporary one."""
+    """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
     try:
@@ -50,24 +68,57 @@ def cache_root() -> Path:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:  # a home that cannot be written to: compile once a machine, not once a run
-        user = os.getuid() if hasattr(os, "getuid") else "user"
-        return Path(tempfile.gettempdir()) / f"epuck-sim-{user}"
+        return Path(tempfile.gettempdir()) / f"epuck-sim-{_USER}"
+
+
+def _open_cache(contents_digest: str) -> Path:
+    """Return the cache folder of these contents, marked as used now; unused ones are removed when a new one is made."""
+    folder = cache_root() / contents_digest
+    with suppress(OSError):  # numba copes with a folder that it cannot use
+        try:
+            os.utime(folder)
+        except FileNotFoundError:
+            folder.mkdir(parents=True, exist_ok=True)
+            remove_unused_caches(folder.parent)
+    return folder
+
+
+def remove_unused_caches(root: Path) -> None:
+    """Remove the cache folders in `root` that no process has used for `UNUSED_S`.
+
+    Folders of other users or programs stay. A process that uses one meanwhile finds nothing there and compiles anew.
+    """
+    limit_s = time.time() - UNUSED_S
+    for folder in root.iterdir():
+        with suppress(OSError):  # another process is removing it
+            status = folder.lstat()
+            if status.st_mtime < limit_s and status.st_uid == _USER and _is_cache(folder):
+                shutil.rmtree(folder)
+
+
+def _is_cache(folder: Path) -> bool:
+    """Return whether a folder has a digest as its name and holds nothing but numba's index and data files."""
+    if not re.fullmatch("[0-9a-f]{16}", folder.name) or folder.is_symlink() or not folder.is_dir():
+        return False
+    return all(path.is_dir() or ".nbi" in path.name or ".nbc" in path.name for path in folder.rglob("*"))
 
 
 def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
-    """Return `function` compiled by numba, cached under `contents_digest`.
+    """Return `function` compiled by numba, without fast-math and parallel loops: outcomes stay equal bit for bit.
 
-    careful: a divisor of 0 and an index out of bounds raise, as in Python; else they are the function's own business.
-    options: further ones of numba's.
-    Neither fast-math nor parallel loops: both would break equality bit for bit.
+    Args:
+        function: What to compile, when it is first called.
+        contents_digest: The `digest` of everything that the compiled code depends on; names the cache folder.
+        careful: Whether a division by 0 and an index out of bounds raise, as in Python; else they are undefined.
+        options: Further options of numba's `njit`.
     """
     with _redirecting:  # numba reads the folder once, when a function is decorated
         settings = vars(config)
         before = settings["CACHE_DIR"]
-        settings["CACHE_DIR"] = str(cache_root() / contents_digest)
+        settings["CACHE_DIR"] = str(_open_cache(contents_digest))
         try:
             division: Literal["python", "numpy"] = "python" if careful else "numpy"
-            compiler: Any = njit  # whose types do not know all of its options
+            compiler: Any = njit  # its types lack some of its options
             compiled = compiler(cache=True, error_model=division, boundscheck=careful, **options)(function)
             return cast(Function, compiled)
         finally:
@@ -75,19 +126,18 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 
 
 def jit(function: Function) -> Function:
-    """Compile a function of this package; helpers that it calls must be kernels too."""
+    """Compile a kernel of this package; the functions that it calls must be compiled, too."""
     return compile_cached(function, kernel_digest(), careful=False)
 
 
 def jit_no_alloc(function: Function) -> Function:
-    """Compile a function that makes no arrays, nor do its helpers, which are lean kernels, too.
+    """Compile a kernel that allocates no arrays: it is an error if it, or a function that it calls, does.
 
-    Then nobody needs to count who uses an array, which takes longer than what small functions do; and it is an error
-    to make one.
+    Without allocations there is no reference counting, which takes longer than the work of small kernels.
     """
     return compile_cached(function, kernel_digest(), careful=False, _nrt=False)
 
 
 def jit_inline(function: Function) -> Function:
-    """Compile a lean kernel that is written in place wherever it is called: to hand over many arrays takes time."""
+    """Compile a kernel as `jit_no_alloc` does, and inline it wherever it is called: passing many arrays takes time."""
     return compile_cached(function, kernel_digest(), careful=False, _nrt=False, forceinline=True)

@@ -16,12 +16,12 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.overhead.camera_model import overhead_lens
+from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.render.virtual_camera import Webcam
-from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.overhead.render.virtual_camera import VirtualCamera
+from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.scenario.overhead import OverheadSection
 
 pytestmark = pytest.mark.benchmark
@@ -31,7 +31,7 @@ FILM_S = {"480 x 480": 20, "1080p": 5}
 HOUR_S = 3600
 REAL_TIME = 15
 TIMES_REAL_TIME = 10
-"""Wanted of the tracker at 480 x 480."""
+"""Required speed of the tracker at 480 x 480, in multiples of real time."""
 
 
 @pytest.fixture(scope="module")
@@ -46,15 +46,15 @@ def rates():
     """Rows, printed as a table at the end."""
     rows: list[tuple] = []
     yield rows
-    print("\n\npicture     painted/s  painted and written/s  read/s  read and tracked/s  x real time")
-    for size, painted, written, read, tracked in rows:
-        print(f"{size:10} {painted:10.0f} {written:22.0f} {read:7.0f} {tracked:19.0f} {tracked / REAL_TIME:12.0f}")
+    print("\n\npicture    rendered/s rendered and written/s  read/s  read and tracked/s  x real time")
+    for size, rendered, written, read, tracked in rows:
+        print(f"{size:10} {rendered:10.0f} {written:22.0f} {read:7.0f} {tracked:19.0f} {tracked / REAL_TIME:12.0f}")
 
 
-def painted(section: OverheadSection, steps: list[tuple]) -> Iterator[Frame]:
-    webcam = Webcam(section, make_arena(60, 60, [], []), 0)
+def rendered(section: OverheadSection, steps: list[tuple]) -> Iterator[Frame]:
+    camera = VirtualCamera(section, make_arena(60, 60, [], []), 0)
     for step in steps:
-        yield from webcam.take(*step)
+        yield from camera.observe(*step)
 
 
 def rate(work) -> float:
@@ -73,9 +73,9 @@ def write(path: Path, frames: Iterator[Frame], size: tuple[int, int]) -> int:
 
 
 def track(path: Path, section: OverheadSection) -> int:
-    tracker = Tracker(overhead_lens(section, 60, 60))
+    counter = RingCounter(overhead_camera(section, 60, 60))
     with open_film(str(path)) as film:
-        return sum(1 for frame in film.frames() if tracker.look(frame) is not None)
+        return sum(1 for frame in film.frames() if counter.process(frame) is not None)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -91,18 +91,18 @@ def test_frames_in_a_second(benchmark, rates, steps, tmp_path, size: str) -> Non
 
     def once() -> None:
         works = (
-            lambda: sum(1 for _ in painted(section, shown)),
-            lambda: write(path, painted(section, shown), (width, height)),
+            lambda: sum(1 for _ in rendered(section, shown)),
+            lambda: write(path, rendered(section, shown), (width, height)),
             read,
             lambda: track(path, section),
         )
         found.append(tuple(rate(work) for work in works))
 
     benchmark.pedantic(once, rounds=3, warmup_rounds=1)
-    best = np.max(found, axis=0)  # what else the machine does can but slow it down
+    best = np.max(found, axis=0)  # other load can only make it slower
     rates.append((size, *best))
     if size == "480 x 480":
-        assert best[3] > TIMES_REAL_TIME * REAL_TIME / 4  # on any machine; the table tells by how much
+        assert best[3] > TIMES_REAL_TIME * REAL_TIME / 4  # on any machine; the table shows the margin
 
 
 def test_memory_of_an_hour(benchmark, steps, tmp_path) -> None:
@@ -119,11 +119,11 @@ def test_memory_of_an_hour(benchmark, steps, tmp_path) -> None:
 
     def hour() -> None:
         long = ((0.1 * number, *steps[number % len(steps)][1:]) for number in range(10 * HOUR_S))
-        assert write(path, noting("filming", painted(section, long)), (240, 240)) == REAL_TIME * HOUR_S - 1
-        tracker = Tracker(overhead_lens(section, 60, 60))
+        assert write(path, noting("filming", rendered(section, long)), (240, 240)) == REAL_TIME * HOUR_S - 1
+        counter = RingCounter(overhead_camera(section, 60, 60))
         with open_film(str(path)) as film:
             for frame in noting("tracking", film.frames()):
-                tracker.look(frame)
+                counter.process(frame)
 
     benchmark.pedantic(hour, rounds=1)
     print()

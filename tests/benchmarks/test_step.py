@@ -1,4 +1,4 @@
-"""What a control step costs, beside the bare physics of the same world. Run by `make bench`.
+"""The cost of a control step, compared with the bare physics of the same world. Run by `make bench`.
 
 Machines are noisy, so that speeds are compared within one run only: two simulations of one seed take turns, one timed
 as a whole, the other around its ten calls of `Space.step`.

@@ -1,4 +1,4 @@
-"""What the tests of the commands of films share: folders and films looked into."""
+"""Helpers of the tests of commands about films: contents of folders and of films."""
 
 import os
 from pathlib import Path
@@ -12,8 +12,8 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def seen(film: str | Path) -> tuple[list[Frame], dict[str, Any] | None]:
-    """Return a film's frames, and what it says of itself."""
+def frames_and_description(film: str | Path) -> tuple[list[Frame], dict[str, Any] | None]:
+    """Return the frames of a film, and the description stored in it."""
     with open_film(str(film)) as opened:
         return list(opened.frames()), opened.description
 

@@ -15,7 +15,7 @@ from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.writer import FilmWriter
 from epuck_sim.recording.reader import read_recording
 from tests.cli.commands import call, called, contents, refused
-from tests.cli.films import names, seen, shut
+from tests.cli.films import frames_and_description, names, shut
 from tests.overhead.film.small_films import cut_off
 
 THREE = """
@@ -76,7 +76,7 @@ def test_a_filmed_run_prints_the_same_and_writes_the_film(shelf, here) -> None:
     filmed = trials(called("run", shelf / "three.yaml", "--json", "--film", "t.mp4"))
     assert filmed == plain
     assert names(here) == ["t.mp4"]
-    frames, description = seen("t.mp4")
+    frames, description = frames_and_description("t.mp4")
     assert frames[0].picture.shape == (128, 160, 3)
     assert len(frames) == pytest.approx(15 * plain[0]["simulated_s"], abs=2)
     assert description is not None
@@ -93,8 +93,8 @@ def test_a_trial_is_filmed_recorded_and_traced_at_once_and_the_film_is_the_same(
 def test_several_trials_are_filmed_into_a_file_each(shelf, here) -> None:
     rows = trials(called("run", shelf / "three.yaml", "--trials", "2", "--seed", "7", "--json", "--film", "t.mp4"))
     assert names(here) == ["t-0.mp4", "t-1.mp4"]
-    told = [seen(name)[1] for name in names(here)]
-    assert [film and film["seed"] for film in told] == [row["seed"] for row in rows]
+    described = [frames_and_description(name)[1] for name in names(here)]
+    assert [film and film["seed"] for film in described] == [row["seed"] for row in rows]
     assert rows[0]["seed"] != rows[1]["seed"]
 
 
@@ -103,7 +103,7 @@ def test_a_trial_of_a_sweep_can_be_filmed(here) -> None:
     words = ["run", "swept.yaml", "--point", "1", "--trial", "0", "--json", "--film", "t.mp4"]
     (row,) = trials(called(*words))
     assert names(here) == ["swept.yaml", "t.mp4"]
-    description = seen("t.mp4")[1]
+    description = frames_and_description("t.mp4")[1]
     assert description is not None
     assert description["seed"] == row["seed"]
 
@@ -163,9 +163,9 @@ def test_a_folder_without_permission_is_refused(here, monkeypatch) -> None:
 def test_a_recording_is_filmed_as_the_trial_was(shelf, here) -> None:
     assert called("film", shelf / "three.rrd", "t.mp4") == ""
     assert names(here) == ["t.mp4"]
-    frames, description = seen("t.mp4")
-    original, told = seen(shelf / "three.mp4")
-    assert description == told
+    frames, description = frames_and_description("t.mp4")
+    original, described = frames_and_description(shelf / "three.mp4")
+    assert description == described
     assert [frame.time_s for frame in frames] == [frame.time_s for frame in original]
     assert max(np.abs(a.picture.astype(int) - b.picture).mean() for a, b in zip(frames, original, strict=True)) < 1
 
@@ -175,20 +175,20 @@ def test_settings_change_the_camera_and_nothing_else(shelf) -> None:
     called("film", shelf / "three.rrd", "dark.mp4")
     words = "--set overhead.light=lit --set overhead.width_px=200 --set overhead.frames_per_s=5"
     called("film", shelf / "three.rrd", "lit.mp4", *words.split())
-    (dark, told), (lit, changed) = seen("dark.mp4"), seen("lit.mp4")
+    (dark, described), (lit, changed) = frames_and_description("dark.mp4"), frames_and_description("lit.mp4")
     assert lit[0].picture.shape == (128, 200, 3)
     assert len(lit) == pytest.approx(len(dark) / 3, abs=1)
     assert lit[0].picture.mean() > 5 * dark[0].picture.mean()
-    assert told is not None
+    assert described is not None
     assert changed is not None
-    assert changed["overhead"] == told["overhead"] | {"light": "lit", "width_px": 200, "frames_per_s": 5}
-    assert {**changed, "overhead": 0} == {**told, "overhead": 0}
+    assert changed["overhead"] == described["overhead"] | {"light": "lit", "width_px": 200, "frames_per_s": 5}
+    assert {**changed, "overhead": 0} == {**described, "overhead": 0}
 
 
 def test_a_film_is_written_over_an_older_one(shelf, here) -> None:
     (here / "t.mp4").write_text("older")
     called("film", shelf / "three.rrd", "t.mp4", "--set", "overhead.frames_per_s=1")
-    assert seen("t.mp4")[0]
+    assert frames_and_description("t.mp4")[0]
     assert names(here) == ["t.mp4"]
 
 
@@ -225,9 +225,9 @@ def test_no_setting_of_the_camera_is_refused(shelf, here, settings: str, message
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ("THREE t.avi", "t.avi: is no name for a film; allowed: names that end in .mp4"),
-        ("THREE t", "t: is no name for a film; allowed: names that end in .mp4"),
-        ("THREE THREE", "three.rrd: is no name for a film; allowed: names that end in .mp4"),
+        ("THREE t.avi", "t.avi: is not a film's name; allowed: names that end in .mp4"),
+        ("THREE t", "t: is not a film's name; allowed: names that end in .mp4"),
+        ("THREE THREE", "three.rrd: is not a film's name; allowed: names that end in .mp4"),
         ("THREE gone/t.mp4", "gone/t.mp4: cannot be written: there is no directory gone"),
         ("THREE folder.mp4", "folder.mp4: cannot be written: is a directory"),
         ("gone.rrd t.mp4", "gone.rrd: there is no such file"),
@@ -239,7 +239,7 @@ def test_no_setting_of_the_camera_is_refused(shelf, here, settings: str, message
         ("SUMMARY t.mp4", "summary.rrd: holds no poses; record the trial again with --record-level poses or full"),
     ],
 )
-def test_what_cannot_be_filmed_is_told(shelf, here, arguments: str, message: str) -> None:
+def test_what_cannot_be_filmed_is_reported(shelf, here, arguments: str, message: str) -> None:
     (here / "folder.mp4").mkdir()
     (here / "text.rrd").write_text("mine")
     (here / "empty.rrd").touch()
@@ -276,5 +276,5 @@ def test_help_loads_nothing_that_takes_a_while() -> None:
         "    print('loaded', sorted(heavy & sys.modules.keys()))"
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    told = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
-    assert told == ["loaded []"] * 4
+    loaded = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
+    assert loaded == ["loaded []"] * 4

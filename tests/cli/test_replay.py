@@ -268,8 +268,8 @@ def test_the_stored_trials_of_these_tests_end_in_both_ways(swept) -> None:
 
 def test_it_is_recorded_to_the_file_that_is_given(swept, here, tmp_path, views) -> None:
     target = tmp_path / "mine.rrd"
-    stdout = called("replay", swept, "--point", "0", "--trial", "1", "--record", target, "--web", "--port", "1234")
-    assert stdout.splitlines()[-2:] == [str(target), f"{ADDRESS}:1234"]
+    words = ["replay", swept, "--point", "0", "--trial", "1", "--record", target, "--web", "--port", "1234"]
+    assert call(*words).stdout.splitlines()[-2:] == [str(target), f"{ADDRESS}:1234"]
     assert list(here.iterdir()) == []
     assert read_recording(target).seed == points(load_scenario(swept))[0].seed(1)
     assert views.served == [(target, 1234)]
@@ -353,8 +353,12 @@ def test_a_recording_is_shown(pair, here, views) -> None:
 
 
 @pytest.mark.parametrize(("arguments", "port"), [([], 9090), (["--port", "1234"], 1234)])
-def test_a_recording_is_served_and_the_address_told(pair, views, arguments: list[str], port: int) -> None:
-    assert called("replay", pair, "--web", *arguments) == f"{ADDRESS}:{port}\n"
+def test_a_recording_is_served_and_the_address_printed_with_how_to_end(
+    pair, views, arguments: list[str], port: int
+) -> None:
+    result = call("replay", pair, "--web", *arguments)
+    assert (result.exit_code, result.stdout) == (0, f"{ADDRESS}:{port}\n")
+    assert result.stderr == "press Ctrl-C to end\n"
     assert views == Views([], [(pair, port)], [])
 
 

@@ -12,11 +12,13 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 from matplotlib import image
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
-from epuck_sim.figures.maps import read_maps, save_maps
-from epuck_sim.figures.violins import read_violins, save_violins
+from epuck_sim.figures.csv_tables import Table, save_table
+from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
+from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.store import Store
@@ -228,30 +230,38 @@ def many(folder: Path, **figure) -> Path:
     return store(folder, scenario, lambda point: weibull(point, 30))
 
 
-def files_of(folder: Path) -> dict[str, bytes]:
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
+@pytest.fixture
+def shown(monkeypatch) -> list[Figure]:
+    """Return the list of figures that `plot` saves; nothing is rendered."""
+    figures: list[Figure] = []
+
+    def note(figure: Figure, part: Path, **_) -> None:
+        figures.append(figure)
+        part.touch()
+
+    monkeypatch.setattr(Figure, "savefig", note)
+    return figures
 
 
-def plotted_as(folder: Path, tmp_path: Path, *options: str | int) -> dict[str, bytes]:
-    """Return the files that `plot` writes."""
-    target = tmp_path / "plotted"
+def titles(figure: Figure) -> list[tuple[str, str, str]]:
+    return [(axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes]
+
+
+def assert_plotted(shown, folder: Path, options, expected: Figure, table: Table) -> None:
+    """Check that `plot` draws what is expected, and writes this table."""
+    target = folder.with_name("plotted")
     target.mkdir()
-    printed = called("plot", folder, *options, "--to", target / "fig").split()
-    assert sorted(printed) == sorted(map(str, target.iterdir()))
-    return files_of(target)
+    stdout = called("plot", folder, *options, "--to", target / "fig")
+    assert stdout.split() == [str(target / f"fig{ending}") for ending in (".png", ".svg", ".csv")]
+    save_table(target / "expected.csv", *table)
+    assert (target / "fig.csv").read_bytes() == (target / "expected.csv").read_bytes()
+    assert [figure.get_suptitle() for figure in shown] == [expected.get_suptitle()] * 2
+    assert titles(shown[0]) == titles(expected)
 
 
-def expected_map(folder: Path, tmp_path: Path, x: str, y: str) -> dict[str, bytes]:
-    (tmp_path / "map").mkdir()
-    save_maps(tmp_path / "map" / "fig", "forms", x, y, read_maps(read_points(folder), x, y))
-    return files_of(tmp_path / "map")
-
-
-def expected_violins(folder: Path, tmp_path: Path, x: str, censored_at: int | None) -> dict[str, bytes]:
-    (tmp_path / "violins").mkdir()
-    read = read_violins(read_points(folder), x, censored_at)
-    save_violins(tmp_path / "violins" / "fig", "forms", x, read, censored_at)
-    return files_of(tmp_path / "violins")
+def assert_map_is_plotted(shown, folder: Path, options, x: str, y: str) -> None:
+    maps = read_maps(read_points(folder), x, y)
+    assert_plotted(shown, folder, options, draw_maps("forms", x, y, maps), maps_table(x, maps))
 
 
 @pytest.mark.parametrize(
@@ -265,18 +275,19 @@ def expected_violins(folder: Path, tmp_path: Path, x: str, censored_at: int | No
         ({"form": "violins", "x": WIDTH, "y": COUNT}, ("--form", "map"), (WIDTH, COUNT)),
     ],
 )
-def test_a_map_is_drawn_over_the_axes_wanted_or_else_the_scenario_s(tmp_path, figure, options, expected) -> None:
-    folder = many(tmp_path / "run", **figure)
-    assert plotted_as(folder, tmp_path, *options) == expected_map(folder, tmp_path, *expected)
+def test_a_map_is_drawn_over_the_axes_requested_or_else_the_scenario_s(
+    shown, tmp_path, figure, options, expected
+) -> None:
+    assert_map_is_plotted(shown, many(tmp_path / "run", **figure), options, *expected)
 
 
-def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it(tmp_path) -> None:
+def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it(shown, tmp_path) -> None:
     folder = store(
         tmp_path / "run",
         sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=4, name="forms", figure={"form": "map", "y": WIDTH}),
         lambda point: weibull(point, 30),
     )
-    assert plotted_as(folder, tmp_path, "--x", WIDTH) == expected_map(folder, tmp_path, WIDTH, SPEED)
+    assert_map_is_plotted(shown, folder, ("--x", WIDTH), WIDTH, SPEED)
 
 
 @pytest.mark.parametrize(
@@ -287,24 +298,32 @@ def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it(tmp_p
         ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, ("--x", WIDTH, "--censored-at", 20), (WIDTH, 20)),
     ],
 )
-def test_violins_are_drawn_as_wanted_or_else_as_the_scenario_says(tmp_path, figure, options, expected) -> None:
-    folder = many(tmp_path / "run", **figure)
-    assert plotted_as(folder, tmp_path, *options) == expected_violins(folder, tmp_path, *expected)
+def test_violins_are_drawn_as_requested_or_else_as_the_scenario_says(
+    shown, tmp_path, figure, options, expected
+) -> None:
+    folder, (x, censored_at) = many(tmp_path / "run", **figure), expected
+    violins = read_violins(read_points(folder), x, censored_at)
+    drawn = draw_violins("forms", x, violins, censored_at)
+    assert_plotted(shown, folder, options, drawn, violins_table(x, violins))
+    lines = [[line.get_label() for line in axes.get_lines()] for axes in shown[0].axes]
+    assert lines == [[line.get_label() for line in axes.get_lines()] for axes in drawn.axes]
 
 
-def test_curves_are_drawn_against_the_axis_of_the_scenario(tmp_path) -> None:
+def test_curves_are_drawn_against_the_axis_of_the_scenario(shown, tmp_path) -> None:
     folder = many(tmp_path / "run", form="map", x=COUNT, y=SPEED)
-    plotted_as(folder, tmp_path, "--form", "curves")
-    assert [*rows(tmp_path / "plotted" / "fig.csv")[0]][:3] == [WIDTH, SPEED, COUNT]
+    called("plot", folder, "--form", "curves", "--to", tmp_path / "fig")
+    assert [*rows(tmp_path / "fig.csv")[0]][:3] == [WIDTH, SPEED, COUNT]
+    assert [axes.get_xlabel() for axes in shown[0].axes] == ["N"]
 
 
 @pytest.mark.parametrize("form", ["map", "violins"])
 def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
-    folder = many(tmp_path / "run", y=WIDTH)
-    before = set(contents(folder))
-    printed = called("plot", folder, "--form", form)
-    assert printed.split() == [str(folder / f"T_sync{ending}") for ending in (".png", ".svg", ".csv")]
-    assert set(contents(folder)) == before | {"T_sync.png", "T_sync.svg", "T_sync.csv"}
+    pair = store(tmp_path / "run", sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=4), lambda point: weibull(point, 30))
+    before = set(contents(pair))
+    printed = called("plot", pair, "--form", form)
+    assert printed.split() == [str(pair / f"T_sync{ending}") for ending in (".png", ".svg", ".csv")]
+    assert set(contents(pair)) == before | {"T_sync.png", "T_sync.svg", "T_sync.csv"}
+    assert (pair / "T_sync.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
@@ -316,13 +335,13 @@ def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
         ({"form": "violins"}, ("--form", "curves", "--censored-at", 5), "but this is curves"),
         ({}, ("--form", "map"), f"beside {SPEED}: give --y one of {COUNT}, {WIDTH}"),
         ({}, ("--form", "map", "--y", "arena.widht_cm"), f"--y: unknown 'arena.widht_cm', did you mean '{WIDTH}'?"),
-        ({}, ("--form", "map", "--y", SPEED), f"--y: {SPEED} goes along with {SPEED}"),
+        ({}, ("--form", "map", "--y", SPEED), f"--y: {SPEED} varies together with {SPEED}"),
         ({"form": "map", "y": "arena.width"}, (), f"run: figure.y: unknown 'arena.width', did you mean '{WIDTH}'?"),
         ({"x": "speed"}, (), f"run: figure.x: unknown 'speed'; axes with numbers: {COUNT}, {WIDTH}, {SPEED}"),
         (
             {"form": "course"},
             (),
-            "forms: the forms perturbation and course are for model: particles; this is embodied",
+            "forms: model is 'embodied'; the forms perturbation and course need model: particles",
         ),
     ],
 )
@@ -397,7 +416,7 @@ def test_help_waits_for_nothing_heavy() -> None:
 
 
 def test_summarize_draws_nothing() -> None:
-    script = "import sys, epuck_sim.statistics.summary, epuck_sim.cli.sweep_tables\nprint('matplotlib' in sys.modules)"
+    script = "import sys, epuck_sim.statistics.summary, epuck_sim.cli.tables\nprint('matplotlib' in sys.modules)"
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert result.stdout == "False\n"
 
@@ -498,6 +517,20 @@ def test_a_target_that_cannot_be_written_is_refused_and_nothing_written(small, t
     stderr = refused(command, small, "--to", tmp_path / (name if command == "plot" else f"{name}.csv"))
     assert str(tmp_path / name) in stderr
     assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
+def test_a_target_that_names_a_picture_is_that_picture_with_its_numbers_beside_it(small, tmp_path, ending) -> None:
+    stdout = called("plot", small, "--to", tmp_path / f"fig{ending}")
+    expected = [f"fig{ending}", "fig.csv", "fig-regimes.csv"]
+    assert stdout.splitlines() == [str(tmp_path / name) for name in expected]
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == sorted(expected)
+
+
+def test_a_target_of_another_file_type_is_refused_before_anything_is_read(tmp_path) -> None:
+    stderr = refused("plot", tmp_path / "gone", "--to", tmp_path / "fig.jpg")
+    assert stderr.startswith(f"error: {tmp_path}/fig.jpg: ends in '.jpg'; allowed: .png, .svg or .pdf")
+    assert contents(tmp_path) == {}
 
 
 @pytest.mark.parametrize("name", [".", "/", ".."])

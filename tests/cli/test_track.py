@@ -18,7 +18,7 @@ from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import Film, open_film
 from epuck_sim.overhead.track import track_film
 from tests.cli.commands import call, called, contents, refused
-from tests.cli.films import names, seen, shut
+from tests.cli.films import frames_and_description, names, shut
 from tests.overhead.film.small_films import cut_off
 from tests.overhead.track.films import PLACES, described, even, in_step, read_rings, save, shoot
 from tests.processes import COMMAND, start, wait_until
@@ -69,14 +69,14 @@ def here(tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def nothing_runs(monkeypatch) -> None:
-    """Have no film looked at."""
+    """Fail if a film is opened."""
     monkeypatch.setattr(track_film, "open_film", lambda *_: pytest.fail("it ran"))
 
 
 # What it finds
 
 
-def test_what_a_film_tells_is_one_json_object(shelf) -> None:
+def test_the_result_is_one_json_object(shelf) -> None:
     found = tracked(shelf / "swarm.mp4")
     assert found.keys() == KEYS
     assert found["film"] == str(shelf / "swarm.mp4")
@@ -97,13 +97,13 @@ def test_a_table_is_printed_for_people(shelf) -> None:
     lines = called("track", shelf / "swarm.mp4").splitlines()
     cells = dict([cell.strip() for cell in line.split("│")[1:-1]] for line in lines if line.startswith("│"))
     assert lines[0].strip() == str(shelf / "swarm.mp4")
-    assert cells["frames"] == "120 at 30 a second"
+    assert cells["frames"] == "120 at 30 per second"
     assert cells["period"] == "1 s, estimated"
     assert cells["robots seen"].startswith("4 at once, ")
     assert cells["T_sync"].startswith("2.5 cycles, 2.5 s") or cells["T_sync"].startswith("2.6 cycles, 2.6 s")
 
 
-def test_a_film_of_ours_says_what_the_command_need_not_be_told(shelf) -> None:
+def test_the_description_of_our_films_replaces_options(shelf) -> None:
     found = tracked(shelf / "described.mp4")
     assert found["calibration"] == "the film's description"
     assert (found["period_s"], found["estimated"]) == (1.0, ["threshold_ms"])
@@ -111,10 +111,10 @@ def test_a_film_of_ours_says_what_the_command_need_not_be_told(shelf) -> None:
     assert (found["calibration"], found["period_s"]) == ("the corners given", 1.1)
     result = call("track", shelf / "described.mp4", "--period-s", "2")
     assert result.stderr.startswith("warning: there were ")
-    assert result.stderr.endswith(f" flashes in a period, but there are {ROBOTS} robots\n")
+    assert result.stderr.endswith(f" flashes per period, but there are {ROBOTS} robots\n")
 
 
-def test_a_film_that_begins_in_the_light_tells_corners_and_start(shelf) -> None:
+def test_a_film_that_begins_in_the_light_gives_corners_and_start(shelf) -> None:
     found = tracked(shelf / "lit_start.mp4")
     assert found["calibration"] == "the floor's corners in the lit beginning"
     assert found["start_s"] == pytest.approx(1, abs=0.05)
@@ -145,11 +145,11 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> 
     assert np.median(off_cm) < 0.5
     assert max(ring["time_s"] for ring in rings) > 3.5
 
-    (frames, _), (annotated, told) = seen("swarm.mp4"), seen("a.mp4")
+    (frames, _), (annotated, description) = frames_and_description("swarm.mp4"), frames_and_description("a.mp4")
     assert [frame.time_s for frame in annotated] == pytest.approx([frame.time_s for frame in frames], abs=1e-4)
     assert annotated[0].picture.shape[0] > frames[0].picture.shape[0]
     assert annotated[0].picture.shape[1] == frames[0].picture.shape[1]
-    assert told is None  # it is no film that a camera took
+    assert description is None  # it is no film that a camera took
 
 
 def test_options_say_what_is_known(shelf) -> None:
@@ -183,11 +183,11 @@ def test_corners_may_come_in_any_order_and_with_spaces(shelf) -> None:
 
 @pytest.mark.usefixtures("here")
 def test_numbered_pictures_are_tracked_and_their_rate_is_doubted(shelf) -> None:
-    for number, frame in enumerate(seen(shelf / "swarm.mp4")[0]):
+    for number, frame in enumerate(frames_and_description(shelf / "swarm.mp4")[0]):
         cv2.imwrite(f"frame_{number:04d}.png", frame.picture[..., ::-1])
     result = call("track", "frame_%04d.png", "--json")
     assert result.exit_code == 0
-    assert result.stderr.startswith("warning: numbered pictures have no times: 25 a second are assumed")
+    assert result.stderr.startswith("warning: numbered pictures have no times: 25 frames per second are assumed")
     found = json.loads(result.stdout)
     assert (found["frames"], found["robots_seen"]) == (120, ROBOTS)
     assert found["warnings"] == [result.stderr.removeprefix("warning: ").strip()]
@@ -253,9 +253,9 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
         ("FILM --plot folder.png", "folder.png: cannot be written: is a directory"),
         ("FILM --plot taken.png", "taken.csv: cannot be written: is a directory"),
         ("FILM --rings taken.csv", "taken.csv: cannot be written: is a directory"),
-        ("FILM --annotate FILM", "allowed: another name, for "),
-        ("FILM --annotate link.mp4", "--annotate is link.mp4; allowed: another name, for link.mp4 is of the film"),
-        ("FILM --rings x.csv --plot x.png", "--rings is x.csv; allowed: another name, for x.csv is of --plot"),
+        ("FILM --annotate FILM", "allowed: another name, because "),
+        ("FILM --annotate link.mp4", "is link.mp4; allowed: another name, because link.mp4 belongs to the film"),
+        ("FILM --rings x.csv --plot x.png", "--rings is x.csv; allowed: another name, because x.csv belongs to --plot"),
         ("FILM --rings folder.png/../x.csv --plot x.png", "allowed: another name"),
     ],
 )
@@ -284,12 +284,12 @@ def test_a_folder_without_permission_is_refused(shelf, here, monkeypatch, option
         ("gone.mp4", "gone.mp4: no such file; allowed: a film, numbered pictures such as frames_%04d.png whose"),
         ("frames_%04d.png", "frames_%04d.png: no such file; allowed: a film, numbered pictures"),
         ("text.mp4", "text.mp4: cannot be read as a film: "),
-        ("folder", "folder: is a directory; give a film in it, or numbered pictures such as folder/frames_%04d.png"),
+        ("folder", ": is a directory; give a film inside it, or numbered pictures such as folder/frames_%04d.png"),
         ("dark.mp4", "dark.mp4: no lit ring is seen; is it the right film, are the rings red"),
         ("nowhere://film", "nowhere://film: cannot be read as a film: Protocol not found"),
     ],
 )
-def test_what_is_no_film_of_a_swarm_is_told(shelf, here, film: str, message: str) -> None:
+def test_what_is_no_film_of_a_swarm_is_refused(shelf, here, film: str, message: str) -> None:
     shutil.copy(shelf / "dark.mp4", here)
     (here / "text.mp4").write_text("a text, and not a short one\n" * 40)
     (here / "folder").mkdir()
@@ -314,15 +314,15 @@ def test_corners_where_no_floor_can_be_are_refused(shelf, here, options: str, me
 
 
 def test_a_period_that_the_film_does_not_tell_has_to_be_given(shelf, here) -> None:
-    frames = seen(shelf / "swarm.mp4")[0]
+    frames = frames_and_description(shelf / "swarm.mp4")[0]
     save(here / "short.mp4", frames[60:90])
     stderr = refused("track", "short.mp4", "--plot", "p.png", "--rings", "r.csv", "--annotate", "a.mp4")
-    assert stderr.startswith("error: short.mp4: the period cannot be told from 0.967 s of film")
+    assert stderr.startswith("error: short.mp4: the period cannot be estimated from 0.967 s of film")
     assert stderr.endswith("give --period-s\n")
     assert tracked("short.mp4", "--period-s", "1")["period_s"] == 1
 
 
-def test_a_camera_that_is_not_there_is_told(here) -> None:
+def test_a_missing_camera_is_refused(here) -> None:
     stderr = refused("track", "--camera", "77", "--period-s", "5", "--rings", "r.csv")
     assert stderr.startswith("error: camera 77 cannot be opened; allowed: the number of a camera that is plugged in")
     assert names(here) == []

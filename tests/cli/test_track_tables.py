@@ -1,4 +1,4 @@
-"""What the command is told is read or refused, and what it prints says what the track says."""
+"""Options of `track` are parsed or refused, and its output agrees with the track."""
 
 import json
 from typing import Any
@@ -15,31 +15,8 @@ from epuck_sim.cli.progress import progress_bar
 from epuck_sim.cli.track_tables import print_track, print_track_json
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.result import Track
-from tests.overhead.track.films import lens
+from tests.overhead.track.films import TRACK
 
-TRACK = Track(
-    film="film.mp4",
-    frames=240,
-    fps=29.97,
-    duration_s=8.0,
-    start_s=2.0,
-    calibration="somewhere",
-    period_s=1.0,
-    flash_ms=100.0,
-    threshold_ms=31.8,
-    estimated=("period_s",),
-    robots_seen=6,
-    flashes_per_period=6.04,
-    t_sync_s=2.55,
-    t_sync_cycles=2.55,
-    t_sync_flashes=3.44,
-    warnings=("odd",),
-    times_s=np.arange(240) / 29.97,
-    counts=np.zeros(240, np.int64),
-    evaluations=(),
-    lens=lens(),
-)
 NEVER = TRACK._replace(t_sync_s=None, t_sync_cycles=None, t_sync_flashes=None, estimated=())
 
 
@@ -85,18 +62,18 @@ def test_json_is_one_line_that_any_program_reads(capsys: pytest.CaptureFixture[s
     print_track_json(TRACK)
     line = capsys.readouterr().out
     assert line.count("\n") == 1
-    told = json.loads(line)
-    assert told.pop("versions")["epuck_sim"]
-    assert told == json.loads(json.dumps(TRACK.summary()))
-    assert (told["t_sync_s"], told["warnings"], told["estimated"]) == (2.55, ["odd"], ["period_s"])
+    printed = json.loads(line)
+    assert printed.pop("versions")["epuck_sim"]
+    assert printed == json.loads(json.dumps(TRACK.summary()))
+    assert (printed["t_sync_s"], printed["warnings"], printed["estimated"]) == (2.55, ["odd"], ["period_s"])
 
 
-def test_table_tells_all(capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_has_all_results(capsys: pytest.CaptureFixture[str]) -> None:
     print_track(TRACK)
     text = capsys.readouterr().out
     for words in (
-        *("film.mp4", "240 at 29.97 a second", "from 2.0 s on, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
-        *("6 at once, 6.0 flashes a period", "32 ms ", "2.5 cycles, 2.5 s", "3.4 of each robot"),
+        *("film.mp4", "240 at 29.97 per second", "from 2.0 s, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
+        *("6 at once, 6.0 flashes per period", "32 ms ", "2.5 cycles, 2.5 s", "3.4 per robot"),
     ):
         assert words in text
     assert "32 ms, estimated" not in text

@@ -110,7 +110,7 @@ def test_a_memory_of_no_type_is_refused(memory, tmp_path):
 @pytest.mark.parametrize("part", ["PARAMETERS", "MEMORY"])
 def test_a_name_that_a_record_cannot_have_is_refused(part, name, tmp_path):
     values = {"PARAMETERS": f"{{{name!r}: 1.0}}", "MEMORY": f"{{{name!r}: float}}"}
-    with pytest.raises(ControllerError, match=r"is no name that a record can have"):
+    with pytest.raises(ControllerError, match=r"is not a name that a record can have"):
         write_controller(tmp_path / "mine.py", with_step("pass", **{part: values[part]}))
 
 

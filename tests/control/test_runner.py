@@ -1,9 +1,12 @@
 """Controllers run compiled and interpreted with equal results bit for bit; failures name the file and the robot."""
 
+import importlib
 import os
 import subprocess
 import sys
+from bdb import BdbQuit
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.control.runner import RobotError
 from epuck_sim.errors import ControllerError
 from epuck_sim.util import jit
-from tests.control.bench import Bench, with_step, write_controller, write_soon_after
+from tests.control.bench import EMPTY, Bench, with_step, write_controller, write_soon_after
 
 MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
 
@@ -181,6 +184,25 @@ def test_a_value_read_from_elsewhere_is_never_stale(tmp_path):
         assert bench.memory["x"].tolist() == [float(gain)]
 
 
+@pytest.mark.parametrize(
+    "use",
+    [
+        "def make(k):\n    def inner():\n        return k\n    return inner\ngain = make(read())\n",
+        "def gain(k=read()):\n    return k\n",
+    ],
+    ids=["closure", "default"],
+)
+def test_a_value_that_a_function_keeps_is_never_stale(use, tmp_path):
+    head = (
+        f"from pathlib import Path\ndef read():\n    return float(Path({str(tmp_path / 'gain.txt')!r}).read_text())\n"
+    )
+    for gain in ("1.5", "2.5"):
+        (tmp_path / "gain.txt").write_text(gain)
+        assert outcome(write_controller(tmp_path / "mine.py", head + use + with_step("memory.x = gain()"))) == float(
+            gain
+        )
+
+
 @MODES
 def test_actuators_keep_their_values_until_they_are_set_anew(interpret, tmp_path):
     text = with_step("if sensors.step_ms < memory.x: actuators.left_cm_s = memory.x")
@@ -340,3 +362,158 @@ def test_an_edit_between_loading_and_compiling_leaves_nothing_stale(tmp_path):
     file = write_version(tmp_path, "mine", 20)
     assert outcome(old) == 1
     assert outcome(find_controller(str(file))) == 20
+
+
+# --- compiling leaves the controller as it is ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("helper", "value"),
+    [
+        ("def helper(n):\n    if n < 2:\n        return 1\n    return n * helper(n - 1)\n", 120),
+        ("def make(k):\n    def inner(n):\n        return n * k\n    return inner\nhelper = make(3)\n", 15),
+        ("K = 3\ndef helper(n, k=K):\n    return n * k\n", 15),
+        ("helper = lambda n: 2 * n\n", 10),
+        ("def twice(n):\n    return 2 * n\ndef helper(n):\n    return twice(n) + twice(1)\n", 12),
+        ("from collections import namedtuple\nLimits = namedtuple('Limits', 'low high')\nL = Limits(1, 2)\n"
+         "def helper(n):\n    return n + L.high\n", 7),
+        ("THINGS = (print, object())\ndef helper(n):\n    return n\n", 5),
+    ],
+    ids=["recursion", "closure", "default", "lambda", "chain", "namedtuple", "unused oddities"],
+)  # fmt: skip
+def test_helpers_of_many_kinds_mean_the_same_compiled_and_interpreted(helper, value, tmp_path):
+    controller = write_controller(tmp_path / "mine.py", helper + with_step("memory.x = helper(5)"))
+    assert [outcome(controller, interpret) for interpret in (True, False)] == [value, value]
+
+
+def test_a_compiled_controller_s_own_functions_and_modules_stay_as_they_were(tmp_path):
+    controller = own_controller(tmp_path)
+    before = {path: dict(vars(module)) for path, module in controller.modules.items()}
+    names = {function: function.__module__ for function in (controller.start, controller.step)}
+    Bench(controller, interpret=False).control.step()
+    assert {path: dict(vars(module)) for path, module in controller.modules.items()} == before
+    assert {function: function.__module__ for function in names} == names
+
+
+UNCOMPILABLE_PARTS = [
+    ("", "memory.x = sensors.nothing", r"Unknown attribute 'nothing' of type Sensors.*memory\.x = sensors\.nothing"),
+    ("def helper(s):\n    return s.nothing\n", "memory.x = helper(sensors)", r"'nothing'.*return s\.nothing"),
+    ("def helper(s):\n    return nowhere\n", "memory.x = helper(sensors)", r"name 'nowhere' is not defined"),
+    ("import json\n", "memory.x = len(json.dumps(1))", r"Unknown attribute 'dumps'.*json\.dumps\(1\)"),
+    ("def helper(a, b):\n    return a\n", "memory.x = helper(1)", r"missing a required argument: 'b'"),
+    ("import sibling\n", "memory.x = sibling.gone(1)", r"module 'sibling' has no attribute 'gone'"),
+]
+
+
+@pytest.mark.parametrize(("head", "line", "said"), UNCOMPILABLE_PARTS)
+def test_what_cannot_be_compiled_is_said_with_its_line(head, line, said, tmp_path):
+    (tmp_path / "sibling.py").write_text("GAIN = 2\n")
+    controller = write_controller(tmp_path / "mine.py", head + with_step(line))
+    with pytest.raises(ControllerError, match=rf"(?s)mine\.py: cannot be compiled; --interpret .*{said}"):
+        outcome(controller)
+
+
+# --- values that a program sets from outside -----------------------------------------------------------
+
+HELPER = """
+import numpy as np
+
+GAIN = 1.0
+TABLE = {"a": [1, 2]}
+ROW = np.arange(3)
+ODD = np.array([print], object)
+MODEL = None
+
+def scale(x):
+    return 2 * x
+"""
+
+
+@pytest.fixture
+def helped(tmp_path, monkeypatch):
+    """A controller whose outcome is 2 * helper.GAIN, and the module `helper` as this program imports it."""
+    (tmp_path / "helper.py").write_text(HELPER)
+    controller = write_controller(
+        tmp_path / "mine.py", "import helper\n" + with_step("memory.x = helper.scale(helper.GAIN)")
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "helper", raising=False)
+    yield controller, importlib.import_module("helper")
+    sys.modules.pop("helper", None)
+
+
+@MODES
+def test_a_program_may_import_what_a_controller_imports(helped, interpret):
+    controller, _ = helped
+    assert outcome(controller, interpret) == 2
+
+
+def set_gain(helper):
+    helper.GAIN = 3.0
+
+
+def set_entry(helper):
+    helper.TABLE["a"][1] = 5
+
+
+def set_element(helper):
+    helper.ROW[1] = 5
+
+
+def set_object(helper):
+    helper.MODEL = object()
+
+
+def set_function(helper):
+    helper.scale = lambda x: x
+
+
+def add_name(helper):
+    helper.FURTHER = 1
+
+
+@MODES
+@pytest.mark.parametrize("change", [set_gain, set_entry, set_element, set_object, set_function, add_name])
+def test_what_a_program_sets_in_its_own_copy_of_a_helper_in_vain_is_refused(helped, change, interpret):
+    controller, helper = helped
+    change(helper)
+    with pytest.raises(ControllerError, match=r"helper\.py: \w+ is .* in the module 'helper' of this program, which"):
+        outcome(controller, interpret)
+
+
+@MODES
+def test_a_program_can_set_a_value_in_the_controller_s_own_copy(helped, interpret):
+    controller, _ = helped
+    copies = {path.stem: module for path, module in controller.modules.items()}
+    assert outcome(controller, interpret) == 2
+    for gain in (3.0, 5.0, 3.0):
+        copies["helper"].GAIN = gain
+        assert outcome(controller, interpret) == 2 * gain
+
+
+@MODES
+def test_a_module_of_the_same_name_from_elsewhere_is_not_taken_for_it(helped, interpret, tmp_path, monkeypatch):
+    controller, _ = helped
+    other = ModuleType("helper")
+    other.__file__ = str(tmp_path / "elsewhere" / "helper.py")
+    other.GAIN = 7.0
+    monkeypatch.setitem(sys.modules, "helper", other)
+    assert outcome(controller, interpret) == 2
+
+
+@pytest.mark.usefixtures("helped")
+def test_what_an_interpreted_controller_changes_in_its_modules_is_its_own_business(tmp_path):
+    text = "import helper\n" + with_step("helper.GAIN += 1; helper.TABLE['a'].append(3); memory.x = helper.GAIN")
+    controller = write_controller(tmp_path / "mine.py", text)
+    assert [outcome(controller, interpret=True) for _ in range(2)] == [2, 3]
+
+
+# --- the debugger ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("part", ["start", "step"])
+def test_leaving_the_debugger_is_no_error_of_the_controller(part, tmp_path):
+    text = f"import bdb\n{EMPTY}".replace(f"def {part}", f"def {part}(*_):\n    raise bdb.BdbQuit\n\ndef _{part}")
+    controller = write_controller(tmp_path / "mine.py", text)
+    with pytest.raises(BdbQuit):
+        outcome(controller, interpret=True)

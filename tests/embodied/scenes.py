@@ -1,7 +1,7 @@
 """Scenes to try the sensors on, and slow twins of the sensors.
 
 The twins are written from the facts about the robot alone. They cast each ray on each surface, in the frame of the
-world, and tell which rays run within `EDGE_CM` of a decision, so that rounding may make it the other way.
+world, and report which rays run within `EDGE_CM` of a decision, which rounding may reverse.
 """
 
 import math
@@ -28,12 +28,12 @@ class Scene(NamedTuple):
     poses: FloatArray
     """(robots, 3) x cm, y cm, heading rad."""
     lit: BoolArray
-    """(robots,) whose rings are on."""
+    """(robots,) whether each ring is on."""
     arena: Arena
 
 
 class Lens(NamedTuple):
-    """What a scenario says of a camera."""
+    """A camera as a scenario describes it."""
 
     pixels: int = 60
     field_of_view_deg: float = 56.0
@@ -44,11 +44,11 @@ class Lens(NamedTuple):
         return make_camera(self.pixels, math.radians(self.field_of_view_deg), self.central_pixels, self.range_cm)
 
     def angles(self) -> FloatArray:
-        """Where the middles of the pixels look, left of straight ahead, from left to right."""
+        """Return rad: directions of the middles of the pixels, left of straight ahead, from left to right."""
         return np.radians(self.field_of_view_deg * (0.5 - (np.arange(self.pixels) + 0.5) / self.pixels))
 
 
-# --- the sensors under test, for everybody in a scene -----------------------------------------------
+# --- the sensors under test, for all robots in a scene ----------------------------------------------
 
 
 def sorted_cells(scene: Scene) -> CellList:

@@ -25,12 +25,12 @@ def paces(draw):
 def filmed(interval, latency, steps, robots=1, seed=4):
     """Return (steps, robots) the step whose picture each controller has, -1 for none, and whether it is new."""
     camera, new = np.zeros((robots, 3), np.int64), np.ones(robots, bool)
-    shutter = CameraClock(interval, latency, robot_streams(np.random.SeedSequence(seed), robots), camera, new)
+    clock = CameraClock(interval, latency, robot_streams(np.random.SeedSequence(seed), robots), camera, new)
     shown, is_new = np.empty((steps, robots), np.int64), np.empty((steps, robots), bool)
-    shutter.tick(-1)
+    clock.tick(-1)
     for step in range(steps):
-        shutter.seen[:] = step + 1
-        shutter.tick(step)
+        clock.in_view[:] = step + 1
+        clock.tick(step)
         assert (camera == camera[:, :1]).all()
         shown[step], is_new[step] = camera[:, 0] - 1, new
     return shown, is_new

@@ -12,7 +12,7 @@ from epuck_sim.arena import make_arena
 from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
 from epuck_sim.embodied.infrared import to_distances
 from epuck_sim.embodied.line_camera import see
-from epuck_sim.embodied.sensing import gather, sense
+from epuck_sim.embodied.sensing import SensingArrays, sense
 from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import (
     RADIUS_CM,
@@ -34,14 +34,14 @@ bearings = st.floats(-math.pi, math.pi)
 
 
 def _at(heading, distance, bearing=0.0):
-    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, who has the heading."""
+    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, which has that heading."""
     x = ME[0] + RADIUS_CM * math.cos(heading) + distance * math.cos(heading + bearing)
     y = ME[1] + RADIUS_CM * math.sin(heading) + distance * math.sin(heading + bearing)
     return x, y, 0.0
 
 
 def _row(heading, others, lit, lens=None, obstacles=((), ())):
-    """Return the row that ME sees, whose own ring is off."""
+    """Return the row of pixels that ME sees; its own ring is off."""
     poses = np.array([(*ME, heading), *others])
     arena = make_arena(200, 200, *obstacles)
     return rows(Scene(poses, np.array([False, *lit]), arena), lens or Lens())[0].tolist()
@@ -145,7 +145,7 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
 
 
 def _obstacle(kind, ahead):
-    """Return an obstacle whose right side lies on the line of sight of ME, who looks along x."""
+    """Return an obstacle whose right side lies on the line of sight of ME, which looks along x."""
     x, y = ME[0] + RADIUS_CM + ahead, ME[1]
     return {
         "circle": ([(x, y + 5, 5)], []),
@@ -251,13 +251,36 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, lens, by_t
     observers = random.integers(1, len(scene.poses) - observer + 1)
     group = slice(observer, observer + observers)
     cells = sorted_cells(Scene(scene.poses[::-1].copy(), scene.lit, scene.arena))  # of an earlier instant
-    gain, noise = random.uniform(0.5, 1.5, (observers, 8)), random.standard_normal((observers, 8))
+    gain, noise = random.uniform(0.5, 1.5, (observers, 8)), random.standard_normal((3, len(scene.poses), 8))
     counts, distance_mm = np.full((observers, 8), np.nan), np.zeros((observers, 8), np.int64)
     seen = np.full((observers, lens.pixels), 77, np.int64)
-    everybody = gather(scene.poses, scene.lit, scene.arena, cells, lens.camera())
-    sense(*everybody, observer, counts, gain, noise, 10.0, by_table, distance_mm, seen)
+    arrays = SensingArrays(
+        poses=scene.poses,
+        ring_on=scene.lit,
+        width_cm=scene.arena.width_cm,
+        height_cm=scene.arena.height_cm,
+        circles=scene.arena.circles,
+        edges=scene.arena.edges,
+        cells=cells,
+        camera=lens.camera(),
+        first_robot=observer,
+        infrared_gain=gain,
+        infrared_noise=noise,
+        noise_counts=10.0,
+        by_table=by_table,
+        infrared=counts,
+        distance_mm=distance_mm,
+        pixels=seen,
+    )
+    noise_step = random.integers(3)
+    sense(arrays, noise_step)
     expected, expected_mm = readings(scene)[group].copy(), np.zeros((observers, 8), np.int64)
-    to_distances(expected, gain, noise, 10.0, by_table, expected_mm)
+    to_distances(expected, gain, noise[noise_step, group].copy(), 10.0, by_table, expected_mm)
     np.testing.assert_array_equal(counts, expected)
     np.testing.assert_array_equal(distance_mm, expected_mm)
     np.testing.assert_array_equal(seen, rows(scene, lens)[group])
+
+
+def test_sensing_arrays_are_refused_unless_each_has_its_name():
+    with pytest.raises(TypeError, match=r"takes poses, ring_on, .*; given: poses, gain"):
+        SensingArrays(poses=np.zeros((1, 3)), gain=np.ones((1, 8)))

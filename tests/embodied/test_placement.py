@@ -1,4 +1,4 @@
-"""Claims about where robots start: at random, on the grid, as told, and what is refused."""
+"""Claims about where robots start: at random, on the grid, at given poses, and what is refused."""
 
 import math
 import time

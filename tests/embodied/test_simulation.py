@@ -1,4 +1,4 @@
-"""Claims about the simulation: the same seed makes the same trial, and everybody senses the same instant."""
+"""Claims about the simulation: the same seed makes the same trial, and all robots sense the same instant."""
 
 import hashlib
 import json
@@ -24,7 +24,7 @@ LONG = ("crowded", "obstacles", "physical", "thesis")
 
 
 def steps_of(simulation, count):
-    """Yield the next `count` steps; their arrays hold but until the next one."""
+    """Yield the next `count` steps; their arrays are overwritten by the next one."""
     for _ in range(count):
         yield next(simulation)
 
@@ -220,7 +220,7 @@ def controller(tmp_path):
     return write
 
 
-# --- everybody senses the same instant --------------------------------------------------------------
+# --- all robots sense the same instant --------------------------------------------------------------
 
 
 @pytest.mark.parametrize("first", ["watchers", "blinker"])
@@ -271,7 +271,9 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(contr
 
     positions = np.array([step.poses[:, :2] for step in straight])
     one, other = np.triu_indices(7, 1)
-    assert np.hypot(*np.moveaxis(positions[:, one] - positions[:, other], 2, 0)).min() > 7.4  # nobody has touched
+    assert (
+        np.hypot(*np.moveaxis(positions[:, one] - positions[:, other], 2, 0)).min() > 7.4
+    )  # no two robots have touched
     assert np.any([step.camera.any(axis=1) for step in straight], axis=0).all()  # but all have seen somebody
     assert np.any([step.infrared[:3].any(axis=1) for step in straight], axis=0).all()
 

@@ -32,7 +32,7 @@ def streams_of(robots, seed=4):
     return robot_streams(np.random.SeedSequence(seed), robots)
 
 
-def traits_of(spread, robots=1000, seed=4):
+def variation_of(spread, robots=1000, seed=4):
     return draw_variation(SpreadSection(**spread), streams_of(robots, seed))
 
 
@@ -66,38 +66,38 @@ def test_imperfect_robots_synchronise_at_full_speed():
     assert max(result.cycles for result in results) < 100
 
 
-# --- traits -----------------------------------------------------------------------------------------
+# --- factors ----------------------------------------------------------------------------------------
 
 
 def test_without_spread_all_robots_are_exactly_as_they_should_be():
-    traits = traits_of({})
-    assert [trait.shape for trait in traits] == [(1000, 2), (1000,), (1000, 8)]
-    assert all((trait == 1.0).all() for trait in traits)
+    variation = variation_of({})
+    assert [factors.shape for factors in variation] == [(1000, 2), (1000,), (1000, 8)]
+    assert all((factors == 1.0).all() for factors in variation)
 
 
 @pytest.mark.parametrize("name", SPREADS)
 def test_each_spread_moves_only_what_it_says_and_does_not_decide_what_else_is_drawn(name):
     field = {"clock_rate": "clock_rate", "infrared_gain": "infrared_gain"}.get(name, "wheel_gain")
-    alone = traits_of({name: SPREADS[name]})
-    for trait, values in alone._asdict().items():
-        assert (values == 1.0).all() == (trait != field)
-    together = traits_of(SPREADS)
+    alone = variation_of({name: SPREADS[name]})
+    for name_of_factors, values in alone._asdict().items():
+        assert (values == 1.0).all() == (name_of_factors != field)
+    together = variation_of(SPREADS)
     if field == name:
         np.testing.assert_array_equal(getattr(together, field), getattr(alone, field))
     else:
-        wheels = [traits_of({wheel: SPREADS[wheel]}).wheel_gain for wheel in ("wheel_speed", "wheel_imbalance")]
+        wheels = [variation_of({wheel: SPREADS[wheel]}).wheel_gain for wheel in ("wheel_speed", "wheel_imbalance")]
         np.testing.assert_array_equal(together.wheel_gain, wheels[0] * wheels[1])
 
 
 def test_factors_are_uniform_around_one_and_drawn_for_each_robot_wheel_and_sensor():
-    both = traits_of({"wheel_speed": 0.03}, 4000).wheel_gain
+    both = variation_of({"wheel_speed": 0.03}, 4000).wheel_gain
     np.testing.assert_array_equal(both[:, 0], both[:, 1])
     drawn = np.column_stack(
         [
             (both[:, 0] - 1) / 0.03,
-            (traits_of({"wheel_imbalance": 0.5}, 4000).wheel_gain - 1) / 0.5,
-            (traits_of({"clock_rate": 0.002}, 4000).clock_rate - 1) / 0.002,
-            (traits_of({"infrared_gain": 0.2}, 4000).infrared_gain - 1) / 0.2,
+            (variation_of({"wheel_imbalance": 0.5}, 4000).wheel_gain - 1) / 0.5,
+            (variation_of({"clock_rate": 0.002}, 4000).clock_rate - 1) / 0.002,
+            (variation_of({"infrared_gain": 0.2}, 4000).infrared_gain - 1) / 0.2,
         ]
     )
     for column in drawn.T:
@@ -191,10 +191,10 @@ def test_phases_run_by_the_robots_own_clocks():
 def stuck_over(per_hour, mean_s, steps, robots=1, step_s=0.1):
     """Return (steps, robots) whether stuck."""
     gain = np.full((robots, 2), 0.75)
-    snags = Stoppages(StuckSection(per_hour=per_hour, mean_s=mean_s), step_s, streams_of(robots), gain)
+    stoppages = Stoppages(StuckSection(per_hour=per_hour, mean_s=mean_s), step_s, streams_of(robots), gain)
     found = np.empty((steps, robots), bool)
     for step in range(steps):
-        snags.tick(step)
+        stoppages.tick(step)
         assert ((gain == 0.75) | (gain == 0)).all()
         found[step] = gain[:, 0] == 0
         np.testing.assert_array_equal(gain[:, 0], gain[:, 1])
@@ -250,8 +250,8 @@ def test_a_robot_that_is_stuck_stands_still_with_its_wheels_turning_and_its_osci
 
 
 def test_stuck_robots_change_nothing_before_the_first_is_stuck():
-    ideal, snagged = Simulation("thesis", 2), Simulation(load_scenario("thesis", ["stuck.per_hour=60"]), 2)
-    differ = [(one.poses != other.poses).any() for one, other, _ in zip(ideal, snagged, range(400), strict=False)]
+    ideal, real = Simulation("thesis", 2), Simulation(load_scenario("thesis", ["stuck.per_hour=60"]), 2)
+    differ = [(one.poses != other.poses).any() for one, other, _ in zip(ideal, real, range(400), strict=False)]
     first = differ.index(True)
     assert first > 5
     assert all(differ[first:])

@@ -1,11 +1,8 @@
-"""Claims about the figures: what is drawn is what the curves hold, and the files are whole and the same again."""
+"""Claims about figures of curves: what is drawn, and what the tables hold, is what the curves hold."""
 
-import errno
 import math
 from io import BytesIO
 from itertools import pairwise
-from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,14 +10,15 @@ from matplotlib import image
 from matplotlib.axes import Axes
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.curves import BUMP_COLUMNS, draw, save_figure
+from epuck_sim.figures.csv_tables import Table
+from epuck_sim.figures.curves import EXTREMA_COLUMNS, check_panels, curves_tables, draw_curves, find_extrema
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.extrema import SpeedExtrema, find_minimum_and_peak
+from epuck_sim.statistics.extrema import SpeedExtrema
+from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -33,12 +31,10 @@ from tests.runs.made_folders import (
     bumpy_mean,
     extremes,
     falling_mean,
-    rows,
     six_digits,
     sweep,
 )
 
-ENDINGS = (".png", ".svg", ".csv", "-regimes.csv")
 POINT_COLUMNS = ["trials", "censored", "mean", "mean_low", "mean_high"]
 SCENARIO = sweep(None)
 
@@ -70,12 +66,12 @@ MOVED = curve_of(
 )
 FALLING = curve_of([falling_mean(speed) for speed in MANY_SPEEDS], axes={COUPLING: 0.4}, seed=2)
 CURVES = [BUMPY, MOVED, FALLING]
-BUMPS = [find_minimum_and_peak(curve.x, curve.means, curve.resampled) for curve in CURVES]
+EXTREMA = find_extrema(SPEED, CURVES)
 FOUND = [True, True, False]
 
 
-def axes_of(curves, axis=SPEED, bumps=None) -> Axes:
-    return draw("title", axis, curves, [None] * len(curves) if bumps is None else bumps).axes[0]
+def axes_of(curves, axis=SPEED, extrema=None) -> Axes:
+    return draw_curves("title", axis, curves, [None] * len(curves) if extrema is None else extrema).axes[0]
 
 
 def marked(axes: Axes, marker: str, face: str | None = None) -> list[Line2D]:
@@ -101,9 +97,9 @@ def seen(ticks) -> list[str]:
 # What is drawn
 
 
-def test_the_curves_of_these_tests_have_bumps_where_they_should() -> None:
-    assert [bump is not None and bump.is_found for bump in BUMPS] == FOUND
-    assert BUMPS[0].v_m == pytest.approx(extremes()["v_m"], rel=0.2)
+def test_the_curves_of_these_tests_have_extrema_where_they_should() -> None:
+    assert [pair is not None and pair.is_found for pair in EXTREMA] == FOUND
+    assert EXTREMA[0].v_m == pytest.approx(extremes()["v_m"], rel=0.2)
 
 
 def test_each_curve_is_one_line_of_its_own_colour_labelled_with_the_second_axis() -> None:
@@ -122,7 +118,7 @@ def test_the_lines_hold_the_means_with_gaps_where_they_are_undetermined() -> Non
 
 def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> None:
     curves = [curve_of([100 * n + 10 * eps, 50], axes={COUNT: n, COUPLING: eps}) for n in (5, 10) for eps in (0.1, 0.2)]
-    figure = draw("title", SPEED, curves, [None] * 4, COUNT)
+    figure = draw_curves("title", SPEED, curves, [None] * 4, COUNT)
     assert [axes.get_title() for axes in figure.axes] == ["N = 5", "N = 10"]
     for axes, n in zip(figure.axes, (5, 10), strict=True):
         assert [(line.get_label(), line.get_ydata()[0]) for line in lines_of(axes)] == [
@@ -134,10 +130,14 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> No
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ε = 0.1", "ε = 0.2"]
 
 
-def test_an_axis_to_split_by_that_is_not_there_is_refused(tmp_path) -> None:
+def test_an_axis_to_split_by_that_is_not_there_is_refused() -> None:
+    curves = [curve_of([3, 2], axes={COUNT: 5})]
+    check_panels(COUNT, curves)
+    check_panels(None, curves)
     with pytest.raises(EpuckSimError, match=r"--panels: unknown 'robots\.0\.cuont', did you mean"):
-        save_figure(tmp_path / "f", "t", SPEED, [curve_of([3, 2], axes={COUNT: 5})], "robots.0.cuont")
-    assert not list(tmp_path.iterdir())
+        check_panels("robots.0.cuont", curves)
+    with pytest.raises(EpuckSimError, match=r"^run: figure\.panels: unknown 'x'; other axes: robots\.0\.count$"):
+        check_panels("x", curves, "run: figure.panels")
 
 
 def test_the_bands_span_the_intervals_in_the_colour_of_their_lines() -> None:
@@ -176,18 +176,18 @@ def test_where_all_means_are_undetermined_there_are_but_crosses() -> None:
     axes = axes_of([curve_of([50.0] * 3, undetermined=range(3))])
     assert len(drawn(marked(axes, "x"))) == 3
     assert drawn(lines_of(axes)) == drawn(marked(axes, "o")) == []
-    axes.figure.savefig(BytesIO())
+    laid_out(axes.figure)
 
 
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else() -> None:
-    axes = axes_of(CURVES, bumps=BUMPS)
-    assert drawn(marked(axes, "v")) == [(bump.v_m, bump.t_m) for bump in BUMPS[:2]]
-    assert drawn(marked(axes, "^")) == [(bump.v_p, bump.t_p) for bump in BUMPS[:2]]
+    axes = axes_of(CURVES, extrema=EXTREMA)
+    assert drawn(marked(axes, "v")) == [(pair.v_m, pair.t_m) for pair in EXTREMA[:2]]
+    assert drawn(marked(axes, "^")) == [(pair.v_p, pair.t_p) for pair in EXTREMA[:2]]
     colours = [to_hex(line.get_color()) for line in lines_of(axes)]
     assert [to_hex(line.get_color()) for line in marked(axes, "v")] == colours[:2]
 
 
-def test_without_bumps_there_are_no_triangles() -> None:
+def test_without_extrema_there_are_no_triangles() -> None:
     axes = axes_of(CURVES)
     assert marked(axes, "v") == marked(axes, "^") == []
 
@@ -199,11 +199,11 @@ def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it
     assert max(y for _, y in axes.collections[0].get_paths()[0].vertices) > top
     assert np.nanmax(BUMPY.means) < top < 10 * np.nanmax(BUMPY.means)
     assert bottom > 0
-    axes.figure.savefig(BytesIO())
+    laid_out(axes.figure)
 
 
 def test_every_point_and_mark_is_within_the_figure() -> None:
-    axes = axes_of(CURVES, bumps=BUMPS)
+    axes = axes_of(CURVES, extrema=EXTREMA)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     for marker in "ox^v":
         for x, y in drawn(marked(axes, marker)):
@@ -216,7 +216,7 @@ def test_every_point_and_mark_is_within_the_figure() -> None:
 
 def test_both_axes_are_logarithmic_with_plain_numbers() -> None:
     axes = axes_of(CURVES)
-    axes.figure.savefig(BytesIO())
+    laid_out(axes.figure)
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     for axis in (axes.xaxis, axes.yaxis):
         labels = seen(axis.get_ticklabels())
@@ -229,7 +229,7 @@ def test_both_axes_are_logarithmic_with_plain_numbers() -> None:
 
 def test_x_is_linear_where_a_value_is_0() -> None:
     axes = axes_of([curve_of([30, 20, 10], x=[0, 1, 2])])
-    axes.figure.savefig(BytesIO())
+    laid_out(axes.figure)
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
     assert axes.get_xlim()[0] < 0
     assert drawn(lines_of(axes)) == [(0, 30), (1, 20), (2, 10)]
@@ -247,7 +247,7 @@ def test_x_is_linear_where_a_value_is_0() -> None:
 )
 def test_x_is_logarithmic_for_speeds_and_for_values_that_span_a_decade(axis: str, x: list, scale: str) -> None:
     axes = axes_of([curve_of([30, 20, 10], x=x)], axis=axis)
-    axes.figure.savefig(BytesIO())
+    laid_out(axes.figure)
     assert axes.get_xscale() == scale
 
 
@@ -259,7 +259,7 @@ def test_exponential_growth_with_the_number_of_robots_is_a_straight_line() -> No
 
 def test_many_decades_are_labelled_by_powers_of_ten_alone_and_do_not_overlap() -> None:
     axes = axes_of([curve_of([10.0**n for n in range(1, 8)], x=[10.0**n for n in range(-4, 3)])])
-    axes.figure.savefig(BytesIO())
+    laid_out(axes.figure)
     assert {"10", "1000", "$10^{6}$"} <= set(seen(axes.get_yticklabels()))
     assert {"0.001", "1", "100"} <= set(seen(axes.get_xticklabels()))
     for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):
@@ -270,7 +270,7 @@ def test_many_decades_are_labelled_by_powers_of_ten_alone_and_do_not_overlap() -
 
 def test_a_narrow_range_has_labels_too() -> None:
     axes = axes_of([curve_of([31, 30, 29], x=[60, 61, 62])], axis=WIDTH)
-    axes.figure.savefig(BytesIO())
+    laid_out(axes.figure)
     for axis in (axes.xaxis, axes.yaxis):
         low, high = axis.get_view_interval()
         labels = [float(label) for label in seen(axis.get_ticklabels())]
@@ -289,8 +289,8 @@ def test_labels_leave_out_what_is_the_same_or_goes_along() -> None:
     assert [line.get_label() for line in lines_of(axes_of(curves, PERIOD))] == ["L = 40 cm", "L = 60.5 cm"]
 
 
-def test_title_and_axes_are_told_in_the_thesis_s_symbols() -> None:
-    figure = draw("fig-4-2a", SPEED, CURVES, BUMPS)
+def test_title_and_axes_have_the_thesis_s_symbols() -> None:
+    figure = draw_curves("fig-4-2a", SPEED, CURVES, EXTREMA)
     axes = figure.axes[0]
     assert (figure.get_suptitle(), axes.get_xlabel(), axes.get_ylabel()) == ("fig-4-2a", "V [cm/s]", "T_sync [cycles]")
     assert axes_of([curve_of([3, 2])], axis=COUPLING).get_xlabel() == "ε"
@@ -310,18 +310,19 @@ def test_the_keys_of_particles_have_the_thesis_s_symbols() -> None:
         "response.refractory": 0.1,
         "clocks.jitter": 0.01,
     }
-    told = "L = 100 cm, dimensions = 2, N = 20, R = 25 cm, θ = 60°, K = 1, D = 0.1, \N{GREEK SMALL LETTER SIGMA} = 0.01"
-    assert format_axis_values(values) == told
+    expected = (
+        "L = 100 cm, dimensions = 2, N = 20, R = 25 cm, θ = 60°, K = 1, D = 0.1, \N{GREEK SMALL LETTER SIGMA} = 0.01"
+    )
+    assert format_axis_values(values) == expected
     assert axis_label("neighbourhood.angle_deg") == "θ [°]"
-    draw(
-        "all", PERIOD, [curve_of([3, 2], axes=values), curve_of([3, 2], axes=dict.fromkeys(values, 7))], [None] * 2
-    ).savefig(BytesIO())
+    curves = [curve_of([3, 2], axes=values), curve_of([3, 2], axes=dict.fromkeys(values, 7))]
+    laid_out(draw_curves("all", PERIOD, curves, [None] * 2))
 
 
 def test_every_symbol_can_be_drawn() -> None:
     keys = (SPEED, WIDTH, COUNT, PERIOD, COUPLING, PIXELS)
     curves = [curve_of([30, 20], x=[1, 2], axes={key: 1 + (key == own) for key in keys}) for own in keys]
-    figure = draw("all", PERIOD, curves, [None] * 6)
+    figure = draw_curves("all", PERIOD, curves, [None] * 6)
     figure.savefig(BytesIO(), format="png")  # a missing glyph would warn, and warnings are errors here
     figure.savefig(BytesIO(), format="svg")
     first = figure.axes[0].get_legend().get_texts()[0].get_text()
@@ -329,35 +330,26 @@ def test_every_symbol_can_be_drawn() -> None:
 
 
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$", "x_1^2 \\alpha & <b> {0} 50 %"])
-def test_a_name_is_no_formula(tmp_path, name: str) -> None:
-    title = draw(name, SPEED, [FALLING], [None]).axes[0].title
+def test_a_name_is_no_formula(name: str) -> None:
+    figure = laid_out(draw_curves(name, SPEED, [FALLING], [None]))
+    assert figure.get_suptitle() == name
+    (title,) = figure.texts
     assert not (title.get_parse_math() and is_math_text(title.get_text()))
-    save_figure(tmp_path / "T", name, SPEED, [FALLING])
 
 
-# The files
+# The tables
 
 
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory) -> Path:
-    """Return the stem of the figure's files."""
-    stem = tmp_path_factory.mktemp("figure") / "fig"
-    assert save_figure(stem, "fig-4-3b", SPEED, CURVES) == [stem.with_name(f"fig{ending}") for ending in ENDINGS]
-    return stem
+def points_of(curves, axis=SPEED) -> Table:
+    return curves_tables(axis, curves, find_extrema(axis, curves))[".csv"]
 
 
-def test_nothing_but_the_four_files_is_written(saved) -> None:
-    assert sorted(path.name for path in saved.parent.iterdir()) == sorted(f"fig{ending}" for ending in ENDINGS)
+def extrema_of(curves, axis=SPEED) -> Table:
+    return curves_tables(axis, curves, find_extrema(axis, curves))["-regimes.csv"]
 
 
-def test_a_stem_with_a_dot_keeps_it(tmp_path) -> None:
-    files = save_figure(tmp_path / "v0.5", "title", SPEED, [curve_of([3, 2], axes={})])
-    assert [path.name for path in files] == [f"v0.5{ending}" for ending in ENDINGS]
-    assert all(path.is_file() for path in files)
-
-
-def test_the_csv_has_the_numbers_of_the_curves(saved) -> None:
-    table = rows(saved.with_name("fig.csv"))
+def test_the_csv_has_the_numbers_of_the_curves(tmp_path) -> None:
+    table = written(tmp_path, points_of(CURVES))
     assert list(table[0]) == [COUPLING, SPEED, *POINT_COLUMNS]
     expected = [
         [str(curve.axes[COUPLING]), *map(six_digits, row)]
@@ -368,114 +360,64 @@ def test_the_csv_has_the_numbers_of_the_curves(saved) -> None:
     assert [row["mean"] == row["mean_high"] == "" for row in table].count(True) == 2
 
 
-def test_six_digits_are_read_back_as_good_as_the_curves_are(saved) -> None:
-    table = rows(saved.with_name("fig.csv"))
+def test_six_digits_are_read_back_as_good_as_the_curves_are(tmp_path) -> None:
+    table = written(tmp_path, points_of(CURVES))
     means = [float(row["mean"] or "nan") for row in table]
     np.testing.assert_allclose(means, np.concatenate([curve.means for curve in CURVES]), rtol=1e-5)
 
 
-def test_the_regimes_have_a_row_for_each_curve_with_its_bump_or_the_p_value_alone(saved) -> None:
-    found = rows(saved.with_name("fig-regimes.csv"))
-    assert list(found[0]) == [COUPLING, *BUMP_COLUMNS, "p_value"]
+def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone(tmp_path) -> None:
+    found = written(tmp_path, extrema_of(CURVES))
+    assert list(found[0]) == [COUPLING, *EXTREMA_COLUMNS, "p_value"]
     assert [row[COUPLING] for row in found] == ["0.1", "0.2", "0.4"]
-    for row, bump in zip(found, BUMPS, strict=True):
-        assert row["p_value"] == six_digits(bump.p_value)
+    for row, pair in zip(found, EXTREMA, strict=True):
+        assert row["p_value"] == six_digits(pair.p_value)
         for place, name in enumerate(("v_m", "t_m", "v_p", "t_p")):
-            numbers = [bump[place], *bump.intervals[place]] if bump.is_found else [math.nan] * 3
+            numbers = [pair[place], *pair.intervals[place]] if pair.is_found else [math.nan] * 3
             assert [row[name], row[f"{name}_low"], row[f"{name}_high"]] == [*map(six_digits, numbers)]
     assert [row["v_m"] != "" for row in found] == FOUND
 
 
-def test_too_few_speeds_have_no_regimes(tmp_path) -> None:
+def test_too_few_speeds_have_no_extrema(tmp_path) -> None:
     few = curve_of(BUMPY.means[:5], axes={COUPLING: 0.1})
-    save_figure(tmp_path / "T", "title", SPEED, [few])
-    (row,) = rows(tmp_path / "T-regimes.csv")
+    (row,) = written(tmp_path, extrema_of([few]))
     assert [*row.values()] == ["0.1", *[""] * 13]
 
 
-def test_another_axis_than_the_speed_is_drawn_and_has_no_regimes(tmp_path) -> None:
+def test_another_axis_than_the_speed_is_drawn_and_has_no_extrema(tmp_path) -> None:
     curve = curve_of(BUMPY.means, x=np.arange(13) + 2, axes={SPEED: 1})
-    save_figure(tmp_path / "T", "title", COUNT, [curve])
-    (row,) = rows(tmp_path / "T-regimes.csv")
+    (row,) = written(tmp_path, extrema_of([curve], COUNT))
     assert [*row.values()] == ["1", *[""] * 13]
-    assert [row[COUNT] for row in rows(tmp_path / "T.csv")] == [str(n) for n in range(2, 15)]
-    assert image.imread(tmp_path / "T.png").std() > 0.05
+    assert [row[COUNT] for row in written(tmp_path, points_of([curve], COUNT))] == [str(n) for n in range(2, 15)]
+    axes = axes_of([curve], axis=COUNT, extrema=find_extrema(COUNT, [curve]))
+    assert drawn(lines_of(axes)) == [*zip(curve.x, curve.means, strict=True)]
+    assert marked(axes, "v") == marked(axes, "^") == []
 
 
 def test_axis_values_are_in_the_csv_as_they_are_in_the_sweep(tmp_path) -> None:
     axes = {"noise": 'a "quoted", name', "arena.obstacles": [], "stop.max_time_s": None, COUNT: 10}
-    save_figure(tmp_path / "T", "title", SPEED, [curve_of([3, 2], axes=axes)])
-    for name in ("T.csv", "T-regimes.csv"):
-        row = rows(tmp_path / name)[0]
+    curves = [curve_of([3, 2], axes=axes)]
+    for table in (points_of(curves), extrema_of(curves)):
+        row = written(tmp_path, table)[0]
         assert {key: row[key] for key in axes} == {key: "" if v is None else str(v) for key, v in axes.items()}
 
 
-def test_the_png_is_a_picture_and_not_blank(saved) -> None:
-    picture = image.imread(saved.with_name("fig.png"))
+def test_the_picture_holds_every_colour() -> None:
+    figure = draw_curves("fig-4-3b", SPEED, CURVES, EXTREMA)
+    file = BytesIO()
+    figure.savefig(file, dpi=120)
+    file.seek(0)
+    picture = image.imread(file)
     assert picture.shape[0] > 400
     assert picture.shape[1] > 600
     assert picture[..., :3].std() > 0.05
     colours = np.unique((picture[..., :3] * 255).round().reshape(-1, 3), axis=0)
-    drawn_colours = {to_hex(line.get_color()) for line in lines_of(axes_of(CURVES))}
+    drawn_colours = {to_hex(line.get_color()) for line in lines_of(figure.axes[0])}
     assert drawn_colours <= {to_hex(colour / 255) for colour in colours}
 
 
-def test_the_svg_is_well_formed(saved) -> None:
-    root = ElementTree.parse(saved.with_name("fig.svg")).getroot()
-    assert root.tag == "{http://www.w3.org/2000/svg}svg"
-    assert sum(1 for _ in root.iter("{http://www.w3.org/2000/svg}path")) > 50
-
-
-def test_the_same_results_give_the_same_files_byte_for_byte(saved, tmp_path) -> None:
-    for path in save_figure(tmp_path / "again", "fig-4-3b", SPEED, CURVES):
-        assert path.read_bytes() == saved.with_name(path.name.replace("again", "fig")).read_bytes()
-
-
-def test_other_results_give_other_files(saved, tmp_path) -> None:
-    moved = [BUMPY._replace(means=BUMPY.means * 1.1), MOVED, FALLING]
-    for path in save_figure(tmp_path / "other", "fig-4-3b", SPEED, moved):
-        assert path.read_bytes() != saved.with_name(path.name.replace("other", "fig")).read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("problem", "raised"),
-    [(OSError(errno.ENOSPC, "No space left"), EpuckSimError), (KeyboardInterrupt(), KeyboardInterrupt)],
-    ids=["full disk", "Ctrl-C"],
-)
-def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
-    tmp_path, monkeypatch, problem: BaseException, raised: type[BaseException]
-) -> None:
-    for ending in ENDINGS:
-        (tmp_path / f"T{ending}").write_text("older")
-
-    def write_half(_: Figure, part: Path, **__) -> None:
-        part.write_text("half")
-        raise problem
-
-    monkeypatch.setattr(Figure, "savefig", write_half)
-    with pytest.raises(raised):
-        save_figure(tmp_path / "T", "title", SPEED, [curve_of([3, 2])])
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"T{end}": "older" for end in ENDINGS}
-
-
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_where_one_file_cannot_be_written_none_is(tmp_path, ending: str) -> None:
-    (tmp_path / f"T{ending}").mkdir()
-    with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
-        save_figure(tmp_path / "T", "title", SPEED, [curve_of([3, 2])])
-    assert [path.name for path in tmp_path.iterdir()] == [f"T{ending}"]
-
-
-@pytest.mark.parametrize("stem", [".", "/"])
-def test_a_stem_without_a_name_is_refused(monkeypatch, tmp_path, stem: str) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(EpuckSimError):
-        save_figure(Path(stem), "title", SPEED, [curve_of([3, 2])])
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_bump_that_may_be_noise_is_not_marked() -> None:
-    unsure = SpeedExtrema(*BUMPS[0][:6], 0.2, BUMPS[0].resampled)
-    undone = BUMPS[0]._replace(resampled=np.full((200, 4), math.nan))
-    axes = axes_of([BUMPY, MOVED], bumps=[unsure, undone])
+def test_a_pair_that_may_be_noise_is_not_marked() -> None:
+    unsure = SpeedExtrema(*EXTREMA[0][:6], 0.2, EXTREMA[0].resampled)
+    undone = EXTREMA[0]._replace(resampled=np.full((200, 4), math.nan))
+    axes = axes_of([BUMPY, MOVED], extrema=[unsure, undone])
     assert marked(axes, "v") == marked(axes, "^") == []

@@ -11,34 +11,45 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, StepPatch
 
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.figures.film_tracking import COLUMNS, FOUND, MARK, draw_track, save_track_figure
-from epuck_sim.overhead.track.history import ACROSS, History, Snapshot, choose_moments
+from epuck_sim.figures.film_tracking import ACROSS, COLUMNS, FOUND, MARK, choose_moments, draw_track, save_track_figure
+from epuck_sim.overhead.track.result import Snapshot, Track
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
 from tests.overhead.track.counts import counted, frames
+from tests.overhead.track.films import TRACK
 
 PERIOD = 5.0
 START = 2.0
 THRESHOLD = 0.126
 
 
-def history(cycles: int, narrow_from: int | None = None, seconds: float | None = None) -> History:
-    """Return a film of clusters that drift apart no more from some cycle on."""
+def make_track(cycles: int, narrow_from: int | None = None, seconds: float | None = None) -> Track:
+    """Return the track of a film in which flashes are spread at first, and close together from some cycle on."""
     times = frames(seconds or START + (cycles + 1) * PERIOD)
     widths = [0.01 if narrow_from is not None and cycle >= narrow_from else 0.12 for cycle in range(cycles + 2)]
     onsets = [START + 3 + PERIOD * cycle + width * np.arange(10) for cycle, width in enumerate(widths)]
     counts = counted(np.array(onsets), 0.375, times)
     found = evaluate(times, counts, PERIOD, START)
-    return History(times, counts, found, PERIOD, START, THRESHOLD, first_synchronised(found, THRESHOLD))
+    at_s = first_synchronised(found, THRESHOLD)
+    return TRACK._replace(
+        times_s=times,
+        counts=counts,
+        evaluations=tuple(found),
+        period_s=PERIOD,
+        start_s=START,
+        threshold_ms=1000 * THRESHOLD,
+        t_sync_s=None if at_s is None else at_s - START,
+        t_sync_cycles=None if at_s is None else (at_s - START) / PERIOD,
+    )
 
 
-def evaluated(film: History) -> list:
+def evaluated(film: Track) -> list:
     """Return the moments of the second and the third row."""
     _, second, third = choose_moments(film)
     return [*second, *third]
 
 
 PICTURE = Snapshot(9.0, np.zeros((48, 64, 3), np.uint8), np.array([[10.0, 20.0, 6.0], [40.0, 30.0, 6.5]]))
-LONG = history(20, narrow_from=12)
+LONG = make_track(20, narrow_from=12)
 
 
 @pytest.fixture(scope="module")
@@ -71,10 +82,10 @@ def test_the_second_row_leads_from_the_first_evaluation_to_the_third_row():
 
 
 def test_the_third_row_is_one_before_synchrony_synchrony_one_after_and_the_last():
-    rounded = LONG._replace(t_sync_s=START + (LONG.t_sync_s - START) * (1 + 1e-15))
+    rounded = LONG._replace(t_sync_s=LONG.t_sync_s * (1 + 1e-15))
     third = choose_moments(rounded)[2]
     times = [each.time_s for each in LONG.evaluations]
-    sync = times.index(LONG.t_sync_s)
+    sync = times.index(START + LONG.t_sync_s)
     assert [evaluation for _, evaluation in third] == [LONG.evaluations[n] for n in (sync - 1, sync, sync + 1, -1)]
 
 
@@ -85,16 +96,16 @@ def test_a_moment_is_when_the_mode_is_at_the_midpoint():
 
 @pytest.mark.parametrize("cycles", range(9))
 def test_no_evaluation_is_shown_twice_and_short_films_show_fewer(cycles):
-    for film in (history(cycles), history(cycles, narrow_from=0), history(cycles, narrow_from=cycles // 2)):
+    for film in (make_track(cycles), make_track(cycles, narrow_from=0), make_track(cycles, narrow_from=cycles // 2)):
         shown = [evaluation for _, evaluation in evaluated(film)]
         assert shown == sorted(set(shown))
         assert len(shown) >= min(len(film.evaluations), ACROSS)
 
 
 def test_without_synchrony_the_third_row_is_the_last_evaluations():
-    film = history(20)
+    film = make_track(20)
     assert film.t_sync_s is None
-    assert [evaluation for _, evaluation in choose_moments(film)[2]] == film.evaluations[-ACROSS:]
+    assert [evaluation for _, evaluation in choose_moments(film)[2]] == list(film.evaluations[-ACROSS:])
 
 
 # --- the figure -------------------------------------------------------------------------------------
@@ -117,8 +128,8 @@ def test_snapshots_mark_the_period_and_its_midpoint(drawn):
 
 def test_snapshots_show_the_counts_until_then_and_the_spread(drawn):
     shown = panels(drawn)[:12]
-    moments = [*choose_moments(LONG)[0], *evaluated(LONG)]
-    for axes, (now_s, evaluation) in zip(shown, moments, strict=True):
+    tracked_frames = [*choose_moments(LONG)[0], *evaluated(LONG)]
+    for axes, (now_s, evaluation) in zip(shown, tracked_frames, strict=True):
         (bars,) = [each for each in axes.patches if isinstance(each, StepPatch)]
         until = (LONG.times_s >= max(START, now_s - 1.3 * PERIOD)) & (LONG.times_s < now_s)
         assert bars.get_data().values[::2].tolist() == LONG.counts[until].tolist()
@@ -127,11 +138,11 @@ def test_snapshots_show_the_counts_until_then_and_the_spread(drawn):
 
 
 def test_the_panels_below_mark_synchrony_and_the_threshold(drawn):
-    counts, spreads = panels(drawn)[12:]
-    cycles = (LONG.t_sync_s - START) / PERIOD
-    for axes in (counts, spreads):
+    counts, detector = panels(drawn)[12:]
+    cycles = LONG.t_sync_s / PERIOD
+    for axes in (counts, detector):
         assert any(set(line.get_xdata()) == {cycles} for line in axes.get_lines())
-    assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in spreads.get_lines())
+    assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())
     legend = drawn.legends[0]
     assert [text.get_text() for text in legend.get_texts()] == ["threshold: 126 ms", f"T_sync: {cycles:.1f} cycles"]
 
@@ -139,13 +150,13 @@ def test_the_panels_below_mark_synchrony_and_the_threshold(drawn):
 def test_a_gap_in_the_film_is_empty_in_the_figure_and_its_spread_is_an_empty_dot():
     seen = (LONG.times_s < 26.5) | (LONG.times_s > 29.5)
     times, counts = LONG.times_s[seen], LONG.counts[seen]
-    film = LONG._replace(times_s=times, counts=counts, evaluations=evaluate(times, counts, PERIOD, START))
-    shown, spreads = panels(draw_track(film))[12:]
+    film = LONG._replace(times_s=times, counts=counts, evaluations=tuple(evaluate(times, counts, PERIOD, START)))
+    shown, detector = panels(draw_track(film))[12:]
     (bars,) = [each for each in shown.patches if isinstance(each, StepPatch)]
     heights, edges, _ = bars.get_data()
     empty = np.diff(edges)[heights == 0]
     assert empty.max() * PERIOD == pytest.approx(3, abs=0.3)
-    assert "frames are missing" in [line.get_label() for line in spreads.get_lines()]
+    assert "frames are missing" in [line.get_label() for line in detector.get_lines()]
 
 
 def test_a_picture_has_its_rings_circled_in_green():
@@ -163,10 +174,10 @@ def test_a_picture_has_its_rings_circled_in_green():
     ("film", "snapshot"),
     [
         (LONG, None),
-        (history(20), PICTURE),
-        (history(1), None),
-        (history(0, seconds=3.0), None),
-        (history(0, seconds=0.15), PICTURE),
+        (make_track(20), PICTURE),
+        (make_track(1), None),
+        (make_track(0, seconds=3.0), None),
+        (make_track(0, seconds=0.15), PICTURE),
     ],
     ids=["synchronised", "never", "two cycles", "less than one", "two frames"],
 )
@@ -201,13 +212,13 @@ def test_another_ending_is_refused(tmp_path, name):
 
 
 @pytest.mark.parametrize("taken", ["track.png", "track.csv"])
-def test_what_cannot_be_written_is_told_before_anything_is(tmp_path, taken):
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_written(tmp_path, taken):
     (tmp_path / taken).mkdir()
     with pytest.raises(EpuckSimError, match="is a directory"):
         save_track_figure(tmp_path / "track.png", LONG)
     assert [file.name for file in tmp_path.iterdir()] == [taken]
 
 
-def test_a_missing_folder_is_told(tmp_path):
+def test_a_missing_folder_is_refused(tmp_path):
     with pytest.raises(EpuckSimError, match="there is no directory"):
         save_track_figure(Path(tmp_path / "missing" / "track.png"), LONG)

@@ -1,9 +1,7 @@
-"""Claims about maps: points have the colours of their means, what is undetermined or untried shows, files are whole."""
+"""Claims about maps: points have the colours of their means, and what is undetermined or untried shows."""
 
 import math
 from io import BytesIO
-from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,14 +11,14 @@ from matplotlib import image
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, to_hex, to_rgb
 from matplotlib.contour import QuadContourSet
-from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.maps import COLOURS, GREY, MOST_LEVELS, Map, choose_levels, draw_maps, read_maps, save_maps
-from epuck_sim.figures.style import MOST_PANELS
+from epuck_sim.figures.maps import COLOURS, GREY, MAX_LEVELS, Map, choose_levels, draw_maps, maps_table, read_maps
+from epuck_sim.figures.style import MAX_PANELS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import read_curves
+from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -31,12 +29,10 @@ from tests.runs.made_folders import (
     WIDTH,
     ended,
     in_memory,
-    rows,
     six_digits,
     sweep,
 )
 
-ENDINGS = (".png", ".svg", ".csv")
 WIDTHS = [40, 60, 80, 100]
 PANELS = [16, 4, 8]
 
@@ -73,9 +69,7 @@ LEVELS = choose_levels(np.concatenate([each.means.ravel() for each in MAPS]))
 
 def panels_of(maps: list[Map], x: str = SPEED, y: str = WIDTH) -> list[Axes]:
     """Return the panels of a figure, laid out; the last of its axes is the colour bar."""
-    figure = draw_maps("title", x, y, maps)
-    figure.savefig(BytesIO())
-    return figure.axes[:-1]
+    return laid_out(draw_maps("title", x, y, maps)).axes[:-1]
 
 
 def contours(panel: Axes) -> list[QuadContourSet]:
@@ -284,11 +278,10 @@ def test_panels_are_arranged_in_a_grid_with_numbers_on_its_lower_edge(count: int
         assert bool(panel.get_ylabel()) == (number % shape[1] == 0)
 
 
-def test_more_panels_than_a_page_holds_are_refused_and_nothing_is_written(tmp_path) -> None:
-    many = [MAPS[0]._replace(axes={PIXELS: n}) for n in range(MOST_PANELS + 1)]
-    with pytest.raises(EpuckSimError, match=f"there would be {MOST_PANELS + 1} panels.*up to {MOST_PANELS}"):
-        save_maps(tmp_path / "T", "title", SPEED, WIDTH, many)
-    assert list(tmp_path.iterdir()) == []
+def test_more_panels_than_a_page_holds_are_refused() -> None:
+    many = [MAPS[0]._replace(axes={PIXELS: n}) for n in range(MAX_PANELS + 1)]
+    with pytest.raises(EpuckSimError, match=f"there would be {MAX_PANELS + 1} panels.*up to {MAX_PANELS}"):
+        draw_maps("title", SPEED, WIDTH, many)
 
 
 def test_y_is_logarithmic_where_it_spans_a_decade_and_x_is_linear_where_it_does_not() -> None:
@@ -324,7 +317,7 @@ def test_where_there_are_not_two_powers_of_ten_the_bar_has_numbers_between(times
 def test_levels_are_even_few_enough_and_enclose_all_means(means: list[float]) -> None:
     levels = choose_levels(np.array([*means, math.nan]))
     steps = np.diff(levels)
-    assert 1 <= len(steps) <= MOST_LEVELS
+    assert 1 <= len(steps) <= MAX_LEVELS
     assert np.allclose(steps, steps[0])
     assert levels[0] <= math.log10(min(means)) + 1e-9
     assert math.log10(max(means)) < levels[-1] + 1e-9
@@ -336,20 +329,11 @@ def test_where_every_mean_is_undetermined_all_is_grey() -> None:
     assert all(to_rgb(colour) == pytest.approx(to_rgb(GREY), abs=0.01) for colour in colours.values())
 
 
-# The files
+# The table
 
 
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory) -> Path:
-    """Return the stem of the maps' files."""
-    stem = tmp_path_factory.mktemp("maps") / "v0.5"
-    assert save_maps(stem, "fig-5-6", SPEED, WIDTH, MAPS) == [stem.with_name(f"v0.5{ending}") for ending in ENDINGS]
-    assert sorted(path.name for path in stem.parent.iterdir()) == sorted(f"v0.5{ending}" for ending in ENDINGS)
-    return stem
-
-
-def test_the_csv_has_a_row_for_each_point_with_trials(saved) -> None:
-    table = rows(saved.with_name("v0.5.csv"))
+def test_the_csv_has_a_row_for_each_point_with_trials(tmp_path) -> None:
+    table = written(tmp_path, maps_table(SPEED, MAPS))
     assert list(table[0]) == [PIXELS, WIDTH, SPEED, "trials", "censored", "mean", "mean_low", "mean_high"]
     expected = []
     for pixels in PANELS:
@@ -368,41 +352,23 @@ def test_the_csv_has_the_numbers_that_curves_have(tmp_path) -> None:
     made = measured(
         {WIDTH: [40, 60], SPEED: [1, 2]}, lambda point: ended([3, 5, 9, 40 * point.axes[SPEED]], [True] * 3 + [False])
     )
-    save_maps(tmp_path / "T", "title", SPEED, WIDTH, read_maps(made, SPEED, WIDTH))
+    table = written(tmp_path, maps_table(SPEED, read_maps(made, SPEED, WIDTH)))
     numbers = [
         [*map(six_digits, row)]
         for curve in read_curves(made, SPEED)
         for row in zip(curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T, strict=True)
     ]
-    assert [[*row.values()][1:] for row in rows(tmp_path / "T.csv")] == numbers
+    assert [[*row.values()][1:] for row in table] == numbers
 
 
-def test_the_pictures_are_no_smaller_than_they_are_to_be_and_well_formed(saved) -> None:
-    picture = image.imread(saved.with_name("v0.5.png"))
-    assert picture.shape[1] > picture.shape[0] > 300
-    assert ElementTree.parse(saved.with_name("v0.5.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
-
-
-def test_the_same_results_give_the_same_files_byte_for_byte_and_others_do_not(saved, tmp_path) -> None:
-    for path in save_maps(tmp_path / "again", "fig-5-6", SPEED, WIDTH, read_maps(POINTS, SPEED, WIDTH)):
-        assert path.read_bytes() == saved.with_name(path.name.replace("again", "v0.5")).read_bytes()
-    moved = [MAPS[1], MAPS[0], MAPS[2]]
-    for path in save_maps(tmp_path / "other", "fig-5-6", SPEED, WIDTH, moved):
-        assert path.read_bytes() != saved.with_name(path.name.replace("other", "v0.5")).read_bytes()
-
-
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_where_one_file_cannot_be_written_none_is(tmp_path, ending: str) -> None:
-    (tmp_path / f"T{ending}").mkdir()
-    with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
-        save_maps(tmp_path / "T", "title", SPEED, WIDTH, MAPS[:1])
-    assert [path.name for path in tmp_path.iterdir()] == [f"T{ending}"]
+def test_a_page_of_three_panels_is_wider_than_high() -> None:
+    width, height = draw_maps("title", SPEED, WIDTH, MAPS).get_size_inches()
+    assert width > height > 2.5
 
 
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$"])
 def test_a_name_is_no_formula(name: str) -> None:
-    figure: Figure = draw_maps(
-        name, SPEED, WIDTH, [each._replace(axes={"noise": f"{name}{n}"}) for n, each in enumerate(MAPS)]
-    )
-    figure.savefig(BytesIO())
+    named = [each._replace(axes={"noise": f"{name}{n}"}) for n, each in enumerate(MAPS)]
+    figure = laid_out(draw_maps(name, SPEED, WIDTH, named))
     assert figure.get_suptitle() == name
+    assert [panel.get_title() for panel in figure.axes[:-1]] == [f"noise = {name}{n}" for n in range(3)]

@@ -12,16 +12,17 @@ from matplotlib.ticker import NullLocator
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import perturbations
 from epuck_sim.figures.perturbations import (
-    LEAST,
+    MIN_DEVIATION,
     Perturbation,
     draw_perturbations,
+    perturbations_table,
     read_perturbations,
-    save_perturbations,
 )
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.points import points
+from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import SPEED as WHEELS
-from tests.runs.made_folders import censored, ended, in_memory, rows, six_digits, sweep
+from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
 
 SPEED, COUPLING = "agents.speed_cm_s", "response.coupling"
 
@@ -86,7 +87,7 @@ def test_moments_are_the_middles_of_periods_whatever_their_length() -> None:
 
 
 def test_of_a_long_trial_the_beginning_is_shown(monkeypatch) -> None:
-    monkeypatch.setattr(perturbations, "MOST_CYCLES", 7)
+    monkeypatch.setattr(perturbations, "MAX_CYCLES", 7)
     for read, whole in zip(read_perturbations(in_memory(SCENARIO, never)), READ, strict=True):
         assert read.cycle.tolist() == np.arange(0.5, 7).tolist()
         np.testing.assert_array_equal(read.deviation, whole.deviation[:7])
@@ -96,7 +97,7 @@ def test_robots_with_bodies_have_no_such_map() -> None:
     robots = in_memory(sweep({WHEELS: [1, 2]}, trials=2, name="robots"), lambda _: ended([3, 4]))
     with pytest.raises(EpuckSimError) as caught:
         read_perturbations(robots)
-    words = "robots: the forms perturbation and course are for model: particles; this is embodied"
+    words = "robots: model is 'embodied'; the forms perturbation and course need model: particles"
     assert str(caught.value) == words
 
 
@@ -105,9 +106,7 @@ def test_robots_with_bodies_have_no_such_map() -> None:
 
 def panels_of(given: list[Perturbation]) -> list[Axes]:
     """Return the panels of a figure, laid out; the last of its axes is the colour bar."""
-    figure = draw_perturbations("title", given)
-    figure.savefig(BytesIO())
-    return figure.axes[:-1]
+    return laid_out(draw_perturbations("title", given)).axes[:-1]
 
 
 def painted(given: Perturbation) -> list[list[str]]:
@@ -152,7 +151,7 @@ def test_all_panels_share_one_logarithmic_scale_up_to_half_a_cycle() -> None:
     norms = [panel.collections[0].norm for panel in panels_of(READ)]
     for norm in norms:
         assert isinstance(norm, LogNorm)
-        assert (norm.vmin, norm.vmax) == (LEAST, 0.5)
+        assert (norm.vmin, norm.vmax) == (MIN_DEVIATION, 0.5)
     figure = draw_perturbations("title", READ)
     assert figure.axes[-1].get_ylabel() == "|Δϕ| [cycles]"
 
@@ -161,8 +160,8 @@ def test_on_the_page_zero_is_blank_and_anything_else_has_the_colour_of_its_size(
     def viridis(place: float) -> str:
         return to_hex(colormaps["viridis"](place))
 
-    middle = float(np.sqrt(LEAST * 0.5))
-    colours = painted(made([[0.5, 0, LEAST], [middle, LEAST / 1000, 0]]))
+    middle = float(np.sqrt(MIN_DEVIATION * 0.5))
+    colours = painted(made([[0.5, 0, MIN_DEVIATION], [middle, MIN_DEVIATION / 1000, 0]]))
     assert colours == [[viridis(1.0), viridis(0.5)], ["#ffffff", viridis(0.0)], [viridis(0.0), "#ffffff"]]
 
 
@@ -172,8 +171,9 @@ def test_where_nothing_deviates_the_whole_panel_is_blank() -> None:
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 4), (5, 1)])
 def test_the_smallest_trials_are_drawn_too(tmp_path, shape: tuple[int, int]) -> None:
-    save_perturbations(tmp_path / "fig", "title", [made(np.full(shape, 0.1))])
-    assert len(rows(tmp_path / "fig.csv")) == shape[0] * shape[1]
+    smallest = [made(np.full(shape, 0.1))]
+    laid_out(draw_perturbations("title", smallest))
+    assert len(written(tmp_path, perturbations_table(smallest))) == shape[0] * shape[1]
 
 
 @pytest.mark.parametrize("shape", [(1, 4), (5, 1)])
@@ -186,9 +186,7 @@ def test_one_moment_or_one_agent_is_seen_too(shape: tuple[int, int]) -> None:
 
 
 def test_the_table_holds_every_deviation_that_is_not_zero(tmp_path) -> None:
-    files = save_perturbations(tmp_path / "fig", "title", READ)
-    assert [file.name for file in files] == ["fig.png", "fig.svg", "fig.csv"]
-    table = rows(files[2])
+    table = written(tmp_path, perturbations_table(READ))
     assert [*table[0]] == [SPEED, "cycle", "agent", "deviation"]
     expected = [
         [str(read.axes[SPEED]), six_digits(cycle), str(agent), six_digits(read.deviation[moment, agent])]
@@ -202,21 +200,15 @@ def test_the_table_holds_every_deviation_that_is_not_zero(tmp_path) -> None:
 
 
 def test_the_table_is_exactly_this(tmp_path) -> None:
-    *_, table = save_perturbations(
-        tmp_path / "fig", "title", [made([[0, 0.25], [1 / 3, 2e-9 / 3]], **{SPEED: 0.5, COUPLING: 2})]
-    )
-    assert table.read_text() == (
+    written(tmp_path, perturbations_table([made([[0, 0.25], [1 / 3, 2e-9 / 3]], **{SPEED: 0.5, COUPLING: 2})]))
+    assert (tmp_path / "table.csv").read_text() == (
         f"{SPEED},{COUPLING},cycle,agent,deviation\n0.5,2,0.5,1,0.25\n0.5,2,1.5,0,0.333333\n0.5,2,1.5,1,6.66667e-10\n"
     )
 
 
-def test_the_same_trials_give_the_same_files(tmp_path) -> None:
-    written = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        files = save_perturbations(tmp_path / name / "fig", "title", read_perturbations(in_memory(SCENARIO, never)))
-        written.append([file.read_bytes() for file in files])
-    assert written[0] == written[1]
+def test_the_same_trials_give_the_same_perturbations(tmp_path) -> None:
+    again = read_perturbations(in_memory(SCENARIO, never))
+    assert written(tmp_path, perturbations_table(again)) == written(tmp_path, perturbations_table(READ))
 
 
 def test_more_points_than_a_page_holds_are_refused_in_words() -> None:

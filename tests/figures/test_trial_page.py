@@ -1,6 +1,5 @@
-"""Claims about the page of a trial: what is drawn is what was recorded, and the files are whole and the same again."""
+"""Claims about the page of a trial: what is drawn is what was recorded, and the same trial gives the same files."""
 
-import errno
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,15 +12,15 @@ from matplotlib import image
 from matplotlib.axes import Axes
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon, Rectangle
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import EpuckSimError, RecordingError
-from epuck_sim.figures.trial_page import MANY, RED, draw_page, save_page
+from epuck_sim.errors import RecordingError
+from epuck_sim.figures.saving import Target, save_figure
+from epuck_sim.figures.trial_page import MAX_VECTOR_MARKS, RED, check_drawable, draw_page
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import PATH_S
 from epuck_sim.recording.reader import Recorded, read_recording
@@ -29,6 +28,7 @@ from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, refused
+from tests.figures.drawn import laid_out
 
 ENDINGS = (".png", ".svg")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -120,8 +120,12 @@ def long(tmp_path_factory) -> Recorded:
 def saved(thesis, tmp_path_factory) -> Path:
     """Return the stem of the files of a page."""
     stem = tmp_path_factory.mktemp("saved") / "page"
-    assert save_page(thesis, "thesis.rrd", stem) == [stem.with_name(f"page{ending}") for ending in ENDINGS]
+    saved_page(thesis, stem, ENDINGS)
     return stem
+
+
+def saved_page(trial: Recorded, stem: Path, formats: tuple[str, ...] = (".svg",)) -> list[Path]:
+    return save_figure(Target(stem, formats), lambda: draw_page(trial))
 
 
 # What is drawn over time
@@ -157,7 +161,7 @@ def test_rows_have_whole_numbers(tmp_path, count: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["thesis", "mixed"])
-def test_phases_are_told_of_the_reference_at_its_firings(request, name: str) -> None:
+def test_phases_are_relative_to_the_reference_at_its_firings(request, name: str) -> None:
     trial = request.getfixturevalue(name)
     _, _, axes, _ = panels(trial)
     drawn = [points(line) for line in axes.get_lines()]
@@ -329,10 +333,8 @@ def test_a_robot_has_one_colour_on_the_whole_page(thesis) -> None:
 )
 def test_any_trial_can_be_drawn(tmp_path, scenario: str | Mapping[str, Any]) -> None:
     trial = recorded(tmp_path / "t.rrd", scenario)
-    arena, *_ = panels(trial)
+    arena, *_ = laid_out(draw_page(trial)).axes
     assert len(robots(arena)) == trial.scenario.robot_count
-    for path in save_page(trial, "t.rrd", tmp_path / "page"):
-        assert path.stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$", "x_1^2 \\alpha & <b> {0} 50 %", "[/red]", "群れ"])
@@ -342,19 +344,18 @@ def test_a_name_is_no_formula(tmp_path, name: str) -> None:
     (title,) = figure.texts
     assert title.get_text().startswith(f"{name}, seed 0: ")
     assert not (title.get_parse_math() and is_math_text(title.get_text()))
-    for path in save_page(trial, "t.rrd", tmp_path / "page"):
-        assert path.is_file()
+    saved_page(trial, tmp_path / "page")
     ElementTree.parse(tmp_path / "page.svg")
 
 
 def test_of_many_marks_the_svg_holds_a_picture(long, thesis, saved, tmp_path) -> None:
-    assert min(len(long.flash_s), len(long.time_s), long.firing_s.size * 12) > MANY
+    assert min(len(long.flash_s), len(long.time_s), long.firing_s.size * 12) > MAX_VECTOR_MARKS
     assert [rasterized(axes) for axes in panels(long)] == [{False}, {True}, {True}, {True}]
     assert [rasterized(axes) for axes in panels(thesis)] == [{False}] * 4
-    first, again = (save_page(long, "long.rrd", tmp_path / name) for name in ("first", "again"))
-    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in again]
-    assert len([*ElementTree.parse(first[1]).iter(f"{SVG}image")]) >= 3
-    assert first[1].stat().st_size < 1_000_000
+    (first,), (again,) = (saved_page(long, tmp_path / name) for name in ("first", "again"))
+    assert first.read_bytes() == again.read_bytes()
+    assert len([*ElementTree.parse(first).iter(f"{SVG}image")]) >= 3
+    assert first.stat().st_size < 1_000_000
     assert [*ElementTree.parse(saved.with_name("page.svg")).iter(f"{SVG}image")] == []
 
 
@@ -366,10 +367,6 @@ def test_many_marks_are_drawn_all_the_same(long) -> None:
 
 
 # The files
-
-
-def test_nothing_but_the_two_files_is_written(saved) -> None:
-    assert sorted(path.name for path in saved.parent.iterdir()) == ["page.png", "page.svg"]
 
 
 def test_the_png_is_a_picture_and_not_blank(thesis, saved) -> None:
@@ -391,8 +388,8 @@ def test_the_svg_is_well_formed(thesis, saved) -> None:
 
 
 def test_the_same_trial_gives_the_same_files_byte_for_byte_and_another_one_others(saved, tmp_path) -> None:
-    again = save_page(recorded(tmp_path / "again.rrd", "thesis"), "again.rrd", tmp_path / "again")
-    other = save_page(recorded(tmp_path / "other.rrd", "thesis", seed=1), "other.rrd", tmp_path / "other")
+    again = saved_page(recorded(tmp_path / "again.rrd", "thesis"), tmp_path / "again", ENDINGS)
+    other = saved_page(recorded(tmp_path / "other.rrd", "thesis", seed=1), tmp_path / "other", ENDINGS)
     for ending, same, different in zip(ENDINGS, again, other, strict=True):
         first = saved.with_name(f"page{ending}").read_bytes()
         assert same.read_bytes() == first
@@ -402,43 +399,20 @@ def test_the_same_trial_gives_the_same_files_byte_for_byte_and_another_one_other
 def test_a_summary_has_nothing_to_draw(tmp_path) -> None:
     trial = recorded(tmp_path / "t.rrd", "pair", level=Level.SUMMARY)
     with pytest.raises(RecordingError, match=r"mine\.rrd: holds no poses.*--record-level poses or full"):
-        save_page(trial, "mine.rrd", tmp_path / "page")
+        check_drawable(trial, "mine.rrd")
     assert f"{tmp_path}/t.rrd: holds no poses" in refused("plot", tmp_path / "t.rrd")
     assert [path.name for path in tmp_path.iterdir()] == ["t.rrd"]
 
 
 @pytest.mark.parametrize("stem", ["gone/page", "file/page", ".", "..", "/", "y" * 300, "taken-png", "taken-svg"])
-def test_where_one_file_cannot_be_written_none_is(file, thesis, tmp_path, monkeypatch, stem: str) -> None:
+def test_where_one_file_cannot_be_written_none_is(file, tmp_path, monkeypatch, stem: str) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("mine")
     for ending in ENDINGS:
         (tmp_path / f"taken-{ending[1:]}{ending}").mkdir()
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises((EpuckSimError, OSError)):
-        save_page(thesis, "t.rrd", Path(stem))
     assert stem in refused("plot", file, "--to", stem)
     assert sorted(tmp_path.rglob("*")) == before
-
-
-@pytest.mark.parametrize(
-    ("problem", "raised"),
-    [(OSError(errno.ENOSPC, "No space left"), EpuckSimError), (KeyboardInterrupt(), KeyboardInterrupt)],
-    ids=["full disk", "Ctrl-C"],
-)
-def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
-    thesis, tmp_path, monkeypatch, problem: BaseException, raised: type[BaseException]
-) -> None:
-    for ending in ENDINGS:
-        (tmp_path / f"page{ending}").write_text("older")
-
-    def write_half(_: Figure, part: Path, **__: Any) -> None:
-        part.write_text("half")
-        raise problem
-
-    monkeypatch.setattr(Figure, "savefig", write_half)
-    with pytest.raises(raised):
-        save_page(thesis, "t.rrd", tmp_path / "page")
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"page.png": "older", "page.svg": "older"}
 
 
 # The command
@@ -456,12 +430,20 @@ def test_plot_of_a_recording_writes_beside_it_and_names_the_files(file, saved, t
         assert own.with_suffix(ending).read_bytes() == saved.with_name(f"page{ending}").read_bytes()
 
 
-def test_plot_of_a_recording_writes_where_it_is_told(file, tmp_path) -> None:
+def test_plot_of_a_recording_writes_where_it_should(file, tmp_path) -> None:
     result = call("plot", file, "--to", tmp_path / "a.b")
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.splitlines() == [str(tmp_path / "a.b.png"), str(tmp_path / "a.b.svg")]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.b.png", "a.b.svg"]
     assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+def test_plot_of_a_recording_writes_the_one_picture_that_is_asked_for(file, tmp_path) -> None:
+    result = call("plot", file, "--to", tmp_path / "page.pdf")
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.splitlines() == [str(tmp_path / "page.pdf")]
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF")
+    assert [path.name for path in tmp_path.iterdir()] == ["page.pdf"]
 
 
 def test_an_axis_is_for_run_folders(file) -> None:

@@ -1,26 +1,21 @@
 """Claims about violins: they hold the trials that synchronised, beside Appendix A's mean of trials censored early."""
 
 import math
-from io import BytesIO
-from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib import image
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.violins import LINE, VIOLIN, density, draw_violins, read_violins, save_violins
-from epuck_sim.statistics.mean_estimate import LEAST_UNCENSORED, estimate_mean
-from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, rows, six_digits, sweep, weibull
+from epuck_sim.figures.violins import LINE, VIOLIN, density, draw_violins, read_violins, violins_table
+from epuck_sim.statistics.mean_estimate import MIN_UNCENSORED, estimate_mean
+from tests.figures.drawn import laid_out, written
+from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, six_digits, sweep, weibull
 
-ENDINGS = (".png", ".svg", ".csv")
 COUNTS = [7, 3, 5]
 CENSORED_AT = 60
 
@@ -43,9 +38,7 @@ OPEN = read_violins(POINTS, SPEED)
 
 def panels_of(groups, censored_at: int | None = CENSORED_AT) -> list[Axes]:
     """Return the panels of a figure, laid out."""
-    figure = draw_violins("title", SPEED, groups, censored_at)
-    figure.savefig(BytesIO())
-    return figure.axes
+    return laid_out(draw_violins("title", SPEED, groups, censored_at)).axes
 
 
 def violins(panel: Axes) -> list[np.ndarray]:
@@ -94,7 +87,7 @@ def test_a_trial_that_synchronises_at_the_censoring_is_not_censored_and_one_afte
 
 def test_the_censoring_makes_the_estimate_undetermined_where_appendix_a_says() -> None:
     (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(range(1, 101)))
-    last = round(100 * LEAST_UNCENSORED)
+    last = round(100 * MIN_UNCENSORED)
     for limit, is_undetermined in ((last - 1, True), (last, False)):
         (group,) = read_violins([made], SPEED, limit)
         assert np.isnan(group.estimates[0, 0]) == is_undetermined
@@ -226,7 +219,7 @@ def test_a_censoring_above_all_trials_is_within_the_figure() -> None:
     assert lines(panel, "T_cens of that mean: $10^{7}$")
 
 
-def test_the_title_tells_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
+def test_the_title_says_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
     censored = sum(int((~point.observed).sum()) for point in POINTS)
     trials = sum(len(point.times) for point in POINTS)
     assert censored > 10
@@ -256,28 +249,16 @@ def test_panels_are_in_order_and_share_their_scales() -> None:
 
 def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
     made = in_memory(sweep({COUNT: [2, 3, 5]}), lambda point: weibull(point, 50))
-    figure = draw_violins("title", COUNT, read_violins(made, COUNT), None)
-    figure.savefig(BytesIO())
-    (panel,) = figure.axes
+    (panel,) = laid_out(draw_violins("title", COUNT, read_violins(made, COUNT), None)).axes
     assert panel.get_xscale() == "linear"
     assert [np.ptp(corners[:, 0]) for corners in violins(panel)] == pytest.approx([0.8] * 3)
 
 
-# The files
+# The table
 
 
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory) -> Path:
-    """Return the stem of the violins' files."""
-    stem = tmp_path_factory.mktemp("violins") / "fig"
-    expected = [stem.with_name(f"fig{ending}") for ending in ENDINGS]
-    assert save_violins(stem, "fig-a-1", SPEED, GROUPS, CENSORED_AT) == expected
-    assert sorted(path.name for path in stem.parent.iterdir()) == sorted(f"fig{ending}" for ending in ENDINGS)
-    return stem
-
-
-def test_the_csv_has_the_numbers_of_the_violins(saved) -> None:
-    table = rows(saved.with_name("fig.csv"))
+def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
+    table = written(tmp_path, violins_table(SPEED, GROUPS))
     assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "plain_mean", "estimate", "low", "high"]
     expected = []
     for point in POINTS:
@@ -291,32 +272,8 @@ def test_the_csv_has_the_numbers_of_the_violins(saved) -> None:
     assert [*table[1].values()] == ["7", "0.5", "1", "0", "800", "", "", ""]
 
 
-def test_the_pictures_are_whole(saved) -> None:
-    picture = image.imread(saved.with_name("fig.png"))
-    assert picture[..., :3].std() > 0.05
-    assert ElementTree.parse(saved.with_name("fig.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
-
-
-def test_the_same_results_give_the_same_files_byte_for_byte_and_others_do_not(saved, tmp_path) -> None:
-    for path in save_violins(
-        tmp_path / "again", "fig-a-1", SPEED, read_violins(POINTS, SPEED, CENSORED_AT), CENSORED_AT
-    ):
-        assert path.read_bytes() == saved.with_name(path.name.replace("again", "fig")).read_bytes()
-    for path in save_violins(tmp_path / "other", "fig-a-1", SPEED, OPEN):
-        assert path.read_bytes() != saved.with_name(path.name.replace("other", "fig")).read_bytes()
-
-
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_where_one_file_cannot_be_written_none_is(tmp_path, ending: str) -> None:
-    (tmp_path / f"T{ending}").mkdir()
-    with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
-        save_violins(tmp_path / "T", "title", SPEED, GROUPS)
-    assert [path.name for path in tmp_path.iterdir()] == [f"T{ending}"]
-
-
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$"])
 def test_a_name_is_no_formula(name: str) -> None:
     named = [group._replace(axes={"noise": f"{name}{n}"}) for n, group in enumerate(GROUPS)]
-    figure = draw_violins(name, SPEED, named, None)
-    figure.savefig(BytesIO())
+    figure = laid_out(draw_violins(name, SPEED, named, None))
     assert [panel.get_title() for panel in figure.axes] == [f"noise = {name}{n}" for n in range(3)]

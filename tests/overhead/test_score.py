@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.overhead.truth import WITHIN_CM, Score, compare
+from tests.overhead.score import WITHIN_CM, Score, compare
 
 NONE = np.empty((0, 2))
 TWO = np.array([[10.0, 10.0], [20.0, 10.0]])

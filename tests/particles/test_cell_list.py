@@ -1,9 +1,9 @@
-"""Cells find whom a look at all pairs finds, and trials come out alike to the bit."""
+"""The cell list finds all agents within a radius, and trials with and without it are equal to the bit."""
 
 import numpy as np
 import pytest
 
-from epuck_sim.particles.cell_list import look_around, make_cell_list
+from epuck_sim.particles.cell_list import find_candidates, make_cell_list
 from epuck_sim.particles.simulation import ParticleSimulation
 
 NEIGHBOURHOODS = {
@@ -28,9 +28,9 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
 
 
 def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
-    flights, hood, *rest = swarm._state
-    assert hood.has_lattice
-    swarm._state = (flights, hood._replace(has_lattice=False), *rest)
+    trajectories, neighbourhood, *rest = swarm._state
+    assert neighbourhood.uses_cell_list
+    swarm._state = (trajectories, neighbourhood._replace(uses_cell_list=False), *rest)
     return swarm
 
 
@@ -49,7 +49,7 @@ def test_trials_with_and_without_cells_are_the_same_to_the_bit(neighbourhood, bo
 
 
 @pytest.mark.parametrize("dimensions", [1, 3])
-def test_so_are_those_in_a_segment_and_a_cube(dimensions: int) -> None:
+def test_trials_in_a_segment_and_a_cube_are_the_same_with_and_without_cells(dimensions: int) -> None:
     rule = {"neighbourhood": {"kind": "range", "radius_cm": 9}, "response": {"refractory": 0.2}}
     in_cells, all_pairs = swarm_of(3, dimensions, **rule), without_cells(swarm_of(3, dimensions, **rule))
     for swarm in (in_cells, all_pairs):
@@ -59,25 +59,25 @@ def test_so_are_those_in_a_segment_and_a_cube(dimensions: int) -> None:
 
 @pytest.mark.parametrize(("dimensions", "cell_cm"), [(1, 3), (2, 4), (2, 90), (3, 11)])
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-def test_nobody_within_reach_is_missed_and_nobody_found_twice(boundary, dimensions, cell_cm) -> None:
+def test_all_agents_within_the_radius_are_found_and_none_twice(boundary, dimensions, cell_cm) -> None:
     swarm = swarm_of(20, dimensions, boundary, neighbourhood={"kind": "all"})
-    flights = swarm._flights
-    lattice = make_cell_list(dimensions, 100, 450, cell_cm, float(flights.speed.max()))
+    trajectories = swarm._trajectories
+    cell_list = make_cell_list(dimensions, 100, 450, cell_cm, float(trajectories.speed.max()))
     found = np.zeros(450, np.int64)
     for time in (0.0, 0.01, 0.05, 0.4, 0.9):
         for agent in (0, 17, 449):
             for reach in (0.5, 7.0, 45.0, 300.0):
-                candidates = found[: look_around(lattice, flights, agent, time, reach, found)]
+                candidates = found[: find_candidates(cell_list, trajectories, agent, time, reach, found)]
                 assert len(set(candidates)) == len(candidates)
-                where = np.array([position_at(flights, each, time) for each in range(450)])
+                where = np.array([position_at(trajectories, each, time) for each in range(450)])
                 apart = np.abs(where - where[agent])
                 apart = np.minimum(apart, 100 - apart) if boundary == "cyclic" else apart
                 near = np.flatnonzero(np.sqrt((apart**2).sum(axis=1)) <= reach)
                 assert set(near) <= set(candidates)
 
 
-def position_at(flights, agent: int, time: float) -> np.ndarray:
-    """Return where an agent is; one whose flight has ended is where that was, which may be a little behind."""
-    time = min(time, flights.end_cycle[agent] + flights.ends[agent])
-    lasts = time - flights.began_cycle[agent] - flights.began[agent]
-    return flights.origin[:, agent] + flights.heading[:, agent] * flights.speed[agent] * lasts
+def position_at(trajectories, agent: int, time: float) -> np.ndarray:
+    """Return the position of an agent, or that of its wall hit if its trajectory has ended."""
+    time = min(time, trajectories.end_cycle[agent] + trajectories.end_time[agent])
+    lasts = time - trajectories.start_cycle[agent] - trajectories.start_time[agent]
+    return trajectories.origin[:, agent] + trajectories.heading[:, agent] * trajectories.speed[agent] * lasts

@@ -1,43 +1,51 @@
-"""The kernel does what a plain twin does, event by event, and cascades go by the letter of the rules."""
+"""The kernel agrees with the naive model, event by event, and cascades follow the rules to the letter."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.motion import plan_all
-from epuck_sim.particles.order_kernel import near_enough
-from tests.particles.oracle import Oracle
-from tests.particles.scenes import KINDS, agree, any_sections, hand_made, next_firing, set_flights, swarm_of, who
+from epuck_sim.particles.motion import find_wall_hits
+from tests.particles.naive_model import NaiveModel
+from tests.particles.simulations import (
+    KINDS,
+    any_sections,
+    as_set,
+    compare_events,
+    make_resting,
+    make_simulation,
+    next_firing_event,
+    set_trajectories,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)
 
 
-# --- beside the twin --------------------------------------------------------------------------------
+# --- compared with the naive model ------------------------------------------------------------------
 
 
 @kinds
 @given(st.data(), SEEDS)
 @settings(max_examples=60)
-def test_every_event_is_that_of_the_plain_twin(kind, data, seed):
-    swarm = swarm_of(seed, **data.draw(any_sections(kind)))
-    agree(swarm, Oracle(swarm), cycles=50)
+def test_every_event_is_that_of_the_naive_model(kind, data, seed):
+    swarm = make_simulation(seed, **data.draw(any_sections(kind)))
+    compare_events(swarm, NaiveModel(swarm), cycles=50)
 
 
 @kinds
 @given(st.data(), SEEDS)
 @settings(max_examples=1500)
 @pytest.mark.slow
-def test_every_event_is_that_of_the_plain_twin_in_many_more_swarms(kind, data, seed):
-    swarm = swarm_of(seed, **data.draw(any_sections(kind)))
-    agree(swarm, Oracle(swarm), cycles=50)
+def test_every_event_is_that_of_the_naive_model_in_many_more_swarms(kind, data, seed):
+    swarm = make_simulation(seed, **data.draw(any_sections(kind)))
+    compare_events(swarm, NaiveModel(swarm), cycles=50)
 
 
 @kinds
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-def test_the_comparison_with_the_twin_does_not_end_early(kind, dimensions, boundary):
+def test_the_comparison_with_the_naive_model_does_not_end_early(kind, dimensions, boundary):
     rule = {
         "nearest": {"k": 2},
         "range": {"radius_cm": 30},
@@ -45,32 +53,32 @@ def test_the_comparison_with_the_twin_does_not_end_early(kind, dimensions, bound
         "cone_of_emission": {"angle_deg": 200},
         "all": {},
     }[kind]
-    swarm = swarm_of(
+    swarm = make_simulation(
         space={"dimensions": dimensions, "boundary": boundary},
         agents={"count": 6, "speed_cm_s": 15.0},
         neighbourhood={"kind": kind, **rule},
     )
-    twin = Oracle(swarm)
-    assert agree(swarm, twin, cycles=50) >= 300
+    twin = NaiveModel(swarm)
+    assert compare_events(swarm, twin, cycles=50) >= 300
     assert twin.time >= 50
 
 
-# --- the same trial, told in other ways -------------------------------------------------------------
+# --- one trial, advanced in different ways ----------------------------------------------------------
 
 
-def told(swarm):
-    """Return the state of the oscillators, and how often what has happened."""
+def state_of(swarm):
+    """Return the state of the oscillators and all counts."""
     return [*swarm.phases(), swarm.cycles, swarm.instants, swarm.firings, swarm.order_parameter, swarm.is_synchronised]
 
 
-def watched(swarm, cycles):
-    """Go on event by event as `run` does at once."""
+def by_events(swarm, cycles):
+    """Simulate event by event as far as `run(cycles)` does."""
     while swarm.cycles < cycles and not swarm.is_synchronised:
         next(swarm)
 
 
-def looked_at(swarm, cycles):
-    """Go on as `run` does, but look where everybody is on the way there."""
+def with_positions(swarm, cycles):
+    """Simulate as `run(cycles)` does, but ask for positions on the way."""
     while swarm.cycles < cycles and not swarm.is_synchronised:
         swarm.run(cycles, 1)
         swarm.positions()
@@ -81,7 +89,7 @@ def looked_at(swarm, cycles):
 @settings(max_examples=25)
 def test_in_one_go_in_slices_looked_at_or_event_by_event_a_swarm_is_the_same_bit_for_bit(kind, data, seed, cycles):
     sections = data.draw(any_sections(kind, most_agents=12))
-    at_once, sliced, looked, by_event = (swarm_of(seed, **sections) for _ in range(4))
+    at_once, sliced, looked, by_event = (make_simulation(seed, **sections) for _ in range(4))
     at_once.run(cycles, 200)  # a reference that others hold back may never get there
     if at_once.period >= 200:
         return
@@ -89,40 +97,40 @@ def test_in_one_go_in_slices_looked_at_or_event_by_event_a_swarm_is_the_same_bit
     for periods in [*slices, *[1, 3] * 200]:
         if sliced.cycles < cycles and not sliced.is_synchronised:
             sliced.run(cycles, periods)
-    looked_at(looked, cycles)
-    watched(by_event, cycles)
+    with_positions(looked, cycles)
+    by_events(by_event, cycles)
     for other in (sliced, looked, by_event):
-        assert told(other) == told(at_once)
+        assert state_of(other) == state_of(at_once)
         assert other.time_s == at_once.time_s
         assert (other.positions() == at_once.positions()).all()
         assert (other.headings() == at_once.headings()).all()
-        assert (other._flights.streams == at_once._flights.streams).all()
+        assert (other._trajectories.streams == at_once._trajectories.streams).all()
 
 
-@pytest.mark.parametrize("going_on", [watched, looked_at])
+@pytest.mark.parametrize("going_on", [by_events, with_positions])
 @pytest.mark.parametrize(
     "neighbourhood", [{"kind": "all"}, {"kind": "cone_of_emission", "angle_deg": 60}], ids=lambda rule: rule["kind"]
 )
 def test_wild_motion_which_makes_much_of_any_bit_is_the_same_however_a_swarm_goes_on(going_on, neighbourhood):
-    # `all`, because only there nobody is looked for: all flights are carried on long after they ended
+    # `all`, because there nothing asks for positions: trajectories are continued long after they ended
     scene = {
         "space": {"dimensions": 3},
         "agents": {"count": 3, "speed_cm_s": 400.0, "reorient_on": ["emitting"]},
         "neighbourhood": neighbourhood,
         "response": {"coupling": 0.001},
     }
-    at_once, otherwise = swarm_of(0, **scene), swarm_of(0, **scene)
+    at_once, otherwise = make_simulation(0, **scene), make_simulation(0, **scene)
     at_once.run(200)
     going_on(otherwise, 200)
-    assert told(otherwise) == told(at_once)
+    assert state_of(otherwise) == state_of(at_once)
     assert (otherwise.positions() == at_once.positions()).all()
 
 
-def test_flights_that_nobody_looks_at_for_long_are_the_same_bit_for_bit():
+def test_trajectories_whose_positions_are_not_asked_for_are_the_same_bit_for_bit():
     scene = {"agents": {"speed_cm_s": 70.0}, "neighbourhood": {"kind": "all"}, "response": {"coupling": 0}}
-    at_once, looked = swarm_of(1, **scene), swarm_of(1, **scene)
+    at_once, looked = make_simulation(1, **scene), make_simulation(1, **scene)
     at_once.run(20_000)
-    looked_at(looked, 20_000)
+    with_positions(looked, 20_000)
     assert (at_once.positions() == looked.positions()).all()
 
 
@@ -131,7 +139,7 @@ def test_flights_that_nobody_looks_at_for_long_are_the_same_bit_for_bit():
 @settings(max_examples=20)
 def test_stops_at_any_times_make_no_difference(kind, data, seed):
     sections = data.draw(any_sections(kind))
-    straight, stopped = swarm_of(seed, **sections), swarm_of(seed, **sections)
+    straight, stopped = make_simulation(seed, **sections), make_simulation(seed, **sections)
     straight.run(10, 100)
     if straight.period >= 100:
         return
@@ -144,13 +152,13 @@ def test_stops_at_any_times_make_no_difference(kind, data, seed):
         assert ((stopped.phases() >= -1e-9) & (stopped.phases() <= 1 + 1e-9)).all()
         assert not stopped.is_synchronised  # `straight` stopped where that is first so
     stopped.run(10, 100)
-    assert told(stopped) == told(straight)
+    assert state_of(stopped) == state_of(straight)
     assert (stopped.positions() == straight.positions()).all()
-    assert (stopped._flights.streams == straight._flights.streams).all()
+    assert (stopped._trajectories.streams == straight._trajectories.streams).all()
 
 
 def test_what_happens_at_the_very_time_has_happened():
-    swarm = hand_made([0.5, 0.25])
+    swarm = make_resting([0.5, 0.25])
     swarm.run_to(0.5)
     assert (swarm.instants, swarm.time_s) == (1, 0.5)
     assert swarm.phases()[0] == 0
@@ -159,7 +167,7 @@ def test_what_happens_at_the_very_time_has_happened():
 
 
 def test_phases_and_positions_are_those_of_the_time_run_to():
-    swarm = hand_made(
+    swarm = make_resting(
         [0.5, 0.25], [[10.0], [20.0]], [[1], [-1]], agents={"count": 2, "speed_cm_s": 4.0}, response={"coupling": 0}
     )
     swarm.run_to(0.375)
@@ -177,160 +185,165 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
     sections = data.draw(any_sections(kind))
     agents = sections["agents"]["count"]
     order = data.draw(st.permutations(range(agents)))
-    one, other = swarm_of(seed, **sections), swarm_of(seed, **sections)
-    theirs, ours = other._flights, one._flights
+    one, other = make_simulation(seed, **sections), make_simulation(seed, **sections)
+    theirs, ours = other._trajectories, one._trajectories
     for name in ("origin", "heading", "speed", "streams"):
         given_to, taken = getattr(theirs, name), getattr(ours, name)
         given_to[:] = taken[:, order] if given_to.shape == theirs.origin.shape else taken[order]
-    other._clocks.due[:], other._clocks.period[:] = one._clocks.due[order], one._clocks.period[order]
-    other._clocks.is_stale[:] = True
-    plan_all(theirs)
+    other._oscillators.next_firing[:], other._oscillators.period[:] = (
+        one._oscillators.next_firing[order],
+        one._oscillators.period[order],
+    )
+    other._oscillators.is_stale[:] = True
+    find_wall_hits(theirs)
     for _ in range(20 * agents):
         event, same = next(one), next(other)
-        assert who(event.fired) == {order[agent] for agent in who(same.fired)}
-        assert who(event.heard) == {order[agent] for agent in who(same.heard)}
+        assert as_set(event.fired) == {order[agent] for agent in as_set(same.fired)}
+        assert as_set(event.received) == {order[agent] for agent in as_set(same.received)}
         assert event.turned == (None if same.turned is None else order[same.turned])
         assert event.time_s == same.time_s
     assert (one.phases()[list(order)] == other.phases()).all()
     assert (one.positions()[list(order)] == other.positions()).all()
 
 
-# --- cascades, by the letter ------------------------------------------------------------------------
+# --- cascades, to the letter ------------------------------------------------------------------------
 
 
-def fires(swarm, time_s, fired, heard, phases):
-    """Whether at the next instant these fire and hear, and phases are these after it."""
-    event = next_firing(swarm)
+def check_next_firing(swarm, time_s, fired, heard, phases):
+    """Check the time of the next instant, the agents that fire and receive, and the phases after it."""
+    event = next_firing_event(swarm)
     assert event.time_s == pytest.approx(time_s, abs=1e-15)
-    assert (who(event.fired), who(event.heard)) == (set(fired), set(heard))
+    assert (as_set(event.fired), as_set(event.received)) == (set(fired), set(heard))
     assert swarm.phases() == pytest.approx(phases, abs=1e-15)
     assert event.turned is None
 
 
-def test_one_who_fires_goes_back_to_0_and_shifts_the_phase_of_who_hears_it():
-    fires(hand_made([0.9, 0.5]), 0.1, [0], [1], [0, 0.66])
+def test_firing_resets_the_phase_to_0_and_shifts_that_of_a_receiver():
+    check_next_firing(make_resting([0.9, 0.5]), 0.1, [0], [1], [0, 0.66])
 
 
-def test_one_whose_phase_reaches_1_fires_at_the_same_instant():
-    fires(hand_made([0.9, 0.85]), 0.1, [0, 1], [1], [0, 0])
+def test_a_receiver_whose_phase_reaches_1_fires_at_the_same_instant():
+    check_next_firing(make_resting([0.9, 0.85]), 0.1, [0, 1], [1], [0, 0])
 
 
 def test_a_phase_of_exactly_1_after_a_pulse_fires():
-    fires(hand_made([0.75, 0.25], response={"coupling": 1.0}), 0.25, [0, 1], [1], [0, 0])
+    check_next_firing(make_resting([0.75, 0.25], response={"coupling": 1.0}), 0.25, [0, 1], [1], [0, 0])
 
 
 def test_both_then_fire_together_for_ever():
-    swarm = hand_made([0.9, 0.85])
+    swarm = make_resting([0.9, 0.85])
     next(swarm)
     for cycle in range(1, 1000):
         event = next(swarm)
-        assert (who(event.fired), who(event.heard)) == ({0, 1}, set())
+        assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, set())
         assert event.time_s == pytest.approx(cycle + 0.1)
 
 
 LINE = [[0.0], [10.0], [19.0], [27.0]]
-"""Nearest: of 0, 1; of 1, 2; of 2, 3; of 3, 2."""
+"""Positions of four agents; nearest to agent 0 is 1, to 1 it is 2, to 2 it is 3, and to 3 it is 2."""
 
 
-def test_who_was_made_to_fire_makes_others_fire_whom_the_first_did_not_reach():
-    swarm = hand_made([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
-    fires(swarm, 0.1, [0, 1, 2], [1, 2, 3], [0, 0, 0, 0.66])
+def test_an_agent_made_to_fire_makes_others_fire_that_the_first_did_not_reach():
+    swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
+    check_next_firing(swarm, 0.1, [0, 1, 2], [1, 2, 3], [0, 0, 0, 0.66])
 
 
 def test_a_chain_breaks_where_a_phase_does_not_reach_1():
-    swarm = hand_made([0.9, 0.85, 0.5, 0.85], LINE, neighbourhood={"kind": "nearest"})
-    fires(swarm, 0.1, [0, 1], [1, 2], [0, 0, 0.66, 0.95])
+    swarm = make_resting([0.9, 0.85, 0.5, 0.85], LINE, neighbourhood={"kind": "nearest"})
+    check_next_firing(swarm, 0.1, [0, 1], [1, 2], [0, 0, 0.66, 0.95])
 
 
-def test_the_order_of_a_cascade_is_told():
-    swarm = hand_made([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
+def test_an_event_lists_agents_in_the_order_of_the_cascade():
+    swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
     event = next(swarm)
-    assert (event.fired.tolist(), event.heard.tolist()) == ([0, 1, 2], [1, 2, 3])
+    assert (event.fired.tolist(), event.received.tolist()) == ([0, 1, 2], [1, 2, 3])
 
 
 def test_two_pulses_at_one_instant_shift_a_phase_once():
-    fires(hand_made([0.9, 0.9, 0.4]), 0.1, [0, 1], [2], [0, 0, 0.55])
+    check_next_firing(make_resting([0.9, 0.9, 0.4]), 0.1, [0, 1], [2], [0, 0, 0.55])
 
 
-def test_a_second_pulse_at_one_instant_makes_nobody_fire():
-    fires(hand_made([0.9, 0.9, 0.8]), 0.1, [0, 1], [2], [0, 0, 0.99])  # twice would be 1.089
+def test_a_second_pulse_at_one_instant_makes_no_agent_fire():
+    check_next_firing(make_resting([0.9, 0.9, 0.8]), 0.1, [0, 1], [2], [0, 0, 0.99])  # twice would be 1.089
 
 
-def test_the_pulse_of_one_who_was_made_to_fire_is_a_second_pulse_too():
-    fires(hand_made([0.9, 0.85, 0.8]), 0.1, [0, 1], [1, 2], [0, 0, 0.99])
+def test_the_pulse_of_an_agent_made_to_fire_counts_as_a_second_pulse():
+    check_next_firing(make_resting([0.9, 0.85, 0.8]), 0.1, [0, 1], [1, 2], [0, 0, 0.99])
 
 
-def test_one_who_fires_hears_nobody():
-    fires(hand_made([0.9, 0.9]), 0.1, [0, 1], [], [0, 0])
-    fires(hand_made([0.9, 0.85, 0.9]), 0.1, [0, 1, 2], [1], [0, 0, 0])
+def test_a_firing_agent_receives_no_pulse():
+    check_next_firing(make_resting([0.9, 0.9]), 0.1, [0, 1], [], [0, 0])
+    check_next_firing(make_resting([0.9, 0.85, 0.9]), 0.1, [0, 1, 2], [1], [0, 0, 0])
 
 
 def test_pulses_at_two_instants_shift_a_phase_twice():
-    swarm = hand_made([0.9, 0.5, 0.7], [[0.0], [10.0], [20.0]], neighbourhood={"kind": "range", "radius_cm": 10})
-    fires(swarm, 0.1, [0], [1], [0, 0.66, 0.8])
-    fires(swarm, 0.3, [2], [1], [0.2, 0.86 * 1.1, 0])
-    fires(swarm, 0.3 + 1 - 0.86 * 1.1, [1], [0, 2], [1.1 * (0.2 + 0.054), 0, 1.1 * 0.054])
+    swarm = make_resting([0.9, 0.5, 0.7], [[0.0], [10.0], [20.0]], neighbourhood={"kind": "range", "radius_cm": 10})
+    check_next_firing(swarm, 0.1, [0], [1], [0, 0.66, 0.8])
+    check_next_firing(swarm, 0.3, [2], [1], [0.2, 0.86 * 1.1, 0])
+    check_next_firing(swarm, 0.3 + 1 - 0.86 * 1.1, [1], [0, 2], [1.1 * (0.2 + 0.054), 0, 1.1 * 0.054])
 
 
 @pytest.mark.parametrize("refractory", [0.25, 0.0, 0.4375])
-def test_up_to_the_end_of_the_refractory_period_and_at_it_nothing_is_heard(refractory):
+def test_up_to_and_at_the_end_of_the_refractory_period_no_pulse_is_received(refractory):
     just_after = refractory + 2.0**-40
-    for phase, hears in [(refractory, False), (refractory / 2, False), (just_after, True)]:
+    for phase, is_received in [(refractory, False), (refractory / 2, False), (just_after, True)]:
         # agent 1 is at `phase` when agent 0 fires: all of these are exact in binary
-        swarm = hand_made([0.5, 0.0], response={"refractory": refractory})
-        swarm._clocks.due[:] = 0.5, 0.5 + (1 - phase)
+        swarm = make_resting([0.5, 0.0], response={"refractory": refractory})
+        swarm._oscillators.next_firing[:] = 0.5, 0.5 + (1 - phase)
         event = next(swarm)
-        assert who(event.heard) == ({1} if hears else set())
-        assert swarm.phases()[1] == pytest.approx(1.1 * phase if hears else phase, abs=1e-15)
+        assert as_set(event.received) == ({1} if is_received else set())
+        assert swarm.phases()[1] == pytest.approx(1.1 * phase if is_received else phase, abs=1e-15)
 
 
-def test_one_in_the_refractory_period_hears_the_next_instant_s_pulse():
-    swarm = hand_made([0.9, 0.6, 0.0], response={"refractory": 0.3, "coupling": 0.25})
-    fires(swarm, 0.1, [0], [1], [0, 0.875, 0.1])
-    fires(swarm, 0.225, [1], [], [0.125, 0, 0.225])
-    event = next_firing(swarm)  # agent 2, whose phase went on undisturbed
+def test_an_agent_in_the_refractory_period_receives_the_pulse_of_a_later_instant():
+    swarm = make_resting([0.9, 0.6, 0.0], response={"refractory": 0.3, "coupling": 0.25})
+    check_next_firing(swarm, 0.1, [0], [1], [0, 0.875, 0.1])
+    check_next_firing(swarm, 0.225, [1], [], [0.125, 0, 0.225])
+    event = next_firing_event(swarm)  # agent 2, whose phase went on undisturbed
     assert event.time_s == pytest.approx(1.0)
-    assert who(event.fired) == {2, 0}
-    assert who(event.heard) == {0, 1}
+    assert as_set(event.fired) == {2, 0}
+    assert as_set(event.received) == {0, 1}
     assert swarm.phases() == pytest.approx([0, 0.775 * 1.25, 0])
 
 
 @pytest.mark.parametrize(("later", "at_once"), [(0.0, True), (9e-13, True), (1.2e-12, False), (1e-9, False)])
 def test_firings_within_a_trillionth_of_a_cycle_happen_at_once(later, at_once):
-    swarm = hand_made([0.5, 0.5], response={"coupling": 0})
-    swarm._clocks.due[:] = 0.5, 0.5 + later
+    swarm = make_resting([0.5, 0.5], response={"coupling": 0})
+    swarm._oscillators.next_firing[:] = 0.5, 0.5 + later
     event = next(swarm)
-    assert who(event.fired) == ({0, 1} if at_once else {0})
-    assert who(event.heard) == (set() if at_once else {1})
+    assert as_set(event.fired) == ({0, 1} if at_once else {0})
+    assert as_set(event.received) == (set() if at_once else {1})
     assert event.time_s == 0.5
     if at_once:
         assert swarm.phases().tolist() == [0, 0]
     else:
-        assert who(next(swarm).fired) == {1}
+        assert as_set(next(swarm).fired) == {1}
 
 
 def test_an_instant_is_counted_from_the_earliest_not_from_one_to_the_next():
-    swarm = hand_made([0.5, 0.5, 0.5], response={"coupling": 0})
-    swarm._clocks.due[:] = 0.5 + 8e-13, 0.5, 0.5 + 1.6e-12
-    assert who(next(swarm).fired) == {0, 1}
-    assert who(next(swarm).fired) == {2}
+    swarm = make_resting([0.5, 0.5, 0.5], response={"coupling": 0})
+    swarm._oscillators.next_firing[:] = 0.5 + 8e-13, 0.5, 0.5 + 1.6e-12
+    assert as_set(next(swarm).fired) == {0, 1}
+    assert as_set(next(swarm).fired) == {2}
 
 
 def test_an_instant_at_the_end_of_a_cycle_is_one_instant():
-    swarm = hand_made([0.0, 0.0], response={"coupling": 0})
-    swarm._clocks.due[:] = 1.0, 1.0 - 5e-13
-    assert who(next(swarm).fired) == {0, 1}
+    swarm = make_resting([0.0, 0.0], response={"coupling": 0})
+    swarm._oscillators.next_firing[:] = 1.0, 1.0 - 5e-13
+    assert as_set(next(swarm).fired) == {0, 1}
     assert swarm.instants == 1
 
 
-def test_who_is_out_of_reach_hears_nothing():
+def test_an_agent_out_of_reach_receives_no_pulse():
     places = [[50.0, 50.0], [59.9, 50.0], [50.0, 60.1]]
-    swarm = hand_made([0.9, 0.5, 0.5], places, neighbourhood={"kind": "range", "radius_cm": 10})
-    fires(swarm, 0.1, [0], [1], [0, 0.66, 0.6])
+    swarm = make_resting([0.9, 0.5, 0.5], places, neighbourhood={"kind": "range", "radius_cm": 10})
+    check_next_firing(swarm, 0.1, [0], [1], [0, 0.66, 0.6])
 
 
 def test_all_are_synchronised_at_once_by_a_strong_pulse():
-    fires(hand_made([0.9, 0.1, 0.5, 0.3], response={"coupling": 10.0}), 0.1, range(4), [1, 2, 3], [0] * 4)
+    check_next_firing(
+        make_resting([0.9, 0.1, 0.5, 0.3], response={"coupling": 10.0}), 0.1, range(4), [1, 2, 3], [0] * 4
+    )
 
 
 @pytest.mark.parametrize(
@@ -346,20 +359,20 @@ def test_all_are_synchronised_at_once_by_a_strong_pulse():
     ],
 )
 def test_delay_advance_curves_hold_back_early_phases_and_push_late_ones(curve, phase, after):
-    swarm = hand_made([0.75, phase - 0.25], response={"curve": curve, "coupling": 0.5})
-    fires(swarm, 0.25, [0], [1], [0, after])
+    swarm = make_resting([0.75, phase - 0.25], response={"curve": curve, "coupling": 0.5})
+    check_next_firing(swarm, 0.25, [0], [1], [0, after])
 
 
 @pytest.mark.parametrize("curve", ["sawtooth", "sine"])
 def test_a_push_beyond_1_fires(curve):
-    swarm = hand_made([0.75, 0.625], response={"curve": curve, "coupling": 1.0})
-    fires(swarm, 0.25, [0, 1], [1], [0, 0])
+    swarm = make_resting([0.75, 0.625], response={"curve": curve, "coupling": 1.0})
+    check_next_firing(swarm, 0.25, [0, 1], [1], [0, 0])
 
 
 def test_jittered_oscillators_keep_their_own_pace():
-    swarm = hand_made([0.5, 0.5], response={"coupling": 0.0}, clocks={"jitter": 0.1, "period_s": 2.0})
-    swarm._clocks.period[:] = 0.8, 1.25
-    swarm._clocks.due[:] = 0.4, 0.625
+    swarm = make_resting([0.5, 0.5], response={"coupling": 0.0}, clocks={"jitter": 0.1, "period_s": 2.0})
+    swarm._oscillators.period[:] = 0.8, 1.25
+    swarm._oscillators.next_firing[:] = 0.4, 0.625
     times = {0: [], 1: []}
     while swarm.time_s < 40:
         for agent in (event := next(swarm)).fired:
@@ -369,10 +382,10 @@ def test_jittered_oscillators_keep_their_own_pace():
 
 
 def test_a_jittered_phase_is_measured_by_its_own_period():
-    swarm = hand_made([0.5, 0.5], response={"coupling": 0.2})
-    swarm._clocks.period[:] = 0.8, 1.25
-    swarm._clocks.due[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
-    fires(swarm, 0.4, [0], [1], [0, 0.984])
+    swarm = make_resting([0.5, 0.5], response={"coupling": 0.2})
+    swarm._oscillators.period[:] = 0.8, 1.25
+    swarm._oscillators.next_firing[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
+    check_next_firing(swarm, 0.4, [0], [1], [0, 0.984])
     assert next(swarm).time_s == pytest.approx(0.4 + 0.016 * 1.25)
 
 
@@ -385,81 +398,48 @@ ROW = [[10.0, 10.0], [20.0, 10.0], [29.0, 10.0], [90.0, 10.0]]
     ("reorient_on", "turned"),
     [([], []), (["emitting"], [0, 1]), (["receiving"], [1, 2]), (["emitting", "receiving"], [0, 1, 2])],
 )
-def test_who_emits_or_receives_sets_out_anew_once_each(reorient_on, turned):
-    swarm = hand_made(
+def test_agents_that_emit_or_receive_reorient_once_each(reorient_on, turned):
+    swarm = make_resting(
         [0.9, 0.85, 0.5, 0.2],
         ROW,
         neighbourhood={"kind": "nearest"},
         agents={"count": 4, "speed_cm_s": 0.01, "reorient_on": reorient_on},
     )
-    headings, streams = swarm.headings(), swarm._flights.streams.copy()
+    headings, streams = swarm.headings(), swarm._trajectories.streams.copy()
     event = next(swarm)
-    assert (who(event.fired), who(event.heard)) == ({0, 1}, {1, 2})
+    assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, {1, 2})
     changed = (swarm.headings() != headings).any(axis=1)
     assert np.flatnonzero(changed).tolist() == turned
-    # one number each, for the one who did both, too
-    twin = Oracle(swarm_of(agents={"count": 4}))
+    # each draws once, even the agent that did both
+    twin = NaiveModel(make_simulation(agents={"count": 4}))
     twin.streams = streams
     for agent in turned:
-        twin.set_out_anywhere(agent)
-    assert (swarm._flights.streams == twin.streams).all()
+        twin.reorient(agent)
+    assert (swarm._trajectories.streams == twin.streams).all()
     assert [swarm.headings()[agent].tolist() for agent in turned] == [
         pytest.approx(twin.headings[agent]) for agent in turned
     ]
 
 
-def test_who_is_in_the_refractory_period_has_not_received():
-    swarm = hand_made(
+def test_a_refractory_agent_has_not_received_the_pulse():
+    swarm = make_resting(
         [0.9, 0.2, 0.5],
         response={"refractory": 0.4},
         agents={"count": 3, "speed_cm_s": 0.01, "reorient_on": ["receiving"]},
     )
     headings = swarm.headings()
-    assert who(next(swarm).heard) == {2}
+    assert as_set(next(swarm).received) == {2}
     assert (swarm.headings() != headings).any(axis=1).tolist() == [False, False, True]
 
 
 def test_pulses_go_by_the_headings_before_the_turn():
     places = [[50.0, 50.0], [60.0, 50.0], [40.0, 50.0]]
     for seed in range(20):
-        swarm = swarm_of(
+        swarm = make_simulation(
             seed,
             agents={"count": 3, "speed_cm_s": 0.0, "reorient_on": ["emitting"]},
             neighbourhood={"kind": "cone_of_emission", "angle_deg": 90},
         )
-        set_flights(swarm, places, [[1, 0], [1, 0], [1, 0]])
-        swarm._clocks.due[:] = 0.1, 0.5, 0.6
-        assert who(next(swarm).heard) == {1}
-
-
-# --- near enough ------------------------------------------------------------------------------------
-
-
-@given(st.lists(st.floats(-0.5, 0.5), min_size=1, max_size=30), st.floats(0, 0.5), st.floats(0, 1))
-def test_near_enough_never_rejects_phases_whose_order_reaches_the_threshold(offsets, width, share):
-    phases = np.array([0.0, *offsets]) * 2 * width  # of the reference, and of others around it
-    order = abs(np.exp(2j * np.pi * phases).mean())
-    threshold = share * order
-    if not threshold:
-        return
-    for reached in (threshold, order, np.nextafter(order, 0)):
-        if 0 < reached <= 1:
-            farthest = np.abs((phases + 0.5) % 1 - 0.5).max()
-            assert farthest <= near_enough(len(phases), float(reached))
-
-
-@given(st.integers(2, 50), st.floats(-12, -0.01), st.floats(0, 1))
-def test_who_is_farther_off_than_near_enough_spoils_the_order(agents, exponent, share):
-    threshold = 1 - 10**exponent
-    near = near_enough(agents, threshold)
-    if near < 0.5:
-        phases = np.zeros(agents)
-        phases[-1] = near + 2e-7 + share * (0.5 - near)
-        phases[1:-1] = phases[-1] / 2  # which is best
-        assert abs(np.exp(2j * np.pi * phases).mean()) < threshold
-
-
-def test_near_enough_lets_everybody_pass_where_everybody_may():
-    assert near_enough(10, 0.5) == 1.0
-    assert near_enough(2, 1e-9) > 0.4999
-    assert near_enough(100_000, 0.9) == 1.0
+        set_trajectories(swarm, places, [[1, 0], [1, 0], [1, 0]])
+        swarm._oscillators.next_firing[:] = 0.1, 0.5, 0.6
+        assert as_set(next(swarm).received) == {1}

@@ -1,16 +1,16 @@
-"""Motion: walls are reached on time, directions are drawn as the thesis says, and everybody is where theory has them.
+"""Walls are reached on time, directions have the thesis's distributions, and positions those of theory.
 
-Where agents are after a long time, exactly:
+Exact distributions after a long time:
 
-- In a cyclic space positions stay uniform and headings never change: p(t) = p(0) + v t, round the side.
-- In a segment with walls that only turn agents back, they stay uniform too: each is on a triangle wave.
-- In a square whose walls reflect by the cosine law they would; by this one, uniform in the angle to the normal, they do
-  not. Let J(s) be how many reach the wall at s in a unit of time. Who sets out there at an angle a has the phase-space
-  density J(s) / (pi V cos a), and keeps it along its flight. Seen from a point x, the piece ds of the wall covers the
-  angle cos a ds / |x - s|. So the density is rho(x) = (1 / pi V) * closed integral of J(s) / |x - s| ds, and, as
-  those who reach the wall at t come in at an angle b to its normal,
-  J(t) = (1 / pi) * closed integral of J(s) cos b / |t - s| ds. The density is that of a charge J on the wall: it grows
-  without bound, by a logarithm, towards the wall, where those fly who set out along it.
+- In a cyclic space positions stay uniform and headings never change: p(t) = p(0) + v t, modulo the side.
+- In a segment with walls that only turn agents back, they stay uniform too: each agent is on a triangle wave.
+- In a square whose walls reflect by the cosine law they would be uniform; with this law, uniform in the angle to the
+  normal, they are not. Let J(s) be the number of agents that reach the wall at s per unit of time. An agent that leaves
+  s at an angle a to the normal has the phase-space density J(s) / (pi V cos a), and keeps it along its trajectory.
+  Seen from a point x, the piece ds of the wall covers the angle cos a ds / |x - s|. So the density is
+  rho(x) = (1 / pi V) * closed integral of J(s) / |x - s| ds, and, as agents reach the wall at t at an angle b to its
+  normal, J(t) = (1 / pi) * closed integral of J(s) cos b / |t - s| ds. The density is that of a charge J on the wall:
+  it diverges logarithmically towards the wall, where agents that left at grazing angles move along it.
 """
 
 import math
@@ -19,32 +19,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
 
-from tests.particles.scenes import set_flights, swarm_of, who
-
-UNLIKELY = 1e-4
-"""Seeds are fixed: chance fails no test; what is wrong gives far less than this."""
+from tests.particles.distributions import fits, is_anywhere, is_uniform
+from tests.particles.simulations import as_set, make_simulation, set_trajectories
 
 dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
 boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 
 
-def deaf(count, speed_cm_s=100.0, seed=0, **sections):
-    """Return agents that fire together once a cycle, so that nothing is in the way of their flights."""
+def uncoupled(count, speed_cm_s=100.0, seed=0, **sections):
+    """Return uncoupled agents that fire together once a cycle, so that simulating their motion is fast."""
     agents = {"count": count, "speed_cm_s": speed_cm_s}
-    return swarm_of(seed, agents=agents, start={"phases": "synchronised"}, response={"coupling": 0}, **sections)
-
-
-def fits(observed, expected):
-    """Whether counts are those of a distribution with these shares, by a chi-square test."""
-    shares = np.asarray(expected) / np.sum(expected)
-    assert (shares * np.sum(observed)).min() > 20
-    return stats.chisquare(np.ravel(observed), np.ravel(shares * np.sum(observed))).pvalue > UNLIKELY
-
-
-def is_uniform(values, low, high):
-    return stats.kstest(np.ravel(values), "uniform", args=(low, high - low)).pvalue > UNLIKELY
+    return make_simulation(seed, agents=agents, start={"phases": "synchronised"}, response={"coupling": 0}, **sections)
 
 
 # --- walls ------------------------------------------------------------------------------------------
@@ -56,13 +42,13 @@ def is_uniform(values, low, high):
 @settings(max_examples=25)
 def test_the_first_wall_is_reached_when_and_where_a_straight_line_gets_there(dimensions, boundary, seed, side, pace):
     space = {"dimensions": dimensions, "side_cm": side, "boundary": boundary}
-    swarm = swarm_of(seed, space=space, agents={"count": 1, "speed_cm_s": pace}, neighbourhood={"kind": "all"})
+    swarm = make_simulation(seed, space=space, agents={"count": 1, "speed_cm_s": pace}, neighbourhood={"kind": "all"})
     place, velocity = swarm.positions()[0], pace * swarm.headings()[0]
     ways = np.where(velocity > 0, side - place, place) / np.abs(velocity)
     event = next(event for event in swarm if event.turned is not None)
     assert event.turned == 0
     assert not len(event.fired)
-    assert not len(event.heard)
+    assert not len(event.received)
     assert event.time_s == pytest.approx(ways.min(), rel=1e-12)
     axis = int(ways.argmin())
     reached = place + velocity * ways.min()
@@ -76,8 +62,8 @@ def test_the_first_wall_is_reached_when_and_where_a_straight_line_gets_there(dim
         assert np.linalg.norm(heading) == pytest.approx(1)
 
 
-def test_a_flight_that_reflects_in_a_segment_is_a_triangle_wave_of_period_two_lengths():
-    swarm = swarm_of(agents={"count": 3, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
+def test_motion_in_a_segment_is_a_triangle_wave_of_period_two_lengths():
+    swarm = make_simulation(agents={"count": 3, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
     start = swarm.positions()[:, 0] * swarm.headings()[:, 0] % 40  # unfolded: on the way back one is beyond 20
     for time_s in [0.3, 40 / 37, 2.0, 111.25, 1e4 + 0.5]:
         swarm.run_to(time_s)
@@ -86,7 +72,7 @@ def test_a_flight_that_reflects_in_a_segment_is_a_triangle_wave_of_period_two_le
 
 
 def test_in_a_segment_walls_are_a_length_apart_for_ever():
-    swarm = swarm_of(agents={"count": 1, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
+    swarm = make_simulation(agents={"count": 1, "speed_cm_s": 37.0}, space={"dimensions": 1, "side_cm": 20.0})
     times = []
     while len(times) < 900:
         event = next(swarm)
@@ -97,9 +83,9 @@ def test_in_a_segment_walls_are_a_length_apart_for_ever():
 
 @dimensions
 @pytest.mark.parametrize("speed_cm_s", [0.01, 3.0, 250.0])
-def test_in_a_cyclic_space_flights_are_straight_lines_round_the_side(dimensions, speed_cm_s):
+def test_in_a_cyclic_space_trajectories_are_straight_lines_modulo_the_side(dimensions, speed_cm_s):
     space = {"dimensions": dimensions, "boundary": "cyclic"}
-    swarm = swarm_of(3, agents={"count": 6, "speed_cm_s": speed_cm_s}, space=space)
+    swarm = make_simulation(3, agents={"count": 6, "speed_cm_s": speed_cm_s}, space=space)
     start, heading = swarm.positions(), swarm.headings()
     for time_s in [0.7, 33.0, 2000.25]:
         swarm.run_to(time_s)
@@ -110,9 +96,9 @@ def test_in_a_cyclic_space_flights_are_straight_lines_round_the_side(dimensions,
 
 @dimensions
 @boundaries
-def test_who_stands_still_stays(dimensions, boundary):
+def test_agents_without_speed_stay(dimensions, boundary):
     space = {"dimensions": dimensions, "boundary": boundary}
-    swarm = swarm_of(agents={"count": 4, "speed_cm_s": 0}, space=space)
+    swarm = make_simulation(agents={"count": 4, "speed_cm_s": 0}, space=space)
     start = swarm.positions()
     assert all(next(swarm).turned is None for _ in range(100))
     swarm.run_to(1e6)
@@ -123,8 +109,8 @@ def test_who_stands_still_stays(dimensions, boundary):
 @boundaries
 @pytest.mark.parametrize("speed_cm_s", [1e-5, 0.3, 77.0])
 @pytest.mark.parametrize("kind", ["nearest", "all"])
-def test_nobody_ever_leaves_the_space(dimensions, boundary, speed_cm_s, kind):
-    swarm = swarm_of(
+def test_no_agent_ever_leaves_the_space(dimensions, boundary, speed_cm_s, kind):
+    swarm = make_simulation(
         space={"dimensions": dimensions, "boundary": boundary},
         agents={"count": 3, "speed_cm_s": speed_cm_s},
         neighbourhood={"kind": kind},
@@ -139,8 +125,8 @@ def test_nobody_ever_leaves_the_space(dimensions, boundary, speed_cm_s, kind):
 
 @boundaries
 @pytest.mark.slow
-def test_nobody_ever_leaves_the_space_in_a_million_cycles(boundary):
-    swarm = deaf(5, 77.0, space={"boundary": boundary})
+def test_no_agent_ever_leaves_the_space_in_a_million_cycles(boundary):
+    swarm = uncoupled(5, 77.0, space={"boundary": boundary})
     for time_s in np.linspace(1, 1e6, 1000):
         swarm.run_to(time_s)
         places = swarm.positions()
@@ -148,8 +134,8 @@ def test_nobody_ever_leaves_the_space_in_a_million_cycles(boundary):
 
 
 def test_an_agent_that_comes_in_from_a_corner_goes_on_inside():
-    swarm = swarm_of(agents={"count": 4, "speed_cm_s": 50.0})
-    set_flights(swarm, [[0, 0], [100, 100], [0, 100], [100, 0]], [[-1, -1], [1, 1], [-1, 1], [1, -1]])
+    swarm = make_simulation(agents={"count": 4, "speed_cm_s": 50.0})
+    set_trajectories(swarm, [[0, 0], [100, 100], [0, 100], [100, 0]], [[-1, -1], [1, 1], [-1, 1], [1, -1]])
     for _ in range(40):
         next(swarm)
         assert ((swarm.positions() >= 0) & (swarm.positions() <= 100)).all()
@@ -161,21 +147,21 @@ def test_an_agent_that_comes_in_from_a_corner_goes_on_inside():
 
 def turned_headings(dimensions, turns, seed=0):
     """Return (turns,) the axis of the wall and (turns, dimensions) headings there, 1 along the normal inwards."""
-    swarm = swarm_of(
+    swarm = make_simulation(
         seed,
         space={"dimensions": dimensions},
         agents={"count": 50, "speed_cm_s": 1000.0},
         neighbourhood={"kind": "all"},
         response={"coupling": 0},
     )
-    flights = swarm._flights
+    trajectories = swarm._trajectories
     axes, headings = [], []
     while len(axes) < turns:
-        before = flights.wall.copy()
+        before = trajectories.wall.copy()
         event = next(swarm)
         if event.turned is not None:
             axis, is_far = divmod(int(before[event.turned]), 2)
-            heading = flights.heading[:, event.turned].copy()
+            heading = trajectories.heading[:, event.turned].copy()
             heading[axis] *= -1 if is_far else 1
             axes.append(axis)
             headings.append(heading)
@@ -203,36 +189,17 @@ def test_in_a_segment_agents_are_turned_back():
     assert (headings == 1).all()
 
 
-def is_anywhere(headings):
-    """Whether (agents, dimensions) headings are uniform over all directions."""
-    if headings.shape[1] == 1:
-        return set(headings.ravel()) == {-1.0, 1.0} and fits(np.unique(headings, return_counts=True)[1], [1, 1])
-    if headings.shape[1] == 2:
-        return is_uniform(np.arctan2(headings[:, 1], headings[:, 0]), -math.pi, math.pi)
-    azimuth = np.arctan2(headings[:, 1], headings[:, 0])
-    return is_uniform(headings[:, 2], -1, 1) and is_uniform(azimuth, -math.pi, math.pi)
-
-
-@dimensions
-def test_agents_begin_anywhere_in_any_direction_at_any_phase(dimensions):
-    swarm = swarm_of(5, space={"dimensions": dimensions}, agents={"count": 20_000})
-    assert is_uniform(swarm.positions(), 0, 100)
-    assert is_anywhere(swarm.headings())
-    assert is_uniform(swarm.phases(), 0, 1)
-    assert abs(np.corrcoef(swarm.positions()[:, 0], swarm.phases())[0, 1]) < 0.03
-
-
 @dimensions
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
 def test_reorientation_is_uniform_over_all_directions(dimensions, boundary):
-    swarm = swarm_of(
+    swarm = make_simulation(
         space={"dimensions": dimensions, "boundary": boundary},
         agents={"count": 5000, "speed_cm_s": 1.0, "reorient_on": ["emitting"]},
         start={"phases": "synchronised"},
     )
     before, places = swarm.headings(), swarm.positions()
     event = next(event for event in swarm if event.turned is None)
-    assert who(event.fired) == set(range(5000))
+    assert as_set(event.fired) == set(range(5000))
     off = (swarm.positions() - places) / 100
     assert np.abs(off - np.rint(off)).max() < 0.03
     assert is_anywhere(swarm.headings())
@@ -251,8 +218,8 @@ def gauss(low, high, points=24):
 def wall_hits(bins=300):
     """Return (bins + 1,) the edges along a wall of length 1, and (bins,) J there: a fixed point of its equation.
 
-    All walls are alike. Where flights land that set out at s is exact: an interval of a wall, seen from s, covers the
-    angle between its ends, and the same share of pi.
+    All walls are alike. The shares of trajectories from s that end in each interval of a wall are exact: the angle
+    which the interval covers, seen from s, divided by pi.
     """
     edges = (1 - np.cos(np.linspace(0, math.pi, bins + 1))) / 2  # closer together at the corners
     lands = np.zeros((bins, bins))
@@ -287,10 +254,11 @@ def stationary_density(cells):
 
 
 def stationary_headings(bins):
-    """Return (bins,) shares of headings in the first quadrant: flights count by how long they last.
+    """Return (bins,) shares of headings in the first quadrant: trajectories are weighted by their durations.
 
-    A flight from the lower wall at s, at an angle a to its normal, has the length min(1 / cos a, (1 - s) / sin a); one
-    from the left wall is the same with the angle to the other axis. The other two walls send nobody there.
+    A trajectory from the lower wall at s, at an angle a to its normal, has the length min(1 / cos a, (1 - s) / sin a);
+    one from the left wall is the same with the angle to the other axis. No trajectory from the other two walls has such
+    a heading.
     """
     edges, rate = wall_hits()
     middles, widths = (edges[1:] + edges[:-1]) / 2, np.diff(edges)
@@ -321,7 +289,7 @@ def in_cells(places, cells):
 
 
 def test_in_the_bounded_square_positions_and_headings_are_those_of_the_integral_equation():
-    places, headings = snapshots(deaf(2000, seed=11), 30)
+    places, headings = snapshots(uncoupled(2000, seed=11), 30)
     expected = stationary_density(8)
     assert fits(in_cells(places, 8), expected)
     angles = np.arctan2(headings[:, 1], headings[:, 0]) % (math.pi / 2)
@@ -332,14 +300,14 @@ def test_in_the_bounded_square_positions_and_headings_are_those_of_the_integral_
 
 
 def test_in_the_bounded_square_walls_are_reached_where_the_integral_equation_says():
-    swarm = deaf(500, seed=3)
+    swarm = uncoupled(500, seed=3)
     swarm.run_to(20.0)
     along = []
     while len(along) < 20_000:
         event = next(swarm)
         if event.turned is not None:
-            axis = int(np.isin(swarm._flights.origin[:, event.turned], (0.0, 100.0)).argmax())
-            along.append(swarm._flights.origin[1 - axis, event.turned] / 100)
+            axis = int(np.isin(swarm._trajectories.origin[:, event.turned], (0.0, 100.0)).argmax())
+            along.append(swarm._trajectories.origin[1 - axis, event.turned] / 100)
     edges, rate = wall_hits()
     reached = np.interp(np.linspace(0, 1, 17), edges, np.concatenate([[0], np.cumsum(rate * np.diff(edges))]))
     assert fits(np.histogram(along, 16, (0, 1))[0], np.diff(reached))
@@ -347,7 +315,7 @@ def test_in_the_bounded_square_walls_are_reached_where_the_integral_equation_say
 
 @dimensions
 def test_in_a_cyclic_space_positions_stay_uniform(dimensions):
-    swarm = deaf(20_000, 61.0, space={"dimensions": dimensions, "boundary": "cyclic"})
+    swarm = uncoupled(20_000, 61.0, space={"dimensions": dimensions, "boundary": "cyclic"})
     heading = swarm.headings()
     places, headings = snapshots(swarm, 1, 1234.5)
     assert fits(in_cells(places, 6), np.ones(6**dimensions))
@@ -355,6 +323,6 @@ def test_in_a_cyclic_space_positions_stay_uniform(dimensions):
 
 
 def test_in_a_segment_positions_stay_uniform_and_half_go_either_way():
-    places, headings = snapshots(deaf(20_000, 61.0, space={"dimensions": 1}), 1, 1234.5)
+    places, headings = snapshots(uncoupled(20_000, 61.0, space={"dimensions": 1}), 1, 1234.5)
     assert fits(in_cells(places, 20), np.ones(20))
     assert is_anywhere(headings)

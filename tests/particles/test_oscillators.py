@@ -1,4 +1,4 @@
-"""Clocks keep their time however long a trial lasts, and the earliest is found without looking at all."""
+"""Firing times do not drift however long a trial lasts, and the search in blocks finds the earliest."""
 
 import math
 
@@ -8,49 +8,51 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.particles.oscillators import (
-    BLOCK,
-    ONE_INSTANT,
+    BLOCK_SIZE,
+    SIMULTANEITY_CYCLES,
     earliest_firing,
     firing_now,
     phase_at,
     set_next_firing,
     start_oscillators,
 )
-from tests.particles.scenes import off_round, swarm_of, who
+from tests.particles.simulations import as_set, make_simulation, max_phase_difference
 
-phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK)
+phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK_SIZE)
 
 
 def test_oscillators_fire_when_their_phase_reaches_1():
-    clocks = start_oscillators(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
-    assert clocks.due.tolist() == [0.75, 0.25, 1.0]
+    oscillators = start_oscillators(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
+    assert oscillators.next_firing.tolist() == [0.75, 0.25, 1.0]
     slower = start_oscillators(np.array([0.25]), np.array([1.5]))
-    assert slower.due[0] == 0.75 * 1.5
+    assert slower.next_firing[0] == 0.75 * 1.5
     assert phase_at(slower, 0, 0.0) == pytest.approx(0.25)
-    assert phase_at(slower, 0, slower.due[0]) == 1
+    assert phase_at(slower, 0, slower.next_firing[0]) == 1
 
 
 @given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
 def test_the_earliest_is_the_earliest_of_all_after_any_changes(given_phases, changes):
     agents = len(given_phases)
-    clocks = start_oscillators(np.array(given_phases), np.ones(agents))
+    oscillators = start_oscillators(np.array(given_phases), np.ones(agents))
     found = np.zeros(agents + 1, np.int64)
     for number, time in changes:
-        set_next_firing(clocks, number % agents, time)
-        earliest = earliest_firing(clocks)
-        assert earliest == clocks.due.min()
-        count = firing_now(clocks, earliest, found)
-        assert found[:count].tolist() == np.flatnonzero(clocks.due <= earliest + ONE_INSTANT).tolist()
-    assert earliest_firing(clocks) == clocks.due.min()
+        set_next_firing(oscillators, number % agents, time)
+        earliest = earliest_firing(oscillators)
+        assert earliest == oscillators.next_firing.min()
+        count = firing_now(oscillators, earliest, found)
+        assert (
+            found[:count].tolist() == np.flatnonzero(oscillators.next_firing <= earliest + SIMULTANEITY_CYCLES).tolist()
+        )
+    assert earliest_firing(oscillators) == oscillators.next_firing.min()
 
 
 @given(phases, st.lists(st.tuples(st.integers(0, 10**6), st.floats(0, 2)), max_size=60))
 def test_the_earliest_is_found_after_many_changes_at_once(given_phases, changes):
     agents = len(given_phases)
-    clocks = start_oscillators(np.array(given_phases), np.ones(agents))
+    oscillators = start_oscillators(np.array(given_phases), np.ones(agents))
     for number, time in changes:
-        set_next_firing(clocks, number % agents, time)
-    assert earliest_firing(clocks) == clocks.due.min()
+        set_next_firing(oscillators, number % agents, time)
+    assert earliest_firing(oscillators) == oscillators.next_firing.min()
 
 
 # --- no drift ---------------------------------------------------------------------------------------
@@ -61,18 +63,18 @@ CYCLES = 1_000_000
 @pytest.mark.parametrize("jitter", [0, 5e-5, 0.1])
 @pytest.mark.parametrize("period_s", [1.0, 0.3])
 def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter, period_s):
-    swarm = swarm_of(
+    swarm = make_simulation(
         4,
         agents={"count": 4, "speed_cm_s": 12.0},
         response={"coupling": 0},
         clocks={"jitter": jitter, "period_s": period_s},
     )
-    start, periods = swarm.phases(), swarm._clocks.period.copy()
+    start, periods = swarm.phases(), swarm._oscillators.period.copy()
     assert (periods == 1).all() == (not jitter)
     for cycle in (10, 1001, CYCLES):
         swarm.run_to((cycle + 0.375) * period_s)
         turns = start + (cycle + 0.375) / periods
-        assert off_round(swarm.phases(), turns % 1) < 1e-9
+        assert max_phase_difference(swarm.phases(), turns % 1) < 1e-9
         assert swarm.firings == np.floor(turns).sum()
         assert swarm.cycles == math.floor(turns[0])
         assert swarm.time_s == pytest.approx((cycle + 0.375) * period_s, rel=1e-15)
@@ -80,26 +82,26 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
 
 @pytest.mark.parametrize("jitter", [0, 0.1])
 def test_after_a_million_cycles_firings_are_on_time(jitter):
-    swarm = swarm_of(4, agents={"count": 4}, response={"coupling": 0}, clocks={"jitter": jitter})
-    start, periods = swarm.phases(), swarm._clocks.period.copy()
+    swarm = make_simulation(4, agents={"count": 4}, response={"coupling": 0}, clocks={"jitter": jitter})
+    start, periods = swarm.phases(), swarm._oscillators.period.copy()
     swarm.run(CYCLES)
     for _ in range(20):
         event = next(swarm)
-        for agent in who(event.fired):
+        for agent in as_set(event.fired):
             turn = round(start[agent] + event.time_s / periods[agent])
             assert event.time_s == pytest.approx((turn - start[agent]) * periods[agent], abs=1e-9)
 
 
 def test_without_jitter_phases_keep_their_distances_to_the_last_digit():
-    swarm = swarm_of(4, agents={"count": 5}, response={"coupling": 0})
+    swarm = make_simulation(4, agents={"count": 5}, response={"coupling": 0})
     swarm.run(2)
-    due = np.sort(swarm._clocks.due - swarm._clocks.now[0])
+    due = np.sort(swarm._oscillators.next_firing - swarm._oscillators.now[0])
     swarm.run(100_002)
-    assert (np.sort(swarm._clocks.due - swarm._clocks.now[0]) == due).all()
+    assert (np.sort(swarm._oscillators.next_firing - swarm._oscillators.now[0]) == due).all()
 
 
 def test_merged_oscillators_stay_merged():
-    swarm = swarm_of(1, agents={"count": 20}, neighbourhood={"kind": "all"})
+    swarm = make_simulation(1, agents={"count": 20}, neighbourhood={"kind": "all"})
     swarm.run(300)
     instants, firings = swarm.instants, swarm.firings
     swarm.run(100_300)

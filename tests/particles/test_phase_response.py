@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift, shifted
+from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_after_pulse, phase_shift
 
 MULTIPLICATIVE, SAWTOOTH, SINE = range(3)
 PHASES = np.linspace(0, 1, 2001)
@@ -43,28 +43,28 @@ def test_curves_are_numbered_in_their_order():
 )
 def test_a_pulse_shifts_a_phase_by_the_curve(curve, coupling, phase, shift):
     assert phase_shift(Response(curve, coupling, 0.0), [phase])[0] == pytest.approx(shift, abs=1e-7)
-    assert shifted(Response(curve, coupling, 0.0), phase) == pytest.approx(phase + shift, abs=1e-7)
+    assert phase_after_pulse(Response(curve, coupling, 0.0), phase) == pytest.approx(phase + shift, abs=1e-7)
 
 
 @given(st.sampled_from([0, 1, 2]), unit, st.floats(0, 0.499), unit)
 def test_phases_stay_between_0_and_1(curve, coupling, refractory, phase):
-    assert 0 <= shifted(Response(curve, coupling, refractory), phase) <= 1
+    assert 0 <= phase_after_pulse(Response(curve, coupling, refractory), phase) <= 1
 
 
 @given(st.sampled_from([0, 1, 2]), unit, st.floats(0, 0.499), unit)
 def test_in_the_refractory_period_and_at_its_end_nothing_is_shifted(curve, coupling, refractory, phase):
     response = Response(curve, coupling, refractory)
-    assert shifted(response, refractory) == refractory
-    assert shifted(response, phase * refractory) == phase * refractory
+    assert phase_after_pulse(response, refractory) == refractory
+    assert phase_after_pulse(response, phase * refractory) == phase * refractory
     free = Response(curve, coupling, 0.0)
     if phase > refractory:
-        assert shifted(response, phase) == shifted(free, phase)
+        assert phase_after_pulse(response, phase) == phase_after_pulse(free, phase)
 
 
 @given(st.floats(0, 100), unit)
 def test_the_multiplicative_curve_multiplies(epsilon, phase):
     expected = min((1 + epsilon) * phase, 1)
-    assert shifted(Response(MULTIPLICATIVE, epsilon, 0.0), phase) == pytest.approx(expected)
+    assert phase_after_pulse(Response(MULTIPLICATIVE, epsilon, 0.0), phase) == pytest.approx(expected)
 
 
 @given(unit, unit)
@@ -78,7 +78,7 @@ def test_delay_advance_curves_are_odd_about_a_half(kappa, phase):
 
 @given(st.sampled_from([1, 2]), unit, unit)
 def test_a_delay_advance_curve_brings_phases_nearer_to_the_pulse_never_past_it(curve, kappa, phase):
-    after = shifted(Response(curve, kappa, 0.0), phase)
+    after = phase_after_pulse(Response(curve, kappa, 0.0), phase)
     assert min(after, 1 - after) <= min(phase, 1 - phase) + 1e-12
     assert (after <= 0.5) == (phase <= 0.5) or phase == pytest.approx(0.5)
 
@@ -120,7 +120,7 @@ def test_the_change_is_that_of_the_complex_order_parameter_of_two(curve, couplin
         return abs(1 + np.exp(2j * math.pi * other)) / 2  # of the one that fires, at 1 or 0, and the other
 
     response = Response(curve, coupling, refractory)
-    expected = order(shifted(response, phase)) - order(phase)
+    expected = order(phase_after_pulse(response, phase)) - order(phase)
     assert order_change(response, [phase])[0] == pytest.approx(expected, abs=1e-12)
 
 

@@ -1,53 +1,58 @@
-"""Swarms are what their seed makes them, in any process, and move alike whatever their oscillators do."""
+"""A simulation depends on its seed alone, in any process, and motion does not depend on the oscillators."""
 
 import itertools
 import math
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
 
 from epuck_sim.particles.simulation import ParticleSimulation
-from tests.particles.scenes import KINDS, any_sections, swarm_of
+from tests.particles.simulations import KINDS, any_sections, make_simulation
 
-UNLIKELY = 1e-4
 SEEDS = st.integers(0, 2**63 - 1)
 
 
 def digest(swarm):
-    """Return all bits of a swarm's state."""
-    flights, clocks = swarm._flights, swarm._clocks
-    arrays = [flights.origin, flights.heading, flights.speed, flights.began, flights.streams, clocks.due, clocks.period]
-    return b"".join(array.tobytes() for array in arrays) + clocks.now.tobytes() + clocks.cycle.tobytes()
+    """Return all bits of the state."""
+    trajectories, oscillators = swarm._trajectories, swarm._oscillators
+    arrays = [
+        trajectories.origin,
+        trajectories.heading,
+        trajectories.speed,
+        trajectories.start_time,
+        trajectories.streams,
+        oscillators.next_firing,
+        oscillators.period,
+    ]
+    return b"".join(array.tobytes() for array in arrays) + oscillators.now.tobytes() + oscillators.cycle.tobytes()
 
 
 @given(st.data(), SEEDS, st.sampled_from(KINDS))
 @settings(max_examples=30)
 def test_equal_seeds_give_equal_bits(data, seed, kind):
     sections = data.draw(any_sections(kind))
-    one, other = swarm_of(seed, **sections), swarm_of(seed, **sections)
+    one, other = make_simulation(seed, **sections), make_simulation(seed, **sections)
     for _ in range(50):
         assert digest(one) == digest(other)
         mine, yours = next(one), next(other)
         assert (mine.time_s, mine.turned) == (yours.time_s, yours.turned)
         assert mine.fired.tolist() == yours.fired.tolist()
-        assert mine.heard.tolist() == yours.heard.tolist()
+        assert mine.received.tolist() == yours.received.tolist()
 
 
 def test_other_seeds_give_other_swarms():
-    assert len({digest(swarm_of(seed)) for seed in range(20)}) == 20
-    assert (swarm_of(1).positions() != swarm_of(2).positions()).all()
-    assert (swarm_of(1).phases() != swarm_of(2).phases()).all()
+    assert len({digest(make_simulation(seed)) for seed in range(20)}) == 20
+    assert (make_simulation(1).positions() != make_simulation(2).positions()).all()
+    assert (make_simulation(1).phases() != make_simulation(2).phases()).all()
 
 
 SCRIPT = """
-from epuck_sim.particles.simulation import Swarm
+from epuck_sim.particles.simulation import ParticleSimulation
 scene = {"model": "particles", "agents": {"speed_cm_s": 30, "reorient_on": ["receiving"]}, "clocks": {"jitter": 0.01}}
-swarm = Swarm(scene, seed=123456789)
+swarm = ParticleSimulation(scene, seed=123456789)
 swarm.run(200)
 print(swarm.phases().tobytes().hex(), swarm.positions().tobytes().hex(), swarm.time_s.hex(), swarm.instants)
 """
@@ -71,12 +76,12 @@ def test_the_seed_is_the_scenarios_unless_one_is_given():
     assert digest(ParticleSimulation(given, 6)) != digest(ParticleSimulation(given))
 
 
-def test_a_swarm_may_be_given_by_its_scenario():
-    swarm = swarm_of(3)
+def test_a_simulation_can_be_made_from_a_loaded_scenario():
+    swarm = make_simulation(3)
     assert digest(ParticleSimulation(swarm.scenario, 3)) == digest(swarm)
 
 
-# --- motion is the oscillators' own business no more than theirs is its ------------------------------
+# --- motion is independent of the oscillators ---------------------------------------------------------
 
 OTHERS = [
     {"response": {"coupling": 0}},
@@ -99,96 +104,34 @@ def test_swarms_of_one_seed_move_alike_whatever_their_oscillators_do(other, dime
         "space": {"dimensions": dimensions, "boundary": boundary},
         "agents": {"count": 8, "speed_cm_s": 60.0, "speed_distribution": "uniform", "speed_spread": 0.5},
     }
-    one, two = swarm_of(9, **scene), swarm_of(9, **scene, **other)
+    one, two = make_simulation(9, **scene), make_simulation(9, **scene, **other)
     assert (one.positions() == two.positions()).all()
     for time_s in (0.9, 3.3, 12.6):
         one.run_to(time_s)
         two.run_to(time_s)
-        # where they are now is told to the last digit but one: `now` may be counted from one cycle or the next
+        # positions differ in the last digit, because `now` may be counted from one cycle or the next
         assert one.positions() == pytest.approx(two.positions(), abs=1e-11)
-        for name in ("origin", "heading", "began_cycle", "began", "end_cycle", "ends"):
-            assert (getattr(one._flights, name) == getattr(two._flights, name)).all()
-        assert (one._flights.streams == two._flights.streams).all()  # as many walls each
-
-
-def test_a_displaced_start_differs_by_the_displacement_alone():
-    one = swarm_of(2, start={"phases": "synchronised"})
-    two = swarm_of(2, start={"phases": "synchronised", "displacement": 0.001})
-    assert (one.positions() == two.positions()).all()
-    assert two.phases() - one.phases() == pytest.approx([0.001] + [0.0] * 19)
+        for name in ("origin", "heading", "start_cycle", "start_time", "end_cycle", "end_time"):
+            assert (getattr(one._trajectories, name) == getattr(two._trajectories, name)).all()
+        assert (one._trajectories.streams == two._trajectories.streams).all()  # as many walls each
 
 
 def test_a_period_scales_time_alone():
-    one = swarm_of(2, agents={"speed_cm_s": 10.0})
-    slower = swarm_of(2, agents={"speed_cm_s": 2.5}, clocks={"period_s": 4.0})
+    one = make_simulation(2, agents={"speed_cm_s": 10.0})
+    slower = make_simulation(2, agents={"speed_cm_s": 2.5}, clocks={"period_s": 4.0})
     for _ in range(500):
         event, later = next(one), next(slower)
         assert later.time_s == 4 * event.time_s
         assert later.fired.tolist() == event.fired.tolist()
-        assert later.heard.tolist() == event.heard.tolist()
+        assert later.received.tolist() == event.received.tolist()
         assert later.turned == event.turned
 
 
-# --- speeds and periods -----------------------------------------------------------------------------
-
-MANY = 20_000
-
-
-def speeds(**agents):
-    """Return the speeds of many agents, in shares of the mean, as their flights show."""
-    swarm = swarm_of(3, agents={"count": MANY, "speed_cm_s": 4.0, **agents}, space={"side_cm": 1e6})
-    start = swarm.positions()
-    swarm._clocks.now[0] = 0.1  # before anybody fires or comes far
-    return np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
-
-
-def test_by_default_all_speeds_are_equal():
-    assert speeds() == pytest.approx(1, abs=1e-6)
-
-
-@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
-def test_uniform_speeds_are_uniform_around_the_mean(spread):
-    drawn = speeds(speed_distribution="uniform", speed_spread=spread)
-    assert stats.kstest(drawn, "uniform", args=(1 - spread, 2 * spread)).pvalue > UNLIKELY
-    assert (np.abs(drawn - 1) <= spread + 1e-6).all()
-
-
-@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
-def test_normal_speeds_are_normal_cut_at_0_and_twice_the_mean(spread):
-    drawn = speeds(speed_distribution="normal", speed_spread=spread)
-    cut = stats.truncnorm(-1 / spread, 1 / spread, 1, spread)
-    assert stats.kstest(drawn, cut.cdf).pvalue > UNLIKELY
-    assert ((drawn >= -1e-6) & (drawn <= 2 + 1e-6)).all()
-    assert drawn.mean() == pytest.approx(1, abs=0.03)
-
-
-def test_exponential_speeds_are_exponential():
-    drawn = speeds(speed_distribution="exponential")
-    assert stats.kstest(drawn, "expon").pvalue > UNLIKELY
-    assert drawn.mean() == pytest.approx(1, abs=0.03)
-
-
-@pytest.mark.parametrize("jitter", [5e-5, 0.01, 0.2])
-def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
-    swarm = swarm_of(1, agents={"count": MANY}, clocks={"jitter": jitter, "period_s": 3.0})
-    start = swarm.phases()
-    swarm._clocks.now[0] = 1e-3
-    periods = 1e-3 / (swarm.phases() - start)
-    assert stats.kstest(swarm._clocks.period, "norm", args=(1, jitter)).pvalue > UNLIKELY
-    assert periods == pytest.approx(swarm._clocks.period, rel=1e-9)
-    assert swarm._clocks.period.min() >= 0.1
-    assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
-
-
-def test_without_jitter_periods_are_exactly_nominal():
-    assert (swarm_of(agents={"count": 100})._clocks.period == 1).all()
-
-
 @pytest.mark.parametrize("time_s", [3.9, -1.0, math.nan, math.inf])
-def test_a_swarm_cannot_go_back_nor_to_a_time_that_is_none(time_s):
-    swarm = swarm_of(1)
+def test_a_simulation_cannot_go_back_nor_to_a_time_that_is_not_finite(time_s):
+    swarm = make_simulation(1)
     swarm.run_to(4.0)
-    with pytest.raises(ValueError, match=r"the swarm is at 4\.0 s and cannot go back"):
+    with pytest.raises(ValueError, match=r"the simulation is at 4\.0 s and cannot go back"):
         swarm.run_to(time_s)
     swarm.run_to(4.0)
     assert swarm.time_s == 4.0
@@ -197,7 +140,7 @@ def test_a_swarm_cannot_go_back_nor_to_a_time_that_is_none(time_s):
 @pytest.mark.parametrize("rule", [{"kind": "all"}, {"kind": "nearest", "k": 2}])
 def test_events_after_a_run_are_those_that_were_not_passed_yet(rule):
     sections = {"agents": {"count": 5, "speed_cm_s": 60}, "neighbourhood": rule, "stop": {"order_parameter": None}}
-    ahead, watched = (swarm_of(3, **sections) for _ in range(2))
+    ahead, watched = (make_simulation(3, **sections) for _ in range(2))
     ahead.run_to(20.3)
     later = [event for event in itertools.islice(watched, 400) if event.time_s > 20.3]
     for event in later[:50]:

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.trial.model import run_trial
+from epuck_sim.util.seeds import trial_seed
+from tests.particles.simulations import make_resting, scenario
 
 CENSORED_AT = 30_000
 
@@ -69,7 +72,7 @@ def test_more_neighbours_weaken_the_bump_until_beyond_five_none_is_left() -> Non
         rises[k] = peak / least
     assert min(rises[1], rises[2]) > 3  # and with one neighbour more than half of the trials are censored at the peak
     assert max(rises[3], rises[6], rises[10]) < 1.5
-    for k in (6, 10, 19):  # 19 are all, who do not depend on the speed at all
+    for k in (6, 10, 19):  # 19 are all, so that speed makes no difference
         assert falls(medians([0.03, 1, 30], neighbourhood={"kind": "nearest", "k": k}), slack=1.35)
 
 
@@ -149,3 +152,47 @@ def test_motion_that_is_coupled_to_pulses_and_other_spaces_show_the_three_regime
     slow, peak, fast = medians(speeds, trials=10, limit=100_000, **sections)
     assert peak > 2.5 * slow
     assert fast < slow / 5
+
+
+# --- T_sync of synchronised trials alone -------------------------------------------------------------
+
+
+def t_sync_cycles(trials, **sections):
+    given = scenario(stop={"order_parameter": 1 - 1e-6, "max_cycles": 20_000}, **sections)
+    results = [run_trial(ParticleSimulation(given, trial_seed(0, trial))) for trial in range(trials)]
+    assert not any(result.censored for result in results)
+    return np.array([result.t_sync_cycles for result in results])
+
+
+def test_swarms_of_intermediate_speed_take_longer_than_slow_or_fast_ones():
+    # 10 agents: with 20 a trial of the intermediate regime may take a million cycles
+    agents = {"count": 10}
+    slow, between, fast = (t_sync_cycles(40, agents={**agents, "speed_cm_s": speed}) for speed in (0.02, 1.0, 100.0))
+    assert np.median(between) > 2 * np.median(fast)
+    assert np.median(between) > np.median(slow) / 20  # which has to wait for motion
+    assert np.mean(fast) < 100
+
+
+def test_a_long_refractory_period_takes_the_intermediate_regime_away():
+    scene = {"agents": {"count": 10, "speed_cm_s": 1.0}}
+    assert (
+        np.median(t_sync_cycles(30, response={"refractory": 0.45}, **scene)) < np.median(t_sync_cycles(30, **scene)) / 2
+    )
+
+
+@pytest.mark.parametrize("kind", ["multiplicative", "sawtooth", "sine"])
+def test_in_the_fast_regime_all_swarms_synchronise(kind):
+    assert t_sync_cycles(10, agents={"speed_cm_s": 100.0}, response={"curve": kind}).max() < 500
+
+
+def test_static_agents_coupled_only_in_pairs_never_synchronise():
+    swarm = make_resting(
+        [0.9, 0.7, 0.3, 0.1],
+        [[0.0], [10.0], [60.0], [70.0]],
+        neighbourhood={"kind": "nearest"},
+        stop={"order_parameter": 0.999, "max_cycles": 2000},
+    )
+    result = run_trial(swarm)
+    assert result.censored
+    assert swarm.phases()[0] == swarm.phases()[1]
+    assert swarm.phases()[2] == swarm.phases()[3]

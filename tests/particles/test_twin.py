@@ -1,4 +1,4 @@
-"""The course of a trial beside its undisturbed twin: what deviates, by how much, and what both have in common."""
+"""A trial beside its undisturbed twin: how far phases deviate, and what both have in common."""
 
 import math
 
@@ -11,7 +11,7 @@ from epuck_sim.particles import twin
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.loader import load_scenario
-from tests.particles.scenes import KINDS, any_sections, scenario, swarm_of
+from tests.particles.simulations import KINDS, any_sections, make_simulation, scenario
 
 MIDDLES = np.arange(0.5, 30)
 SYNCHRONISED = {"phases": "synchronised"}
@@ -21,13 +21,13 @@ def displaced(by):
     return {"phases": "synchronised", "displacement": by}
 
 
-def followed(seed=0, times=MIDDLES, **sections):
+def compare(seed=0, times=MIDDLES, **sections):
     return simulate_with_twin(load_scenario(scenario(**sections)), seed, times)
 
 
 @pytest.fixture
 def pairs(monkeypatch):
-    """Return a list that will hold the swarms that are followed: the one that is disturbed, and its twin."""
+    """Return a list that receives the two simulations: the disturbed one, and its twin."""
     made = []
 
     class Kept(ParticleSimulation):
@@ -35,7 +35,7 @@ def pairs(monkeypatch):
             super().__init__(*given)
             made.append(self)
 
-    monkeypatch.setattr(twin, "Swarm", Kept)
+    monkeypatch.setattr(twin, "ParticleSimulation", Kept)
     return made
 
 
@@ -48,7 +48,7 @@ def test_undisturbed_nothing_deviates_at_any_time(data, seed, kind):
     sections = data.draw(any_sections(kind))
     sections["clocks"]["jitter"] = 0.0
     times = np.linspace(0, 12 * sections["clocks"]["period_s"], 30)
-    assert not followed(seed, times, **sections).deviation.any()
+    assert not compare(seed, times, **sections).deviation.any()
 
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
@@ -57,7 +57,7 @@ def test_deviations_are_from_0_to_half_a_cycle_whatever_disturbs(data, seed, kin
     start = displaced(data.draw(st.sampled_from([0.0, 1e-9, 0.3, 0.5, 0.999])))
     sections = data.draw(any_sections(kind, start=start))
     times = np.linspace(0, 12 * sections["clocks"]["period_s"], 50)
-    found = followed(seed, times, **sections)
+    found = compare(seed, times, **sections)
     assert found.time_s.tolist() == times.tolist()
     assert found.deviation.shape == (50, sections["agents"]["count"])
     assert (found.deviation >= 0).all()
@@ -67,37 +67,37 @@ def test_deviations_are_from_0_to_half_a_cycle_whatever_disturbs(data, seed, kin
 
 
 @pytest.mark.parametrize(("displacement", "deviation"), [(2**-10, 2**-10), (0.25, 0.25), (0.5, 0.5), (0.875, 0.125)])
-def test_one_that_is_displaced_and_heard_by_nobody_deviates_by_that_for_ever(displacement, deviation):
+def test_an_uncoupled_displaced_agent_deviates_by_the_displacement_for_ever(displacement, deviation):
     times = np.concatenate([MIDDLES, np.arange(1000.03125, 1e6, 77_777)])
-    found = followed(times=times, start=displaced(displacement), response={"coupling": 0})
+    found = compare(times=times, start=displaced(displacement), response={"coupling": 0})
     assert found.deviation[:, 0].tolist() == [deviation] * len(times)
     assert not found.deviation[:, 1:].any()
 
 
 def test_a_displacement_that_no_floating_point_number_is_deviates_by_no_more_than_rounding():
-    found = followed(start=displaced(0.001), response={"coupling": 0})
+    found = compare(start=displaced(0.001), response={"coupling": 0})
     np.testing.assert_allclose(found.deviation[:, 0], 0.001, rtol=1e-11)
 
 
-def test_where_all_hear_a_small_displacement_everybody_is_early_by_that_from_the_first_firing_on():
-    found = followed(times=np.arange(0.5, 20), start=displaced(2**-10), neighbourhood={"kind": "all"})
+def test_with_all_coupled_a_small_displacement_makes_all_early_from_the_first_firing_on():
+    found = compare(times=np.arange(0.5, 20), start=displaced(2**-10), neighbourhood={"kind": "all"})
     assert found.deviation[0].tolist() == [2**-10] + [0] * 19
     np.testing.assert_allclose(found.deviation[1:], 2**-10, rtol=1e-11)
     np.testing.assert_allclose(found.order_parameter[1:], 1, atol=1e-12)
 
 
-def test_it_spreads_from_agent_to_agent_who_were_not_displaced():
-    found = followed(times=np.arange(0.5, 200), start=displaced(0.01), agents={"count": 20, "speed_cm_s": 30}, seed=3)
+def test_the_deviation_spreads_to_agents_that_were_not_displaced():
+    found = compare(times=np.arange(0.5, 200), start=displaced(0.01), agents={"count": 20, "speed_cm_s": 30}, seed=3)
     deviate = np.count_nonzero(found.deviation > 1e-9, axis=1)
     assert deviate[0] == 1
     assert deviate.max() > 10
 
 
-def test_with_jitter_deviations_grow_as_fast_as_clocks_are_wrong_and_wrap_at_half_a_cycle():
+def test_with_jitter_deviations_grow_with_the_error_of_the_periods_and_wrap_at_half_a_cycle():
     given = {"clocks": {"jitter": 1e-3, "period_s": 2.0}, "response": {"coupling": 0}, "start": SYNCHRONISED}
     times = np.linspace(0, 8000, 400)
-    found = followed(7, times, **given)
-    apart = np.abs(times[:, None] / swarm_of(7, **given).periods_s - times[:, None] / 2.0) % 1
+    found = compare(7, times, **given)
+    apart = np.abs(times[:, None] / make_simulation(7, **given).periods_s - times[:, None] / 2.0) % 1
     np.testing.assert_allclose(found.deviation, np.minimum(apart, 1 - apart), atol=1e-8)
     early = times < 200
     slopes = found.deviation[early][1:] / times[early][1:, None]
@@ -111,18 +111,18 @@ def test_with_jitter_deviations_grow_as_fast_as_clocks_are_wrong_and_wrap_at_hal
 @pytest.mark.parametrize("metric", ["complex", "reference"])
 def test_the_order_parameter_is_that_of_all_phases_at_each_time(metric):
     given = {"clocks": {"jitter": 0.01}, "stop": {"metric": metric}, "agents": {"count": 7, "speed_cm_s": 20}}
-    found = followed(5, MIDDLES + 0.123, **given)
-    swarm = swarm_of(5, **given)
+    found = compare(5, MIDDLES + 0.123, **given)
+    swarm = make_simulation(5, **given)
     for time, order in zip(MIDDLES + 0.123, found.order_parameter, strict=True):
         swarm.run_to(time)
         assert order == pytest.approx(abs(np.exp(2j * math.pi * swarm.phases()).mean()), abs=1e-12)
 
 
-def test_a_trial_is_followed_beyond_synchrony():
+def test_a_trial_continues_beyond_synchrony():
     given = {"agents": {"count": 5, "speed_cm_s": 50}, "neighbourhood": {"kind": "all"}, "start": {"phases": "random"}}
     times = np.arange(0.5, 300)
     ends, goes_on = (
-        followed(2, times, **given, stop={"order_parameter": threshold, "max_cycles": 20}) for threshold in (0.9, None)
+        compare(2, times, **given, stop={"order_parameter": threshold, "max_cycles": 20}) for threshold in (0.9, None)
     )
     assert ends.order_parameter[-1] == pytest.approx(1)
     assert ends.order_parameter.tolist() == goes_on.order_parameter.tolist()
@@ -131,15 +131,15 @@ def test_a_trial_is_followed_beyond_synchrony():
 
 def test_the_times_are_seconds_whatever_the_period():
     given = {"start": displaced(0.01), "agents": {"count": 6, "speed_cm_s": 8}}
-    slow = followed(1, 4 * MIDDLES, **given, clocks={"period_s": 4.0})
-    quick = followed(1, MIDDLES, **given | {"agents": {"count": 6, "speed_cm_s": 32}})
+    slow = compare(1, 4 * MIDDLES, **given, clocks={"period_s": 4.0})
+    quick = compare(1, MIDDLES, **given | {"agents": {"count": 6, "speed_cm_s": 32}})
     np.testing.assert_allclose(slow.deviation, quick.deviation, atol=1e-12)
     np.testing.assert_allclose(slow.order_parameter, quick.order_parameter, atol=1e-12)
 
 
 def test_times_that_are_not_ascending_are_refused():
     with pytest.raises(ValueError, match="cannot go back"):
-        followed(times=np.array([2.5, 1.5]))
+        compare(times=np.array([2.5, 1.5]))
 
 
 # --- the twin ---------------------------------------------------------------------------------------
@@ -150,7 +150,7 @@ def test_times_that_are_not_ascending_are_refused():
 def test_the_twin_is_where_the_other_is_and_goes_where_it_goes(pairs, boundary, dimensions):
     agents = {"count": 6, "speed_cm_s": 90, "speed_distribution": "uniform", "speed_spread": 0.5}
     space = {"boundary": boundary, "dimensions": dimensions}
-    found = followed(9, start=displaced(0.1), clocks={"jitter": 0.1}, agents=agents, space=space)
+    found = compare(9, start=displaced(0.1), clocks={"jitter": 0.1}, agents=agents, space=space)
     disturbed, twin = pairs
     assert found.deviation.max() > 0.1
     assert disturbed.time_s == twin.time_s == MIDDLES[-1]
@@ -159,8 +159,8 @@ def test_the_twin_is_where_the_other_is_and_goes_where_it_goes(pairs, boundary, 
     assert disturbed.speeds_cm_s.tolist() == twin.speeds_cm_s.tolist()
 
 
-def test_the_twin_s_clocks_are_right_and_nobody_of_it_is_displaced(pairs):
-    followed(9, np.array([0.0]), start=displaced(0.1), clocks={"jitter": 0.1, "period_s": 3.0})
+def test_the_twin_has_nominal_periods_and_no_displaced_agent(pairs):
+    compare(9, np.array([0.0]), start=displaced(0.1), clocks={"jitter": 0.1, "period_s": 3.0})
     disturbed, twin = pairs
     assert (disturbed.seed, twin.seed) == (9, 9)
     assert len(set(disturbed.periods_s.tolist())) == 20
@@ -169,8 +169,8 @@ def test_the_twin_s_clocks_are_right_and_nobody_of_it_is_displaced(pairs):
     assert not twin.phases().any()
 
 
-def test_the_twin_of_agents_that_set_out_anew_on_pulses_goes_its_own_way(pairs):
+def test_the_twin_moves_differently_if_agents_reorient_on_pulses(pairs):
     agents = {"count": 6, "speed_cm_s": 30, "reorient_on": ["receiving"]}
-    followed(9, start=displaced(0.1), agents=agents)
+    compare(9, start=displaced(0.1), agents=agents)
     disturbed, twin = pairs
     assert np.abs(disturbed.positions() - twin.positions()).max() > 1

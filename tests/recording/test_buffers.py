@@ -1,4 +1,4 @@
-"""A window holds what the steps held, whatever its size, and counts flashes as the watch counts firings."""
+"""A buffer holds what the steps held, whatever its capacity, and counts flashes as the watch counts firings."""
 
 from functools import cache
 from itertools import islice
@@ -15,7 +15,8 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.order_parameter import METRICS
-from epuck_sim.recording.buffers.robots import Columns, Window
+from epuck_sim.recording.buffers.robots import RobotBuffer
+from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.level import Level
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario
@@ -49,8 +50,8 @@ scenarios = pytest.mark.parametrize("name", SCENARIOS)
 sizes = pytest.mark.parametrize("size", [1, 7, 2 * STEPS])
 
 
-class Taken(NamedTuple):
-    """What a window was shown, copied by hand."""
+class Shown(NamedTuple):
+    """What a buffer was shown, copied by hand."""
 
     steps: dict[str, npt.NDArray[Any]]
     time_s: list[float]
@@ -61,37 +62,37 @@ class Taken(NamedTuple):
 
 
 @cache
-def recorded(name: str, size: int, level: Level = Level.FULL) -> tuple[list[Columns], Taken]:
-    """Return the windows of a simulation, and what they were shown."""
+def recorded(name: str, size: int, level: Level = Level.FULL) -> tuple[list[RowBatch], Shown]:
+    """Return the batches of a simulation, and what the buffer was shown."""
     simulation = Simulation(SCENARIOS[name], seed=5)
-    watch, window = SynchronyWatch(simulation), Window(simulation.scenario, level, size)
+    watch, buffer = SynchronyWatch(simulation), RobotBuffer(simulation.scenario, level, size)
     copies: dict[str, list[Any]] = {key: [] for key in COPIED}
-    times, measured, firings, parts = [], [], [], []
+    times, measured, firings, batches = [], [], [], []
     for step in islice(simulation, STEPS):
         cycles = watch.cycles
         watch.look(step)
-        window.take(step, watch)
+        buffer.append(step, watch)
         for key in COPIED:
             copies[key].append(getattr(step, key).copy())
         times.append(step.time_s)
         measured.append(float(watch.measure(step.phase_ms)))
         if watch.cycles > cycles and watch.order_parameter is not None:
             firings.append((step.number, watch.cycles, watch.order_parameter))
-        if window.is_full:
-            parts.append(window.empty())
-    if window.taken:
-        parts.append(window.empty())
-    return parts, Taken({key: np.array(values) for key, values in copies.items()}, times, measured, firings)
+        if buffer.is_full:
+            batches.append(buffer.flush())
+    if buffer.row_count:
+        batches.append(buffer.flush())
+    return batches, Shown({key: np.array(values) for key, values in copies.items()}, times, measured, firings)
 
 
-def joined(parts: list[Columns]) -> Columns:
-    """Return the windows as one: places count from the first step of all."""
-    starts = np.cumsum([0, *(len(part.time_ns) for part in parts)])[:-1]
+def joined(batches: list[RowBatch]) -> RowBatch:
+    """Return the batches as one, in which rows count from the first step of all."""
+    starts = np.cumsum([0, *(len(batch.time_ns) for batch in batches)])[:-1]
     shifted = [
-        part._replace(flashes=part.flashes + np.array([start, 0, 0]), firings=part.firings + start)
-        for part, start in zip(parts, starts, strict=True)
+        batch._replace(flashes=batch.flashes + np.array([start, 0, 0]), firings=batch.firings + start)
+        for batch, start in zip(batches, starts, strict=True)
     ]
-    return Columns(*map(np.concatenate, zip(*shifted, strict=True)))
+    return RowBatch(*map(np.concatenate, zip(*shifted, strict=True)))
 
 
 def slow_flashes(rings: BoolArray, phases: FloatArray) -> list[list[int]]:
@@ -112,33 +113,33 @@ def slow_flashes(rings: BoolArray, phases: FloatArray) -> list[list[int]]:
 
 @scenarios
 @sizes
-def test_columns_are_those_of_the_steps_whatever_the_windows_size(name: str, size: int) -> None:
-    parts, taken = recorded(name, size)
+def test_columns_are_those_of_the_steps_whatever_the_capacity(name: str, size: int) -> None:
+    batches, shown = recorded(name, size)
     full, left = divmod(STEPS, size)
-    assert [len(part.time_ns) for part in parts] == [size] * full + [left] * (left > 0)
-    columns = joined(parts)
+    assert [len(batch.time_ns) for batch in batches] == [size] * full + [left] * (left > 0)
+    columns = joined(batches)
     for key in COPIED:
-        np.testing.assert_array_equal(getattr(columns, key), taken.steps[key], err_msg=key)
-    assert columns.time_ns.tolist() == [round(1e9 * time_s) for time_s in taken.time_s]
-    np.testing.assert_array_equal(columns.order_parameter, taken.order_parameter)
+        np.testing.assert_array_equal(getattr(columns, key), shown.steps[key], err_msg=key)
+    assert columns.time_ns.tolist() == [round(1e9 * time_s) for time_s in shown.time_s]
+    np.testing.assert_array_equal(columns.order_parameter, shown.order_parameter)
 
 
 @scenarios
 @sizes
 def test_ring_before_is_the_ring_of_the_step_before_and_dark_at_first(name: str, size: int) -> None:
-    parts, taken = recorded(name, size)
-    rings = taken.steps["ring_on"]
-    np.testing.assert_array_equal(joined(parts).ring_before, [np.zeros(rings.shape[1], bool), *rings[:-1]])
+    batches, shown = recorded(name, size)
+    rings = shown.steps["ring_on"]
+    np.testing.assert_array_equal(joined(batches).ring_before, [np.zeros(rings.shape[1], bool), *rings[:-1]])
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name not in {"spotlight", "push"}])
 def test_the_order_parameter_is_that_of_each_steps_oscillators(name: str) -> None:
-    parts, taken = recorded(name, 7)
+    batches, shown = recorded(name, 7)
     periods = Simulation(SCENARIOS[name], seed=5).period_ms
     oscillators = np.isfinite(periods)
     metric = METRICS[SCENARIOS[name].stop.metric]
-    expected = [metric(phases[oscillators], periods[oscillators]) for phases in taken.steps["phase_ms"]]
-    assert joined(parts).order_parameter.tolist() == expected
+    expected = [metric(phases[oscillators], periods[oscillators]) for phases in shown.steps["phase_ms"]]
+    assert joined(batches).order_parameter.tolist() == expected
 
 
 @pytest.mark.parametrize("name", ["thesis", "mixed"])
@@ -151,36 +152,36 @@ def test_levels_leave_out_what_they_say_and_nothing_else(name: str) -> None:
     }
     for level, absent in left_out.items():
         columns = joined(recorded(name, 7, level)[0])
-        for key in Columns._fields:
+        for key in RowBatch._fields:
             expected = getattr(full, key)[:0] if key in absent else getattr(full, key)
             np.testing.assert_array_equal(getattr(columns, key), expected, err_msg=f"{level}: {key}")
 
 
 def test_what_was_returned_is_not_written_to_again() -> None:
     simulation = Simulation("thesis", seed=2)
-    watch, window = SynchronyWatch(simulation), Window(simulation.scenario, Level.FULL, 60)
+    watch, buffer = SynchronyWatch(simulation), RobotBuffer(simulation.scenario, Level.FULL, 60)
     returned = []
     for step in islice(simulation, 240):
         watch.look(step)
-        window.take(step, watch)
-        if window.is_full:
-            columns = window.empty()
+        buffer.append(step, watch)
+        if buffer.is_full:
+            columns = buffer.flush()
             returned.append((columns, [column.copy() for column in columns]))
     assert len(returned) == 4
     for columns, copies in returned:
-        for key, column, copy in zip(Columns._fields, columns, copies, strict=True):
+        for key, column, copy in zip(RowBatch._fields, columns, copies, strict=True):
             np.testing.assert_array_equal(column, copy, err_msg=key)
 
 
-def test_a_window_is_full_when_it_has_its_steps_and_empty_when_it_was_emptied() -> None:
+def test_a_buffer_is_full_at_its_capacity_and_empty_after_a_flush() -> None:
     simulation = Simulation("pair")
-    watch, window = SynchronyWatch(simulation), Window(simulation.scenario, Level.FULL, 3)
+    watch, buffer = SynchronyWatch(simulation), RobotBuffer(simulation.scenario, Level.FULL, 3)
     for _ in range(2):
         for taken in range(3):
-            assert (window.taken, window.is_full) == (taken, False)
-            window.take(next(simulation), watch)
-        assert (window.taken, window.is_full) == (3, True)
-        window.empty()
+            assert (buffer.row_count, buffer.is_full) == (taken, False)
+            buffer.append(next(simulation), watch)
+        assert (buffer.row_count, buffer.is_full) == (3, True)
+        buffer.flush()
 
 
 # --- flashes ----------------------------------------------------------------------------------------
@@ -189,27 +190,27 @@ def test_a_window_is_full_when_it_has_its_steps_and_empty_when_it_was_emptied() 
 @scenarios
 @sizes
 def test_flashes_are_those_of_a_slow_loop_over_robots(name: str, size: int) -> None:
-    parts, taken = recorded(name, size)
-    expected = slow_flashes(taken.steps["ring_on"], taken.steps["phase_ms"])
-    assert joined(parts).flashes.tolist() == expected
+    batches, shown = recorded(name, size)
+    expected = slow_flashes(shown.steps["ring_on"], shown.steps["phase_ms"])
+    assert joined(batches).flashes.tolist() == expected
 
 
 @pytest.mark.parametrize(("name", "cycles"), [("thesis", 6), ("always lit", 60)])
 def test_robots_flash_about_once_a_cycle_even_if_their_rings_stay_lit(name: str, cycles: int) -> None:
-    parts, taken = recorded(name, 7)
-    assert (name == "always lit") == bool(taken.steps["ring_on"][10:].all())
-    flashes = np.bincount(joined(parts).flashes[:, 1], minlength=10)
+    batches, shown = recorded(name, 7)
+    assert (name == "always lit") == bool(shown.steps["ring_on"][10:].all())
+    flashes = np.bincount(joined(batches).flashes[:, 1], minlength=10)
     assert cycles - 2 <= flashes.min() <= flashes.max() <= cycles + 6
 
 
 @pytest.mark.parametrize("name", WITH_REFERENCE)
 @sizes
 def test_the_reference_flashes_exactly_where_the_watch_counts_and_measures(name: str, size: int) -> None:
-    parts, taken = recorded(name, size)
-    columns = joined(parts)
-    assert len(taken.firings) > 2
+    batches, shown = recorded(name, size)
+    columns = joined(batches)
+    assert len(shown.firings) > 2
     own = columns.flashes[columns.flashes[:, 1] == SCENARIOS[name].stop.reference_robot]
-    steps, cycles, order = zip(*taken.firings, strict=True)
+    steps, cycles, order = zip(*shown.firings, strict=True)
     assert tuple(columns.firings) == tuple(own[:, 0]) == steps
     assert tuple(own[:, 2]) == cycles == tuple(range(1, len(cycles) + 1))
     assert tuple(columns.firing_order) == order == tuple(columns.order_parameter[columns.firings])
@@ -253,18 +254,18 @@ def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray
     scenario = made_up(rings.shape[1])
     periods = np.where(np.isnan(phases[0]), np.nan, 5000.0)
     watch = SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=periods))
-    window, parts, firings = Window(scenario, Level.SUMMARY, size), [], []
+    buffer, batches, firings = RobotBuffer(scenario, Level.SUMMARY, size), [], []
     for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
         memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
         step = Step(number, number / 10, *[np.empty(0)] * 5, ring_on, (memory,))
         cycles = watch.cycles
         watch.look(step)
-        window.take(step, watch)
+        buffer.append(step, watch)
         if watch.cycles > cycles and watch.order_parameter is not None:
             firings.append((number, watch.order_parameter))
-        if window.is_full or number == len(rings) - 1:
-            parts.append(window.empty())
-    columns = joined(parts)
+        if buffer.is_full or number == len(rings) - 1:
+            batches.append(buffer.flush())
+    columns = joined(batches)
     expected = slow_flashes(rings, phases)
     assert columns.flashes.tolist() == expected
     assert list(zip(columns.firings, columns.firing_order, strict=True)) == firings

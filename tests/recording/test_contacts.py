@@ -1,4 +1,4 @@
-"""Claims about who touches what: hand-made scenes, a slow twin on random ones, and the bodies that push."""
+"""Contacts: hand-made scenes, a slow twin on random ones, and the bodies that push."""
 
 import math
 from collections import Counter

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
+import psutil
 import pytest
 from rerun.experimental import ViewerClient
 
@@ -19,7 +20,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.viewer import live as live_module
 from epuck_sim.recording.viewer import process
 from epuck_sim.recording.viewer.live import live, live_viewer
-from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, proxy
+from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, proxy_url
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import Observer, run_trial
 from epuck_sim.trial.result import TrialResult
@@ -50,7 +51,7 @@ def all_has_ended(tmp_path) -> Iterator[None]:
 
 
 class Watched:
-    """An onlooker that copies what it is shown."""
+    """An observer that copies what it is shown."""
 
     def __init__(self) -> None:
         self.arrays: list[bytes] = []
@@ -63,8 +64,8 @@ class Watched:
         self.ring_on, self.time_s = step.ring_on.copy(), step.time_s
 
 
-def ran(*onlookers: Observer) -> TrialResult:
-    return run_trial(Simulation(SCENARIO, 3), onlookers)._replace(wall_s=0)
+def ran(*observers: Observer) -> TrialResult:
+    return run_trial(Simulation(SCENARIO, 3), observers)._replace(wall_s=0)
 
 
 def ignore(_: str) -> None:
@@ -92,10 +93,10 @@ def shown(tmp_path_factory) -> Shown:
             window.wait_for(port)
             with live(window, port, SCENARIO, 3, Level.FULL, FAST) as look:
                 ran(look, watched)
-            client = ViewerClient.connect(proxy(port))
+            client = ViewerClient.connect(proxy_url(port))
             client.set_time("sim_time", duration=watched.time_s, play_state="paused")
         except (RecordingError, ConnectionError):  # it answers before it looks for a driver
-            if str(window.problem()) == NO_GRAPHICS:
+            if str(window.error()) == NO_GRAPHICS:
                 pytest.skip(NO_GRAPHICS)
             raise
         robots, until = (0, 0), time.monotonic() + 30
@@ -141,6 +142,16 @@ def test_a_trial_that_is_shown_is_the_same_trial(level: Level) -> None:
     assert beside.arrays == alone.arrays
 
 
+def test_a_viewer_costs_nothing_once_the_trial_has_been_shown(tmp_path) -> None:
+    with live_viewer(free_port(), ignore) as (browsers, intake):
+        with live(browsers, intake, SCENARIO, 3, Level.FULL, FAST) as look:
+            ran(look)
+        (server,) = map(psutil.Process, processes_marked(str(tmp_path)))
+        before = sum(server.cpu_times()[:2])
+        time.sleep(2)
+        assert sum(server.cpu_times()[:2]) - before < 0.2
+
+
 # --- pace -----------------------------------------------------------------------------------------------
 
 
@@ -177,9 +188,9 @@ def paced(monkeypatch) -> Paced:
 
     class Recorder:
         def __init__(
-            self, _scenario: Any, _seed: int, _level: Level, window_s: float, _write: Callable[..., None]
+            self, _scenario: Any, _seed: int, _level: Level, buffer_s: float, _write: Callable[..., None]
         ) -> None:
-            held_back_s.append(window_s)
+            held_back_s.append(buffer_s)
 
         def __call__(self, *_: Any) -> None:
             shown_s.append(clock.now)
@@ -193,7 +204,7 @@ def paced(monkeypatch) -> Paced:
 
 
 def show_steps(clock: Clock, speed: float, took_s: list[float]) -> float:
-    """Show steps of 0.1 s each of which takes so long to simulate, and return when the first could be shown."""
+    """Show steps of 0.1 s, given the time that each takes to simulate; return when the first could be shown."""
     with (
         live_viewer(free_port(), ignore) as (browsers, intake),
         live(browsers, intake, SCENARIO, 0, Level.FULL, speed) as look,
@@ -305,7 +316,7 @@ from epuck_sim.recording.viewer.live import live, live_viewer
 from epuck_sim.recording.viewer.process import free_port
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial import run_trial
+from epuck_sim.trial.model import run_trial
 
 moments = []
 ended = "in the end" in sys.argv

@@ -16,7 +16,7 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.recording import recorder
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.reader import Recorded, read_layout, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario
@@ -37,7 +37,7 @@ OF_POSES = ("phase_ms", "positions", "headings", "ring_on")
 
 
 class Watched:
-    """An onlooker that copies what it is shown."""
+    """An observer that copies what it is shown."""
 
     def __init__(self) -> None:
         self.time_s: list[float] = []
@@ -69,8 +69,8 @@ class Watched:
 
 
 def recorded(path: Path, scenario: Scenario = THESIS, seed: int = 1, level: Level = Level.FULL) -> TrialResult:
-    with record(path, scenario, seed, level) as onlooker:
-        return run_trial(Simulation(scenario, seed), [onlooker])
+    with record(path, scenario, seed, level) as observer:
+        return run_trial(Simulation(scenario, seed), [observer])
 
 
 class Trial(NamedTuple):
@@ -92,7 +92,7 @@ def trial(request, tmp_path_factory) -> Trial:
     scenario, seed, level = request.param
     path = tmp_path_factory.mktemp("recording") / "t.rrd"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(recorder, "WINDOW_ROWS", 73)
+        patch.setattr(recorder, "BUFFER_ROWS", 73)
         recorded(path, scenario, seed, level)
     watched = Watched()
     return Trial(scenario, level, path, watched, run_trial(Simulation(scenario, seed), [watched]))
@@ -207,6 +207,11 @@ def test_a_recording_without_its_last_bytes_is_refused(tmp_path, capfd, whole: b
     assert len(read_recording(tmp_path / "t.rrd").time_s) == 300
 
 
+def test_a_path_may_be_text(tmp_path, whole: bytes) -> None:
+    (tmp_path / "t.rrd").write_bytes(whole)
+    assert len(read_recording(str(tmp_path / "t.rrd")).time_s) == 300
+
+
 def test_a_layout_is_no_recording(tmp_path, capfd) -> None:
     (tmp_path / "t.rrd").write_bytes(layout_file(Level.FULL, 60, 60))
     assert "holds 0 recordings" in refusal(tmp_path / "t.rrd", capfd)
@@ -264,3 +269,4 @@ def test_a_scenario_that_this_version_does_not_know_is_refused(tmp_path, capfd, 
     monkeypatch.setattr(recorder, "write_scenario", lambda _: scenario)
     recorded(tmp_path / "t.rrd", level=Level.SUMMARY)
     assert "holds a scenario that this version cannot read: " in refusal(tmp_path / "t.rrd", capfd)
+    assert read_layout(tmp_path / "t.rrd") is None  # it can be looked at all the same

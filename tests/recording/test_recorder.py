@@ -21,7 +21,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording import recorder
 from epuck_sim.recording.layers import images
-from epuck_sim.recording.layers.robot_overlays import VIEW_CM
+from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.relations.contacts import find_contacts
@@ -75,7 +75,7 @@ SOURCES = {"mixed": MIXED, "dazzled": DAZZLED}
 
 
 class Watched:
-    """An onlooker that copies what it is shown."""
+    """An observer that copies what it is shown."""
 
     def __init__(self) -> None:
         self._fields: dict[str, list[Array]] = {field: [] for field in FIELDS}
@@ -162,8 +162,8 @@ def towards(angles: Array) -> Array:
 def recorded(
     path: Path, scenario: EmbodiedScenario, seed: int = 1, level: Level = Level.FULL, *others: Watched
 ) -> TrialResult:
-    with record(path, scenario, seed, level) as onlooker:
-        return run_trial(Simulation(scenario, seed), [onlooker, *others])
+    with record(path, scenario, seed, level) as observer:
+        return run_trial(Simulation(scenario, seed), [observer, *others])
 
 
 def load(source: str | Mapping[str, Any], seconds: float = 30) -> EmbodiedScenario:
@@ -172,9 +172,9 @@ def load(source: str | Mapping[str, Any], seconds: float = 30) -> EmbodiedScenar
 
 WINDOWS = {
     "one window": {},
-    "a second": {"WINDOW_S": 1},
-    "73 rows": {"WINDOW_ROWS": 73},
-    "one step": {"WINDOW_ROWS": 1},
+    "a second": {"BUFFER_S": 1},
+    "73 rows": {"BUFFER_ROWS": 73},
+    "one step": {"BUFFER_ROWS": 1},
 }
 
 
@@ -200,7 +200,7 @@ def trial(request, tmp_path_factory) -> Trial:
         for name, value in WINDOWS[window].items():
             patch.setattr(recorder, name, value)
         recorded(path, scenario)
-        of_time, of_rows = recorder.WINDOW_S * scenario.timing.control_hz, recorder.WINDOW_ROWS // scenario.robot_count
+        of_time, of_rows = recorder.BUFFER_S * scenario.timing.control_hz, recorder.BUFFER_ROWS // scenario.robot_count
     watched = Watched()
     result = run_trial(Simulation(scenario, 1), [watched])
     return Trial(scenario, max(1, min(of_time, of_rows)), Found(path), watched, result)
@@ -216,7 +216,7 @@ def test_each_step_has_its_time(trial: Trial) -> None:
         assert trial.found.times(entity) == [step * step_ns for step in range(trial.steps)], entity
 
 
-def test_a_chunk_holds_a_window(trial: Trial) -> None:
+def test_a_chunk_holds_a_flushed_buffer(trial: Trial) -> None:
     batches = trial.found.moving["/order/steps"]
     full, left = divmod(trial.steps, trial.window)
     assert [batch.num_rows for batch in batches] == [trial.window] * full + [left] * (left > 0)
@@ -371,7 +371,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
     views = [group.camera for group in trial.scenario.robots for _ in range(group.count)]
     shares = np.array([(view.central_pixels or view.pixels) / view.pixels for view in views])
     half = np.radians([view.field_of_view_deg for view in views]) * shares / 2
-    longest = np.array([view.range_cm or VIEW_CM for view in views])
+    longest = np.array([view.range_cm or UNBOUNDED_VIEW_CM for view in views])
     walls = trial.scenario.arena.width_cm, trial.scenario.arena.height_cm
     for place, side in ((0, 1), (2, -1)):
         ends = strips[:, :, place]
@@ -529,8 +529,8 @@ def test_a_recording_says_how_it_ended(of_level: tuple[Level, Path, TrialResult]
 
 def test_the_outcome_is_that_of_synchrony_however_long_the_trial_goes_on(tmp_path) -> None:
     path, scenario = tmp_path / "trial.rrd", load_scenario("thesis", ["stop.further_cycles=2"])
-    with record(path, scenario, 2, Level.SUMMARY) as onlooker:
-        result = run_trial(Simulation(scenario, 2), [onlooker])
+    with record(path, scenario, 2, Level.SUMMARY) as observer:
+        result = run_trial(Simulation(scenario, 2), [observer])
     found = Found(path)
     assert found.property("outcome") == {"cycles": result.t_sync_cycles, "synchronised": True}
     assert len(found.times("/order/firings")) == result.t_sync_cycles + 2
@@ -563,7 +563,7 @@ def test_rerun_finds_no_fault(of_level: tuple[Level, Path, TrialResult]) -> None
 
 
 @pytest.mark.parametrize("level", Level)
-@pytest.mark.usefixtures("small_windows")
+@pytest.mark.usefixtures("small_buffers")
 def test_a_recorded_trial_is_the_same_trial(tmp_path, level: Level) -> None:
     scenario, alone, beside = load("obstacles"), Watched(), Watched()
     result = recorded(tmp_path / "t.rrd", scenario, 2, level, beside)
@@ -573,8 +573,8 @@ def test_a_recorded_trial_is_the_same_trial(tmp_path, level: Level) -> None:
 
 
 @pytest.fixture
-def small_windows(monkeypatch) -> None:
-    monkeypatch.setattr(recorder, "WINDOW_ROWS", 73)
+def small_buffers(monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_ROWS", 73)
 
 
 # --- again ------------------------------------------------------------------------------------------

@@ -29,12 +29,12 @@ from tests.processes import start, wait_until
 SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])
 
 WAIT_S = 30
-"""So long a machine under load may take to do what takes milliseconds."""
+"""Time in seconds within which a machine under load must do what takes milliseconds."""
 
 
 def recorded(path: Path, *others: Observer) -> None:
-    with record(path, SCENARIO, 1) as onlooker:
-        run_trial(Simulation(SCENARIO, 1), [onlooker, *others])
+    with record(path, SCENARIO, 1) as observer:
+        run_trial(Simulation(SCENARIO, 1), [observer, *others])
 
 
 def is_whole(path: Path) -> bool:
@@ -44,8 +44,8 @@ def is_whole(path: Path) -> bool:
 
 
 @pytest.fixture
-def small_windows(monkeypatch) -> None:
-    monkeypatch.setattr(recorder, "WINDOW_ROWS", 73)
+def small_buffers(monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_ROWS", 73)
 
 
 # --- where it cannot be written ---------------------------------------------------------------------
@@ -111,7 +111,7 @@ def fail_at(number: int, error: type[BaseException]) -> Observer:
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, BrokenPipeError])
 @pytest.mark.parametrize("number", [0, 200])
-@pytest.mark.usefixtures("small_windows")
+@pytest.mark.usefixtures("small_buffers")
 def test_where_the_trial_fails_nothing_is_left(tmp_path, number: int, error: type[BaseException]) -> None:
     with pytest.raises(error):
         recorded(tmp_path / "t.rrd", fail_at(number, error))
@@ -155,7 +155,7 @@ def test_what_lies_beside_it_stays(tmp_path) -> None:
 
 @contextmanager
 def room_for(largest: int) -> Iterator[None]:
-    """Have no file grow beyond so many bytes; rerun, too, is told so where it writes."""
+    """Limit the size of files that this process, and rerun within it, can write."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (largest, before[1]))
     try:
@@ -179,7 +179,7 @@ def test_where_there_is_no_room_nothing_is_left(tmp_path, part: str) -> None:
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.usefixtures("small_windows")
+@pytest.mark.usefixtures("small_buffers")
 def test_a_full_disk_ends_the_trial_soon(tmp_path, monkeypatch) -> None:
     def write_some(stream: LazyChunkStream, *_, **__) -> None:
         for taken, _ in enumerate(stream):
@@ -201,7 +201,7 @@ def test_a_full_disk_ends_the_trial_soon(tmp_path, monkeypatch) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_is_noticed_at_the_end_of_a_trial_of_one_window(tmp_path, monkeypatch) -> None:
+def test_a_full_disk_is_noticed_at_the_end_of_a_trial_of_one_buffer(tmp_path, monkeypatch) -> None:
     def write(stream: LazyChunkStream, *_, **__) -> None:
         list(stream)
         raise RuntimeError("No space left on device")
@@ -220,7 +220,7 @@ def written(folder: Path) -> int:
     return sum(data.stat().st_size for data in folder.glob("t.rrd.*.part/data.rrd"))
 
 
-@pytest.mark.usefixtures("small_windows")
+@pytest.mark.usefixtures("small_buffers")
 def test_chunks_are_written_as_they_come(tmp_path) -> None:
     sizes = [0]
 
@@ -242,11 +242,11 @@ from pathlib import Path
 from epuck_sim.recording import recorder
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial import run_trial
-recorder.WINDOW_ROWS = 730
+from epuck_sim.trial.model import run_trial
+recorder.BUFFER_ROWS = 730
 scenario = load_scenario("thesis", ["stop.order_parameter=1", "stop.max_cycles=1000000"])
-with recorder.record(Path(sys.argv[1]), scenario, 1) as onlooker:
-    run_trial(Simulation(scenario, 1), [onlooker])
+with recorder.record(Path(sys.argv[1]), scenario, 1) as observer:
+    run_trial(Simulation(scenario, 1), [observer])
 """
 
 
@@ -270,7 +270,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial import run_trial
+from epuck_sim.trial.model import run_trial
 
 def used():
     pages = int(Path("/proc/self/statm").read_text().split()[1])
@@ -278,8 +278,8 @@ def used():
 
 def run(trial):
     scenario = load_scenario("thesis", ["stop.max_time_s=5"])
-    with record(Path(sys.argv[1]) / f"{trial}.rrd", scenario, trial, list(Level)[trial % 3]) as onlooker:
-        run_trial(Simulation(scenario, trial), [onlooker])
+    with record(Path(sys.argv[1]) / f"{trial}.rrd", scenario, trial, list(Level)[trial % 3]) as observer:
+        run_trial(Simulation(scenario, trial), [observer])
 
 for trial in range(6):
     run(trial)

@@ -3,15 +3,22 @@
 import os
 import signal
 import socket
+import subprocess
 import sys
+import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
+import psutil
 import pytest
+from rerun.chunk import RrdReader
 from scipy import ndimage
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
@@ -28,7 +35,7 @@ from epuck_sim.recording.viewer.viewer import draw_screenshot, has_display, serv
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
-from tests.processes import processes_marked, start, wait_until
+from tests.processes import processes_marked, wait_until
 from tests.recording.viewers import (
     ARENA,
     DARK,
@@ -38,13 +45,15 @@ from tests.recording.viewers import (
     alike,
     answer,
     discs,
+    heed_signals,
+    ignore_signals,
     listening,
     nothing_left,
     pixels,
     replace_rerun,
 )
 
-# as `scene`, `series` and `pictures.COLOURS` have them
+# as in `layers.arena`, `layers.time_series` and `layers.images.COLOURS`
 WALL = (150, 150, 150)
 RED, BLUE = (225, 40, 40), (60, 130, 230)
 UNLIT_PIXEL = (30, 30, 34)
@@ -96,7 +105,7 @@ def marks(picture: FloatArray, colour: Sequence[int]) -> FloatArray:
 
 
 def rows_of(spots: FloatArray, rows: int) -> IntArray:
-    """Return how many spots are in each of so many rows, from the lowest to the highest."""
+    """Return the number of spots in each row, from the lowest to the highest."""
     y = spots[:, 1]
     row = (rows - 1) * (y.max() - y) / np.ptp(y)
     assert abs(row - row.round()).max() < 0.2
@@ -376,7 +385,7 @@ def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatc
 
 
 @pytest.mark.parametrize("name", ["DISPLAY", "WAYLAND_DISPLAY"])
-def test_a_window_shows_the_recording_until_it_is_closed(
+def test_a_buffer_shows_the_recording_until_it_is_closed(
     stand: Stand, display, tmp_path, monkeypatch, name: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -404,17 +413,19 @@ def test_a_display_that_is_not_there_is_told_of(thesis, display) -> None:
 # --- in a browser ---------------------------------------------------------------------------------------
 
 SERVE = """
-import sys
+import signal, sys
 from pathlib import Path
-from epuck_sim.recording.viewer import serve
+from epuck_sim.recording.viewer.viewer import serve
+before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM)
 serve(Path(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]).write_text)
+assert before == (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM))
 print("ended")
 """
 
 
-def test_a_browser_finds_the_viewer_on_this_machine_only(thesis, tmp_path) -> None:
+def test_a_browser_finds_the_viewer_on_this_machine_only(tmp_path) -> None:
     port = free_port()
-    with web_viewer(port, str(thesis[0])) as (server, address, intake):
+    with web_viewer(port) as (server, address, intake):
         page = urlsplit(address)
         assert (page.scheme, page.netloc) == ("http", f"127.0.0.1:{port}")
         assert parse_qs(page.query) == {"url": [f"rerun+http://127.0.0.1:{intake}/proxy"]}
@@ -424,19 +435,19 @@ def test_a_browser_finds_the_viewer_on_this_machine_only(thesis, tmp_path) -> No
         assert os.getpgrp() not in map(os.getpgid, processes_marked(str(tmp_path)))  # Ctrl-C in a terminal reaches us
 
 
-def test_a_port_is_free_again_when_the_block_ends(thesis) -> None:
+def test_a_port_is_free_again_when_the_block_ends() -> None:
     port = free_port()
     for _ in range(3):
-        with web_viewer(port, str(thesis[0])) as (_, address, _):
+        with web_viewer(port) as (_, address, _):
             assert answer(address)
 
 
-def test_the_viewer_ends_also_where_the_block_fails(thesis, tmp_path) -> None:
+def test_the_viewer_ends_also_if_the_block_fails(tmp_path) -> None:
     def fail_beside(_: object) -> None:
         assert processes_marked(str(tmp_path))
         raise ZeroDivisionError
 
-    with pytest.raises(ZeroDivisionError), web_viewer(free_port(), str(thesis[0])) as served:
+    with pytest.raises(ZeroDivisionError), web_viewer(free_port()) as served:
         fail_beside(served)
     wait_until(lambda: not processes_marked(str(tmp_path)), limit_s=5)
 
@@ -452,21 +463,172 @@ def test_a_port_in_use_is_told_before_anything_starts(monkeypatch, address: str)
             serve(Path("t.rrd"), port, pytest.fail)
 
 
-@pytest.mark.parametrize("send", [os.kill, os.killpg])
-def test_serving_ends_well_on_ctrl_c(thesis, tmp_path, send: Callable[[int, int], None]) -> None:
-    port, told = free_port(), tmp_path / "told"
-    process = start([sys.executable, "-c", SERVE, thesis[0], str(port), told])
-    wait_until(lambda: told.exists() and told.read_text())
-    assert told.read_text().startswith(f"http://127.0.0.1:{port}?url=")
-    assert answer(told.read_text())
-    send(process.pid, signal.SIGINT)
-    assert process.communicate(timeout=30) == ("ended\n", "")
-    assert process.returncode == 0
+class Serving(NamedTuple):
+    """A process that serves a recording."""
+
+    process: subprocess.Popen[str]
+    address: str
 
 
-def test_serving_tells_when_the_viewer_breaks_down(stand: Stand) -> None:
+@contextmanager
+def serving(recording: Path, folder: Path, prepare: Callable[[], None] = heed_signals) -> Iterator[Serving]:
+    port, told = free_port(), folder / "told"
+    process = subprocess.Popen(
+        [sys.executable, "-c", SERVE, str(recording), str(port), str(told)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=prepare,
+    )
+    try:
+        wait_until(lambda: process.poll() is not None or (told.exists() and told.read_text()))
+        assert told.exists(), process.communicate()
+        assert told.read_text().startswith(f"http://127.0.0.1:{port}?url=")
+        yield Serving(process, told.read_text())
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize(
+    ("prepare", "number", "send"),
+    [
+        (heed_signals, signal.SIGINT, os.kill),
+        (heed_signals, signal.SIGINT, os.killpg),
+        (ignore_signals, signal.SIGINT, os.kill),
+        (ignore_signals, signal.SIGTERM, os.killpg),
+    ],
+)
+def test_serving_ends_well_on_a_signal_even_if_the_parent_had_it_ignored(
+    thesis, tmp_path, prepare: Callable[[], None], number: signal.Signals, send: Callable[[int, int], None]
+) -> None:
+    with serving(thesis[0], tmp_path, prepare) as (process, address):
+        assert answer(address)
+        send(process.pid, number)
+        assert process.communicate(timeout=30) == ("ended\n", "")
+        assert process.returncode == 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends a process together with its parent")
+def test_the_viewer_ends_even_if_the_process_that_serves_is_killed(thesis, tmp_path) -> None:
+    with serving(thesis[0], tmp_path) as (process, _):
+        (child,) = psutil.Process(process.pid).children()
+        process.kill()
+        wait_until(lambda: not child.is_running() or child.status() == psutil.STATUS_ZOMBIE, limit_s=5)
+
+
+def look_at(recording: Path, look: Callable[[str], None]) -> None:
+    """Serve a recording, call `look` with the address of its chunks, and press Ctrl-C."""
+    looked = []
+
+    def look_and_end(address: str) -> None:
+        assert answer(address)
+        look(parse_qs(urlsplit(address).query)["url"][0])
+        looked.append(address)
+        raise KeyboardInterrupt
+
+    serve(recording, free_port(), look_and_end)
+    assert looked
+
+
+def test_a_viewer_that_serves_a_recording_costs_nothing_while_nobody_looks(thesis, tmp_path) -> None:
+    def look(_: str) -> None:
+        (server,) = map(psutil.Process, processes_marked(str(tmp_path)))
+        before = sum(server.cpu_times()[:2])
+        time.sleep(2)
+        assert sum(server.cpu_times()[:2]) - before < 0.2  # a busy loop: 2 s, or 1 s beside other work
+
+    look_at(thesis[0], look)
+
+
+def test_a_browser_gets_the_whole_recording_with_its_layout(thesis, tmp_path) -> None:
+    received, complete = tmp_path / "received.rrd", tmp_path / "complete.rrd"
+
+    def has_all() -> bool:
+        try:  # what was received has no end: it is added
+            run_rerun("rrd", "optimize", str(received), "-o", str(complete))
+            return rows_by_entity(complete) == rows_by_entity(thesis[0])
+        except (RecordingError, ValueError):
+            return False
+
+    def look(url: str) -> None:
+        with in_background(url, "--save", str(received), "--port", str(free_port())):
+            wait_until(has_all, limit_s=30)
+
+    look_at(thesis[0], look)
+    for found, expected in zip(read_recording(complete), read_recording(thesis[0]), strict=True):
+        np.testing.assert_array_equal(found, expected)
+    assert [layout.application_id for layout in RrdReader(complete).blueprints()] == ["epuck-sim"]
+    assert RrdReader(complete).recordings() == RrdReader(thesis[0]).recordings()
+
+
+def rows_by_entity(path: Path) -> Counter[str]:
+    """Return how many rows each entity of a recording has."""
+    rows: Counter[str] = Counter()
+    for chunk in RrdReader(path).store().stream().to_chunks():
+        if not chunk.is_static:
+            rows[chunk.entity_path] += chunk.num_rows
+    return rows
+
+
+def test_a_recording_of_an_unknown_scenario_is_served_all_the_same(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("epuck_sim.recording.recorder.write_scenario", lambda _: "wings: 2")
+    with record(tmp_path / "t.rrd", load_scenario("pair"), 1, Level.SUMMARY):
+        pass
+    look_at(tmp_path / "t.rrd", lambda _: None)
+
+
+def test_a_handler_of_the_program_s_own_stays(stand: Stand) -> None:
+    caught: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: caught.append(number))
+    try:
+        stand.acts(SLEEP)
+        with in_background():
+            os.kill(os.getpid(), signal.SIGTERM)
+            wait_until(lambda: caught == [signal.SIGTERM])
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def test_a_viewer_can_be_opened_in_another_thread(stand: Stand, display) -> None:
+    display({"DISPLAY": ":0"})
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(show, Path("t.rrd")).result()
+    assert stand.told["arguments"]
+
+
+def test_a_second_ctrl_c_while_a_deaf_viewer_is_ended_leaves_none_behind(stand: Stand, tmp_path) -> None:
+    deaf = tmp_path / "deaf"
+    stand.acts(
+        "import signal", "signal.signal(signal.SIGTERM, signal.SIG_IGN)", f"open({str(deaf)!r}, 'w').close()", SLEEP
+    )
+    impatient = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), in_background() as window:  # noqa: PT012 it is raised at the end of the block
+            wait_until(deaf.exists)
+            impatient.start()
+    finally:
+        impatient.join()
+        signal.signal(signal.SIGINT, handler)
+    assert window.has_ended
+
+
+def test_a_viewer_that_breaks_down_before_it_has_the_recording_is_reported(thesis, stand: Stand) -> None:
     stand.answers_and_says("no more of this")
-    told: list[str] = []
     with pytest.raises(RecordingError, match=r"^the viewer does not work: no more of this$"):
-        serve(Path("t.rrd"), free_port(), told.append)
+        serve(thesis[0], free_port(), pytest.fail)
+
+
+def test_a_viewer_that_breaks_down_later_is_reported(thesis, tmp_path) -> None:
+    told: list[str] = []
+
+    def end_it(address: str) -> None:
+        told.append(address)
+        for each in processes_marked(str(tmp_path)):
+            os.kill(each, signal.SIGKILL)
+
+    with pytest.raises(RecordingError, match=r"^the viewer does not work: it does not answer$"):
+        serve(thesis[0], free_port(), end_it)
     assert len(told) == 1

@@ -1,4 +1,4 @@
-"""Claims about who sees whom: hand-made scenes, and a slow twin on random ones."""
+"""Which robots see which: hand-made scenes, and a slow twin on random ones."""
 
 import math
 from collections import Counter
@@ -30,20 +30,20 @@ def sightings(
 
 
 def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
-    """Return whom each observer sees in the only step."""
+    """Return the robots that each observer sees in the only step."""
     assert all(step == 0 for step, _, _ in found)
     assert [observer for _, observer, _ in found] == sorted(observer for _, observer, _ in found)
     return [[seen for _, observer, seen in found if observer == robot] for robot in range(observers)]
 
 
 def at(distance: float, bearing_deg: float = 0.0) -> tuple[float, float, float]:
-    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, who looks along x."""
+    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, which looks along x."""
     bearing = math.radians(bearing_deg)
     return ME[0] + RADIUS_CM + distance * math.cos(bearing), ME[1] + distance * math.sin(bearing), 1.0
 
 
 def seen_by_me(others: list[tuple[float, float, float]], lens: Lens | None = None, obstacles=((), ())) -> list[int]:
-    """Return whom ME sees, who is robot 0; the others count from 1."""
+    """Return the robots that robot 0, at ME, sees; the others count from 1."""
     found = sightings(np.array([[ME, *others]]), make_arena(200, 200, *obstacles), lens or Lens(), 0, 1)
     assert all((step, observer) == (0, 0) for step, observer, _ in found)
     return [seen for _, _, seen in found]
@@ -118,7 +118,7 @@ def test_a_camera_sees_red_where_a_robot_in_view_is_lit() -> None:
     assert min(tally["red"], tally["dark"]) > 0.02 * tally["robots"]
 
 
-# --- what hides whom --------------------------------------------------------------------------------
+# --- occlusion --------------------------------------------------------------------------------------
 
 
 def test_a_robot_behind_another_is_not_listed() -> None:

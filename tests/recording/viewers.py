@@ -1,9 +1,11 @@
-"""Viewers for tests: what is drawn in a picture, who listens, and programs that stand in for rerun's."""
+"""Viewers for tests: what is drawn in a picture, open ports, programs that stand in for rerun's, and signals."""
 
 import json
+import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +22,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.recording.viewer import process
 from tests.processes import processes_marked, wait_until
 
-# as `scene.RINGS` has them
+# as in `layers.arena.RINGS`
 LIT, DARK = (230, 40, 40), (120, 125, 135)
 
 ARENA = np.s_[60:660, :955]
@@ -45,11 +47,28 @@ sys.exit(1)
 
 @contextmanager
 def nothing_left(mark: Path) -> Iterator[None]:
-    """Fail if a process that the block starts outlives it by seconds."""
+    """Fail if a process that the block starts outlives it by seconds; end all of them, however the block ends."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("EPUCK_SIM_TEST", str(mark))
-        yield
-        wait_until(lambda: not processes_marked(str(mark)), limit_s=5)
+        try:
+            yield
+            wait_until(lambda: not processes_marked(str(mark)), limit_s=5)
+        finally:
+            for left in processes_marked(str(mark)):
+                with suppress(ProcessLookupError):
+                    os.kill(left, signal.SIGKILL)
+
+
+def ignore_signals() -> None:
+    """Do to a child process what a shell does to a background job, and more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+
+
+def heed_signals() -> None:
+    """Do to a child process what a terminal does, also if the tests run in the background."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def pixels(png: Path | BytesIO) -> FloatArray:

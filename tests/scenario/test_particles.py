@@ -197,8 +197,9 @@ def test_a_key_of_particle_scenarios_is_told_where_it_belongs(key):
     assert str(caught.value) == f"scenario: {key}: belongs to model: particles; give that model, or leave it out"
 
 
-def test_a_particle_simulation_is_of_particles_and_of_one_point_of_a_sweep():
-    with pytest.raises(ScenarioError, match="model is 'embodied'; a ParticleSimulation needs model: particles"):
+def test_a_particle_simulation_needs_its_model_and_one_point_of_a_sweep():
+    wrong_model = "model is 'embodied'; a ParticleSimulation needs model: particles; use Simulation"
+    with pytest.raises(ScenarioError, match=wrong_model):
         ParticleSimulation({})
     with pytest.raises(ScenarioError, match="is a sweep; simulate one of its points"):
         ParticleSimulation({"model": "particles", "sweep": {"grid": {"agents.speed_cm_s": [1, 2]}}})

@@ -1,4 +1,4 @@
-"""Claims about curves: which points make one, in which order, against which axis, and by what they are told apart."""
+"""Claims about curves: which points make one, in which order, against which axis, and what distinguishes them."""
 
 import math
 from collections.abc import Collection
@@ -237,7 +237,7 @@ def test_where_no_axis_has_numbers_that_is_said(scenario_sweep: dict | None) -> 
         choose_axis(made, SPEED)
 
 
-def test_messages_name_who_wants_the_axis() -> None:
+def test_messages_name_what_requests_the_axis() -> None:
     made = with_axes({"grid": {SPEED: [1, 2]}})
     with pytest.raises(EpuckSimError, match=r"^run: figure\.x: unknown 'speed'"):
         choose_axis(made, "speed", "run: figure.x")
@@ -288,8 +288,8 @@ def test_where_there_are_several_to_choose_from_or_none_that_is_said() -> None:
 @pytest.mark.parametrize(
     ("wanted", "message"),
     [
-        (SPEED, f"--y: {SPEED} goes along with {SPEED}"),
-        (PIXELS, f"--y: {PIXELS} goes along with {SPEED}, which goes to the right; give --y one of {COUNT}"),
+        (SPEED, f"--y: {SPEED} varies together with {SPEED}"),
+        (PIXELS, f"--y: {PIXELS} varies together with {SPEED}, the horizontal axis; give --y one of {COUNT}"),
         (METRIC, f"--y: unknown '{METRIC}'"),
         ("robots.0.cuont", f"did you mean '{COUNT}'?"),
     ],
@@ -302,7 +302,7 @@ def test_a_second_axis_that_is_none_is_refused(wanted: str, message: str) -> Non
     assert message in str(caught.value)
 
 
-# What tells curves apart
+# What distinguishes curves
 
 
 @pytest.mark.parametrize(
@@ -332,12 +332,12 @@ TABLES = st.integers(1, 6).flatmap(
 
 
 @given(TABLES)
-def test_what_is_kept_tells_as_much_apart_as_all_axes_and_no_axis_tells_the_same_twice(columns: list[tuple]) -> None:
+def test_the_axes_that_are_kept_distinguish_as_much_as_all_and_none_is_tied_to_another(columns: list[tuple]) -> None:
     rows = [dict(zip("abcde", row, strict=False)) for row in zip(*columns, strict=True)]
-    told = distinguishing_axes(rows)
-    kept = list(told[0])
-    assert all(each == {key: row[key] for key in kept} for each, row in zip(told, rows, strict=True))
-    assert partition(told) == partition(rows)
+    found = distinguishing_axes(rows)
+    kept = list(found[0])
+    assert all(each == {key: row[key] for key in kept} for each, row in zip(found, rows, strict=True))
+    assert partition(found) == partition(rows)
     partitions = [partition([row[key] for row in rows]) for key in kept]
     assert len(set(partitions)) == len(partitions)
     assert all(len(each) > 1 for each in partitions)

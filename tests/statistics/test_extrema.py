@@ -1,4 +1,4 @@
-"""Claims about the regimes: where a curve's minimum and peak lie, how sure that is, and when there is no such pair."""
+"""Claims about extrema: where a curve's minimum and peak lie, how sure that is, and when there is no such pair."""
 
 import math
 
@@ -11,7 +11,6 @@ from epuck_sim.statistics.extrema import (
     GRID_POINTS,
     MIN_SPEEDS,
     SIGNIFICANCE,
-    falling_fit,
     find_minimum_and_peak,
     smooth_curve,
 )
@@ -44,7 +43,7 @@ def trials(logs, count, seed, resamples=200):
 
 
 def share_found(logs, count, curves=100, speeds=SPEEDS):
-    """Return the share of curves, each measured anew, in which a bump is found."""
+    """Return the share of curves, each measured anew, in which a pair is found."""
     return np.mean([find_minimum_and_peak(speeds, *trials(logs, count, seed)).is_found for seed in range(curves)])
 
 
@@ -54,19 +53,19 @@ def share_found(logs, count, curves=100, speeds=SPEEDS):
 @pytest.mark.parametrize(("low", "peak"), [(-0.5, 0.3), (-0.8, 0.0), (-0.2, 0.6), (-0.1, 0.2)])
 @pytest.mark.parametrize("steepness", [0.5, 2.0, 5.0])
 def test_a_cubics_extremes_are_found_where_they_are(low, peak, steepness):
-    bump = find_minimum_and_peak(SPEEDS, *certain(cubic(X, low, peak, steepness)))
-    assert np.log10([bump.v_m, bump.v_p]) == pytest.approx([low, peak], abs=1.5 * GRID_STEP)
+    pair = find_minimum_and_peak(SPEEDS, *certain(cubic(X, low, peak, steepness)))
+    assert np.log10([pair.v_m, pair.v_p]) == pytest.approx([low, peak], abs=1.5 * GRID_STEP)
     at_extremes = cubic(np.array([low, peak]), low, peak, steepness)
-    assert np.log([bump.t_m, bump.t_p]) == pytest.approx(at_extremes, abs=2e-3)
-    assert bump.rise == pytest.approx(steepness * (peak - low) ** 3 / 6, abs=2e-3)
-    assert bump.p_value == pytest.approx(1 / 51)  # no resample of a certain curve looks like a bump
+    assert np.log([pair.t_m, pair.t_p]) == pytest.approx(at_extremes, abs=2e-3)
+    assert pair.rise == pytest.approx(steepness * (peak - low) ** 3 / 6, abs=2e-3)
+    assert pair.p_value == pytest.approx(1 / 51)  # no resample of a certain curve rises as much
 
 
 def test_the_pair_is_the_one_with_the_largest_rise():
     waves = np.cos(2 * math.pi * X) * np.where(X < 0, 0.2, 0.4) - X  # rises towards -1, 0 and 1; the last is largest
-    bump = find_minimum_and_peak(SPEEDS, *certain(waves))
+    pair = find_minimum_and_peak(SPEEDS, *certain(waves))
     slope = math.asin(1 / (0.4 * 2 * math.pi)) / (2 * math.pi)  # how far the slope moves extremes
-    assert np.log10([bump.v_m, bump.v_p]) == pytest.approx([0.5 + slope, 1 - slope], abs=0.03)
+    assert np.log10([pair.v_m, pair.v_p]) == pytest.approx([0.5 + slope, 1 - slope], abs=0.03)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=3), st.integers(0, 99))
@@ -110,22 +109,22 @@ def test_points_count_by_their_certainty():
 
 @given(st.floats(0.01, 100), st.floats(0.01, 100), st.integers(0, 99))
 @settings(max_examples=25)
-def test_the_bump_moves_with_the_units_of_time_and_speed(cycles, speed, seed):
+def test_the_pair_moves_with_the_units_of_time_and_speed(cycles, speed, seed):
     means, resampled = trials(cubic(X), 200, seed, 100)
-    bump = find_minimum_and_peak(SPEEDS, means, resampled)
+    pair = find_minimum_and_peak(SPEEDS, means, resampled)
     scaled = find_minimum_and_peak(speed * SPEEDS, cycles * means, cycles * resampled)
     units = np.array([speed, cycles, speed, cycles])
-    assert np.array(scaled[:4]) == pytest.approx(units * bump[:4])
-    assert scaled.intervals == pytest.approx(units[:, None] * bump.intervals)
-    assert scaled.resampled == pytest.approx(units * bump.resampled, nan_ok=True)
-    assert (scaled.rise, scaled.p_value) == pytest.approx((bump.rise, bump.p_value), abs=1e-9)
+    assert np.array(scaled[:4]) == pytest.approx(units * pair[:4])
+    assert scaled.intervals == pytest.approx(units[:, None] * pair.intervals)
+    assert scaled.resampled == pytest.approx(units * pair.resampled, nan_ok=True)
+    assert (scaled.rise, scaled.p_value) == pytest.approx((pair.rise, pair.p_value), abs=1e-9)
 
 
 # --- what is undetermined ---------------------------------------------------------------------------
 
 
-def assert_same(bump, other):
-    for one, two in zip(bump, other, strict=True):
+def assert_same(pair, other):
+    for one, two in zip(pair, other, strict=True):
         assert np.array_equal(one, two, equal_nan=True)
 
 
@@ -155,7 +154,7 @@ def test_robots_that_stand_still_have_no_place_on_a_log_axis():
 
 
 @pytest.mark.parametrize("determined", [0, MIN_SPEEDS - 1, MIN_SPEEDS])
-def test_a_bump_takes_six_determined_speeds(determined):
+def test_a_pair_takes_six_determined_speeds(determined):
     means, resampled = certain(cubic(X))
     means[determined:] = np.nan
     is_none = determined < 6
@@ -163,32 +162,15 @@ def test_a_bump_takes_six_determined_speeds(determined):
     assert (smooth_curve(SPEEDS, means, resampled) is None) == is_none
 
 
-# --- the falling curve ------------------------------------------------------------------------------
-
-points = st.lists(st.tuples(st.floats(-9, 9), st.floats(0.1, 9)), min_size=1, max_size=8)
-
-
-@given(points)
-def test_the_falling_fit_is_the_least_over_beginnings_of_the_largest_average_over_ends(some):
-    values, weights = np.array(some).T
-
-    def average(begin, end):
-        return np.average(values[begin : end + 1], weights=weights[begin : end + 1])
-
-    count = len(values)
-    fit = [min(max(average(a, b) for b in range(i, count)) for a in range(i + 1)) for i in range(count)]
-    assert falling_fit(values, weights) == pytest.approx(fit)
-
-
-# --- when there is a bump ---------------------------------------------------------------------------
+# --- when there is a pair ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("logs", [-X, -(X**3), X, 0.3 * X**2, -0.3 * X**2])
-def test_a_certain_curve_without_both_extremes_has_no_bump(logs):
-    bump = find_minimum_and_peak(SPEEDS, *certain(logs))
-    assert np.isnan(bump[:4]).all()
-    assert np.isnan(bump.intervals).all()
-    assert (bump.rise, bump.p_value, bump.is_found) == (0, 1, False)
+def test_a_certain_curve_without_both_extremes_has_no_pair(logs):
+    pair = find_minimum_and_peak(SPEEDS, *certain(logs))
+    assert np.isnan(pair[:4]).all()
+    assert np.isnan(pair.intervals).all()
+    assert (pair.rise, pair.p_value, pair.is_found) == (0, 1, False)
 
 
 PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)
@@ -196,17 +178,17 @@ PLATEAU = 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0)
 
 @pytest.mark.parametrize("count", [30, 200])
 @pytest.mark.parametrize("logs", [PLATEAU, 4 - 0.8 * X, np.full(20, 4.0)], ids=["plateau", "power law", "flat"])
-def test_noise_on_a_falling_curve_is_rarely_taken_for_a_bump(logs, count):
+def test_noise_on_a_falling_curve_is_rarely_taken_for_a_pair(logs, count):
     assert share_found(logs, count) <= 2 * SIGNIFICANCE  # 100 curves: 5 % are within it but for one seed in 80
 
 
 @pytest.mark.parametrize(("kept", "is_found"), [(1.0, True), (0.96, True), (0.94, False), (0.5, False)])
-def test_a_bump_that_noise_would_undo_is_none(kept, is_found):
-    bump = find_minimum_and_peak(SPEEDS, *trials(cubic(X), 1000, 1))
-    assert bump.is_found
-    lost = bump.resampled.copy()
+def test_a_pair_that_noise_would_undo_is_none(kept, is_found):
+    pair = find_minimum_and_peak(SPEEDS, *trials(cubic(X), 1000, 1))
+    assert pair.is_found
+    lost = pair.resampled.copy()
     lost[round(kept * len(lost)) :] = np.nan
-    assert bump._replace(resampled=lost).is_found == is_found
+    assert pair._replace(resampled=lost).is_found == is_found
 
 
 def base_case(speeds):
@@ -218,7 +200,7 @@ RISES_FROM_THE_START = base_case(np.maximum(SPEEDS, 0.3))
 
 
 @pytest.mark.parametrize("logs", [NEVER_FALLS_AGAIN, RISES_FROM_THE_START, 4 + 0.5 * X**2, 4 - 0.5 * X**2])
-def test_a_rise_is_no_bump_without_a_fall_before_it_and_after_it(logs):
+def test_a_rise_is_no_pair_without_a_fall_before_it_and_after_it(logs):
     assert share_found(logs, 200) <= 2 * SIGNIFICANCE
 
 
@@ -231,18 +213,18 @@ def test_the_base_case_is_found_mostly_at_200_trials_and_always_at_1000(count, c
 
 def test_the_intervals_hold_the_truth_about_as_often_as_they_say():
     truth = np.array([10**-0.5, math.exp(cubic(-0.5)), 10**0.3, math.exp(cubic(0.3))])
-    bumps = [find_minimum_and_peak(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(100)]
-    low, high = np.array([bump.intervals for bump in bumps]).transpose(2, 0, 1)
+    pairs = [find_minimum_and_peak(SPEEDS, *trials(cubic(X), 200, seed)) for seed in range(100)]
+    low, high = np.array([pair.intervals for pair in pairs]).transpose(2, 0, 1)
     held = ((low <= truth) & (truth <= high)).mean(axis=0)
     assert ((held >= 0.85) & (held <= 1)).all()
     assert (np.median(high / low, axis=0) < [2.0, 1.2, 2.0, 1.2]).all()
 
 
 def test_intervals_are_percentiles_of_the_resamples_that_have_a_pair():
-    bump = find_minimum_and_peak(SPEEDS, *trials(base_case(SPEEDS), 30, 11))
-    without = np.isnan(bump.resampled).any(axis=1)
+    pair = find_minimum_and_peak(SPEEDS, *trials(base_case(SPEEDS), 30, 11))
+    without = np.isnan(pair.resampled).any(axis=1)
     assert 0 < np.count_nonzero(without) < len(without)
-    low, high = np.nanpercentile(bump.resampled, [2.5, 97.5], axis=0)
-    assert bump.intervals == pytest.approx(np.column_stack([low, high]))
-    slow, fast = bump.resampled[~without, 0], bump.resampled[~without, 2]
+    low, high = np.nanpercentile(pair.resampled, [2.5, 97.5], axis=0)
+    assert pair.intervals == pytest.approx(np.column_stack([low, high]))
+    slow, fast = pair.resampled[~without, 0], pair.resampled[~without, 2]
     assert (slow < fast).all()

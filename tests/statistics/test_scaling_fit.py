@@ -1,4 +1,4 @@
-"""Claims about `fit`: known regimes and laws are found again, and nothing is said that the curves do not say."""
+"""Claims about `fit`: it recovers known minima, peaks and laws, and reports nothing that the curves do not show."""
 
 import json
 import math
@@ -77,8 +77,8 @@ def couplings(over_coupling) -> list[FittedCurve]:
     return fit_curves(over_coupling)
 
 
-def bump_of(v_m: float, t_m: float, v_p: float, t_p: float, spread: float = 0.05, seed: int = 0) -> SpeedExtrema:
-    """Return a bump that is found, and as sure as `spread`, the standard deviation of the logs, says."""
+def extrema_of(v_m: float, t_m: float, v_p: float, t_p: float, spread: float = 0.05, seed: int = 0) -> SpeedExtrema:
+    """Return a minimum and a peak that are found; `spread` is the standard deviation of the logs of resamples."""
     estimates = np.array([v_m, t_m, v_p, t_p])
     resampled = estimates * np.exp(spread * np.random.default_rng(seed).standard_normal((400, 4)))
     intervals = np.percentile(resampled, [2.5, 97.5], axis=0).T
@@ -90,18 +90,18 @@ def lawful(others: str = "the same", run: str = "run", spread: float = 0.02, **c
     parameters = BASE | changes
     epsilon, size, robots, tau = parameters.values()
     speed, time = epsilon * size, size * math.exp(robots - 10) / tau**2
-    bump = bump_of(
+    found = extrema_of(
         0.3 * speed * robots**-1.5, 20 * time + 30, speed * robots**-0.5, 40 * time + 30, spread, seed_of(parameters)
     )
-    return FittedCurve(run, {}, parameters, others, bump)
+    return FittedCurve(run, {}, parameters, others, found)
 
 
 def seed_of(parameters: dict[str, float]) -> int:
     return int(1e6 * sum((place + 1) * value for place, value in enumerate(parameters.values())))
 
 
-def without_bump(curve: FittedCurve) -> FittedCurve:
-    return curve._replace(bump=curve.bump._replace(p_value=0.4))
+def without_extrema(curve: FittedCurve) -> FittedCurve:
+    return curve._replace(extrema=curve.extrema._replace(p_value=0.4))
 
 
 def exponents_of(curves) -> dict[tuple[str, str], tuple[float, float, float]]:
@@ -133,16 +133,16 @@ def assert_held(estimate, truth: float) -> None:
     assert abs(value - truth) < high - low
 
 
-# The regimes
+# Minimum and peak
 
 
 def test_minimum_and_peak_lie_in_their_intervals_which_are_narrow(sizes, couplings) -> None:
     units = [units_of_size(size) for size in SIZES] + [units_of_coupling(coupling) for coupling in COUPLINGS]
     held = []
     for curve, unit in zip([*sizes, *couplings], units, strict=True):
-        assert curve.bump.is_found
-        for name, (low, high) in zip(NAMES, curve.bump.intervals, strict=True):
-            assert getattr(curve.bump, name) == pytest.approx(extremes(*unit)[name], rel=0.2)
+        assert curve.extrema.is_found
+        for name, (low, high) in zip(NAMES, curve.extrema.intervals, strict=True):
+            assert getattr(curve.extrema, name) == pytest.approx(extremes(*unit)[name], rel=0.2)
             assert high < 1.9 * low
             held.append(low <= extremes(*unit)[name] <= high)
     assert np.mean(held) >= 0.8  # of 95 % intervals; 24 of them
@@ -161,7 +161,7 @@ def test_l_is_the_side_of_a_square_of_the_same_area_and_n_the_robots_of_all_grou
     store(tmp_path, scenario, lambda _: ended([5]))
     (curve,) = fit_curves(tmp_path)
     assert curve.parameters == BASE | {"L": 60, "N": 7}
-    assert curve.bump is None
+    assert curve.extrema is None
 
 
 def test_a_controller_without_coupling_and_period_has_none(tmp_path) -> None:
@@ -172,36 +172,36 @@ def test_a_controller_without_coupling_and_period_has_none(tmp_path) -> None:
     assert math.isnan(curve.parameters["tau"])
 
 
-def test_a_falling_curve_has_no_regimes_and_there_are_no_laws(tmp_path, capsys) -> None:
+def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) -> None:
     store(tmp_path, sweep({SPEED: MANY_SPEEDS}, trials=60), falling)
     curves = fit_curves(tmp_path)
-    assert not curves[0].bump.is_found
+    assert not curves[0].extrema.is_found
     stdout = printed(capsys, curves)
     assert "No laws: no curve has a local minimum and a peak." in stdout
-    assert "-: no rise that noise would not make" in stdout
+    assert "-: no rise beyond noise" in stdout
     read = json_of(capsys, curves)
     assert read["laws"] == fit_laws(curves)._asdict()
     assert [read["curves"][0][name] for name in NAMES] == [None] * 4
     assert 0.05 < read["curves"][0]["p_value"] <= 1
 
 
-def test_too_few_speeds_with_a_mean_are_told(tmp_path, capsys) -> None:
+def test_too_few_speeds_with_a_mean_are_reported(tmp_path, capsys) -> None:
     scenario = sweep({SPEED: MANY_SPEEDS}, trials=30)
     store(tmp_path, scenario, lambda point: bumpy(point) if point.number < 5 else censored(point, 30))
     curves = fit_curves(tmp_path)
-    assert curves[0].bump is None
+    assert curves[0].extrema is None
     assert "too few speeds" in printed(capsys, curves)
     (read,) = json_of(capsys, curves)["curves"]
     assert [read[name] for name in ("p_value", *NAMES)] == [None] * 5
 
 
-def test_censored_trials_and_undetermined_points_do_not_move_the_regimes(tmp_path) -> None:
+def test_censored_trials_and_undetermined_points_do_not_move_the_extrema(tmp_path) -> None:
     scenario = sweep({COUPLING: [0.1], SPEED: MANY_SPEEDS}, stop={"max_cycles": 150})
     store(tmp_path, scenario, lambda point: censored(point, 50) if point.axes[SPEED] < 0.06 else bumpy(point))
     (curve,) = fit_curves(tmp_path)
-    assert curve.bump.is_found
-    for name, ends in zip(NAMES, curve.bump.intervals, strict=True):
-        assert_held((getattr(curve.bump, name), *ends), extremes()[name])
+    assert curve.extrema.is_found
+    for name, ends in zip(NAMES, curve.extrema.intervals, strict=True):
+        assert_held((getattr(curve.extrema, name), *ends), extremes()[name])
 
 
 def test_a_folder_without_a_speed_axis_is_refused_by_name(tmp_path) -> None:
@@ -274,8 +274,8 @@ def test_where_only_the_coupling_varies_there_is_no_offset_law(couplings, capsys
     assert "e^N" not in printed(capsys, couplings)
 
 
-def test_curves_without_a_bump_are_left_out_of_the_laws(sizes) -> None:
-    laws = fit_laws([without_bump(sizes[0]), *sizes[1:], sizes[0]._replace(bump=None)])
+def test_curves_without_extrema_are_left_out_of_the_laws(sizes) -> None:
+    laws = fit_laws([without_extrema(sizes[0]), *sizes[1:], sizes[0]._replace(extrema=None)])
     assert laws.curves == 2
     assert {row.parameter for row in laws.exponents} == {"L"}
 
@@ -284,7 +284,7 @@ def test_curves_that_differ_in_something_else_are_not_mixed(tmp_path, sizes) -> 
     scenario = sweep({PIXELS: [8], COUPLING: [0.05, 0.2], SPEED: MANY_SPEEDS}, trials=100)
     store(tmp_path, scenario, lambda point: weibull(point, bumpy_mean(point.axes[SPEED], 1, 200)))
     narrow = fit_curves(tmp_path)
-    assert all(curve.bump.is_found for curve in narrow)
+    assert all(curve.extrema.is_found for curve in narrow)
     laws = fit_laws([*narrow, *sizes])
     assert (laws.curves, laws.exponents) == (3, fit_laws(sizes).exponents)
 
@@ -333,26 +333,26 @@ def test_the_coupling_of_a_second_group_is_not_taken_for_that_of_the_first(tmp_p
     assert (first.parameters, first.others) != (second.parameters, second.others)
 
 
-def test_one_curve_makes_no_law_and_that_is_said(capsys) -> None:
+def test_one_curve_makes_no_law_and_that_is_reported(capsys) -> None:
     laws = fit_laws([lawful()])
     assert (laws.exponents, laws.offset_laws) == ([], {})
     assert laws.reason != ""
     assert "No laws: " in printed(capsys, [lawful()])
 
 
-def test_curves_at_the_same_parameters_make_no_law_and_that_is_said(capsys) -> None:
+def test_curves_at_the_same_parameters_make_no_law_and_that_is_reported(capsys) -> None:
     assert "No laws: " in printed(capsys, [lawful(run="one"), lawful(run="two")])
 
 
-def test_too_few_curves_are_told(capsys) -> None:
+def test_too_few_curves_are_reported(capsys) -> None:
     curves = [lawful(), lawful(L=40, tau=3)]
-    assert "No laws: 2 curves cannot tell 3 unknowns: a prefactor and L, tau." in printed(capsys, curves)
+    assert "No laws: 2 curves do not determine 3 unknowns: a prefactor and L, tau." in printed(capsys, curves)
     assert json_of(capsys, curves)["laws"]["exponents"] == []
 
 
-def test_parameters_that_vary_together_are_told(capsys) -> None:
+def test_parameters_that_vary_together_are_reported(capsys) -> None:
     curves = [lawful(L=size, tau=size / 12) for size in (40, 60, 90)]
-    assert "No laws: the curves cannot tell L, tau apart: they vary together." in printed(capsys, curves)
+    assert "No laws: the curves do not distinguish L, tau: they vary together." in printed(capsys, curves)
 
 
 def test_the_misfit_of_a_law_through_as_many_curves_as_it_has_unknowns_is_null_in_json(capsys) -> None:
@@ -373,22 +373,22 @@ def test_many_robots_are_no_trouble(capsys) -> None:
 # What is printed
 
 
-def test_the_table_has_a_row_for_each_curve_told_apart_within_its_run(capsys, sizes, couplings) -> None:
+def test_the_table_has_a_row_for_each_curve_labelled_within_its_run(capsys, sizes, couplings) -> None:
     curves = [*(each._replace(run="a") for each in sizes), *(each._replace(run="b") for each in couplings)]
     table = [row for row in cells(printed(capsys, curves)) if len(row) == 7]
     assert [row[0] for row in table] == [*"aaabbb"]
     assert [row[1] for row in table] == ["L = 40 cm", "L = 60 cm", "L = 90 cm", "ε = 0.05", "ε = 0.1", "ε = 0.2"]
     for row, curve in zip(table, curves, strict=True):
-        numbers = zip(NAMES, curve.bump.intervals, strict=True)
-        told = [f"{getattr(curve.bump, name):.3g} ({low:.3g} to {high:.3g})" for name, (low, high) in numbers]
-        assert row[2:] == [*told, f"{curve.bump.p_value:.3f}"]
+        numbers = zip(NAMES, curve.extrema.intervals, strict=True)
+        expected = [f"{getattr(curve.extrema, name):.3g} ({low:.3g} to {high:.3g})" for name, (low, high) in numbers]
+        assert row[2:] == [*expected, f"{curve.extrema.p_value:.3f}"]
 
 
 def test_no_number_is_cut_where_the_folder_s_name_is_long(capsys) -> None:
     curves = [lawful(run=f"/{'long' * 30}")._replace(axes={COUNT: count}) for count in (2, 3)]
     table = [row for row in cells(printed(capsys, curves)) if len(row) == 7 and row[1]]
     assert [row[1] for row in table] == ["N = 2", "N = 3"]
-    assert table[0][2].startswith(f"{curves[0].bump.v_m:.3g} (")
+    assert table[0][2].startswith(f"{curves[0].extrema.v_m:.3g} (")
     assert table[0][5].endswith(")")
 
 
@@ -418,9 +418,9 @@ def test_json_has_all_estimates_with_their_intervals_and_no_nan(capsys, sizes, c
     assert [(each["run"], each["axes"]) for each in read["curves"]] == [(curve.run, curve.axes) for curve in curves]
     for each, curve in zip(read["curves"], curves, strict=True):
         for place, name in enumerate(NAMES):
-            low, high = curve.bump.intervals[place]
-            assert each[name] == {"value": curve.bump[place], "low": low, "high": high}
-        assert each["p_value"] == curve.bump.p_value
+            low, high = curve.extrema.intervals[place]
+            assert each[name] == {"value": curve.extrema[place], "low": low, "high": high}
+        assert each["p_value"] == curve.extrema.p_value
     laws = fit_laws(curves)
     assert read["laws"]["curves"] == 6
     assert read["laws"]["reason"] == ""
@@ -436,11 +436,11 @@ def test_the_same_folder_gives_the_same_fit(over_coupling, couplings, capsys) ->
 
 
 def test_runs_that_differ_in_what_is_no_axis_are_resampled_apart(tmp_path) -> None:
-    bumps = []
+    found = []
     for coupling in (0.1, 0.2):
         robots = [{"parameters": {"coupling": coupling, "period_s": 5}}]
         scenario = sweep({SPEED: MANY_SPEEDS}, trials=40, robots=robots, seed=int(10 * coupling))
         store(tmp_path / str(coupling), scenario, bumpy)
-        bumps.append(fit_curves(tmp_path / str(coupling))[0].bump)
-    correlations = [np.corrcoef(*(np.log(bump.resampled[:, n]) for bump in bumps))[0, 1] for n in range(4)]
+        found.append(fit_curves(tmp_path / str(coupling))[0].extrema)
+    correlations = [np.corrcoef(*(np.log(each.resampled[:, n]) for each in found))[0, 1] for n in range(4)]
     assert np.abs(correlations).max() < 0.2

@@ -1,4 +1,4 @@
-"""Claims about scaling: what the fits recover, how sure they are, and when curves cannot tell."""
+"""Claims about scaling: what the fits recover, how sure they are, and when curves do not determine them."""
 
 import math
 
@@ -57,7 +57,7 @@ def test_the_laws_are_those_of_the_thesis():
     assert ratio("V_m") == pytest.approx(2 * 1.5 / 1.2**1.5)
     assert ratio("V_p") == pytest.approx(2 * 1.5 / 1.2**0.5)
     assert ratio("T_m") == ratio("T_p") == pytest.approx(1.5 * math.exp(2) / 0.8**2)
-    assert list(LAWS) == ["V_m", "T_m", "V_p", "T_p"]  # a bump's order
+    assert list(LAWS) == ["V_m", "T_m", "V_p", "T_p"]  # the order of SpeedExtrema
 
 
 @pytest.mark.parametrize("quantity", LAWS)
@@ -159,7 +159,7 @@ def test_gaps_in_the_resamples_cost_no_certainty():
     assert np.isnan(resampled).any()  # the caller's are as they were
 
 
-# --- what cannot be told ----------------------------------------------------------------------------
+# --- what is undetermined ----------------------------------------------------------------------------
 
 
 def test_too_few_curves_are_refused():
@@ -167,16 +167,16 @@ def test_too_few_curves_are_refused():
     values = lawful(law, 0.1, thesis(law), few)
     assert len(fit_power_law(law, few, values, np.tile(values, (9, 1))).exponents) == 3
     few["tau"] = np.array([5.0, 5, 5, 8])
-    with pytest.raises(ValueError, match="4 curves cannot tell 5 unknowns: a prefactor and epsilon, L, N, tau"):
+    with pytest.raises(ValueError, match="4 curves do not determine 5 unknowns: a prefactor and epsilon, L, N, tau"):
         fit_power_law(law, few, values, np.tile(values, (9, 1)))
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1, 1e6])
 def test_parameters_that_vary_together_are_refused(unit):
     together = {"epsilon": np.array([0.1, 0.2, 0.3, 0.4]), "L": unit * np.array([1.0, 4, 9, 16])}
-    with pytest.raises(ValueError, match="cannot tell epsilon, L apart"):
+    with pytest.raises(ValueError, match="do not distinguish epsilon, L: they vary together"):
         fit_power_law(LAWS["V_m"], together, *noisy(np.ones(4), 0.1, 0))
-    with pytest.raises(ValueError, match="cannot tell L e"):
+    with pytest.raises(ValueError, match="do not distinguish L e"):
         fit_offset_law({"L": np.full(4, unit), "N": np.full(4, 9), "tau": np.full(4, 5.0)}, *noisy(np.ones(4), 0.1, 0))
 
 
@@ -186,7 +186,7 @@ def test_no_curve_is_too_few():
         fit_power_law(LAWS["V_m"], PARAMETERS, nothing, np.ones((9, CURVES)))
     with pytest.raises(ValueError, match="no curve is known"):
         fit_offset_law(PARAMETERS, nothing, np.ones((9, CURVES)))
-    with pytest.raises(ValueError, match="no curve has a bump"):
+    with pytest.raises(ValueError, match="no curve has a local minimum and a peak"):
         compare_laws(PARAMETERS, [None] * CURVES)
 
 
@@ -234,8 +234,8 @@ def test_r_squared_is_the_share_explained():
 # --- the table --------------------------------------------------------------------------------------
 
 
-def bumps(p_values):
-    """Return bumps that obey the thesis's laws without noise, one for each curve."""
+def extrema(p_values):
+    """Return minima and peaks that obey the thesis's laws without noise, one for each curve."""
     columns = np.column_stack([lawful(law, 0.1, thesis(law)) for law in LAWS.values()])
     nothing = np.full((4, 2), np.nan)
     return [
@@ -244,7 +244,7 @@ def bumps(p_values):
 
 
 def test_every_law_is_compared_with_the_thesis():
-    rows = compare_laws(PARAMETERS, bumps([0.01] * CURVES))
+    rows = compare_laws(PARAMETERS, extrema([0.01] * CURVES))
     assert [(row.quantity, row.parameter) for row in rows] == [(q, p) for q in LAWS for p in PARAMETERS]
     for row in rows:
         assert row.exponent.value == pytest.approx(row.thesis, abs=1e-9)
@@ -252,8 +252,8 @@ def test_every_law_is_compared_with_the_thesis():
         assert row.form == ("exponential" if row.parameter == "N" and row.quantity[0] == "T" else "power")
 
 
-def test_curves_without_a_bump_are_not_compared():
-    some = bumps([0.01, 0.01, 0.5, *[0.01] * 6])
+def test_curves_without_extrema_are_not_compared():
+    some = extrema([0.01, 0.01, 0.5, *[0.01] * 6])
     some[2] = some[2]._replace(v_m=1e9)
     some[0] = None
     rows = compare_laws({name: list(array) for name, array in PARAMETERS.items()}, some)

@@ -12,7 +12,7 @@ from lifelines.utils import median_survival_times, restricted_mean_survival_time
 from scipy.optimize import curve_fit
 from scipy.stats import CensoredData, ecdf
 
-from epuck_sim.statistics.mean_estimate import LEAST_UNCENSORED, bootstrap_means, confidence_interval, mean_time
+from epuck_sim.statistics.mean_estimate import MIN_UNCENSORED, bootstrap_means, confidence_interval, mean_time
 from epuck_sim.statistics.survival import kaplan_meier, median_time, restricted_mean
 from epuck_sim.statistics.weibull import Weibull, fit_weibull
 
@@ -249,7 +249,7 @@ def test_there_is_a_fit_just_if_two_event_times_leave_some_trials(given_trials):
     if fit is not None:
         assert 0 < fit.scale < math.inf
         assert 0 < fit.shape < math.inf
-    if fit is None or observed.mean() < LEAST_UNCENSORED:
+    if fit is None or observed.mean() < MIN_UNCENSORED:
         assert math.isnan(mean) or (observed.all() and np.ptp(times) == 0 and mean == times[0]), n
     else:
         assert mean == pytest.approx(fit.mean, rel=1e-6)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial import particles
 from epuck_sim.trial.model import run_trial
-from tests.particles.scenes import KINDS, any_sections, hand_made, scenario, swarm_of, who
+from tests.particles.simulations import KINDS, any_sections, as_set, make_resting, make_simulation, scenario
 
 THRESHOLD = 1 - 1e-9
 
@@ -34,13 +34,13 @@ def of_phases(metric, phases):
 def test_the_order_parameter_is_measured_at_each_firing_of_the_reference(metric, data, seed, kind):
     sections = data.draw(any_sections(kind, most_agents=10))
     sections["stop"] |= {"metric": metric}
-    swarm = swarm_of(seed, **sections)
+    swarm = make_simulation(seed, **sections)
     stop = swarm.scenario.stop
     cycles, order = 0, None
     for _ in range(300):
         event = next(swarm)
         synchronised = False
-        if stop.reference in who(event.fired):
+        if stop.reference in as_set(event.fired):
             cycles += 1
             order = of_phases(metric, swarm.phases())
             synchronised = stop.order_parameter is not None and order >= stop.order_parameter
@@ -52,14 +52,14 @@ def test_the_order_parameter_is_measured_at_each_firing_of_the_reference(metric,
 @pytest.mark.parametrize("metric", ["complex", "reference"])
 @pytest.mark.parametrize("apart", [0.05, 0.2, 0.4, 0.5])
 def test_the_order_of_two_is_a_cosine(metric, apart):
-    swarm = hand_made([0.9, (0.9 - apart) % 1], response={"coupling": 0}, stop={"metric": metric})
+    swarm = make_resting([0.9, (0.9 - apart) % 1], response={"coupling": 0}, stop={"metric": metric})
     swarm.run(1)
     expected = math.cos(math.pi * apart) if metric == "complex" else (1 + math.cos(2 * math.pi * apart)) / 2
     assert swarm.order_parameter == pytest.approx(expected, abs=1e-12)
 
 
 def test_nothing_is_measured_before_the_reference_has_fired():
-    swarm = hand_made([0.1, 0.9])
+    swarm = make_resting([0.1, 0.9])
     assert swarm.order_parameter is None
     next(swarm)
     assert (swarm.order_parameter, swarm.cycles, swarm.instants) == (None, 0, 1)
@@ -67,7 +67,7 @@ def test_nothing_is_measured_before_the_reference_has_fired():
 
 @pytest.mark.parametrize("stop", [{"order_parameter": None}, {"order_parameter": THRESHOLD}])
 def test_at_later_times_the_order_parameter_is_that_of_the_references_last_firing(stop):
-    swarm = hand_made([0.9, 0.5, 0.3], response={"coupling": 0}, stop=stop)
+    swarm = make_resting([0.9, 0.5, 0.3], response={"coupling": 0}, stop=stop)
     for time_s in (0.1, 0.3, 0.51, 0.9, 1.0):  # at the first of which it fires, and at no other
         swarm.run_to(time_s)
         assert swarm.order_parameter == pytest.approx(of_phases("complex", [0, 0.6, 0.4]))
@@ -75,7 +75,7 @@ def test_at_later_times_the_order_parameter_is_that_of_the_references_last_firin
 
 @pytest.mark.parametrize("stop", [{"order_parameter": None}, {"order_parameter": THRESHOLD}])
 def test_a_firing_of_the_reference_that_others_have_followed_is_measured_too(stop):
-    swarm = hand_made([0.9, 0.5, 0.3], response={"coupling": 0}, stop=stop)
+    swarm = make_resting([0.9, 0.5, 0.3], response={"coupling": 0}, stop=stop)
     swarm.run_to(0.6)  # the reference has fired at 0.1, agent 1 at 0.5
     assert swarm.cycles == 1
     assert swarm.order_parameter == pytest.approx(of_phases("complex", [0, 0.6, 0.4]))
@@ -83,7 +83,7 @@ def test_a_firing_of_the_reference_that_others_have_followed_is_measured_too(sto
 
 def test_the_order_parameter_at_any_time_is_the_one_that_is_told_event_by_event():
     swarm, by_event = (
-        swarm_of(1, response={"coupling": 0}, clocks={"jitter": 0.2}, agents={"count": 5}) for _ in range(2)
+        make_simulation(1, response={"coupling": 0}, clocks={"jitter": 0.2}, agents={"count": 5}) for _ in range(2)
     )
     for time_s in np.arange(0.05, 8, 0.05):
         swarm.run_to(time_s)
@@ -95,16 +95,16 @@ def test_the_order_parameter_at_any_time_is_the_one_that_is_told_event_by_event(
 
 def next_time(swarm):
     """Return when the next event of a swarm is, in s."""
-    soonest = min(swarm._clocks.due.min(), swarm._flights.soonest[0])
-    return (swarm._clocks.cycle[0] + soonest) * swarm.scenario.clocks.period_s
+    soonest = min(swarm._oscillators.next_firing.min(), swarm._trajectories.earliest_end[0])
+    return (swarm._oscillators.cycle[0] + soonest) * swarm.scenario.clocks.period_s
 
 
 # --- synchronised -----------------------------------------------------------------------------------
 
 
 def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
-    natural = hand_made([0.9, 0.85], stop={"order_parameter": THRESHOLD})  # it makes the other one fire
-    elicited = hand_made([0.85, 0.9], stop={"order_parameter": THRESHOLD})  # the other one makes it fire
+    natural = make_resting([0.9, 0.85], stop={"order_parameter": THRESHOLD})  # it makes the other one fire
+    elicited = make_resting([0.85, 0.9], stop={"order_parameter": THRESHOLD})  # the other one makes it fire
     for swarm in (natural, elicited):
         result = run_trial(swarm)
         assert (result.t_sync_cycles, result.cycles, result.steps, result.censored) == (1, 1, 1, False)
@@ -113,13 +113,13 @@ def test_t_sync_counts_the_references_firings_from_1_the_last_one_too():
 
 
 def test_all_at_one_phase_are_synchronised_at_the_first_firing():
-    result = run_trial(swarm_of(start={"phases": "synchronised"}, stop={"order_parameter": THRESHOLD}))
+    result = run_trial(make_simulation(start={"phases": "synchronised"}, stop={"order_parameter": THRESHOLD}))
     assert (result.t_sync_cycles, result.simulated_s) == (1, 1.0)
 
 
 @pytest.mark.parametrize(("threshold", "synchronised"), [(0.8, True), (0.82, False)])
 def test_synchronised_is_the_threshold_reached(threshold, synchronised):
-    swarm = hand_made([0.9, 0.7], response={"coupling": 0}, stop={"order_parameter": threshold, "max_cycles": 3})
+    swarm = make_resting([0.9, 0.7], response={"coupling": 0}, stop={"order_parameter": threshold, "max_cycles": 3})
     result = run_trial(swarm)  # cos(0.2 pi) = 0.809
     assert result.censored != synchronised
     assert result.t_sync_cycles == (1 if synchronised else None)
@@ -127,7 +127,7 @@ def test_synchronised_is_the_threshold_reached(threshold, synchronised):
 
 
 def test_many_whose_order_parameter_is_1_are_synchronised_at_a_threshold_of_1():
-    swarm = hand_made(
+    swarm = make_resting(
         [0.9] * 9_999 + [0.9 - 1.5e-7],
         response={"coupling": 0},
         neighbourhood={"kind": "nearest"},
@@ -140,9 +140,9 @@ def test_many_whose_order_parameter_is_1_are_synchronised_at_a_threshold_of_1():
 def test_only_a_firing_of_the_reference_ends_a_trial():
     stop = {"order_parameter": THRESHOLD, "reference": 2}
     near = {"neighbourhood": {"kind": "range", "radius_cm": 5}, "stop": stop}
-    swarm = hand_made([0.5, 0.45, 0.2], [[1.0], [2.0], [50.0]], **near)
+    swarm = make_resting([0.5, 0.45, 0.2], [[1.0], [2.0], [50.0]], **near)
     event = next(swarm)
-    assert who(event.fired) == {0, 1}
+    assert as_set(event.fired) == {0, 1}
     assert (swarm.cycles, swarm.is_synchronised) == (0, False)
 
 
@@ -151,7 +151,7 @@ def test_only_a_firing_of_the_reference_ends_a_trial():
 
 @pytest.mark.parametrize("max_cycles", [1, 7, 1000])
 def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_cycles):
-    swarm = swarm_of(response={"coupling": 0}, stop={"order_parameter": THRESHOLD, "max_cycles": max_cycles})
+    swarm = make_simulation(response={"coupling": 0}, stop={"order_parameter": THRESHOLD, "max_cycles": max_cycles})
     first = 1 - swarm.phases()[0]
     result = run_trial(swarm)
     assert (result.censored, result.t_sync_cycles, result.cycles) == (True, None, max_cycles)
@@ -162,10 +162,10 @@ def test_a_trial_is_censored_once_the_reference_has_fired_max_cycles_times(max_c
 
 def test_synchrony_at_the_very_last_cycle_counts():
     given = {"agents": {"count": 6, "speed_cm_s": 50.0}, "neighbourhood": {"kind": "all"}}
-    cycles = run_trial(swarm_of(3, stop={"order_parameter": THRESHOLD}, **given)).t_sync_cycles
+    cycles = run_trial(make_simulation(3, stop={"order_parameter": THRESHOLD}, **given)).t_sync_cycles
     assert cycles > 1
     for limit, t_sync in [(cycles - 1, None), (cycles, cycles), (cycles + 1, cycles)]:
-        result = run_trial(swarm_of(3, stop={"order_parameter": THRESHOLD, "max_cycles": limit}, **given))
+        result = run_trial(make_simulation(3, stop={"order_parameter": THRESHOLD, "max_cycles": limit}, **given))
         assert (result.t_sync_cycles, result.censored) == (t_sync, t_sync is None)
         assert result.cycles == min(limit, cycles)
 
@@ -174,7 +174,7 @@ def test_synchrony_at_the_very_last_cycle_counts():
 @pytest.mark.parametrize("metric", ["complex", "reference"])
 def test_one_agent_alone_is_never_synchronised(kind, metric):
     stop = {"order_parameter": 0.5, "max_cycles": 20, "metric": metric}
-    result = run_trial(swarm_of(agents={"count": 1}, neighbourhood=kind, stop=stop))
+    result = run_trial(make_simulation(agents={"count": 1}, neighbourhood=kind, stop=stop))
     assert (result.censored, result.t_sync_cycles, result.cycles) == (True, None, 20)
     assert result.order_parameter == 1
 
@@ -191,7 +191,7 @@ def silenced(**stop):
     They are nearest to nobody, and a third of a cycle apart.
     """
     round_it = [[50 + 10 * math.cos(a), 50 + 10 * math.sin(a)] for a in (0, 2 * math.pi / 3, 4 * math.pi / 3)]
-    return hand_made(
+    return make_resting(
         [0.1, 0.9, 0.9 - 1 / 3, 0.9 - 2 / 3],
         [[50.0, 50.0], *round_it],
         response={"curve": "sawtooth", "coupling": 1.0},
@@ -226,16 +226,16 @@ def test_a_trial_whose_reference_never_fires_is_the_same_with_onlookers_and_at_a
 def test_a_trial_is_the_same_with_onlookers_and_at_any_pace(data, seed, kind):
     sections = data.draw(any_sections(kind, most_agents=8))
     sections["stop"] |= {"max_cycles": 15}
-    plain = swarm_of(seed, **sections)
+    plain = make_simulation(seed, **sections)
     alone = run_trial(plain)
     if alone.cycles < 15 and alone.censored:
         return  # see above
     seen = []
     watched = run_trial(
-        swarm_of(seed, **sections), [lambda event, swarm: seen.append((swarm.cycles, len(event.fired)))]
+        make_simulation(seed, **sections), [lambda event, swarm: seen.append((swarm.cycles, len(event.fired)))]
     )
     shown = []
-    told = run_trial(swarm_of(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
+    told = run_trial(make_simulation(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
     assert without_wall(told) == without_wall(alone)
     assert without_wall(watched) == without_wall(alone)
     assert sum(fired > 0 for _, fired in seen) == alone.steps
@@ -244,7 +244,7 @@ def test_a_trial_is_the_same_with_onlookers_and_at_any_pace(data, seed, kind):
 
 
 def test_a_trial_needs_a_fresh_swarm():
-    swarm = swarm_of()
+    swarm = make_simulation()
     swarm.run(1)
     with pytest.raises(ValueError, match=r"needs a fresh simulation; in this one agents fired at \d+ instants"):
         run_trial(swarm)

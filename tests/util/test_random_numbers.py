@@ -69,18 +69,18 @@ def test_uniform_reaches_0_and_never_1():
 
 
 @pytest.mark.parametrize("limit", [1, 2, 25, 5000, 86_400_000, 2**31 - 1, 2**31])
-def test_below_reaches_0_and_the_last_number_below_its_limit(limit):
+def test_randint_reaches_0_and_the_last_number_below_its_limit(limit):
     assert randint(stream(*ZERO), limit) == 0
     assert randint(stream(*LARGEST), limit) == limit - 1
 
 
 @given(state=STATES, limit=st.integers(1, 2**31))
-def test_below_stays_in_its_range(state, limit):
+def test_randint_stays_in_its_range(state, limit):
     assert 0 <= randint(stream(*state), limit) < limit
 
 
 @pytest.mark.parametrize(("limit", "quantile"), [(2, 10.8), (3, 13.8), (10, 27.9), (25, 51.2), (100, 148.2)], ids=str)
-def test_below_is_uniform(limit, quantile):
+def test_randint_is_uniform(limit, quantile):
     """Chi-square with limit - 1 degrees of freedom, 0.1 %."""
     random, draws = seeded(2016), 20_000
     counts = np.bincount([randint(random, limit) for _ in range(draws)], minlength=limit)

@@ -1,4 +1,4 @@
-"""What kind of file a film is in: whether there are pictures in it, what it says of itself, and what is wrong."""
+"""Film containers: find the stream of pictures, the duration and our metadata, and explain what is wrong."""
 
 import json
 from pathlib import Path
@@ -12,10 +12,12 @@ from av.video.stream import VideoStream
 from epuck_sim.errors import FilmError
 
 TEXT_CODECS = frozenset({"ansi", "bintext", "idf", "xbin"})
-"""FFmpeg draws text files as films of a terminal; here they are mistakes."""
+"""Codecs by which FFmpeg renders text files as films of a terminal; such a file is a mistake here."""
 
 MOVIE_BOXES = frozenset({b"ftyp", b"mdat", b"free", b"skip", b"wide", b"moov"})
-"""What MP4 and QuickTime files may begin with."""
+"""Types of the box that an MP4 or QuickTime file may begin with."""
+
+READABLE = "what FFmpeg reads, such as MP4, MKV, AVI or GIF"
 
 CUT_OFF = (
     "was cut off before its recording was finished: the index at the end of an MP4 film (`moov`) is missing, and "
@@ -23,24 +25,28 @@ CUT_OFF = (
 )
 
 
-def checked_file(path: str) -> str:
-    """Return what FFmpeg is to open; whole, as it takes `film:2.mp4` for an address."""
+def resolve_file(path: str) -> str:
+    """Return the absolute path for FFmpeg, which would take the relative path `film:2.mp4` for an address.
+
+    Raises:
+        FilmError: the name is empty, or names a pipe, a directory or an empty file.
+    """
     file = Path(path).absolute()
     if not path.strip():
-        raise FilmError("the film's name is empty; give a film's file")
+        raise FilmError("the film's name is empty; give the file of a film")
     if file.is_fifo():
         raise FilmError(f"{path}: is a pipe, which can be read only once; save the film in a file first")
     if file.is_dir():
         raise FilmError(
-            f"{path}: is a directory; give a film in it, or numbered pictures such as {path}/frames_%04d.png"
+            f"{path}: is a directory; give a film inside it, or numbered pictures such as {path}/frames_%04d.png"
         )
     if file.is_file() and not file.stat().st_size:
         raise FilmError(f"{path}: is empty: nothing was recorded, or the copy failed; record or copy it again")
     return str(file)
 
 
-def reason(source: str, error: Exception) -> str:
-    """Return why a film cannot be opened, and what to do."""
+def explain_open_error(source: str, error: Exception) -> str:
+    """Return why FFmpeg could not open `source`, and what the user can do."""
     if isinstance(error, FileNotFoundError):
         return (
             "no such file; allowed: a film, numbered pictures such as frames_%04d.png whose first number is 0 to 4, or "
@@ -48,12 +54,12 @@ def reason(source: str, error: Exception) -> str:
         )
     if _lacks_index(source):
         return CUT_OFF
-    told = getattr(error, "strerror", None) or str(error)
-    return f"cannot be read as a film: {told}; allowed: what FFmpeg reads, such as MP4, MKV, AVI or GIF"
+    reason = getattr(error, "strerror", None) or str(error)
+    return f"cannot be read as a film: {reason}; allowed: {READABLE}"
 
 
 def _lacks_index(source: str) -> bool:
-    """Whether a file is an MP4 or QuickTime film whose boxes end without a whole index."""
+    """Return whether a file is an MP4 or QuickTime film without a complete index."""
     if not Path(source).is_file():
         return False
     end, at = Path(source).stat().st_size, 0
@@ -71,14 +77,18 @@ def _lacks_index(source: str) -> bool:
 
 
 def picture_stream(name: str, container: InputContainer) -> VideoStream:
-    """Return the first stream of pictures; the cover of a song is none."""
+    """Return the first video stream that is not a cover picture.
+
+    Raises:
+        FilmError: the container holds no moving pictures, or none that can be decoded.
+    """
     for stream in container.streams.video:
         if stream.disposition & Disposition.attached_pic:
             continue
         if stream.codec_context is None:
-            raise FilmError(f"{name}: there is no decoder for its pictures; convert it: ffmpeg -i {name} film.mp4")
+            raise FilmError(f"{name}: no decoder for its pictures is available; convert it: ffmpeg -i {name} film.mp4")
         if stream.codec_context.name in TEXT_CODECS:
-            raise FilmError(f"{name}: is a text, not a film; allowed: what FFmpeg reads, such as MP4, MKV, AVI or GIF")
+            raise FilmError(f"{name}: is a text file, not a film; allowed: {READABLE}")
         return stream
     if _lacks_index(container.name):
         raise FilmError(f"{name}: {CUT_OFF}")
@@ -87,19 +97,21 @@ def picture_stream(name: str, container: InputContainer) -> VideoStream:
 
 
 def duration_s(container: InputContainer, stream: VideoStream) -> float | None:
-    """Return how long a film says it lasts; None if it does not say."""
+    """Return the duration that the film declares; None if it declares none."""
     if container.format.name == "avi" and stream.frames and stream.average_rate:
-        return float(stream.frames / stream.average_rate)  # as planned; FFmpeg measures the rest from the file's size
+        return float(
+            stream.frames / stream.average_rate
+        )  # the declared length; FFmpeg would estimate from the file's size
     if stream.duration and stream.time_base:
         return float(stream.duration * stream.time_base)
     return container.duration / av.time_base if container.duration else None
 
 
-def description(metadata: dict[str, str]) -> dict[str, Any] | None:
-    """Return what this package wrote into the comment, whose name Matroska spells in capitals."""
-    comments = [value for key, value in metadata.items() if key.lower() == "comment"]
+def read_description(metadata: dict[str, str]) -> dict[str, Any] | None:
+    """Return the description that this package wrote into a film's comment; None if there is none."""
+    comments = [value for key, value in metadata.items() if key.lower() == "comment"]  # Matroska writes COMMENT
     try:
-        told = json.loads(comments[0]) if comments else None
+        parsed = json.loads(comments[0]) if comments else None
     except ValueError:
         return None
-    return told if isinstance(told, dict) and "epuck_sim" in told else None
+    return parsed if isinstance(parsed, dict) and "epuck_sim" in parsed else None

@@ -1,4 +1,4 @@
-"""A picture of the overhead camera and when it was taken: what films are made of, and what the tracker looks at."""
+"""A picture of the overhead camera and the time it was taken: what films consist of and the tracker reads."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -14,16 +14,16 @@ class Frame(NamedTuple):
     """One picture of a film."""
 
     time_s: float
-    """When its exposure began, on the film's own clock."""
+    """Beginning of its exposure, on the film's own clock."""
     picture: Picture
 
 
 Timed = TypeVar("Timed", bound=tuple[Any, ...])
-"""Something that begins with a time, as a frame does, or a row of a recording."""
+"""A tuple whose first item is its time in seconds, such as a frame or a row of a recording."""
 
 
-class Passing(Protocol):
-    """Passes things on in the order of their times, and shows how far they are."""
+class ProgressWrapper(Protocol):
+    """Wraps an iterable of timed items and shows how far its reader is."""
 
     def __call__(self, timed: Iterable[Timed], duration_s: float | None) -> Iterable[Timed]:
-        """Pass on things of which the last has about this time, if that is known."""
+        """Return the same items in the same order; duration_s: time of the last one, None if it is unknown."""

@@ -1,4 +1,4 @@
-"""Reads a camera that is plugged in, as the experiments measured synchrony in real time (thesis 4.3.1)."""
+"""Reads a camera that is plugged in, to measure synchrony in real time as the experiments did (thesis 4.3.1)."""
 
 import time
 from collections.abc import Generator, Iterator
@@ -13,7 +13,7 @@ from epuck_sim.overhead.film.frame import Frame
 
 
 class LiveCamera:
-    """A camera that is open until the block ends; its film has no end.
+    """A context manager that keeps a camera open; the film of a camera has no end.
 
     >>> with LiveCamera(0) as camera:  # doctest: +SKIP
     ...     for frame in camera.frames():
@@ -25,11 +25,18 @@ class LiveCamera:
     height_px: int
 
     def __init__(self, number: int) -> None:
-        """Open a camera by its number. Raises FilmError where it cannot be opened, or gives no picture."""
+        """Open a camera.
+
+        Args:
+            number: 0 for the first camera, 1 for the second, and so on.
+
+        Raises:
+            FilmError: the camera cannot be opened, or delivers no picture.
+        """
         self.name = f"camera {number}"
         if number < 0:
             raise FilmError(f"{self.name} cannot be opened; allowed: 0 for the first camera, 1 for the second ...")
-        logged = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our message says it all
+        logged = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # our message is enough
         try:
             self._capture = cv2.VideoCapture(number)
         finally:
@@ -59,9 +66,12 @@ class LiveCamera:
         self._capture.release()
 
     def frames(self) -> Iterator[Frame]:
-        """Return the frames as they come, timed when they do; the first is at 0. A later call goes on from there.
+        """Return the frames as they arrive, with their times of arrival; the first is at 0.
 
-        Raises FilmError where the camera gives no more pictures.
+        A later call continues with the next frame.
+
+        Raises:
+            FilmError: the camera delivers no more pictures.
         """
         return self._frames
 
@@ -72,10 +82,10 @@ class LiveCamera:
 
     def _next_frame(self) -> Frame:
         grabbed = self._capture.grab()
-        now_s = time.monotonic()  # before it is decoded: that takes a while, and not always the same
+        now_s = time.monotonic()  # before decoding, which takes a varying time
         got, picture = self._capture.retrieve() if grabbed else (False, None)
         if not got or picture is None:
-            raise FilmError(f"{self.name} gives no more pictures: was it unplugged, or does another program use it?")
+            raise FilmError(f"{self.name} delivers no more pictures: was it unplugged, or does another program use it?")
         if self._zero_s is None:
             self._zero_s = now_s
         return Frame(now_s - self._zero_s, cv2.cvtColor(picture, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False))

@@ -1,4 +1,4 @@
-"""Films in files: H.264 in MP4, which any browser plays."""
+"""Writes films as H.264 in MP4, which any browser plays."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -16,71 +16,75 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path
 
-ENDING = ".mp4"
+SUFFIX = ".mp4"
 
 TICKS_PER_S = 90_000
-"""Time stamps are so fine; the usual clock of MPEG films."""
+"""Resolution of the time stamps; the usual clock of MPEG films."""
 
-KEYFRAMES_S = 10.0
-"""After so long a picture is stored whole: who seeks in the film need not decode all that comes before."""
+KEYFRAME_INTERVAL_S = 10.0
+"""Interval between pictures that are stored whole, so that seeking does not decode the film from its beginning."""
 
-ENCODER = {"crf": "24", "preset": "veryfast", "mbtree": "0"}
-"""Of libx264: a quality at which rings keep their shape though noise is lost, and speed before size.
+ENCODER_OPTIONS = {"crf": "24", "preset": "veryfast", "mbtree": "0"}
+"""Options of libx264: a quality at which rings keep their shape though noise is lost, and speed before size.
 
-Its macroblock tree coarsens what will soon be gone, as flashes are; and with the instructions AVX-512 it gives the
-same frames another file each time. Without it, 24 is what 20 is with it.
+The macroblock tree (mbtree) is off: it coarsens short-lived detail such as flashes, and with AVX-512 instructions it
+makes a different file from the same frames each time. A crf of 24 without it is about as good as 20 with it.
 """
 
-CONTAINER = {"movflags": "+faststart", "movie_timescale": str(TICKS_PER_S)}
-"""Of the MP4 file: its index comes first, so that a browser need not fetch the whole film before it plays any of it;
-and when its first frame is shown is as fine as the time stamps."""
+CONTAINER_OPTIONS = {"movflags": "+faststart", "movie_timescale": str(TICKS_PER_S)}
+"""Options of the MP4 file: the index comes first, so that a browser can play the film before it has fetched all of it,
+and the time of the first frame has the resolution of the other time stamps."""
 
 
 class FilmWriter:
-    """Writes frames into a film's file, made by `film_file`."""
+    """Writes frames into the file of a film; `film_file` makes one."""
 
     def __init__(self, path: Path, part: Path, width_px: int, height_px: int, metadata: Mapping[str, str]) -> None:
-        """Begin the file `part`, which will become `path`."""
+        """Create the temporary file `part`; errors name `path`, which it becomes in the end."""
         self._path = path
         self._shape = (height_px, width_px, 3)
         self._last_tick = -1
         self._keyframe_s: float | None = None
         with self._as_film_error():
-            self._container = av.open(part, "w", format="mp4", options=CONTAINER)
+            self._container = av.open(part, "w", format="mp4", options=CONTAINER_OPTIONS)
         self._container.metadata.update(metadata)
-        self._stream = self._container.add_stream("libx264", options=ENCODER)
+        self._stream = self._container.add_stream("libx264", options=ENCODER_OPTIONS)
         self._stream.width, self._stream.height = width_px, height_px
         self._stream.pix_fmt = "yuv420p"
         codec = self._stream.codec_context
         self._stream.time_base = codec.time_base = Fraction(1, TICKS_PER_S)
-        codec.thread_count = 1  # the same frames give the same file
-        # how pictures are turned into luma and chroma; players would take large ones for BT.709
+        codec.thread_count = 1  # so that the same frames give the same file
+        # the conversion to luma and chroma, stated because players would assume BT.709 for large pictures
         codec.colorspace, codec.color_range = Colorspace.ITU601, ColorRange.MPEG
 
     def write(self, frame: Frame) -> None:
-        """Add a frame, later than the ones before. Raises FilmError where it cannot be written."""
+        """Add a frame whose time is after those of all frames before.
+
+        Raises:
+            FilmError: the frame cannot be written, or has another size than the film.
+        """
         if frame.picture.shape != self._shape:
             raise FilmError(f"{self._path}: a picture of shape {frame.picture.shape}; allowed: {self._shape}")
         picture = av.VideoFrame.from_ndarray(frame.picture, format="rgb24")
-        # frames that are closer than a tick still follow one another
+        # frames closer than a tick still get increasing time stamps
         self._last_tick = max(round(frame.time_s * TICKS_PER_S), self._last_tick + 1)
         picture.pts, picture.time_base = self._last_tick, Fraction(1, TICKS_PER_S)
-        if self._keyframe_s is None or frame.time_s - self._keyframe_s >= KEYFRAMES_S:
+        if self._keyframe_s is None or frame.time_s - self._keyframe_s >= KEYFRAME_INTERVAL_S:
             picture.pict_type = PictureType.I
             self._keyframe_s = frame.time_s
         with self._as_film_error():
             self._container.mux(self._stream.encode(picture))
 
     def finish(self) -> None:
-        """Write what is pending, and the file's end."""
+        """Write pending frames and the index, and close the file."""
         if self._last_tick < 0:
             raise FilmError(f"{self._path}: cannot be written: the film has no frame")
         with self._as_film_error():
             self._container.mux(self._stream.encode())
             self._container.close()
 
-    def abandon(self) -> None:
-        """Close the file as it is."""
+    def close(self) -> None:
+        """Close the file as it is, if it is still open."""
         with suppress(FFmpegError):
             self._container.close()
 
@@ -96,13 +100,21 @@ class FilmWriter:
 def film_file(
     path: Path, width_px: int, height_px: int, description: Mapping[str, Any], title: str = ""
 ) -> Iterator[FilmWriter]:
-    """Yield a writer of a film, which takes the name `path` when the block ends without an error.
+    """Yield a writer of a film, which gets the name `path` when the block ends without an error.
 
-    description: is stored with the film, as JSON in the `comment` of its metadata. Raises FilmError for a name that
-    does not end in .mp4 and for an odd side, which H.264 cannot have, and EpuckSimError where nothing can be written.
+    Args:
+        path: the film, whose name ends in .mp4.
+        width_px: width of all pictures; even, as H.264 requires.
+        height_px: height of all pictures; even.
+        description: stored with the film, as JSON in the `comment` of its metadata.
+        title: stored with the film.
+
+    Raises:
+        FilmError: the name does not end in .mp4, or a side is odd.
+        EpuckSimError: the file cannot be written.
     """
-    if path.suffix != ENDING:
-        raise FilmError(f"{path}: is no name for a film; allowed: names that end in {ENDING}")
+    if path.suffix != SUFFIX:
+        raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")
     if width_px % 2 or height_px % 2:
         raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
     metadata = {"title": title, "comment": json.dumps(description)}
@@ -113,5 +125,5 @@ def film_file(
             yield writer
             writer.finish()
         finally:
-            writer.abandon()
+            writer.close()
         publish(part, path)

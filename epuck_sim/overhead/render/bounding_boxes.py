@@ -1,28 +1,38 @@
-"""Which pixels show a robot: the overhead camera draws robots into small patches of its picture, not all over it."""
+"""Bounding boxes of robots in the picture: each robot is drawn within its box instead of over the whole picture."""
 
 import math
 
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead.camera_model import Lens
+from epuck_sim.overhead.camera_model import CameraModel
 
-_AROUND = np.array([(math.cos(angle), math.sin(angle)) for angle in np.arange(8) * math.pi / 4])
-"""Corners of an octagon around the origin; the circle inside of it is smaller by cos(pi / 8)."""
+_OCTAGON = np.array([(math.cos(angle), math.sin(angle)) for angle in np.arange(8) * math.pi / 4])
+"""(8, 2) corners of an octagon around the origin; its inscribed circle has radius cos(pi / 8)."""
 
 
-def find_patches(lens: Lens, centres_cm: FloatArray, radius_cm: float, heights_cm: tuple[float, ...]) -> IntArray:
-    """Return (n, 4) px: first row, row after the last, first column, column after the last of what shows each circle.
+def bounding_boxes(
+    camera: CameraModel, centres_cm: FloatArray, radius_cm: float, heights_cm: tuple[float, ...]
+) -> IntArray:
+    """Return the pixels within which each of some upright cylinders is seen.
 
-    centres_cm: (n, 2) of circles that lie at all of the heights. What is out of the picture has an empty patch.
+    Args:
+        camera: the camera that sees them.
+        centres_cm: (n, 2) cm: x and y of their axes.
+        radius_cm: radius of all of them.
+        heights_cm: heights above the floor that they cover; the lowest and the highest are enough.
+
+    Returns:
+        (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside
+        of the picture.
     """
-    if not len(centres_cm):  # OpenCV would refuse it
+    if not len(centres_cm):  # OpenCV refuses empty arrays
         return np.empty((0, 4), np.int64)
-    octagons = (centres_cm[:, None] + radius_cm / math.cos(math.pi / 8) * _AROUND).reshape(-1, 2)
+    octagons = (centres_cm[:, None] + radius_cm / math.cos(math.pi / 8) * _OCTAGON).reshape(-1, 2)
     points = np.vstack([np.column_stack([octagons, np.full(len(octagons), height)]) for height in heights_cm])
-    seen = lens.pixels(points).reshape(len(heights_cm), len(centres_cm), len(_AROUND), 2)
-    low = np.floor(seen.min(axis=(0, 2)))
-    high = np.ceil(seen.max(axis=(0, 2))) + 1
-    bounds = np.clip(np.stack([low, high], axis=-1), 0, [[lens.width_px], [lens.height_px]])
-    patches: IntArray = bounds[:, ::-1].reshape(-1, 4).astype(np.int64)
-    return patches
+    pixels = camera.project(points).reshape(len(heights_cm), len(centres_cm), len(_OCTAGON), 2)
+    low = np.floor(pixels.min(axis=(0, 2)))
+    high = np.ceil(pixels.max(axis=(0, 2))) + 1
+    bounds = np.clip(np.stack([low, high], axis=-1), 0, [[camera.width_px], [camera.height_px]])
+    boxes: IntArray = bounds[:, ::-1].reshape(-1, 4).astype(np.int64)
+    return boxes

@@ -1,4 +1,4 @@
-"""Films of trials in files: of one that is recorded, or of one while it runs."""
+"""Films trials into files: a recorded trial, or one while it runs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -10,79 +10,112 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.film.frame import Passing
+from epuck_sim.overhead.film.frame import ProgressWrapper
 from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.render.virtual_camera import Webcam
+from epuck_sim.overhead.render.virtual_camera import VirtualCamera
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import apply_override
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
 
-Taking = Callable[[float, FloatArray, BoolArray], None]
-"""Takes the time of a control step, (robots, 3) poses and (robots,) whose ring is lit, as `Webcam.take` does."""
-
 
 @contextmanager
-def film_trial(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
-    """Yield an onlooker of a trial (see `run_trial`) that films it with the scenario's overhead camera.
+def film_trial(path: Path, scenario: Scenario, seed: int) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
+    """Film a trial with the overhead camera of its scenario while it runs.
 
-    The film gets its name when the block ends; where it ends with an error, nothing is left behind.
-    Raises EpuckSimError where the file cannot be written, or the camera cannot see the arena.
+    Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
+    error, nothing is left behind.
+
+    >>> scenario = load_scenario("thesis")  # doctest: +SKIP
+    >>> with film_trial(Path("trial.mp4"), scenario, seed=1) as observer:  # doctest: +SKIP
+    ...     result = run_trial(Simulation(scenario, seed=1), [observer])
+
+    Args:
+        path: the film, whose name ends in .mp4.
+        scenario: scenario of the trial, as `load_scenario` returns it; its model must be `embodied`.
+        seed: seed of the trial; the camera's noise is drawn from it, too.
+
+    Yields:
+        An observer for `run_trial`.
+
+    Raises:
+        FilmError: the scenario has no rings, its camera cannot see the arena, or the name does not end in .mp4.
+        EpuckSimError: the file cannot be written.
     """
-    with _film(path, scenario, seed) as take:
-        yield lambda step, _: take(step.time_s, step.poses, step.ring_on)
+    with _film(path, _require_rings(scenario, scenario.name), seed) as observe:
+        yield lambda step, _: observe(step.time_s, step.poses, step.ring_on)
 
 
-def film_recording(recording: Path, settings: Sequence[str], path: Path, passing: Passing) -> None:
-    """Film a recorded trial with its scenario's overhead camera; settings: changes to that, as `--set` takes them.
+def film_recording(recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper) -> None:
+    """Film a recorded trial with the overhead camera of its scenario.
 
-    Raises EpuckSimError for a recording that cannot be filmed, a setting of something else than the camera, and where
-    the film cannot be written.
+    Args:
+        recording: the recording (.rrd) of an embodied trial, of any level but `summary`.
+        overrides: changes to the camera, each `overhead.KEY=VALUE` as `--set` takes it.
+        path: the film, whose name ends in .mp4.
+        progress: shows how far the film is.
+
+    Raises:
+        EpuckSimError: the recording cannot be filmed, an override is not of the camera, or the film cannot be written.
     """
     recorded = read_recording(recording)
-    if not isinstance(recorded.scenario, EmbodiedScenario):
-        raise FilmError(
-            f"{recording}: model is {recorded.scenario.model!r}, whose agents have no rings; allowed: 'embodied'"
-        )
+    recorded_scenario = _require_rings(recorded.scenario, str(recording))
     if recorded.level is Level.SUMMARY:
         raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
-    given = recorded.scenario.model_dump(mode="json")
-    for setting in settings:
-        if not setting.startswith("overhead."):
-            raise FilmError(f"--set {setting}: the trial is over; allowed: the camera's keys, as in overhead.light=lit")
-        given = apply_override(given, setting)
-    scenario = validate(given, str(recording))
-    assert isinstance(scenario, EmbodiedScenario)  # as its model is no setting of the camera
+    scenario = _override_camera(recorded_scenario, overrides, str(recording))
     rows = zip(recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, strict=True)
-    with _film(path, scenario, recorded.seed) as take:
-        for time_s, positions, headings, ring_on in passing(rows, float(recorded.time_s.max(initial=0))):
-            take(float(time_s), np.column_stack([positions, headings]), ring_on)
+    with _film(path, scenario, recorded.seed) as observe:
+        for time_s, positions, headings, ring_on in progress(rows, float(recorded.time_s.max(initial=0))):
+            observe(float(time_s), np.column_stack([positions, headings]), ring_on)
+
+
+def _require_rings(scenario: Scenario, source: str) -> EmbodiedScenario:
+    """Return a scenario whose robots have rings; raise FilmError, which names `source`, for another."""
+    if not isinstance(scenario, EmbodiedScenario):
+        raise FilmError(f"{source}: model is {scenario.model!r}, whose agents have no rings; allowed: 'embodied'")
+    return scenario
+
+
+def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], source: str) -> EmbodiedScenario:
+    """Return a scenario with changes to its overhead camera; source: file to name in errors."""
+    mapping = scenario.model_dump(mode="json")
+    for override in overrides:
+        if not override.startswith("overhead."):
+            raise FilmError(
+                f"--set {override}: the trial is over; allowed: the camera's keys, as in overhead.light=lit"
+            )
+        mapping = apply_override(mapping, override)
+    return _require_rings(validate(mapping, source), source)
 
 
 @contextmanager
-def _film(path: Path, scenario: EmbodiedScenario, seed: int) -> Iterator[Taking]:
+def _film(
+    path: Path, scenario: EmbodiedScenario, seed: int
+) -> Iterator[Callable[[float, FloatArray, BoolArray], None]]:
+    """Yield a function that films a control step: its time, (robots, 3) poses and (robots,) which rings are on."""
     section = scenario.overhead
     try:
-        webcam = Webcam(section, scenario.arena.build(), seed)
+        camera = VirtualCamera(section, scenario.arena.build(), seed)
     except EpuckSimError as error:
         raise FilmError(f"{scenario.name}: {error}") from error
     size = section.width_px, section.height_px
     with film_file(path, *size, describe_film(scenario, seed), scenario.name) as writer:
 
-        def take(time_s: float, poses: FloatArray, ring_on: BoolArray) -> None:
-            for frame in webcam.take(time_s, poses, ring_on):
+        def observe(time_s: float, poses: FloatArray, ring_on: BoolArray) -> None:
+            for frame in camera.observe(time_s, poses, ring_on):
                 writer.write(frame)
 
-        yield take
-        for frame in webcam.end():
+        yield observe
+        for frame in camera.finish():
             writer.write(frame)
 
 
 def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:
-    """Return what a film says of itself: how to make it again, and what `track` need not be told."""
+    """Return the description stored in a film: how to make it again, and what `track` can read from it."""
     flashing = [group for group in scenario.robots if "period_s" in group.parameters]
     periods = {group.parameters["period_s"] for group in flashing}
     made_by = versions()

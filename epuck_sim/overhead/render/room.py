@@ -1,4 +1,4 @@
-"""What the overhead camera sees in the light: floor, walls, obstacles and bodies, all of them grey; our estimates."""
+"""The lit room in the overhead camera's picture: floor, walls, obstacles, bodies; grey levels are our estimates."""
 
 import math
 
@@ -8,34 +8,57 @@ import numpy.typing as npt
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera_model import WALL_HEIGHT_CM
 from epuck_sim.util.jit import jit
 
 WALL_THICKNESS_CM = 1.0
-"""Of the arena's walls."""
+"""Thickness of the arena's walls."""
 
 TABLE = 30.0
+"""Grey level of the table around the arena."""
+
 FLOOR = 145.0
+"""Grey level of the arena's floor."""
+
 WALL_FACE = 200.0
+"""Grey level of the inner side of the walls."""
+
 WALL_TOP = 240.0
+"""Grey level of the top of the walls."""
+
 OBSTACLE = 85.0
-"""Levels of the arena; obstacles are drawn flat on its floor."""
+"""Grey level of obstacles, which are drawn flat on the floor."""
 
 BODY_SIDE = 40.0
+"""Grey level of a robot's side."""
+
 BODY_TOP = 75.0
+"""Grey level of a robot's top."""
+
 HEADING_MARK = 225.0
-"""Levels of a robot."""
+"""Grey level of the wedge on a robot's top that points ahead."""
 
 MARK_TIP_CM = 3.2
+"""Distance of the heading mark's tip ahead of the robot's centre."""
+
 MARK_END_CM = 0.4
+"""Distance of the heading mark's broad end ahead of the robot's centre."""
+
 MARK_SLOPE = 0.45
-"""The mark on a robot is a wedge: its tip and its end lie so far ahead of the centre; half its width grows so fast."""
+"""Half the heading mark's width per cm of distance from its tip."""
 
 
 def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Float32Array:
-    """Return (rows, columns) levels of the arena without robots.
+    """Return the grey levels of the arena without robots.
 
-    floor_cm: (rows, columns, 2) the point of the floor that each pixel shows; eye_cm: (3,) where the lens is.
+    Args:
+        floor_cm: (rows, columns, 2) cm: the point of the floor that each pixel shows.
+        eye_cm: (3,) cm: position of the camera.
+        arena: the arena below it.
+
+    Returns:
+        (rows, columns) levels.
     """
     rise = WALL_HEIGHT_CM / eye_cm[2]
     at_top = (1 - rise) * floor_cm + rise * eye_cm[:2]  # where a line of sight is at the height of the walls
@@ -46,44 +69,41 @@ def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Flo
     for x, y, radius in arena.circles:
         room[np.hypot(floor_cm[..., 0] - x, floor_cm[..., 1] - y) <= radius] = OBSTACLE
     for corners in arena.polygons:
-        room[_is_inside(floor_cm, corners)] = OBSTACLE
+        room[contains(corners, floor_cm)] = OBSTACLE
     return room
 
 
 def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float) -> BoolArray:
-    """Whether (..., 2) points are in the arena or no farther than this beyond its walls."""
+    """Return whether each of (..., 2) points is in the arena or at most `margin_cm` beyond its walls."""
     within: BoolArray = (points >= -margin_cm) & (points <= (arena.width_cm + margin_cm, arena.height_cm + margin_cm))
     return within[..., 0] & within[..., 1]
 
 
-def _is_inside(points: Float32Array, corners: FloatArray) -> BoolArray:
-    """Whether (..., 2) points are in a convex polygon with (v, 2) corners counter-clockwise."""
-    inside = np.ones(points.shape[:2], np.bool_)
-    for (x, y), (next_x, next_y) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        inside &= (next_x - x) * (points[..., 1] - y) >= (next_y - y) * (points[..., 0] - x)
-    return inside
-
-
-def far_first(poses: FloatArray, eye_cm: FloatArray) -> FloatArray:
-    """Return (n, 3) poses, the farthest from below the lens first: the others may hide it, and are never hidden."""
+def farthest_first(poses: FloatArray, eye_cm: FloatArray) -> FloatArray:
+    """Return (n, 3) poses, farthest from the camera's axis first: no robot is hidden by one farther out."""
     order = np.argsort(-np.hypot(poses[:, 0] - eye_cm[0], poses[:, 1] - eye_cm[1]), kind="stable")
     return poses[order]
 
 
 @jit
 def draw_bodies(
-    image: Float32Array, floor_cm: Float32Array, eye_cm: FloatArray, poses: FloatArray, patches: IntArray
+    image: Float32Array, floor_cm: Float32Array, eye_cm: FloatArray, poses: FloatArray, boxes: IntArray
 ) -> None:
-    """Draw robots over (rows, columns) `image`, one after the other: cylinders with a mark that points ahead.
+    """Draw robots one after the other: cylinders with a mark that points ahead.
 
-    floor_cm, eye_cm: as `render_room` takes them; poses: (n, 3) cm, cm, rad; patches: (n, 4) px, one around each.
+    Args:
+        image: (rows, columns) levels, changed in place.
+        floor_cm: (rows, columns, 2) cm: the point of the floor that each pixel shows.
+        eye_cm: (3,) cm: position of the camera.
+        poses: (n, 3) cm, cm, rad: x, y, heading; those drawn later hide those drawn earlier.
+        boxes: (n, 4) px, as `bounding_boxes` returns them.
     """
     rise = epuck.HEIGHT_CM / eye_cm[2]
     for body in range(len(poses)):
         x, y = poses[body, 0], poses[body, 1]
         cos, sin = math.cos(poses[body, 2]), math.sin(poses[body, 2])
-        for row in range(patches[body, 0], patches[body, 1]):
-            for column in range(patches[body, 2], patches[body, 3]):
+        for row in range(boxes[body, 0], boxes[body, 1]):
+            for column in range(boxes[body, 2], boxes[body, 3]):
                 foot_x, foot_y = floor_cm[row, column, 0] - x, floor_cm[row, column, 1] - y
                 along_x = rise * (eye_cm[0] - floor_cm[row, column, 0])
                 along_y = rise * (eye_cm[1] - floor_cm[row, column, 1])
@@ -92,13 +112,13 @@ def draw_bodies(
                     ahead, aside = cos * top_x + sin * top_y, abs(cos * top_y - sin * top_x)
                     is_mark = ahead >= MARK_END_CM and aside <= MARK_SLOPE * (MARK_TIP_CM - ahead)
                     image[row, column] = HEADING_MARK if is_mark else BODY_TOP
-                elif _comes_near(foot_x, foot_y, along_x, along_y):
+                elif _segment_meets_body(foot_x, foot_y, along_x, along_y):
                     image[row, column] = BODY_SIDE
 
 
 @jit
-def _comes_near(x: float, y: float, along_x: float, along_y: float) -> bool:
-    """Whether the way from (x, y) along (along_x, along_y) passes within a body's radius of the origin."""
+def _segment_meets_body(x: float, y: float, along_x: float, along_y: float) -> bool:
+    """Return whether the segment from (x, y) along (along_x, along_y) comes within a body's radius of the origin."""
     square = along_x * along_x + along_y * along_y
     share = 0.0 if square == 0.0 else min(max(-(x * along_x + y * along_y) / square, 0.0), 1.0)
     return (x + share * along_x) ** 2 + (y + share * along_y) ** 2 <= epuck.RADIUS_CM**2

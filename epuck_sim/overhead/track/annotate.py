@@ -1,6 +1,6 @@
-"""The annotated film of thesis Figs. 4.5 and 4.6: found rings in green, and below them the evolving histogram.
+"""Draws the annotated film of thesis Figs. 4.5 and 4.6: found rings in green, and below them the evolving histogram.
 
-The histogram moves from right, where it is now, to left. Long blue lines mark an interval of one period; its spread is
+The histogram moves from right, the present, to left. Long blue lines mark an interval of one period; its spread is
 calculated when the mode passes the short blue line at its midpoint.
 """
 
@@ -16,47 +16,57 @@ from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.overhead.track.spread import Evaluation
 
 PERIODS = 2
-"""So much of the past is shown."""
+"""Number of past periods that the histogram shows."""
 
 STRIP_SHARE = 0.2
-"""Height of the strip beside the picture's, about that of Fig. 4.5."""
+"""Height of the strip below the picture, relative to the picture's height; about that of Fig. 4.5."""
 
-LINE_PX = 13
-"""Least height of a line of text that can be read, and half of the least height of the bars."""
+MIN_LINE_PX = 13
+"""Minimum height of a legible line of text; the bars are at least twice as high."""
 
 FULL_COUNT = 4
-"""The bars' full height stands for the largest count so far, or for this where that is less."""
+"""Minimum count that the full height of the bars stands for; it is the largest count so far if that is larger."""
 
 GREEN = (0, 230, 0)
 BARS = (70, 170, 70)
 OLD_BARS = (40, 80, 40)
-"""Of what has left the interval."""
+"""Colour of bars that have left the interval of one period."""
+
 BLUE = (90, 165, 255)
 GREY = (28, 28, 28)
 WHITE = (235, 235, 235)
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
+
 SUBPIXEL_BITS = 4
+"""Fractional bits of coordinates that OpenCV draws at."""
 
 
 class Annotator:
-    """Draws what was found into a film's frames, given one by one; remembers no more of them than it shows."""
+    """Annotates the frames of a film one by one; keeps only the counts that it shows."""
 
     width_px: int
+    """Width of the annotated pictures; even, as H.264 requires: an odd picture gets an additional black column."""
     height_px: int
-    """Of the annotated pictures; both are even, as H.264 needs it: a black column or row is added to an odd picture."""
+    """Height of the annotated pictures, with the strip; even, as H.264 requires."""
 
     def __init__(self, width_px: int, height_px: int, period_s: float) -> None:
-        """width_px, height_px: of the film's pictures; period_s: of the oscillators."""
+        """Begin a film.
+
+        Args:
+            width_px: width of the film's pictures.
+            height_px: height of the film's pictures.
+            period_s: period of the oscillators.
+        """
         self._period_s = period_s
-        self._line_px = max(LINE_PX, round(min(width_px / 28, height_px / 24)))
+        self._line_px = max(MIN_LINE_PX, round(min(width_px / 28, height_px / 24)))
         self._top_px = height_px + height_px % 2
-        strip_px = max(round(STRIP_SHARE * height_px), 2 * self._line_px + 2 * LINE_PX)
+        strip_px = max(round(STRIP_SHARE * height_px), 2 * self._line_px + 2 * MIN_LINE_PX)
         self.width_px = width_px + width_px % 2
         self.height_px = self._top_px + strip_px + strip_px % 2
-        self._seen: deque[tuple[float, int]] = deque()
+        self._counts: deque[tuple[float, int]] = deque()
         self._start_s = 0.0
-        self._most = FULL_COUNT
+        self._max_count = FULL_COUNT
         self._spread_s: float | None = None
 
     def annotate(
@@ -67,14 +77,21 @@ class Annotator:
         evaluation: Evaluation | None,
         t_sync_s: float | None,
     ) -> Picture:
-        """Return (height_px, width_px, 3) the next frame with all that is known when it has been looked at.
+        """Annotate the next frame with what is known by then.
 
-        start_s: when the trial began, on the film's clock; what was before is forgotten. evaluation: one that this
-        frame made possible. t_sync_s: when the swarm was synchronised, on the film's clock; None until it is.
+        Args:
+            frame: the frame.
+            rings: rings found in it.
+            start_s: beginning of the trial on the film's clock; counts before it are discarded.
+            evaluation: the evaluation that this frame completed, if any.
+            t_sync_s: time of synchrony on the film's clock; None before that.
+
+        Returns:
+            (height_px, width_px, 3) levels.
         """
         if start_s != self._start_s:
-            self._start_s, self._spread_s, self._most = start_s, None, FULL_COUNT
-            self._seen.clear()
+            self._start_s, self._spread_s, self._max_count = start_s, None, FULL_COUNT
+            self._counts.clear()
         if evaluation is not None:
             self._spread_s = evaluation.spread_s
         self._remember(frame.time_s, len(rings))
@@ -90,16 +107,16 @@ class Annotator:
         return annotated
 
     def _remember(self, time_s: float, count: int) -> None:
-        self._seen.append((time_s, count))
-        self._most = max(self._most, count)
-        while len(self._seen) > 1 and self._seen[1][0] < time_s - PERIODS * self._period_s:
-            self._seen.popleft()
+        self._counts.append((time_s, count))
+        self._max_count = max(self._max_count, count)
+        while len(self._counts) > 1 and self._counts[1][0] < time_s - PERIODS * self._period_s:
+            self._counts.popleft()
 
     def _draw_bars(self, bars: Picture, now_s: float) -> None:
-        """Draw the histogram and its marks into (rows, width_px, 3)."""
+        """Draw the histogram and its marks into (rows, width_px, 3) levels."""
         rows, width = bars.shape[:2]
-        counts = _counts_by_column(self._seen, now_s, PERIODS * self._period_s, width)
-        heights = np.round(counts * (rows - 1) / self._most)
+        counts = _counts_by_column(self._counts, now_s, PERIODS * self._period_s, width)
+        heights = np.round(counts * (rows - 1) / self._max_count)
         is_bar = np.arange(rows, 0, -1)[:, None] <= heights
         begin = width - 1 - width // PERIODS
         bars[:, :begin][is_bar[:, :begin]] = OLD_BARS
@@ -120,14 +137,20 @@ class Annotator:
             _write_text(strip, 1, self._line_px, f"synchronised at {cycles:.1f} cycles", GREEN, 1.0)
 
 
-def _counts_by_column(seen: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:
-    """Return (width,) the counts in the window that ends now, in the last column.
+def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:
+    """Return (width,) the counts in a window whose last column is the present.
 
-    seen: times and counts of frames; a frame's count holds until the next one. Where several frames share a column, the
-    largest is shown: a mode may last no longer than a frame.
+    The count of a frame holds until the next frame. Of several frames in a column the largest count is shown, because a
+    mode may last for a single frame.
+
+    Args:
+        history: times and counts of frames.
+        now_s: end of the window.
+        window_s: length of the window.
+        width: number of columns.
     """
-    times = np.array([time_s for time_s, _ in seen])
-    counts = np.array([count for _, count in seen], np.int64)
+    times = np.array([time_s for time_s, _ in history])
+    counts = np.array([count for _, count in history], np.int64)
     places = width - 1 - (now_s - times) / window_s * width
     first = np.ceil(places - 1e-6).astype(int)
     held = np.searchsorted(first, np.arange(width), side="right") - 1
@@ -146,15 +169,15 @@ def _draw_ring(picture: Picture, ring: Ring, thickness_px: int) -> None:
 def _write_text(
     strip: Picture, line: int, line_px: int, text: str, colour: tuple[int, int, int], alignment: float
 ) -> None:
-    """Write into a line of the strip, from its left end (alignment 0) or up to its right one (1).
+    """Write text into a line of the strip, flush left (alignment 0) or flush right (1).
 
-    The text is smaller where it needs more than half of the width, which the other end has.
+    Text that would take more than half of the width is made smaller; the other half belongs to the other text.
     """
     width_px = strip.shape[1]
     margin = line_px // 3
     thick = max(1, round(line_px / 20))
     (width, height), _ = cv2.getTextSize(text, FONT, 1.0, thick)
     scale = min(0.7 * line_px / height, (width_px / 2 - 2 * margin) / width)
-    (width, _), _ = cv2.getTextSize(text, FONT, scale, thick)  # in some fonts it is not quite in proportion
+    (width, _), _ = cv2.getTextSize(text, FONT, scale, thick)  # not exactly proportional to the scale
     left = margin + int(alignment * (width_px - 2 * margin - width))
     cv2.putText(strip, text, (left, round((line + 0.82) * line_px)), FONT, scale, colour, thick, cv2.LINE_AA)

@@ -1,17 +1,17 @@
-"""Which camera took a film: the one its description names, or one that its corners or rings tell."""
+"""Determines which camera took a film: from the user's options, the film's own description, or its pictures."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, NamedTuple, Protocol, Self
 
 from pydantic import BaseModel, Field, ValidationError
 
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera_model import HEIGHT_CM, SIDE_CM, Lens, overhead_lens
+from epuck_sim.overhead.camera_model import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, CameraModel, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.calibration import lens_from_corners, lens_from_rings, measure_radius
+from epuck_sim.overhead.track.calibration import camera_from_corners, camera_from_rings, measure_radius
 from epuck_sim.overhead.track.floor_corners import find_corners
-from epuck_sim.overhead.track.result import Known
+from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
 from epuck_sim.overhead.track.ring_detection import is_lit
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
@@ -22,16 +22,16 @@ LIGHT = "the floor's corners in the lit beginning"
 RINGS = "the size of the rings, as if the camera looked straight down at the arena's middle"
 
 LIT_FRAMES = 30
-"""So many frames of a lit beginning may have robots in the corners of the floor, or somebody's hand."""
+"""Number of frames of a lit beginning in which the floor is searched; robots or a hand may hide its corners in some."""
 
 DARK_FRAMES = 30
-"""Rings are measured in so many frames at a time, until there is one; one flash has five."""
+"""Number of frames in a batch from which rings are measured, until one batch has a ring; a flash has five frames."""
 
-LOWEST_CM = 10.0
-"""A camera hangs at least so high above the floor: twice as high as robots are."""
+MIN_HEIGHT_CM = 10.0
+"""Minimum height of a camera above the floor: twice the height of robots."""
 
 
-class Source(Protocol):
+class FrameSource(Protocol):
     """A film, or a camera while it films."""
 
     name: str
@@ -42,8 +42,8 @@ class Source(Protocol):
         """Return the frames."""
 
 
-class Told(BaseModel):
-    """What a film says of itself (see `filming.describe_film`), as far as a tracker asks."""
+class FilmMetadata(BaseModel):
+    """The part of a film's description (see `film_trial.describe_film`) that tracking uses."""
 
     arena_cm: tuple[Positive, Positive] | None = None
     robots: Annotated[WholeNumber, Field(ge=1)] | None = None
@@ -51,53 +51,94 @@ class Told(BaseModel):
     overhead: dict[str, Any] | None = None
 
 
-def told_by(description: Mapping[str, Any] | None) -> Told:
-    """Return what a description tells; nothing where another version wrote what makes no sense to this one."""
+def parse_metadata(description: Mapping[str, Any] | None) -> FilmMetadata:
+    """Return the metadata in a film's description; all None if it is missing or of an unknown form."""
     try:
-        return Told(**(description or {}))
+        return FilmMetadata(**(description or {}))
     except ValidationError:
-        return Told()
+        return FilmMetadata()
 
 
-def with_description(known: Known, description: Mapping[str, Any] | None) -> Known:
-    """Return what is known of a film, with what the film says of itself where the user says nothing."""
-    told = told_by(description)
-    return known._replace(
-        arena_cm=known.arena_cm or told.arena_cm,
-        period_s=known.period_s or told.period_s,
-        robots=known.robots or told.robots,
-    )
+class TrackOptions(NamedTuple):
+    """What the user knows about a film; None for what its description or its pictures must provide."""
+
+    arena_cm: tuple[float, float] | None = None
+    """Width and height of the floor."""
+    height_cm: float | None = None
+    """Height of the camera above the floor."""
+    corners_px: tuple[tuple[float, float], ...] | None = None
+    """(column, row) of each of the floor's four corners."""
+    period_s: float | None = None
+    """Period of the oscillators."""
+    robots: int | None = None
+    """Number of robots."""
+    threshold_ms: float | None = None
+    """Spread at which the swarm counts as synchronised."""
+    order_parameter: float | None = None
+    """Order parameter of the firings at which the swarm counts as synchronised; used if `threshold_ms` is None."""
+
+    def with_defaults(self, metadata: FilmMetadata) -> Self:
+        """Return these options, completed from a film's metadata where they are None."""
+        return self._replace(
+            arena_cm=self.arena_cm or metadata.arena_cm,
+            period_s=self.period_s or metadata.period_s,
+            robots=self.robots or metadata.robots,
+        )
+
+    def threshold_s(self, period_s: float, flash_s: float) -> float:
+        """Return the spread at which a swarm counts as synchronised: the one given, or the bound of Appendix C.
+
+        Args:
+            period_s: period of the oscillators.
+            flash_s: duration of a flash.
+        """
+        if self.threshold_ms is not None:
+            return self.threshold_ms / 1000
+        if self.order_parameter is not None:
+            return spread_at_s(period_s, flash_s, self.order_parameter)
+        return spread_threshold_s(period_s, flash_s)
 
 
-def described_lens(source: Source, known: Known, description: Mapping[str, Any] | None) -> Lens | None:
-    """Return the camera that a film's description names; None if there is none, or the user knows better."""
-    told = told_by(description)
-    if told.overhead is None or told.arena_cm is None or (known.corners_px or known.arena_cm or known.height_cm):
+def described_camera(source: FrameSource, options: TrackOptions, metadata: FilmMetadata) -> CameraModel | None:
+    """Return the camera in a film's metadata; None if there is none, or the user's options describe another one."""
+    if metadata.overhead is None or metadata.arena_cm is None:
+        return None
+    if options.corners_px or options.arena_cm or options.height_cm:
         return None
     try:
-        lens = overhead_lens(OverheadSection(**told.overhead), *told.arena_cm)
-    except (EpuckSimError, ValidationError):  # of another version
+        camera = overhead_camera(OverheadSection(**metadata.overhead), *metadata.arena_cm)
+    except (EpuckSimError, ValidationError):  # written by another version
         return None
-    is_its_size = (lens.width_px, lens.height_px) == (source.width_px, source.height_px)
-    return lens if is_its_size else None  # or else the film was cropped or scaled
+    has_its_size = (camera.width_px, camera.height_px) == (source.width_px, source.height_px)
+    return camera if has_its_size else None  # the film was cropped or scaled
 
 
-def find_lens(source: Source, known: Known) -> tuple[Lens, str]:
-    """Return the camera that took a film, and where that is from; looks at as many frames as it needs.
+def calibrate(source: FrameSource, options: TrackOptions) -> tuple[CameraModel, str]:
+    """Determine the camera that took a film, reading no more frames than needed.
 
-    Corners given tell it, or else those of the floor if the film begins in the light, or else the size of the rings.
-    Raises FilmError where nothing tells it.
+    The camera follows from the corners in the options; or else from the floor's corners, if the film begins in the
+    light; or else from the size of the rings.
+
+    Args:
+        source: the film or camera; its next frames are read.
+        options: what is known of it.
+
+    Returns:
+        The camera, and what it was determined from.
+
+    Raises:
+        FilmError: the options make no sense, or the film shows neither a floor nor a ring.
     """
     size = source.width_px, source.height_px
-    floor_cm = known.arena_cm or (SIDE_CM, SIDE_CM)
-    above_cm = known.height_cm or HEIGHT_CM / SIDE_CM * max(floor_cm)
-    if above_cm < LOWEST_CM:
+    floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)
+    above_cm = options.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(floor_cm)
+    if above_cm < MIN_HEIGHT_CM:
         raise FilmError(
             f"--arena-cm is {floor_cm[0]:g}x{floor_cm[1]:g}: a camera {above_cm:.3g} cm above it would be "
-            f"among the robots; it is in centimetres; --height-cm gives another height, {LOWEST_CM:g} or more"
+            f"among the robots; the unit is cm; give another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"
         )
-    if known.corners_px is not None:
-        return lens_from_corners(known.corners_px, *size, *floor_cm, above_cm), CORNERS
+    if options.corners_px is not None:
+        return camera_from_corners(options.corners_px, *size, *floor_cm, above_cm), CORNERS
     frames = iter(source.frames())
     for frame in islice(frames, LIT_FRAMES):
         if not is_lit(frame.picture):
@@ -105,21 +146,21 @@ def find_lens(source: Source, known: Known) -> tuple[Lens, str]:
             break
         corners = find_corners(frame.picture)
         if corners is not None:
-            return lens_from_corners(corners, *size, *floor_cm, above_cm), LIGHT
+            return camera_from_corners(corners, *size, *floor_cm, above_cm), LIGHT
     radius_px = _ring_radius_px(frames)
     if radius_px is None:
         raise FilmError(
             f"{source.name}: no lit ring is seen; is it the right film, are the rings red, and is the exposure long "
-            "enough? If there are some, --corners tells how large they are"
+            "enough? If there are rings, give the floor's corners by --corners, which determine their size"
         )
-    return lens_from_rings(radius_px, *size, *floor_cm, above_cm), RINGS
+    return camera_from_rings(radius_px, *size, *floor_cm, above_cm), RINGS
 
 
 def _ring_radius_px(frames: Iterator[Frame]) -> float | None:
-    """Return the radius of the first rings that can be measured; None where there are none."""
+    """Return the radius of the first rings that can be measured; None if there are none."""
     for first in frames:
-        some = chain([first], islice(frames, DARK_FRAMES - 1))
-        radius_px = measure_radius(frame.picture for frame in some)
+        batch = chain([first], islice(frames, DARK_FRAMES - 1))
+        radius_px = measure_radius(frame.picture for frame in batch)
         if radius_px is not None:
             return radius_px
     return None

@@ -1,53 +1,54 @@
-"""Finds the floor of the arena in a picture of the lit room: one even grey, with walls that are brighter or darker."""
+"""Finds the arena's floor in a picture of the lit room: an even grey, surrounded by brighter or darker walls."""
 
 import cv2
 import numpy as np
 
 from epuck_sim.arrays import Float32Array, FloatArray
+from epuck_sim.geometry import contains, is_convex, polygon_area
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.edge_fit import BAND, fit_side, meeting_point
 from epuck_sim.overhead.track.ring_detection import is_lit
 
 Line = tuple[FloatArray, FloatArray]
-"""(2,) px a point, and a vector to another one."""
+"""A point, (2,) px, and the vector to another one, (2,) px."""
 
 MIDDLE = 0.5
-"""Within this share of the picture's half-diagonal its middle is darkened so little that one level finds the floor."""
+"""Radius, as a fraction of the half-diagonal, of the middle: vignetting is weak there, and one level is the floor's."""
 
-ROUNDS = 8
-"""Of fitting the floor's shade: each takes in more of the picture, from the middle outwards."""
+SHADE_FITS = 8
+"""Number of fits of the floor's shade; each covers more of the picture, from the middle outwards."""
 
-LEAST = 0.1
-"""The floor is at least this share of the picture."""
+MIN_FLOOR = 0.1
+"""Minimum area of the floor, as a fraction of the picture."""
 
-CORNER = 0.004
-"""Bends of the floor's outline that are flatter than this share of its length are none: lenses bow straight edges."""
+CORNER_TOLERANCE = 0.004
+"""approxPolyDP tolerance, as a fraction of the outline's length; lenses bow straight edges."""
 
-NARROWING = (0.03, 0.015)
-"""So far on either side of a line, in shares of the picture's shorter side, its edge is looked for: first, and again
-from the better line."""
+SEARCH_REACHES = (0.03, 0.015)
+"""Distances on either side of a line within which the edge is searched, as fractions of the picture's shorter side:
+first from the outline's lines, then from the lines that this gives."""
 
 
 def find_corners(picture: Picture) -> FloatArray | None:
-    """Return (4, 2) px, columns and rows of the floor's corners in a lit picture; None where there is no such floor.
+    """Return (4, 2) px: columns and rows of the floor's corners in a lit picture; None if no floor is found.
 
-    The shade of the floor is fitted from the picture's middle outwards, as lenses darken their corners and lamps hang
-    aside. Its outline gives four lines; across each, the edge is placed to a fraction of a pixel at many places. A
-    parabola goes through each side, as distortion bows them, and neighbours are intersected.
+    The shade of the floor is fitted from the picture's middle outwards, because lenses darken the corners and lamps
+    hang off-centre. Its outline gives four lines; across each, the edge is located to a fraction of a pixel at many
+    places. A parabola is fitted to each side, because distortion bows it, and neighbouring sides are intersected.
     """
     if not is_lit(picture):
         return None
     grey = cv2.GaussianBlur(picture, (0, 0), 1.0).mean(axis=2, dtype=np.float32)
-    shade = _relative(np.asarray(grey, np.float32))
+    shade = _relative_shade(np.asarray(grey, np.float32))
     if shade is None:
         return None
-    lines = _outline(shade)
+    lines = _outline_sides(shade)
     if lines is None:
         return None
-    corners = _meet(lines)
+    corners = _intersections(lines)
     if not _is_around_middle(corners, shade.shape):
         return None
-    for reach in NARROWING:
+    for reach in SEARCH_REACHES:
         middle, reach_px = corners.mean(axis=0), reach * min(shade.shape)
         sides = [fit_side(shade, corners[k], corners[(k + 1) % 4], middle, reach_px) for k in range(4)]
         whole = [side for side in sides if side is not None]
@@ -59,10 +60,10 @@ def find_corners(picture: Picture) -> FloatArray | None:
     return corners if is_in and _is_around_middle(corners, shade.shape) else None
 
 
-def _relative(grey: Float32Array) -> Float32Array | None:
-    """Return (rows, columns) levels over those of a floor there, 1 on the floor; None where the middle is no floor.
+def _relative_shade(grey: Float32Array) -> Float32Array | None:
+    """Return (rows, columns) levels relative to the floor's, 1 on the floor; None if the picture's middle is not floor.
 
-    The floor's shade is a paraboloid: of light from one side, and of vignetting.
+    The floor's shade is modelled as a paraboloid: light from one side, and vignetting.
     """
     rows, columns = grey.shape
     y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
@@ -73,29 +74,29 @@ def _relative(grey: Float32Array) -> Float32Array | None:
     middle = np.sqrt(few[:, 3]) < MIDDLE
     levels = np.bincount(values[middle].astype(int), minlength=256)
     shade = np.full(len(few), float(np.convolve(levels, np.ones(9), "same").argmax()))
-    for reach in np.linspace(MIDDLE, 1, ROUNDS):
+    for reach in np.linspace(MIDDLE, 1, SHADE_FITS):
         floor = (np.abs(values - shade) < BAND * shade) & (np.sqrt(few[:, 3]) < reach)
-        if np.count_nonzero(floor) < LEAST / 2 * len(few):
+        if np.count_nonzero(floor) < MIN_FLOOR / 2 * len(few):
             return None
         terms, *_ = np.linalg.lstsq(few[floor], values[floor], rcond=None)
         shade = few @ terms
     return np.asarray(grey / np.maximum(design @ terms, 1), np.float32)
 
 
-def _outline(shade: Float32Array) -> list[Line] | None:
-    """Return the four lines along the longest sides of the floor's convex hull; None where the floor is cut off."""
+def _outline_sides(shade: Float32Array) -> list[Line] | None:
+    """Return the lines along the four longest sides of the floor's convex hull; None if the floor is cut off."""
     floor = (np.abs(shade - 1) < BAND).astype(np.uint8)
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(floor, connectivity=4)
     label = int(boxes[1:, cv2.CC_STAT_AREA].argmax()) + 1 if len(boxes) > 1 else 0
     left, top, width, height, area = boxes[label]
     rows, columns = shade.shape
-    if not label or area < LEAST * shade.size:
+    if not label or area < MIN_FLOOR * shade.size:
         return None
     if left == 0 or top == 0 or left + width == columns or top + height == rows:
         return None
     outlines, _ = cv2.findContours((labels == label).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     hull = cv2.convexHull(max(outlines, key=len))
-    bends = cv2.approxPolyDP(hull, CORNER * cv2.arcLength(hull, True), True).reshape(-1, 2).astype(float)
+    bends = cv2.approxPolyDP(hull, CORNER_TOLERANCE * cv2.arcLength(hull, True), True).reshape(-1, 2).astype(float)
     along = np.roll(bends, -1, axis=0) - bends
     if len(bends) < 4:
         return None
@@ -103,8 +104,8 @@ def _outline(shade: Float32Array) -> list[Line] | None:
     return [(bends[k], along[k]) for k in longest]
 
 
-def _meet(lines: list[Line]) -> FloatArray:
-    """Return (4, 2): where each of four lines meets the one before it; far away if they are parallel."""
+def _intersections(lines: list[Line]) -> FloatArray:
+    """Return (4, 2) px: the intersection of each of four lines with the previous one; far away if they are parallel."""
     corners = []
     for k, (point, along) in enumerate(lines):
         before, back = lines[k - 1]
@@ -115,11 +116,8 @@ def _meet(lines: list[Line]) -> FloatArray:
 
 
 def _is_around_middle(corners: FloatArray, shape: tuple[int, ...]) -> bool:
-    """Return whether (4, 2) corners bound a convex quadrilateral around the middle of the picture."""
+    """Return whether (4, 2) corners, in either direction, bound a convex quadrilateral around the picture's middle."""
     rows, columns = shape
-    along = np.roll(corners, -1, axis=0) - corners
-    to_middle = np.array([(columns - 1) / 2, (rows - 1) / 2]) - corners
-    after = np.roll(along, -1, axis=0)
-    turns = along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0]
-    around = along[:, 0] * to_middle[:, 1] - along[:, 1] * to_middle[:, 0]
-    return bool(abs(np.sign(turns).sum() + np.sign(around).sum()) == 2 * len(corners))
+    if polygon_area(corners) < 0:
+        corners = corners[::-1]
+    return is_convex(corners) and bool(contains(corners, np.array([(columns - 1) / 2, (rows - 1) / 2])))

@@ -1,4 +1,4 @@
-"""Counts the lit rings in a film frame by frame and follows their histogram, as the experiments did (thesis 4.3.1)."""
+"""Counts the lit rings of a film frame by frame, and detects synchrony while the film goes on (thesis 4.3.1)."""
 
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -7,30 +7,30 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead.camera_model import Lens
+from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder, is_lit
-from epuck_sim.overhead.track.spread import Evaluation, SpreadWatch, is_synchronised
+from epuck_sim.overhead.track.spread import Evaluation, SynchronyDetector, is_synchronised
 
 
-class Tracker:
-    """Looks at a film's frames in their order.
+class RingCounter:
+    """Counts the lit rings in the frames of a film, which are given in their order.
 
-    A film may begin in the light, before the robots do (thesis 4.3.1: they "only started moving once the room lights
-    were switched off"). So the trial begins with the first dark frame after the light, and what was counted before is
-    forgotten: as long as no ring was seen in the dark, for afterwards the light may go on and off as it likes.
+    A film may begin in the light, before the robots start (thesis 4.3.1: they "only started moving once the room lights
+    were switched off"). The trial therefore begins with the first dark frame after the light, and earlier counts are
+    discarded. Once a ring has been seen in the dark, the trial has begun, and the light may go on and off.
     """
 
     start_s: float
-    """When the trial begins, on the film's clock."""
+    """Beginning of the trial on the film's clock."""
     frames: int
-    """Looked at so far, those in the light among them."""
-    lens: Lens
+    """Number of frames so far, including those in the light."""
+    camera: CameraModel
     """The camera that took the film."""
 
-    def __init__(self, lens: Lens) -> None:
-        self.lens = lens
-        self._finder = RingFinder(lens)
+    def __init__(self, camera: CameraModel) -> None:
+        self.camera = camera
+        self._finder = RingFinder(camera)
         self._times = array("d")
         self._counts = array("q")
         self._was_lit = True
@@ -38,8 +38,8 @@ class Tracker:
         self.start_s = 0.0
         self.frames = 0
 
-    def look(self, frame: Frame) -> list[Ring]:
-        """Return the lit rings in a frame, and count them."""
+    def process(self, frame: Frame) -> list[Ring]:
+        """Find the lit rings in the next frame, add their number to `counts`, and return them."""
         rings = self._finder.find(frame.picture)
         lit = is_lit(frame.picture)
         if self._was_lit and not lit and not self._has_begun:
@@ -54,44 +54,49 @@ class Tracker:
 
     @property
     def times_s(self) -> FloatArray:
-        """(frames,) s: when the trial's frames were taken."""
+        """(frames,) s: times of the trial's frames on the film's clock."""
         return np.array(self._times, np.float64)
 
     @property
     def counts(self) -> IntArray:
-        """(frames,): lit rings in each of them."""
+        """(frames,) lit rings in each of the trial's frames."""
         return np.array(self._counts, np.int64)
 
 
-class Moment(NamedTuple):
-    """A frame of a film, and what is known when it has been looked at."""
+class TrackedFrame(NamedTuple):
+    """A frame of a film, and what is known once it has been processed."""
 
     frame: Frame
     rings: Sequence[Ring]
+    """Lit rings found in it."""
     start_s: float
-    """When the trial began."""
+    """Beginning of the trial on the film's clock."""
     evaluation: Evaluation | None
-    """The one that this frame made possible, of a mode half a period ago."""
+    """The evaluation that this frame completed, whose mode was half a period ago."""
     t_sync_s: float | None
     """Time of the first mode around which the histogram was narrow enough, on the film's clock."""
 
 
-def follow(
-    frames: Iterable[Frame], tracker: Tracker, period_s: float, threshold_s: Callable[[], float]
-) -> Iterator[Moment]:
-    """Yield what is known at each frame while it is looked at.
+def track_frames(
+    frames: Iterable[Frame], counter: RingCounter, period_s: float, threshold_s: Callable[[], float]
+) -> Iterator[TrackedFrame]:
+    """Process frames one by one as they are asked for.
 
-    period_s: of the oscillators; threshold_s: gives the standard deviation of the histogram at which the swarm is
-    synchronised, as far as it can be told by then.
+    Args:
+        frames: the frames in their order.
+        counter: counts their rings.
+        period_s: period of the oscillators.
+        threshold_s: returns the standard deviation of the histogram at which the swarm counts as synchronised, as far
+            as it can be estimated by then.
     """
-    watch: SpreadWatch | None = None
+    detector: SynchronyDetector | None = None
     t_sync_s = None
     for frame in frames:
-        before = tracker.start_s
-        rings = tracker.look(frame)
-        if watch is None or tracker.start_s != before:
-            watch, t_sync_s = SpreadWatch(period_s, tracker.start_s), None
-        evaluation = watch.look(frame.time_s, len(rings))
+        start_before_s = counter.start_s
+        rings = counter.process(frame)
+        if detector is None or counter.start_s != start_before_s:
+            detector, t_sync_s = SynchronyDetector(period_s, counter.start_s), None
+        evaluation = detector.update(frame.time_s, len(rings))
         if evaluation is not None and t_sync_s is None and is_synchronised(evaluation, threshold_s()):
             t_sync_s = evaluation.time_s
-        yield Moment(frame, rings, tracker.start_s, evaluation, t_sync_s)
+        yield TrackedFrame(frame, rings, counter.start_s, evaluation, t_sync_s)

@@ -1,8 +1,8 @@
 """Finds the lit rings in a picture of the overhead camera (thesis 4.3.1).
 
-The red light is seen from straight above, without perspective and distortion. A matched filter on a coarse grid says
-where there may be a ring; each place is looked at in turn, from the brightest, and counts where a circle of the right
-size is lit nearly all round, hollow, and beside the rings found before: robots may touch, but not overlap.
+The red light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
+brightest on, each candidate is a ring if a circle of the right size is lit nearly all round, is hollow, and does not
+overlap the rings found before: robots may touch, but not overlap.
 """
 
 from typing import NamedTuple
@@ -12,63 +12,67 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import Float32Array, FloatArray
-from epuck_sim.overhead.camera_model import Lens
+from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Picture
-from epuck_sim.overhead.track.rectified_view import COARSE_PER_CM, Light, ring_plane
+from epuck_sim.overhead.track.rectified_view import COARSE_PER_CM, Light, rectified_view
 from epuck_sim.overhead.track.ring_fit import Fit, fit_ring
 
 LIT_LEVEL = 40
-"""Of the median green pixel of 256 levels: a webcam's noise in the dark is far below, and its rings are red."""
+"""Median level of green from which the room is lit; noise in the dark is far below, and rings are red."""
 
-SAMPLES = 80
-"""Pixels along the shorter side that tell whether the room is lit."""
+LIT_SAMPLES = 80
+"""Number of pixels along the shorter side that are examined for whether the room is lit."""
 
-LEAST_IN_DARK = 40
-LEAST_IN_LIGHT = 12
-"""Levels by which a ring is brighter than what it encloses, at least. In a lit room its core is nearly white, so that
-little of it is red; over a whole ring, noise of 10 levels gives less than 1."""
+MIN_LEVEL_DARK = 40
+"""Minimum levels by which a ring in the dark is brighter than its inside."""
+
+MIN_LEVEL_LIT = 12
+"""Minimum levels by which a ring in a lit room is redder than its inside. Its core is nearly white there, and hardly
+red; averaged over a whole ring, noise of 10 levels gives less than 1."""
 
 CORE_CM = 1.0
-"""In a lit room the crest of a ring is white, with red on either side: gaps in the red up to so wide are filled."""
+"""Width of gaps in the red that are filled in a lit room, where a ring is white with red on either side."""
 
-SHARE = 0.3
-"""A ring has at least this share of the brightest one's light: one lit for less of the exposure may be missed, and
-what shines on walls and floor is less."""
+MIN_RELATIVE_LIGHT = 0.3
+"""Minimum light of a ring, relative to the brightest one. A ring lit for less of the exposure may be missed;
+reflections on walls and floor are weaker."""
 
-APART_CM = 0.88 * 2 * epuck.RADIUS_CM
-"""Between two rings' centres, at least: robots touch at 2 radii, and a scale may be wrong by a tenth."""
+MIN_DISTANCE_CM = 0.88 * 2 * epuck.RADIUS_CM
+"""Minimum distance of two rings' centres: robots touch at 2 radii, and the scale may be wrong by a tenth."""
 
-CROSS_CM = 0.45
-"""Standard deviation of the matched filter across the ring, which is about 1 cm thick when over-exposed."""
+FILTER_WIDTH_CM = 0.45
+"""Standard deviation of the matched filter across the ring, which is about 1 cm thick when overexposed."""
 
-INNER_CM = 2.3
-"""Within so much of the centre a ring is dark."""
+DARK_RADIUS_CM = 2.3
+"""Radius of the dark inside of a ring in the matched filter."""
 
-RADII = (0.75, 1.15)
-"""A ring's radius over `epuck.RING_RADIUS_CM`, at least and at most: perspective and scale are estimates, and in a lit
-room a ring looks smaller, as its outer side is pale."""
+MIN_RADIUS = 0.75
+"""Minimum radius of a ring, relative to `epuck.RING_RADIUS_CM`: perspective and scale are estimates, and in a lit room
+a ring looks smaller, because its outer side is pale."""
 
-LARGER = 1.12
-"""A ring's radius over the mean of those found before, at most: faint ones look a little larger, and what six lit
+MAX_RADIUS = 1.15
+"""Maximum radius of a ring, relative to `epuck.RING_RADIUS_CM`."""
+
+MAX_RELATIVE_RADIUS = 1.12
+"""Maximum radius of a ring, relative to the mean of those found before. Faint rings look slightly larger; what six lit
 rings enclose is larger by a sixth."""
 
-MISFIT_CM = 0.2
-"""Root mean square distance of the light's inner edge from the circle, at most: 0.04 cm in usual pictures."""
+MAX_MISFIT_CM = 0.2
+"""Maximum root mean square distance of the light's inner edge from the circle; 0.04 cm in usual pictures."""
 
-COVERED = 0.85
-"""Share of the directions in which a ring is lit, at least. Around an unlit robot that six lit ones touch it is less
-than two thirds."""
+MIN_COVERED = 0.85
+"""Minimum fraction of the directions in which a ring is lit. Around an unlit robot that touches six lit ones, it is
+less than two thirds."""
 
-HOLLOW = 0.5
-"""The light within half a ring's radius, over that on it, at most."""
+MAX_INSIDE_LIGHT = 0.5
+"""Maximum light within half a ring's radius, relative to the light on the ring."""
 
 
 class Ring(NamedTuple):
-    """A lit ring, in the arena's frame and in the picture."""
+    """Centre and radius of a lit ring: in cm in the arena's frame, and in px (column, row) in the picture."""
 
     x_cm: float
     y_cm: float
-    """Of its centre, in the arena's frame."""
     radius_cm: float
     x_px: float
     y_px: float
@@ -76,15 +80,15 @@ class Ring(NamedTuple):
 
 
 def is_lit(picture: Picture) -> bool:
-    """Return whether the room's lights are on: by the middle of the picture, as the table around may be black."""
+    """Return whether the room's lights are on, judged by the picture's middle; the table around may be black."""
     rows, columns, _ = picture.shape
-    step = max(min(rows, columns) // SAMPLES, 1)
+    step = max(min(rows, columns) // LIT_SAMPLES, 1)
     middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step, 1]
     return float(np.median(middle)) >= LIT_LEVEL
 
 
 def ring_light(picture: Picture, lit: bool) -> Light:
-    """Return (height_px, width_px) how bright the rings' light is: red, or in a lit room what is redder than grey."""
+    """Return (height_px, width_px) the light of rings: red, or in a lit room the excess of red over grey."""
     red = cv2.extractChannel(picture, 0)
     if lit:
         red = cv2.subtract(red, cv2.max(cv2.extractChannel(picture, 1), cv2.extractChannel(picture, 2)))
@@ -94,59 +98,65 @@ def ring_light(picture: Picture, lit: bool) -> Light:
 class RingFinder:
     """Finds rings in the pictures of one camera."""
 
-    def __init__(self, lens: Lens) -> None:
-        self._lens = lens
-        self._plane = ring_plane(lens)
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera
+        self._view = rectified_view(camera)
         self._filter = _matched_filter()
 
     def find(self, picture: Picture) -> list[Ring]:
-        """Return the lit rings in (height_px, width_px, 3) of the lens's size, from left to right in the picture.
+        """Return the lit rings in a picture, from left to right.
 
-        Raises ValueError for a picture of another size.
+        Args:
+            picture: (height_px, width_px, 3) levels.
+
+        Raises:
+            ValueError: the picture's size is not the camera's.
         """
-        lens = self._lens
-        if picture.shape != (lens.height_px, lens.width_px, 3):
-            raise ValueError(f"a picture is {picture.shape}, but the lens's is {(lens.height_px, lens.width_px, 3)}")
+        camera = self._camera
+        if picture.shape != (camera.height_px, camera.width_px, 3):
+            raise ValueError(f"a picture of {picture.shape}; allowed: {(camera.height_px, camera.width_px, 3)}")
         lit = is_lit(picture)
-        least = float(LEAST_IN_LIGHT if lit else LEAST_IN_DARK)
+        least = float(MIN_LEVEL_LIT if lit else MIN_LEVEL_DARK)
         light = ring_light(picture, lit)
         if cv2.minMaxLoc(light)[1] < least:
             return []
-        plane = self._plane.seen(light)
+        view = self._view.sample(light)
         if lit:
-            plane = self._plane.closed(plane, CORE_CM)
-        response = np.asarray(cv2.filter2D(self._plane.coarse(plane), cv2.CV_32F, self._filter), np.float32)
-        least = max(least, SHARE * float(response.max()))
-        cells = self._plane.cells_per_cm
+            view = self._view.close_gaps(view, CORE_CM)
+        response = np.asarray(cv2.filter2D(self._view.downsample(view), cv2.CV_32F, self._filter), np.float32)
+        least = max(least, MIN_RELATIVE_LIGHT * float(response.max()))
+        cells = self._view.cells_per_cm
         coarse = cells // COARSE_PER_CM
-        places = _peaks(response, least) * coarse + (coarse - 1) / 2
-        return self._rings(_separate(plane, cells, places, least))
+        candidates = _candidates(response, least) * coarse + (coarse - 1) / 2
+        return self._rings(_select_rings(view, cells, candidates, least))
 
     def _rings(self, fits: list[Fit]) -> list[Ring]:
-        """Return fits in the arena and in the picture, from left to right."""
+        """Return fits as rings, with their places in the arena and in the picture, from left to right."""
         if not fits:
             return []
-        centres = np.array([(*self._plane.position_cm(fit.column, fit.row), epuck.RING_HEIGHT_CM) for fit in fits])
+        centres = np.array([(*self._view.position_cm(fit.column, fit.row), epuck.RING_HEIGHT_CM) for fit in fits])
         around = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
         radii = np.array([fit.radius_cm for fit in fits])
-        pixels = self._lens.pixels((centres[:, None] + radii[:, None, None] * around).reshape(-1, 3)).reshape(-1, 5, 2)
+        pixels = self._camera.project((centres[:, None] + radii[:, None, None] * around).reshape(-1, 3)).reshape(
+            -1, 5, 2
+        )
         radii_px = np.linalg.norm(pixels[:, 1:] - pixels[:, :1], axis=2).mean(axis=1)
         table = np.column_stack([centres[:, :2], radii, pixels[:, 0], radii_px])
         return [Ring(*row) for row in table[np.lexsort((table[:, 4], table[:, 3]))].tolist()]
 
 
 def _matched_filter() -> Float32Array:
-    """Return the filter on the coarse grid: mean light on the circle minus that inside."""
-    half = round((epuck.RING_RADIUS_CM + 2 * CROSS_CM) * COARSE_PER_CM)
+    """Return the filter on the coarse grid: mean light on the circle minus mean light inside."""
+    half = round((epuck.RING_RADIUS_CM + 2 * FILTER_WIDTH_CM) * COARSE_PER_CM)
     offsets = np.arange(-half, half + 1) / COARSE_PER_CM
     radius = np.hypot(offsets[:, None], offsets)
-    ring = np.exp(-(((radius - epuck.RING_RADIUS_CM) / CROSS_CM) ** 2) / 2)
-    inner = (radius <= INNER_CM).astype(float)
+    ring = np.exp(-(((radius - epuck.RING_RADIUS_CM) / FILTER_WIDTH_CM) ** 2) / 2)
+    inner = (radius <= DARK_RADIUS_CM).astype(float)
     return np.asarray(ring / ring.sum() - inner / inner.sum(), np.float32)
 
 
-def _peaks(response: Float32Array, least: float) -> FloatArray:
-    """Return (n, 2) columns and rows of the highest responses within 1 cm, from the highest."""
+def _candidates(response: Float32Array, least: float) -> FloatArray:
+    """Return (n, 2) columns and rows of responses that are highest within 1 cm, in descending order."""
     size = 2 * COARSE_PER_CM + 1
     highest = np.asarray(cv2.dilate(response, np.ones((size, size), np.uint8)))
     rows, columns = np.nonzero((response >= highest) & (response >= least))
@@ -154,12 +164,12 @@ def _peaks(response: Float32Array, least: float) -> FloatArray:
     return np.column_stack([columns[order], rows[order]]).astype(float)
 
 
-def _separate(plane: Light, cells_per_cm: int, places: FloatArray, least: float) -> list[Fit]:
-    """Return the rings at (n, 2) places of the plane, which are looked at in this order."""
+def _select_rings(view: Light, cells_per_cm: int, candidates: FloatArray, least: float) -> list[Fit]:
+    """Return the rings among (n, 2) candidates, cells of the view that are examined in this order."""
     fits: list[Fit] = []
-    for column, row in places:
+    for column, row in candidates:
         if _is_free(column, row, fits, cells_per_cm):
-            fit = fit_ring(plane, cells_per_cm, column, row, least)
+            fit = fit_ring(view, cells_per_cm, column, row, least)
             if fit is not None and _is_ring(fit) and _is_new(fit, fits, cells_per_cm):
                 fits.append(fit)
     return fits
@@ -168,22 +178,22 @@ def _separate(plane: Light, cells_per_cm: int, places: FloatArray, least: float)
 def _is_ring(fit: Fit) -> bool:
     """Return whether a fit is round, hollow and whole."""
     return bool(
-        RADII[0] <= fit.radius_cm / epuck.RING_RADIUS_CM <= RADII[1]
-        and fit.misfit_cm <= MISFIT_CM
-        and fit.hollow <= HOLLOW
-        and fit.covered.mean() >= COVERED
+        MIN_RADIUS <= fit.radius_cm / epuck.RING_RADIUS_CM <= MAX_RADIUS
+        and fit.misfit_cm <= MAX_MISFIT_CM
+        and fit.inside_light <= MAX_INSIDE_LIGHT
+        and fit.covered.mean() >= MIN_COVERED
     )
 
 
 def _is_new(fit: Fit, found: list[Fit], cells_per_cm: int) -> bool:
-    """Return whether a fit is a ring beside those found, and not what they enclose."""
+    """Return whether a fit is a ring beside those found, and not the space that they enclose."""
     if not found:
         return True
-    is_as_large = fit.radius_cm <= LARGER * np.mean([other.radius_cm for other in found])
+    is_as_large = fit.radius_cm <= MAX_RELATIVE_RADIUS * np.mean([other.radius_cm for other in found])
     return bool(is_as_large) and _is_free(fit.column, fit.row, found, cells_per_cm)
 
 
 def _is_free(column: float, row: float, found: list[Fit], cells_per_cm: int) -> bool:
-    """Return whether a robot may stand there beside those found."""
-    apart = APART_CM * cells_per_cm
-    return all((column - other.column) ** 2 + (row - other.row) ** 2 >= apart * apart for other in found)
+    """Return whether a robot may stand at a cell without overlapping those found."""
+    distance = MIN_DISTANCE_CM * cells_per_cm
+    return all((column - other.column) ** 2 + (row - other.row) ** 2 >= distance * distance for other in found)

@@ -11,108 +11,139 @@ from pathlib import Path
 import numpy as np
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.film.frame import Frame, Passing
+from epuck_sim.overhead.film.frame import Frame, ProgressWrapper
 from epuck_sim.overhead.film.live_camera import LiveCamera
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.track.annotate import Annotator
-from epuck_sim.overhead.track.film_calibration import DESCRIPTION, described_lens, find_lens, with_description
-from epuck_sim.overhead.track.history import Snapshot
-from epuck_sim.overhead.track.result import Known, Track, conclude, threshold_so_far_s
-from epuck_sim.overhead.track.ring_counter import Moment, Tracker, follow
+from epuck_sim.overhead.track.film_calibration import (
+    DESCRIPTION,
+    TrackOptions,
+    calibrate,
+    described_camera,
+    parse_metadata,
+)
+from epuck_sim.overhead.track.result import Snapshot, Track, analyse, current_threshold_s
+from epuck_sim.overhead.track.ring_counter import RingCounter, TrackedFrame, track_frames
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
 from epuck_sim.util.atomic_write import atomic_write
 
 HEAD_FRAMES = 90
-"""So many frames are kept while a camera's lens is not known yet, in which there may be flashes: 6 s of 15 a second."""
+"""Number of frames kept while a live camera is calibrated, so that their flashes count: 6 s at 15 frames per second."""
 
 
-def track_film(name: str, known: Known, rings: Path | None, passing: Passing) -> Track:
-    """Return what the film `name`, a path or an address, tells; rings: a table of all of them to write.
+def track_film(name: str, options: TrackOptions, rings: Path | None, progress: ProgressWrapper) -> Track:
+    """Track a film.
 
-    Raises FilmError for what is no film, or one that tells nothing.
+    Args:
+        name: a path or an address.
+        options: what is known of the film.
+        rings: a CSV table to write with all rings in all frames.
+        progress: shows how far the film has been read.
+
+    Raises:
+        FilmError: the film cannot be read, or shows no swarm.
+        EpuckSimError: the table cannot be written.
     """
     with open_film(name) as film:
-        lens, calibration = described_lens(film, known, film.description), DESCRIPTION
-        known = with_description(known, film.description)
-        if lens is None:
-            lens, calibration = find_lens(film, known)
-    tracker = Tracker(lens)
-    with open_film(name) as film, ring_table(rings) as note:
-        for frame in passing(film.frames(), film.duration_s):
-            note(frame, tracker.look(frame))
-        return conclude(name, tracker, calibration, known, tuple(film.warnings))
+        metadata = parse_metadata(film.description)
+        camera, calibration = described_camera(film, options, metadata), DESCRIPTION
+        options = options.with_defaults(metadata)
+        if camera is None:
+            camera, calibration = calibrate(film, options)
+    counter = RingCounter(camera)
+    with open_film(name) as film, ring_table(rings) as write_rings:
+        for frame in progress(film.frames(), film.duration_s):
+            write_rings(frame, counter.process(frame))
+        return analyse(name, counter, calibration, options, tuple(film.warnings))
 
 
-def annotate_film(track: Track, path: Path, passing: Passing) -> None:
-    """Write a film that was tracked again, with the rings found and the histogram drawn; raises as `film_file` does."""
-    lens = track.lens
+def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
+    """Read a tracked film again, and write it with the rings found and the histogram drawn; raises as `film_file`."""
+    camera = track.camera
     with (
         open_film(track.film) as film,
-        annotated_film(path, lens.width_px, lens.height_px, track.period_s) as write,
+        annotated_film(path, camera.width_px, camera.height_px, track.period_s) as write,
     ):
-        frames = passing(film.frames(), film.duration_s)
-        for moment in follow(frames, Tracker(lens), track.period_s, lambda: track.threshold_ms / 1000):
-            write(moment)
+        frames = progress(film.frames(), film.duration_s)
+        for tracked in track_frames(frames, RingCounter(camera), track.period_s, lambda: track.threshold_ms / 1000):
+            write(tracked)
 
 
 def snapshot(track: Track) -> Snapshot:
-    """Return the frame of a film that was tracked in which the swarm is synchronised, or else its last one."""
+    """Return the frame of a tracked film in which the swarm becomes synchronised, or else the last one."""
     at_s = math.inf if track.t_sync_s is None else track.start_s + track.t_sync_s
-    begins_s = track.times_s[track.times_s <= at_s][-1]  # of the frame that stands for that moment
+    begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
     with open_film(track.film) as film:
         frame = next(frame for frame in film.frames() if frame.time_s >= begins_s)
-    rings = RingFinder(track.lens).find(frame.picture)
+    rings = RingFinder(track.camera).find(frame.picture)
     return Snapshot(frame.time_s, frame.picture, np.array([ring[3:] for ring in rings]).reshape(-1, 3))
 
 
 def track_camera(
-    number: int, known: Known, period_s: float, rings: Path | None, annotated: Path | None, passing: Passing
+    number: int,
+    options: TrackOptions,
+    period_s: float,
+    rings: Path | None,
+    annotated: Path | None,
+    progress: ProgressWrapper,
 ) -> Track:
-    """Return what a camera has seen until the swarm was synchronised, or until Ctrl-C.
+    """Track a live camera until the swarm is synchronised, or until Ctrl-C.
 
-    period_s: of the oscillators, which has to be known while the camera films; rings: a table to write; annotated: a
-    film of what was seen, with the rings found and the histogram drawn.
-    Raises FilmError where there is no such camera, or it saw no light. One that fails while it films is a warning.
+    A camera that fails while it films ends the film with a warning.
+
+    Args:
+        number: 0 for the first camera.
+        options: what is known of the scene.
+        period_s: period of the oscillators, which must be known while the camera films.
+        rings: a CSV table to write with all rings in all frames.
+        annotated: a film to write with the rings found and the histogram drawn.
+        progress: shows how long the camera has filmed.
+
+    Raises:
+        FilmError: there is no such camera, or it saw no light.
+        EpuckSimError: a file cannot be written.
     """
-    known = known._replace(period_s=period_s)
+    options = options._replace(period_s=period_s)
     warnings: list[str] = []
-    with LiveCamera(number) as camera:
+    with LiveCamera(number) as live:
         head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
-        lens, calibration = find_lens(_Heading(camera, head), known)
-        tracker = Tracker(lens)
-        frames = passing(_while_plugged_in(chain(head, camera.frames()), warnings), None)
+        camera, calibration = calibrate(_KeepingFrames(live, head), options)
+        counter = RingCounter(camera)
+        frames = progress(_until_unplugged(chain(head, live.frames()), warnings), None)
         with (
-            ring_table(rings) as note,
-            annotated_film(annotated, lens.width_px, lens.height_px, period_s) as write,
+            ring_table(rings) as write_rings,
+            annotated_film(annotated, camera.width_px, camera.height_px, period_s) as write,
         ):
             try:
-                for moment in follow(frames, tracker, period_s, lambda: threshold_so_far_s(tracker, period_s, known)):
-                    note(moment.frame, moment.rings)
-                    write(moment)
-                    if moment.t_sync_s is not None:
+                for tracked in track_frames(
+                    frames, counter, period_s, lambda: current_threshold_s(counter, period_s, options)
+                ):
+                    write_rings(tracked.frame, tracked.rings)
+                    write(tracked)
+                    if tracked.t_sync_s is not None:
                         break
             except KeyboardInterrupt:
-                pass  # what was seen until then is told
-            return conclude(camera.name, tracker, calibration, known, tuple(warnings))
+                pass  # the frames until then are analysed
+            return analyse(live.name, counter, calibration, options, tuple(warnings))
 
 
-class _Heading:
-    """A camera of which the last frames that were asked for are kept: who looks for its lens must not lose them."""
+class _KeepingFrames:
+    """A camera whose last frames are kept, so that those read for the calibration are tracked, too."""
 
     def __init__(self, camera: LiveCamera, kept: deque[Frame]) -> None:
         self.name, self.width_px, self.height_px = camera.name, camera.width_px, camera.height_px
         self._camera, self._kept = camera, kept
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the frames as they come."""
+        """Yield the frames as they arrive."""
         for frame in self._camera.frames():
             self._kept.append(frame)
             yield frame
 
 
-def _while_plugged_in(frames: Iterable[Frame], warnings: list[str]) -> Iterator[Frame]:
-    """Yield a camera's frames for as long as it gives any, and warn of what ended them."""
+def _until_unplugged(frames: Iterable[Frame], warnings: list[str]) -> Iterator[Frame]:
+    """Yield a camera's frames; if the camera fails, end and add a warning."""
     try:
         yield from frames
     except FilmError as error:
@@ -121,10 +152,7 @@ def _while_plugged_in(frames: Iterable[Frame], warnings: list[str]) -> Iterator[
 
 @contextmanager
 def ring_table(path: Path | None) -> Iterator[Callable[[Frame, Sequence[Ring]], None]]:
-    """Yield what notes the rings in a frame in a table, which takes the name `path` when the block ends; or nowhere.
-
-    Raises EpuckSimError where it cannot be written.
-    """
+    """Yield a function that writes the rings of a frame into a CSV table; it writes nothing if `path` is None."""
     if path is None:
         yield lambda *_: None
         return
@@ -132,20 +160,27 @@ def ring_table(path: Path | None) -> Iterator[Callable[[Frame, Sequence[Ring]], 
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["time_s", *Ring._fields])
 
-        def note(frame: Frame, rings: Sequence[Ring]) -> None:
-            time_s = f"{frame.time_s:.6f}"  # however long the film is
+        def write_rings(frame: Frame, rings: Sequence[Ring]) -> None:
+            time_s = f"{frame.time_s:.6f}"  # microseconds, however long the film is
             writer.writerows([time_s, *(f"{value:.6g}" for value in ring)] for ring in rings)
 
-        yield note
+        yield write_rings
 
 
 @contextmanager
 def annotated_film(
     path: Path | None, width_px: int, height_px: int, period_s: float
-) -> Iterator[Callable[[Moment], None]]:
-    """Yield what writes a moment into the film `path`, with its rings and the histogram drawn; or nowhere.
+) -> Iterator[Callable[[TrackedFrame], None]]:
+    """Yield a function that annotates a frame and writes it into a film; it writes nothing if `path` is None.
 
-    Raises as `film_file` does.
+    Args:
+        path: the film.
+        width_px: width of the pictures without annotation.
+        height_px: height of the pictures without annotation.
+        period_s: period of the oscillators.
+
+    Raises:
+        EpuckSimError: as `film_file` does.
     """
     if path is None:
         yield lambda _: None
@@ -153,7 +188,7 @@ def annotated_film(
     annotator = Annotator(width_px, height_px, period_s)
     with film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer:
 
-        def write(moment: Moment) -> None:
-            writer.write(Frame(moment.frame.time_s, annotator.annotate(*moment)))
+        def write(tracked: TrackedFrame) -> None:
+            writer.write(Frame(tracked.frame.time_s, annotator.annotate(*tracked)))
 
         yield write

@@ -1,1 +1,1 @@
-"""Rows of a trial, gathered until they are written as chunks."""
+"""Rows of a trial, gathered in memory until they are written as chunks."""

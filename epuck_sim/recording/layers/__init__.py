@@ -1,1 +1,1 @@
-"""What the viewer draws: from rows to rerun's entities."""
+"""What the viewer draws: rows of a trial as rerun's entities."""

@@ -1,7 +1,7 @@
-"""What a recording shows in the arena, whatever its model: walls, obstacles, and who moves there.
+"""The arena as a recording shows it, whatever its model: walls, obstacles, and the robots or agents.
 
-Everything lies under `/arena`, in cm. Rerun's pictures have y down; a transform there turns them, so that data keep the
-coordinates of the simulation.
+Everything lies under `/arena`, in cm. In rerun's pictures y points down; a transform there flips them, so that data
+keep the coordinates of the simulation.
 """
 
 import math
@@ -14,86 +14,99 @@ from rerun.chunk import Chunk
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
-from epuck_sim.recording.buffers.robots import Columns
-from epuck_sim.recording.chunks import moving, still
+from epuck_sim.recording.buffers.row_batch import RowBatch
+from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.population import Population
 
 ARENA = "/arena"
+"""Entity with the transform."""
+
 WALLS = "/arena/walls"
+"""Entity with the arena's outline."""
+
 OBSTACLES = "/arena/obstacles"
+"""Entity with the outlines of obstacles."""
 
 ROBOTS = "/arena/robots"
-"""(count,) discs in each row, robots or agents, of class 1 while the ring is lit, or the flash is seen."""
+"""Entity with (count,) discs in each row, robots or agents, of class 1 while the ring is lit or the flash is shown."""
 
 HEADINGS = "/arena/headings"
-"""(count,) arrows in each row, from the middle to the front of the disc."""
+"""Entity with (count,) arrows in each row, from the middle to the front of the disc."""
 
-MANY = 50
-"""Of so many, none has its number drawn beside it."""
+UNLABELLED = 50
+"""Swarms of this size or larger are drawn without number labels."""
 
-CORNERS = 64
-"""Of a round obstacle's outline."""
+CIRCLE_CORNERS = 64
+"""Corners of a round obstacle's outline."""
 
 GREY = (150, 150, 150)
 FAINT = (90, 90, 100)
 WHITE = (255, 255, 255)
 RINGS = rr.AnnotationContext([(0, "dark", (120, 125, 135)), (1, "lit", (230, 40, 40))])
 
-SHAFT = 0.25 / 3.7
-"""Half as thick is an arrow that shows a heading, if the disc has radius 1."""
+ARROW_RADIUS = 0.25 / 3.7
+"""Half-thickness of a heading arrow, relative to the disc's radius."""
 
 
-def set_ground(subject: Population) -> Iterator[Chunk]:
-    """Yield what does not move, and how it looks."""
-    width, height = subject.arena.width_cm, subject.arena.height_cm
-    yield still(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
-    yield still(WALLS, rr.LineStrips2D([[(0, 0), (width, 0), (width, height), (0, height), (0, 0)]], colors=GREY))
-    angles = np.linspace(0, 2 * math.pi, CORNERS + 1)
-    rounds = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in subject.arena.circles]
+def static_arena_entities(population: Population) -> Iterator[Chunk]:
+    """Yield walls and obstacles, and the appearance of robots or agents."""
+    width, height = population.arena.width_cm, population.arena.height_cm
+    yield static_chunk(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
+    outline = [(0, 0), (width, 0), (width, height), (0, height), (0, 0)]
+    yield static_chunk(WALLS, rr.LineStrips2D([outline], colors=GREY))
+    angles = np.linspace(0, 2 * math.pi, CIRCLE_CORNERS + 1)
+    rounds = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in population.arena.circles]
     outlines = [np.column_stack(each) for each in rounds] + [
-        np.vstack([corners, corners[:1]]) for corners in subject.arena.polygons
+        np.vstack([corners, corners[:1]]) for corners in population.arena.polygons
     ]
     if outlines:
-        yield still(OBSTACLES, rr.LineStrips2D(outlines, colors=GREY))
-    labels = [str(number) for number in range(subject.size)] if subject.size < MANY else None
-    yield still(ROBOTS, RINGS)
-    body = rr.Points2D.from_fields(
-        radii=subject.radius_cm, labels=labels, show_labels=labels is not None, draw_order=20
+        yield static_chunk(OBSTACLES, rr.LineStrips2D(outlines, colors=GREY))
+    labels = [str(number) for number in range(population.size)] if population.size < UNLABELLED else None
+    yield static_chunk(ROBOTS, RINGS)
+    discs = rr.Points2D.from_fields(
+        radii=population.radius_cm, labels=labels, show_labels=labels is not None, draw_order=20
     )
-    yield still(ROBOTS, body)
-    yield still(HEADINGS, rr.Arrows2D.from_fields(colors=WHITE, radii=SHAFT * subject.radius_cm, draw_order=30))
+    yield static_chunk(ROBOTS, discs)
+    arrows = rr.Arrows2D.from_fields(colors=WHITE, radii=ARROW_RADIUS * population.radius_cm, draw_order=30)
+    yield static_chunk(HEADINGS, arrows)
 
 
-def ground(columns: Columns, radius_cm: float) -> Iterator[Chunk]:
-    """Yield who is where in these rows, and lit; radius_cm: of the discs."""
-    poses, time_ns = columns.poses, columns.time_ns
+def arena_entities(batch: RowBatch, radius_cm: float) -> Iterator[Chunk]:
+    """Yield positions, headings and rings in these rows; `radius_cm` is that of the discs."""
+    poses, time_ns = batch.poses, batch.time_ns
     each = np.full(len(poses), poses.shape[1])
     middles = poses[..., :2].reshape(-1, 2)
-    ahead = radius_cm * towards(poses[..., 2]).reshape(-1, 2)
-    rings = columns.ring_on.ravel().astype(np.uint16)
-    yield moving(ROBOTS, time_ns, *rr.Points2D.columns(positions=middles, class_ids=rings).partition(each))
-    yield moving(HEADINGS, time_ns, *rr.Arrows2D.columns(origins=middles, vectors=ahead).partition(each))
+    ahead = radius_cm * unit_vectors(poses[..., 2]).reshape(-1, 2)
+    rings = batch.ring_on.ravel().astype(np.uint16)
+    discs = rr.Points2D.columns(positions=middles, class_ids=rings)
+    yield temporal_chunk(ROBOTS, time_ns, *discs.partition(each))
+    arrows = rr.Arrows2D.columns(origins=middles, vectors=ahead)
+    yield temporal_chunk(HEADINGS, time_ns, *arrows.partition(each))
 
 
-def towards(angle: FloatArray) -> FloatArray:
-    """Return (..., 2) the unit vectors of (...) angles, rad."""
+def unit_vectors(angle: FloatArray) -> FloatArray:
+    """Return (..., 2) the unit vectors of angles, (...) rad."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def ends_of_rays(origins: FloatArray, rays: FloatArray, longest_cm: float, arena: Arena) -> FloatArray:
-    """Return (..., 2) cm where rays end that go as far as `longest_cm`, or to the arena's outer walls.
+def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: float, arena: Arena) -> FloatArray:
+    """Return (..., 2) cm: where rays end that reach `longest_cm`, or the arena's outer walls if those are nearer.
 
-    origins: (..., 2) cm, within the walls; rays: (..., 2) unit vectors.
+    Args:
+        origins: (..., 2) cm, within the walls.
+        rays: (..., 2) unit vectors.
+        longest_cm: longest ray, cm.
+        arena: its obstacles stop no rays.
     """
     walls = np.array([arena.width_cm, arena.height_cm])
-    ahead = np.where(rays > 0, walls - origins, origins)  # how far the next wall is, along each axis
+    ahead = np.where(rays > 0, walls - origins, origins)  # distance to the next wall, along each axis
     to_walls = (ahead / np.maximum(np.abs(rays), 1e-9)).min(axis=-1)
     ends: FloatArray = origins + np.clip(to_walls, 0, longest_cm)[..., None] * rays
     return ends
 
 
 def strip_columns(strips: FloatArray) -> rr.ComponentColumnList:
-    """Return (rows, strips, k, 2) points as strips of k, a row each: rerun's own conversion takes them one by one."""
+    """Return strips of k points, (rows, strips, k, 2), as columns: rerun's own conversion is a loop over strips."""
     rows, count, corners, _ = strips.shape
     flat = pa.FixedSizeListArray.from_arrays(pa.array(strips.astype(np.float32).ravel()), 2)
     offsets = pa.array(np.arange(rows * count + 1, dtype=np.int32) * corners)

@@ -1,53 +1,114 @@
-"""What a full recording shows of each model, beside who is where and the phases."""
+"""What a full recording shows of robots: fields of view, which robots see which, contacts, sensors and wheels."""
 
-from collections.abc import Iterable, Iterator
-from typing import Protocol
+import math
+from collections.abc import Iterator
 
+import numpy as np
+import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.recording.buffers.robots import Columns
-from epuck_sim.recording.layers.images import SpaceTime, pictures, set_pictures
-from epuck_sim.recording.layers.robot_overlays import make_stage, scene, set_scene, warm_up
-from epuck_sim.recording.layers.time_series import set_wheels, wheels
+from epuck_sim import epuck
+from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.line_camera import Camera
+from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.recording.buffers.row_batch import RowBatch
+from epuck_sim.recording.chunks import static_chunk, temporal_chunk
+from epuck_sim.recording.layers.arena import FAINT, ray_ends, strip_columns, unit_vectors
+from epuck_sim.recording.layers.images import SpaceTime, image_entities, static_image_entities
+from epuck_sim.recording.layers.time_series import static_wheel_series, wheel_series
 from epuck_sim.recording.population import Population
+from epuck_sim.recording.relations.contacts import find_contacts
+from epuck_sim.recording.relations.visibility import find_sightings
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
+VIEWS = "/arena/views"
+"""Entity with (robots,) strips at each step, along the outermost rays of the camera's central window."""
 
-class Details(Protocol):
-    """What belongs to one model."""
+SIGHTINGS = "/arena/sightings"
+"""Entity with arrows at each step, from a camera to each robot in its view; of class 1 if it sees that robot lit."""
 
-    def still(self) -> Iterable[Chunk]:
-        """Return what does not move, and how it looks."""
+CONTACTS = "/arena/contacts"
+"""Entity with points at each step, where robots touch each other, walls and obstacles."""
 
-    def moving(self, columns: Columns) -> Iterable[Chunk]:
-        """Return what these rows show."""
+UNBOUNDED_VIEW_CM = 12.0
+"""Drawn length of a field of view of unlimited range, cm."""
 
-    def rest(self) -> Iterable[Chunk]:
-        """Return what was held back until the end."""
+YELLOW = (240, 200, 40)
+SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", (230, 40, 40))])
 
 
-class RobotDetails:
-    """What robots see and sense, their wheels, and contacts."""
+class RobotLayers:
+    """Overlays of the arena, sensor readings and wheel speeds of robots."""
 
-    def __init__(self, scenario: EmbodiedScenario, subject: Population) -> None:
-        self._scenario, self._subject = scenario, subject
-        self._stage = make_stage(scenario)
+    def __init__(self, scenario: EmbodiedScenario, population: Population) -> None:
+        """Compile what finds sightings and contacts, before any clock runs."""
+        self._scenario, self._population = scenario, population
+        self._arena = arena = population.arena
+        self._cells = make_cell_list(arena.width_cm, arena.height_cm, scenario.robot_count)
+        self._cameras: list[tuple[int, int, Camera]] = []
+        """For each group: number of its first robot, number of its robots, and their camera."""
+        first = 0
+        for group in scenario.robots:
+            self._cameras.append((first, group.count, build_camera(group.camera)))
+            first += group.count
         self._space_time = SpaceTime(scenario)
-        warm_up(self._stage)
+        alone = np.zeros((1, 1, 3))
+        find_sightings(alone, arena, self._cells, self._cameras[0][2], 0, 1)
+        find_contacts(alone, arena, self._cells)
 
-    def still(self) -> Iterator[Chunk]:
-        """Yield what does not move, and how it looks."""
-        yield from set_wheels(self._subject)
-        yield from set_scene()
-        yield from set_pictures(self._scenario)
+    def static_chunks(self) -> Iterator[Chunk]:
+        """Yield the appearance of overlays, pictures and wheel speeds."""
+        yield from static_wheel_series(self._population)
+        yield static_chunk(VIEWS, rr.LineStrips2D.from_fields(colors=FAINT, radii=0.1, draw_order=10))
+        yield static_chunk(SIGHTINGS, SIGHTS)
+        yield static_chunk(SIGHTINGS, rr.Arrows2D.from_fields(radii=0.1, show_labels=False, draw_order=5))
+        yield static_chunk(CONTACTS, rr.Points2D.from_fields(radii=0.6, colors=YELLOW, draw_order=40))
+        yield from static_image_entities(self._scenario)
 
-    def moving(self, columns: Columns) -> Iterator[Chunk]:
+    def chunks(self, batch: RowBatch) -> Iterator[Chunk]:
         """Yield what these steps show."""
-        yield from wheels(columns)
-        yield from scene(columns, self._stage)
-        yield from pictures(columns)
-        yield from self._space_time.pictures(columns)
+        yield from wheel_series(batch)
+        yield from self._overlays(batch)
+        yield from image_entities(batch)
+        yield from self._space_time.chunks(batch)
 
-    def rest(self) -> Iterator[Chunk]:
-        """Yield the camera rows of the running minute."""
-        return self._space_time.rest()
+    def final_chunks(self) -> Iterator[Chunk]:
+        """Yield the camera rows of the last minute."""
+        return self._space_time.final_chunks()
+
+    def _overlays(self, batch: RowBatch) -> Iterator[Chunk]:
+        """Yield fields of view, sightings and contacts at these steps."""
+        poses, time_ns = batch.poses, batch.time_ns
+        yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(poses)))
+        yield self._sightings(batch)
+        steps, points = find_contacts(poses, self._arena, self._cells)
+        touching = np.bincount(steps, minlength=len(poses))
+        yield temporal_chunk(CONTACTS, time_ns, *rr.Points2D.columns(positions=points).partition(touching))
+
+    def _views(self, poses: FloatArray) -> FloatArray:
+        """Return (steps, robots, 3, 2) cm: left end, camera and right end of each field of view, within the walls."""
+        views = np.empty((*poses.shape[:2], 3, 2))
+        for first, robots, camera in self._cameras:
+            x, y, heading = poses[:, first : first + robots].transpose(2, 0, 1)
+            eye = np.stack([x, y], axis=-1) + epuck.CAMERA_FORWARD_CM * unit_vectors(heading)
+            views[:, first : first + robots, 1] = eye
+            longest_cm = camera.range_cm if camera.range_cm < math.inf else UNBOUNDED_VIEW_CM
+            for place, side in ((0, 1), (2, -1)):
+                rays = unit_vectors(heading + side * camera.half_view_rad)
+                views[:, first : first + robots, place] = ray_ends(eye, rays, longest_cm, self._arena)
+        return views
+
+    def _sightings(self, batch: RowBatch) -> Chunk:
+        """Return the arrows to the robots in view; a ring is seen as it was commanded a step before."""
+        poses = batch.poses
+        groups = [
+            find_sightings(poses, self._arena, self._cells, camera, first, robots)
+            for first, robots, camera in self._cameras
+        ]
+        found = np.concatenate(groups)
+        steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
+        origins = poses[steps, observers, :2] + epuck.CAMERA_FORWARD_CM * unit_vectors(poses[steps, observers, 2])
+        lit = batch.ring_before[steps, seen].astype(np.uint16)
+        arrows = rr.Arrows2D.columns(origins=origins, vectors=poses[steps, seen, :2] - origins, class_ids=lit)
+        return temporal_chunk(SIGHTINGS, batch.time_ns, *arrows.partition(np.bincount(steps, minlength=len(poses))))

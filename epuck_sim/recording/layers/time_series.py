@@ -1,4 +1,4 @@
-"""What a recording plots over time: flashes, order parameter, phases, wheel speeds."""
+"""Plots over time in a recording: flashes, order parameter, phases, wheel speeds."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -8,80 +8,84 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.recording.buffers.robots import Columns
-from epuck_sim.recording.chunks import moving, still
+from epuck_sim.recording.buffers.row_batch import RowBatch
+from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import Population
 
 FLASHES = "/flashes"
-"""A scalar at each flash: whose it is, by number; `cycle`: which of its flashes it is, from 1."""
+"""Entity with a scalar at each flash: the number of the robot or agent; `cycle`: which of its flashes it is, from 1."""
 
 ORDER_AT_STEPS = "/order/steps"
-"""A scalar in each row: the order parameter of all oscillators."""
+"""Entity with a scalar in each row: the order parameter of all oscillators."""
 
 ORDER_AT_FIRINGS = "/order/firings"
-"""A scalar at each firing of the reference: the order parameter as the trial measures it."""
+"""Entity with a scalar at each firing of the reference: the order parameter that the trial measures."""
 
 THRESHOLD = "/order/threshold"
-"""Beyond it the swarm is synchronised, if anything ends the trial before its time."""
+"""Entity with the order parameter at which the swarm counts as synchronised, if the scenario gives one."""
 
 PHASES = "/phases"
-"""(count,) ms in each row."""
+"""Entity with (count,) scalars in each row: phases, ms."""
 
 WHEELS = "/wheels"
-"""(2 robots,) cm/s at each step: left and right wheel of each robot, as commanded."""
+"""Entity with (2 robots,) scalars at each step: left and right wheel of each robot, as commanded, cm/s."""
 
-UNBLURRED: dict[str, Any] = {"aggregation_policy": "MinMax"}
-"""From afar a line is drawn by its extremes: the mean of many cycles would be flat."""
+KEEP_EXTREMES: dict[str, Any] = {"aggregation_policy": "MinMax"}
+"""Style of lines that are drawn by their extremes when zoomed out: the mean of many cycles would be flat."""
 
 RED = (225, 40, 40)
 GREY = (150, 150, 150)
 BLUE = (60, 130, 230)
 
 
-def series_styles(subject: Population, level: Level) -> Iterator[Chunk]:
-    """Yield how the plots look."""
-    yield still(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))
-    yield still(ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names=f"at each {subject.moment}", **UNBLURRED))
-    yield still(ORDER_AT_FIRINGS, rr.SeriesPoints(colors=BLUE, marker_sizes=4, names="at firings of the reference"))
-    yield still(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
+def static_time_series(population: Population, level: Level) -> Iterator[Chunk]:
+    """Yield the appearance of the plots."""
+    yield static_chunk(FLASHES, rr.SeriesPoints(colors=RED, markers="circle", marker_sizes=3, names="flash"))
+    yield static_chunk(
+        ORDER_AT_STEPS, rr.SeriesLines(colors=GREY, widths=1, names=f"at each {population.moment}", **KEEP_EXTREMES)
+    )
+    yield static_chunk(
+        ORDER_AT_FIRINGS, rr.SeriesPoints(colors=BLUE, marker_sizes=4, names="at firings of the reference")
+    )
+    yield static_chunk(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
     if level is not Level.SUMMARY:
-        yield still(PHASES, rr.SeriesLines(names=_names(subject), **UNBLURRED))
+        yield static_chunk(PHASES, rr.SeriesLines(names=_names(population), **KEEP_EXTREMES))
 
 
-def series(columns: Columns, threshold: float | None, level: Level) -> Iterator[Chunk]:
-    """Yield what the plots show of these rows; threshold: of the order parameter, None where it ends no trial."""
-    time_ns = columns.time_ns
-    if len(columns.flashes):
-        rows, flashing, cycles = columns.flashes.T
+def time_series(batch: RowBatch, threshold: float | None, level: Level) -> Iterator[Chunk]:
+    """Yield what the plots show of these rows; `threshold` is that of the order parameter, None if there is none."""
+    time_ns = batch.time_ns
+    if len(batch.flashes):
+        rows, flashing, cycles = batch.flashes.T
         numbers = rr.Scalars.columns(scalars=flashing)
-        yield moving(FLASHES, time_ns[rows], *numbers, *rr.AnyValues.columns(cycle=cycles))
-    if len(columns.firings):
-        order = rr.Scalars.columns(scalars=columns.firing_order)
-        yield moving(ORDER_AT_FIRINGS, time_ns[columns.firings], *order)
-    yield moving(ORDER_AT_STEPS, time_ns, *rr.Scalars.columns(scalars=columns.order_parameter))
+        yield temporal_chunk(FLASHES, time_ns[rows], *numbers, *rr.AnyValues.columns(cycle=cycles))
+    if len(batch.firings):
+        order = rr.Scalars.columns(scalars=batch.firing_order)
+        yield temporal_chunk(ORDER_AT_FIRINGS, time_ns[batch.firings], *order)
+    yield temporal_chunk(ORDER_AT_STEPS, time_ns, *rr.Scalars.columns(scalars=batch.order_parameter))
     if threshold is not None:
-        yield moving(THRESHOLD, time_ns[[0, -1]], *rr.Scalars.columns(scalars=[threshold, threshold]))
+        yield temporal_chunk(THRESHOLD, time_ns[[0, -1]], *rr.Scalars.columns(scalars=[threshold, threshold]))
     if level is not Level.SUMMARY:
-        yield moving(PHASES, time_ns, *_rows_of(columns.phase_ms))
+        yield temporal_chunk(PHASES, time_ns, *_scalars(batch.phase_ms))
 
 
-def set_wheels(subject: Population) -> Iterator[Chunk]:
-    """Yield how the plot of the wheels looks."""
-    sides = [f"{robot} {side}" for robot in _names(subject) for side in ("left", "right")]
-    yield still(WHEELS, rr.SeriesLines(names=sides, **UNBLURRED))
+def static_wheel_series(population: Population) -> Iterator[Chunk]:
+    """Yield the appearance of the plot of wheel speeds."""
+    sides = [f"{robot} {side}" for robot in _names(population) for side in ("left", "right")]
+    yield static_chunk(WHEELS, rr.SeriesLines(names=sides, **KEEP_EXTREMES))
 
 
-def wheels(columns: Columns) -> Iterator[Chunk]:
-    """Yield what it shows of these steps."""
-    yield moving(WHEELS, columns.time_ns, *_rows_of(columns.wheels_cm_s))
+def wheel_series(batch: RowBatch) -> Iterator[Chunk]:
+    """Yield the wheel speeds at these steps."""
+    yield temporal_chunk(WHEELS, batch.time_ns, *_scalars(batch.wheels_cm_s))
 
 
-def _names(subject: Population) -> list[str]:
-    return [f"{subject.noun} {number}" for number in range(subject.size)]
+def _names(population: Population) -> list[str]:
+    return [f"{population.noun} {number}" for number in range(population.size)]
 
 
-def _rows_of(values: FloatArray) -> rr.ComponentColumnList:
+def _scalars(values: FloatArray) -> rr.ComponentColumnList:
     """Return (rows, ...) values as scalars, row by row."""
     flat = values.reshape(len(values), -1)
     return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))

@@ -1,1 +1,1 @@
-"""Who sees, touches or receives whom."""
+"""Which robots or agents see, touch or receive which."""

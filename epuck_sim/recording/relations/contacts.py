@@ -1,6 +1,6 @@
-"""Who touches what: the points where robots stand so close to each other, a wall or an obstacle that they push.
+"""Contacts: the points where robots are close enough to each other, a wall or an obstacle to push.
 
-For onlookers. The bodies themselves are pymunk's, which settles contacts several times in a control step.
+For observers only. The simulated bodies are pymunk's, which resolves contacts several times in a control step.
 """
 
 import math
@@ -15,16 +15,22 @@ from epuck_sim.embodied.rigid_bodies import MARGIN_CM
 from epuck_sim.util.jit import jit
 
 GAP_CM = 2 * MARGIN_CM
-"""Surfaces that are no farther apart touch: pymunk knows of them by then (see `world`)."""
+"""Largest gap between two surfaces in contact, cm: pymunk, too, has noticed them by then (see `rigid_bodies`)."""
 
 _RADIUS = epuck.RADIUS_CM
 
 
 def find_contacts(poses: FloatArray, arena: Arena, cells: CellList) -> tuple[IntArray, FloatArray]:
-    """Return (contacts,) steps, in their order, and (contacts, 2) cm: points on the surfaces that touch.
+    """Find the contacts in some steps.
 
-    poses: (steps, robots, 3) x cm, y cm, heading rad. Two robots that touch have one point, midway between them; on
-    walls and obstacles it is the one nearest to the robot.
+    Args:
+        poses: (steps, robots, 3) cm, cm, rad: x, y, heading.
+        arena: walls and obstacles.
+        cells: a cell list of the arena, which is overwritten.
+
+    Returns:
+        (contacts,) steps, in their order, and (contacts, 2) cm: points of contact. Two robots have one, midway between
+        them; on walls and obstacles it is the point nearest to the robot.
     """
     corners = np.cumsum([0, *map(len, arena.polygons)])
     surfaces = (float(arena.width_cm), float(arena.height_cm), arena.circles, arena.edges, corners)
@@ -49,9 +55,9 @@ def _write_contacts(
     steps: IntArray,
     points: FloatArray,
 ) -> int:
-    """Write what `find_contacts` returns, as far as there is room; return how many contacts there are.
+    """Write what `find_contacts` returns, as far as there is room; return the number of contacts.
 
-    corners: (polygons + 1,) where in `edges` each polygon's begin.
+    corners: (polygons + 1,) index in `edges` of each polygon's first edge.
     """
     reach = _RADIUS + GAP_CM
     contacts = 0
@@ -59,28 +65,30 @@ def _write_contacts(
         sort_into_cells(poses[step], cells)
         for robot in range(poses.shape[1]):
             x, y = poses[step, robot, 0], poses[step, robot, 1]
-            contacts = _touch_robots(poses[step], robot, cells, step, steps, points, contacts)
+            contacts = _find_robot_contacts(poses[step], robot, cells, step, steps, points, contacts)
             for wall_x, wall_y in ((0.0, y), (width_cm, y), (x, 0.0), (x, height_cm)):
                 if abs(wall_x - x) + abs(wall_y - y) <= reach:
-                    contacts = _note(step, wall_x, wall_y, steps, points, contacts)
+                    contacts = _add_contact(step, wall_x, wall_y, steps, points, contacts)
             for circle in circles:
                 dx, dy = x - circle[0], y - circle[1]
                 distance = math.sqrt(dx * dx + dy * dy)
                 if 0.0 < distance <= circle[2] + reach:
                     share = circle[2] / distance
-                    contacts = _note(step, circle[0] + share * dx, circle[1] + share * dy, steps, points, contacts)
+                    contacts = _add_contact(
+                        step, circle[0] + share * dx, circle[1] + share * dy, steps, points, contacts
+                    )
             for polygon in range(len(corners) - 1):
-                near_x, near_y = _nearest(edges[corners[polygon] : corners[polygon + 1]], x, y)
+                near_x, near_y = _nearest_point(edges[corners[polygon] : corners[polygon + 1]], x, y)
                 if (near_x - x) ** 2 + (near_y - y) ** 2 <= reach * reach:
-                    contacts = _note(step, near_x, near_y, steps, points, contacts)
+                    contacts = _add_contact(step, near_x, near_y, steps, points, contacts)
     return contacts
 
 
 @jit
-def _touch_robots(
+def _find_robot_contacts(
     poses: FloatArray, robot: int, cells: CellList, step: int, steps: IntArray, points: FloatArray, contacts: int
 ) -> int:
-    """Note the contacts of a robot with those of higher numbers; return how many contacts there are by now."""
+    """Write the contacts of a robot with those of higher numbers; return the number of contacts so far."""
     x, y = poses[robot, 0], poses[robot, 1]
     apart = 2.0 * _RADIUS + GAP_CM
     column = cell_index(x, cells.width_cm, cells.columns)
@@ -91,12 +99,12 @@ def _touch_robots(
         for other in cells.members[start:end]:
             dx, dy = poses[other, 0] - x, poses[other, 1] - y
             if other > robot and dx * dx + dy * dy <= apart * apart:
-                contacts = _note(step, x + 0.5 * dx, y + 0.5 * dy, steps, points, contacts)
+                contacts = _add_contact(step, x + 0.5 * dx, y + 0.5 * dy, steps, points, contacts)
     return contacts
 
 
 @jit
-def _nearest(edges: FloatArray, x: float, y: float) -> tuple[float, float]:
+def _nearest_point(edges: FloatArray, x: float, y: float) -> tuple[float, float]:
     """Return the point on a polygon's (m, 4) edges that is nearest to (x, y)."""
     nearest_x, nearest_y, nearest = math.inf, math.inf, math.inf
     for edge in edges:
@@ -111,8 +119,8 @@ def _nearest(edges: FloatArray, x: float, y: float) -> tuple[float, float]:
 
 
 @jit
-def _note(step: int, x: float, y: float, steps: IntArray, points: FloatArray, contacts: int) -> int:
-    """Write a contact where there is room; return how many there are by now."""
+def _add_contact(step: int, x: float, y: float, steps: IntArray, points: FloatArray, contacts: int) -> int:
+    """Write a contact if there is room; return the number of contacts so far."""
     if contacts < len(steps):
         steps[contacts] = step
         points[contacts] = x, y

@@ -1,6 +1,6 @@
-"""Who sees whom: which robots stand in each camera's field of view, occlusion taken into account, lit or not.
+"""Visibility: which robots are in each camera's field of view, lit or not, taking occlusion into account.
 
-For onlookers. Robots themselves see red pixels, and do not know whose they are.
+For observers only. Robots themselves see red pixels, and cannot tell which robot a pixel shows.
 """
 
 import numpy as np
@@ -15,10 +15,20 @@ from epuck_sim.util.jit import jit
 def find_sightings(
     poses: FloatArray, arena: Arena, cells: CellList, camera: Camera, first: int, observers: int
 ) -> IntArray:
-    """Return (sightings, 3) step, observer, robot seen: in order of steps, observers, and from left to right.
+    """Find the robots that others see in some steps.
 
-    poses: (steps, robots, 3) x cm, y cm, heading rad; the observers are the robots from number `first` on. A robot is
-    seen if a pixel of the central window shows it; one that shows on both sides of an obstacle is listed once.
+    A robot is seen if a pixel of the central window shows it; one that shows on both sides of an obstacle counts once.
+
+    Args:
+        poses: (steps, robots, 3) cm, cm, rad: x, y, heading.
+        arena: its obstacles hide robots.
+        cells: a cell list of the arena, which is overwritten.
+        camera: the observers' camera.
+        first: number of the first observer.
+        observers: number of observers, which are numbered consecutively.
+
+    Returns:
+        (sightings, 3) step, observer, robot seen: in the order of steps, observers, and from left to right.
     """
     surfaces = (arena.circles, arena.edges)
     found = np.empty((2 * len(poses) * observers, 3), np.int64)  # most robots see no more than two
@@ -40,7 +50,7 @@ def _write_sightings(
     observers: int,
     found: IntArray,
 ) -> int:
-    """Write what `find_sightings` returns, as far as there is room; return how many sightings there are."""
+    """Write what `find_sightings` returns, as far as there is room; return the number of sightings."""
     numbers = np.arange(1, poses.shape[1] + 1)  # 0 is what a dark pixel holds
     rows = np.empty((observers, len(camera.cos)), np.int64)
     listed = np.zeros(poses.shape[1] + 1, np.int64)  # the last row, counted over all steps, that listed each robot

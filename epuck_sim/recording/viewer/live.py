@@ -9,20 +9,16 @@ import rerun as rr
 
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.chunks import APPLICATION
-from epuck_sim.recording.layout import make_layout
 from epuck_sim.recording.level import Level
+from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.recorder import Recorder
-from epuck_sim.recording.viewer.process import Viewer, free_port, in_background, proxy
-from epuck_sim.recording.viewer.viewer import has_display, web_viewer
+from epuck_sim.recording.viewer.process import ViewerProcess, free_port, in_background
+from epuck_sim.recording.viewer.viewer import chunk_stream, has_display, web_viewer
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.trial.synchrony import SynchronyWatch
 
 REFRESH_S = 0.1
-"""How often the viewer gets what is new."""
-
-FLUSH_S = 10.0
-"""So long it may take to get the last of it."""
+"""Time between two updates of the viewer, in seconds."""
 
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --record FILE.rrd to look later"
 
@@ -30,15 +26,19 @@ CLOSED = "the viewer was closed before the trial ended"
 
 
 @contextmanager
-def live_viewer(port: int | None, tell: Callable[[str], None]) -> Iterator[tuple[Viewer, int]]:
+def live_viewer(port: int | None, announce: Callable[[str], None]) -> Iterator[tuple[ViewerProcess, int]]:
     """Yield a viewer without a recording, and the port at which it takes chunks.
 
-    port: of a viewer for browsers, with whose address `tell` is called; a window is opened if it is None.
-    Raises RecordingError where there is no display for one, or the port is in use.
+    Args:
+        port: where browsers find the viewer; a window is opened if it is None.
+        announce: called with the address for browsers.
+
+    Raises:
+        RecordingError: there is no display for a window, or the port is in use.
     """
     if port is not None:
         with web_viewer(port) as (server, address, intake):
-            tell(address)
+            announce(address)
             yield server, intake
         return
     if not has_display():
@@ -51,35 +51,36 @@ def live_viewer(port: int | None, tell: Callable[[str], None]) -> Iterator[tuple
 
 @contextmanager
 def live(
-    shown_by: Viewer, intake: int, scenario: EmbodiedScenario, seed: int, level: Level, speed: float
+    viewer: ViewerProcess, intake: int, scenario: EmbodiedScenario, seed: int, level: Level, speed: float
 ) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
-    """Yield an onlooker that shows a trial in a viewer, and makes it last as long as it would, divided by `speed`.
+    """Yield an observer that shows a trial in a viewer, and makes it last as long as it would, divided by `speed`.
 
-    intake: the port at which the viewer takes chunks. Raises RecordingError when the viewer is closed.
+    Args:
+        viewer: a running viewer.
+        intake: the port at which it takes chunks.
+        scenario: the trial's scenario.
+        seed: the trial's seed.
+        level: how much is shown.
+        speed: times as fast as real robots.
+
+    Raises:
+        RecordingError: the viewer was closed before the trial ended.
     """
-    stream = rr.RecordingStream(APPLICATION, recording_id=uuid.uuid4(), send_properties=False)
-    layout = make_layout(level, scenario.arena.width_cm, scenario.arena.height_cm)
-    stream.connect_grpc(proxy(intake), default_blueprint=layout)
-    window_s = REFRESH_S * speed
-    recorder = Recorder(scenario, seed, level, window_s, lambda chunks: rr.send_chunks(chunks, recording=stream))
-    try:
-        yield _Live(recorder, speed, shown_by)
+    with chunk_stream(intake, str(uuid.uuid4()), layout_of(scenario, level)) as stream:
+        recorder = Recorder(
+            scenario, seed, level, REFRESH_S * speed, lambda chunks: rr.send_chunks(chunks, recording=stream)
+        )
+        yield _LiveObserver(recorder, speed, viewer)
         recorder.finish()
-        try:
-            stream.flush(timeout_sec=FLUSH_S)
-        except RuntimeError as error:
-            raise RecordingError(CLOSED) from error
-    finally:
-        stream.disconnect()
 
 
-class _Live:
-    """An onlooker that records, and keeps the pace."""
+class _LiveObserver:
+    """An observer that records, and keeps the pace."""
 
-    def __init__(self, recorder: Recorder, speed: float, shown_by: Viewer) -> None:
+    def __init__(self, recorder: Recorder, speed: float, viewer: ViewerProcess) -> None:
         self._recorder = recorder
         self._speed = speed
-        self._viewer = shown_by
+        self._viewer = viewer
         self._began: float | None = None
 
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:

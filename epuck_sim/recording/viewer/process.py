@@ -1,12 +1,16 @@
 """Rerun's own program, which comes with its package: run to its end, or in the background as a viewer."""
 
+import ctypes
 import os
+import signal
 import socket
 import subprocess
+import sys
 import tempfile
+import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -14,7 +18,8 @@ import rerun_cli
 
 from epuck_sim.errors import RecordingError
 
-HERE = "127.0.0.1"
+HOST = "127.0.0.1"
+"""Address at which viewers listen: other machines cannot reach them."""
 
 _FOLDER = Path(rerun_cli.__file__).parent
 _BUNDLED = _FOLDER / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
@@ -22,62 +27,85 @@ _BUNDLED = _FOLDER / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
 PROGRAM = (str(_BUNDLED if _BUNDLED.exists() else _FOLDER / "rerun"),)
 """The program in rerun's package, itself: the package's own way to start it hides how it ends."""
 
-QUIETLY = {"RERUN_ANALYTICS": "0", "RUST_LOG": "warn"}
-"""Nobody is told of its use, unless the user's environment wants so."""
+ENVIRONMENT = {"RERUN_ANALYTICS": "0", "RUST_LOG": "warn"}
+"""Default environment of rerun: no telemetry, and no log but warnings. The user's own settings take precedence."""
 
 START_S = 30
-"""So long a viewer may take to answer."""
+"""Time within which a viewer must answer, in seconds."""
 
 END_S = 10
-"""So long it may take to end when it is asked to."""
+"""Time within which a viewer must end after SIGTERM, in seconds; then it is killed."""
 
 NO_GRAPHICS = (
     "the viewer finds no graphics driver; install one (Debian, Ubuntu: apt install mesa-vulkan-drivers), or give --web"
 )
 
+_SET_PARENT_DEATH_SIGNAL = 1
+"""The constant PR_SET_PDEATHSIG of Linux's prctl."""
+
 
 def run_rerun(*arguments: str) -> None:
-    """Run rerun's program to its end; raises RecordingError with what it says where it fails."""
+    """Run rerun's program to its end; raise RecordingError with its output if it fails."""
     done = subprocess.run(
-        [*PROGRAM, *arguments], env={**QUIETLY, **os.environ}, capture_output=True, text=True, check=False
+        [*PROGRAM, *arguments], env={**ENVIRONMENT, **os.environ}, capture_output=True, text=True, check=False
     )
     if done.returncode:
         raise RecordingError(f"rerun {' '.join(arguments[:2])} failed: {done.stderr.strip()}")
 
 
 @contextmanager
-def in_background(*arguments: str) -> Iterator["Viewer"]:
-    """Yield rerun's program in the background; it ends with the block."""
-    with tempfile.TemporaryFile("w+") as log:
-        started = Viewer(log, *arguments)
+def in_background(*arguments: str) -> Iterator["ViewerProcess"]:
+    """Yield rerun's program, running in the background; it ends with the block, which SIGINT and SIGTERM interrupt."""
+    with tempfile.TemporaryFile("w+") as log, interruptible():
+        started = ViewerProcess(log, *arguments)
         try:
             yield started
         finally:
             started.end()
 
 
-class Viewer:
-    """A viewer at work, in a process group of its own: Ctrl-C in the terminal reaches us, and we end it."""
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Have SIGINT and SIGTERM raise KeyboardInterrupt in the block, also if the parent process had them ignored.
+
+    A handler that the program itself has installed stays. Outside the main thread, where Python allows no handlers,
+    nothing changes.
+    """
+    replaced = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) in (signal.SIG_IGN, signal.SIG_DFL):
+                replaced[number] = signal.signal(number, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        for number, handler in replaced.items():
+            signal.signal(number, handler)
+
+
+class ViewerProcess:
+    """A running viewer, in a process group of its own: Ctrl-C in the terminal reaches us, and we end it."""
 
     def __init__(self, log: IO[str], *arguments: str) -> None:
         self._log = log
         self._process = subprocess.Popen(
-            [*PROGRAM, *arguments, "--bind", HERE],
-            env={**QUIETLY, **os.environ},
+            [*PROGRAM, *arguments, "--bind", HOST],
+            env={**ENVIRONMENT, **os.environ},
             stdout=log,
             stderr=log,
             process_group=0,
+            preexec_fn=_end_with_parent(),  # noqa: PLW1509 it makes two system calls, and takes no lock
         )
 
     def wait_for(self, port: int) -> None:
-        """Wait until it answers at a port; raises RecordingError where it does not."""
+        """Wait until it answers at a port; raise RecordingError if it does not."""
         until = time.monotonic() + START_S
         while not self.has_ended and time.monotonic() < until:
             with socket.socket() as attempt:
-                if attempt.connect_ex((HERE, port)) == 0:
+                if attempt.connect_ex((HOST, port)) == 0:
                     return
             time.sleep(0.05)
-        raise self.problem()
+        raise self.error()
 
     @property
     def has_ended(self) -> bool:
@@ -85,47 +113,66 @@ class Viewer:
         return self._process.poll() is not None
 
     def wait(self) -> None:
-        """Wait until it ends, by itself or by a window that is closed; raises RecordingError where it fails."""
+        """Wait until it ends, by itself or because its window is closed; raise RecordingError if it fails."""
         if self._process.wait():
-            raise self.problem()
+            raise self.error()
 
-    def problem(self) -> RecordingError:
-        """Return the error to raise where it does not do what it should."""
+    def error(self) -> RecordingError:
+        """Return the error to raise if it does not work: what it wrote last, or what to install."""
         self._log.seek(0)
-        said = self._log.read()
-        if "No graphics adapter" in said or "render context" in said:
+        output = self._log.read()
+        if "No graphics adapter" in output or "render context" in output:
             return RecordingError(NO_GRAPHICS)
-        return RecordingError(f"the viewer does not work: {said.strip()[-1000:] or 'it does not answer'}")
+        return RecordingError(f"the viewer does not work: {output.strip()[-1000:] or 'it does not answer'}")
 
     def end(self) -> None:
         """End it, if it has not ended yet."""
         self._process.terminate()
         try:
-            self._process.wait(END_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(END_S)
+        finally:  # also if Ctrl-C is pressed once more while we wait
+            if not self.has_ended:
+                self._process.kill()
+                self._process.wait()
+
+
+def _end_with_parent() -> Callable[[], None] | None:
+    """Return what a child process calls to be killed when we end, however that comes about; only Linux can do that.
+
+    Strictly, it is killed when the thread ends that started it.
+    """
+    if sys.platform != "linux":
+        return None
+    set_option, parent = ctypes.CDLL(None).prctl, os.getpid()
+
+    def end_with_parent() -> None:
+        set_option(_SET_PARENT_DEATH_SIGNAL, signal.SIGKILL)
+        if os.getppid() != parent:  # it has ended already
+            os._exit(1)
+
+    return end_with_parent
 
 
 def free_port() -> int:
-    """Return a port that nobody listens at."""
+    """Return a port at which no program listens."""
     with socket.socket() as found:
-        found.bind((HERE, 0))
+        found.bind((HOST, 0))
         return int(found.getsockname()[1])
 
 
 def check_port(port: int) -> None:
-    """Raise RecordingError where somebody listens at the port already, or nobody may."""
+    """Raise RecordingError if a port is in use, or reserved."""
     with socket.socket() as attempt:
         attempt.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            attempt.bind((HERE, port))
+            attempt.bind((HOST, port))
         except OSError as error:
             raise RecordingError(
                 f"port {port} cannot be used: {os.strerror(error.errno or 0)}; give another with --port"
             ) from error
 
 
-def proxy(port: int) -> str:
+def proxy_url(port: int) -> str:
     """Return the address at which a viewer takes chunks."""
-    return f"rerun+http://{HERE}:{port}/proxy"
+    return f"rerun+http://{HOST}:{port}/proxy"

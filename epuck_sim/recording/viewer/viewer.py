@@ -8,79 +8,135 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from urllib.parse import quote
 
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.chunk import RrdReader
+
 from epuck_sim.errors import RecordingError
-from epuck_sim.recording.chunks import TIMELINE
-from epuck_sim.recording.viewer.process import HERE, Viewer, check_port, free_port, in_background, proxy
+from epuck_sim.recording.chunks import APPLICATION, TIMELINE
+from epuck_sim.recording.reader import read_layout
+from epuck_sim.recording.viewer.process import HOST, ViewerProcess, check_port, free_port, in_background, proxy_url
 from epuck_sim.util.atomic_write import atomic_write
 
 PAINT_S = 60
-"""So long a viewer may take to paint a recording: without a graphics card, that takes seconds."""
+"""Time within which a viewer must paint a recording, in seconds: without a graphics card, that is slow."""
 
 MESSAGES_S = 6
-"""So long a viewer shows the messages of its start."""
+"""Time for which a viewer shows messages after its start, in seconds."""
+
+FLUSH_S = 10.0
+"""Time within which a viewer must take what it was sent, in seconds."""
 
 NO_DISPLAY = "there is no display here; give --web to look in a browser, or --screenshot FILE.png to have it drawn"
 
 
 def has_display() -> bool:
-    """Whether a window can be opened."""
+    """Return whether a window can be opened."""
     return sys.platform == "darwin" or any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY"))
 
 
 def show(path: Path) -> None:
-    """Open a recording in a window, and return when it is closed; raises RecordingError where none can be opened."""
+    """Open a recording in a window and wait until it is closed; raise RecordingError if no window can be opened."""
     if not has_display():
         raise RecordingError(f"{path}: {NO_DISPLAY}")
     with in_background(str(path.resolve()), "--port", "auto") as window:
         window.wait()
 
 
-def serve(path: Path, port: int, tell: Callable[[str], None]) -> None:
-    """Serve a recording to browsers on this machine, until Ctrl-C.
+def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
+    """Serve a recording to browsers on this machine, until Ctrl-C or SIGTERM.
 
-    tell: is called with the address. Raises RecordingError where the port is in use.
+    Args:
+        path: the recording.
+        port: where browsers find the viewer.
+        announce: called with the address when browsers can open it.
+
+    Raises:
+        RecordingError: the port is in use, or the file holds no recording.
     """
-    with web_viewer(port, str(path.resolve())) as (server, address, _):
-        tell(address)
-        with suppress(KeyboardInterrupt):
-            server.wait()
+    check_port(port)
+    layout = read_layout(path)
+    with web_viewer(port) as (server, address, intake), suppress(KeyboardInterrupt):
+        try:
+            with chunk_stream(intake, RrdReader(path).recordings()[0].recording_id, layout) as stream:
+                rr.send_chunks(RrdReader(path).store(), recording=stream)
+        except RecordingError as error:
+            raise server.error() from error
+        announce(address)
+        server.wait()
 
 
 @contextmanager
-def web_viewer(port: int, *paths: str) -> Iterator[tuple[Viewer, str, int]]:
-    """Yield a viewer for browsers that shows recordings, its address, and the port at which it takes chunks."""
+def web_viewer(port: int) -> Iterator[tuple[ViewerProcess, str, int]]:
+    """Yield a viewer for browsers, its address, and the port at which it takes chunks.
+
+    It is given no file: in rerun 0.41 a server that was given one keeps a core busy after the end of the file, because
+    it asks the finished reader for more without a pause (`re_grpc_server::spawn_from_rx_set`).
+    """
     check_port(port)
     intake = free_port()
-    with in_background(*paths, "--serve-web", "--web-viewer-port", str(port), "--port", str(intake)) as server:
+    with in_background("--serve-web", "--web-viewer-port", str(port), "--port", str(intake)) as server:
         server.wait_for(intake)
         server.wait_for(port)
-        yield server, f"http://{HERE}:{port}?url={quote(proxy(intake), safe='')}", intake
+        yield server, f"http://{HOST}:{port}?url={quote(proxy_url(intake), safe='')}", intake
+
+
+@contextmanager
+def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -> Iterator[rr.RecordingStream]:
+    """Yield a stream of chunks to a viewer; at the end of the block, wait until the viewer has all of them.
+
+    Args:
+        intake: the port at which the viewer takes chunks.
+        recording_id: the recording's name in the viewer.
+        layout: how the viewer lays the recording out; it decides itself if this is None.
+
+    Raises:
+        RecordingError: the viewer has ended before it has taken everything.
+    """
+    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
+    stream.connect_grpc(proxy_url(intake), default_blueprint=layout)
+    try:
+        yield stream
+        try:
+            stream.flush(timeout_sec=FLUSH_S)
+        except RuntimeError as error:
+            raise RecordingError("the viewer was closed before it had received everything") from error
+    finally:
+        stream.disconnect()
 
 
 def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x900") -> None:
-    """Draw into a PNG file what the viewer shows of a recording at `at_s` seconds of simulated time.
+    """Draw what the viewer shows of a recording into a PNG file; this needs no display.
 
-    Needs no display, but a graphics driver, such as Mesa's; raises RecordingError where there is none.
+    Args:
+        path: the recording.
+        at_s: the moment that is drawn, in seconds of simulated time.
+        picture: the file to write.
+        size: width and height in pixels.
+
+    Raises:
+        RecordingError: there is no graphics driver (a software one such as Mesa's will do), or the viewer fails.
+        EpuckSimError: the picture cannot be written.
     """
-    from rerun.experimental import ViewerClient  # noqa: PLC0415 what changes there shall hurt nothing else
+    from rerun.experimental import ViewerClient  # noqa: PLC0415 changes to this unstable module must break nothing else
 
     port = free_port()
     hidden = ("--headless", "--window-size", size, "--hide-welcome-screen", "--port", str(port))
     with atomic_write(picture) as part, in_background(*hidden) as canvas:
         canvas.wait_for(port)
         try:
-            client = ViewerClient.connect(proxy(port))
+            client = ViewerClient.connect(proxy_url(port))
             until = time.monotonic() + PAINT_S
             while client.open(str(path.resolve())).loading and time.monotonic() < until:
                 time.sleep(0.5)
             client.set_time(TIMELINE, duration=at_s, play_state="paused")
             part.write_bytes(_settled(client.take_screenshot))
         except (RuntimeError, ConnectionError, TimeoutError) as error:
-            raise canvas.problem() from error
+            raise canvas.error() from error
 
 
 def _settled(take: Callable[[], bytes]) -> bytes:
-    """Return a picture that comes out the same twice, when the viewer's first messages have gone."""
+    """Return the first picture that comes out the same twice after the viewer's first messages have gone."""
     began = time.monotonic()
     before, now = b"", take()
     while time.monotonic() < began + MESSAGES_S or (now != before and time.monotonic() < began + PAINT_S):

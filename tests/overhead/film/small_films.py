@@ -1,4 +1,4 @@
-"""Small films for the tests of the reader: every picture tells its number, and stamps are what a test wants."""
+"""Small films for the tests of the reader: every picture encodes its number; a test chooses the time stamps."""
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
@@ -18,7 +18,7 @@ class Kind(NamedTuple):
     codec: str
     pixels: str
     tick_s: Fraction
-    """What its stamps are multiples of."""
+    """Unit of its time stamps."""
 
 
 MP4 = Kind("mp4", "libx264", "yuv420p", Fraction(1, 90_000))
@@ -55,7 +55,7 @@ def write_film(
     comment: str = "",
     options: dict[str, str] | None = None,
 ) -> Path:
-    """Write a film of numbered pictures with such stamps, which grow, in ticks of its kind."""
+    """Write a film of numbered pictures; ticks: increasing time stamps in the unit of its kind."""
     with av.open(path, "w", options=options or {}) as container:
         if comment:
             container.metadata["comment"] = comment
@@ -72,7 +72,7 @@ def write_film(
 
 
 def write_packets(path: Path, stamps: Iterable[int]) -> Path:
-    """Write an MKV film whose stamps, in ms, need not grow."""
+    """Write an MKV film whose time stamps, in ms, need not increase."""
     with av.open(path, "w") as container:
         stream = container.add_stream("mjpeg", rate=15)
         stream.width, stream.height, stream.pix_fmt = 64, 48, "yuvj420p"

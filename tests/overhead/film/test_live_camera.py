@@ -1,4 +1,4 @@
-"""A camera that is plugged in; here an imitation, but for the one that is not there."""
+"""A camera that is plugged in: an imitation, except for the missing one."""
 
 import itertools
 
@@ -12,7 +12,7 @@ from epuck_sim.overhead.film.live_camera import LiveCamera
 
 
 class Imitation:
-    """Gives so many pictures, of blue, green and red levels 1, 2 and 3 + their number."""
+    """Delivers `pictures` pictures of blue, green and red levels 1, 2 and 3 + their number."""
 
     opened = True
     pictures = 5
@@ -44,7 +44,7 @@ class Imitation:
 
 @pytest.fixture(autouse=True)
 def clock(monkeypatch):
-    """Each look at the clock is a tenth of a second after the one before."""
+    """Let each reading of the clock be a tenth of a second after the previous one."""
     monkeypatch.setattr(cv2, "VideoCapture", Imitation)
     instants = itertools.count(1000)
     monkeypatch.setattr(live_camera.time, "monotonic", lambda: next(instants) / 10)
@@ -73,7 +73,7 @@ def test_frames_go_on_where_they_were_left_off():
 
 
 def test_a_camera_that_is_unplugged():
-    with LiveCamera(1) as camera, pytest.raises(FilmError, match="camera 1 gives no more pictures"):
+    with LiveCamera(1) as camera, pytest.raises(FilmError, match="camera 1 delivers no more pictures"):
         list(camera.frames())
 
     assert Imitation.last.grabbed == 6
@@ -84,7 +84,7 @@ def test_a_camera_that_is_unplugged():
 def test_a_camera_without_a_picture_is_released(monkeypatch, name, value):
     monkeypatch.setattr(Imitation, name, value)
 
-    with pytest.raises(FilmError, match="camera 0 gives no more pictures"):
+    with pytest.raises(FilmError, match="camera 0 delivers no more pictures"):
         LiveCamera(0)
 
     assert Imitation.last.released

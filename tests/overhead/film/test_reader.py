@@ -52,7 +52,7 @@ def test_frames_of_avi_films_are_in_order(tmp_path, kind, unstamped):
 
     np.testing.assert_allclose(times, np.arange(60) / 15, rtol=0, atol=1e-9)
     assert numbers == list(range(60))
-    said = [f"frames without a time stamp, put 66.7 ms after the one before: {unstamped}"]
+    said = [f"frames without a time stamp, placed 66.7 ms after the previous one: {unstamped}"]
     assert warnings == (said if unstamped else [])
 
 
@@ -61,17 +61,17 @@ def test_a_film_without_stamps_has_the_rate_it_says(tmp_path):
 
     np.testing.assert_allclose(times, np.arange(30) / 25, rtol=0, atol=1e-9)
     assert numbers == list(range(30))
-    assert warnings == ["frames without a time stamp, put 40 ms after the one before: 30"]
+    assert warnings == ["frames without a time stamp, placed 40 ms after the previous one: 30"]
 
 
 def test_what_a_film_says_of_itself(tmp_path):
-    told = {"epuck_sim": "1.0", "scenario": {"seed": 7}}
+    stored = {"epuck_sim": "1.0", "scenario": {"seed": 7}}
     for kind in (kit.MP4, kit.MKV):
-        path = write_film(tmp_path / f"film.{kind.ending}", range(0, 90_000, 6000), kind, comment=json.dumps(told))
+        path = write_film(tmp_path / f"film.{kind.ending}", range(0, 90_000, 6000), kind, comment=json.dumps(stored))
         with open_film(str(path)) as film:
             assert film.name == str(path)
             assert (film.width_px, film.height_px) == (64, 48)
-            assert film.description == told
+            assert film.description == stored
             assert film.duration_s == pytest.approx(15 * 6000 * float(kind.tick_s), rel=0.1)
 
 
@@ -114,7 +114,7 @@ def test_numbered_pictures(tmp_path):
     for number, frame in enumerate(frames):
         np.testing.assert_array_equal(frame.picture, numbered_picture(number, 61, 43))
     (warning,) = film.warnings
-    assert "25 a second are assumed" in warning
+    assert "25 frames per second are assumed" in warning
     assert f"ffmpeg -framerate RATE -i {tmp_path}/frame_%03d.png" in warning
 
 
@@ -140,7 +140,7 @@ def test_doubled_frames_are_left_out(tmp_path):
 
     assert times == [0, 0.06, 0.12, 0.18, 0.24]
     assert numbers == [0, 1, 3, 4, 7]
-    assert warnings == ["frames with the time stamp of the one before, left out: 3"]
+    assert warnings == ["frames left out because they have the time stamp of the previous one: 3"]
 
 
 def test_frames_out_of_order_are_left_out(tmp_path):
@@ -148,17 +148,17 @@ def test_frames_out_of_order_are_left_out(tmp_path):
 
     assert times == [0, 0.06, 0.12, 0.18]
     assert numbers == [0, 1, 3, 4]
-    assert warnings == ["frames with a time stamp before that of the one before, left out: 1"]
+    assert warnings == ["frames left out because their time stamp is before that of the previous one: 1"]
 
 
-def test_dropped_frames_are_told(tmp_path):
+def test_dropped_frames_are_reported(tmp_path):
     kept = [number for number in range(60) if number not in {10, 30, 31, 32}]
 
     times, _, warnings = read(write_film(tmp_path / "film.mp4", [6000 * number for number in kept]))
 
     np.testing.assert_allclose(times, np.array(kept) / 15, rtol=0, atol=1e-9)
     assert warnings == [
-        "gaps longer than 1.5 times the usual 66.7 ms from frame to frame: 2, the longest 0.267 s; frames were dropped"
+        "gaps longer than 1.5 times the usual 66.7 ms between frames: 2, the longest 0.267 s; frames were dropped"
     ]
 
 
@@ -170,7 +170,7 @@ def test_a_clock_that_begins_anew_goes_on(tmp_path):
 
     np.testing.assert_allclose(times, np.arange(60) / 15, rtol=0, atol=1e-9)
     assert numbers == 2 * list(range(30))
-    assert warnings == ["jumps back of the time stamps, taken as if the film went on at once: 1"]
+    assert warnings == ["backward jumps of the time stamps, across which the film is taken to continue: 1"]
 
 
 @given(st.lists(st.none() | st.integers(-(10**6), 10**6)))
@@ -214,13 +214,13 @@ def test_frames_that_cannot_be_decoded_are_counted(tmp_path, capfd):
 
     assert numbers == [number for number in range(60) if number != 20]
     assert times == pytest.approx([0.067 * number for number in numbers])
-    assert warnings[0] == "damaged frames: 1; they were left out, or are patched up from others"
+    assert warnings[0] == "damaged frames: 1; they were left out or patched from their neighbours"
     assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("kept", [-100, 8, 200, 600])
 def test_an_mp4_film_without_its_index(tmp_path, capfd, kept):
-    """It is cut off before its index, or with so many bytes of it."""
+    """It is cut off before its index, or after some bytes of it."""
     path = write_film(tmp_path / "film.mp4", UNEVEN)
     whole = path.read_bytes()
     path.write_bytes(whole[: whole.index(b"moov") - 4 + kept])
@@ -237,7 +237,7 @@ def test_an_mp4_film_without_its_index(tmp_path, capfd, kept):
     [
         ("film.mp4", b"", "is empty"),
         ("film.mp4", b"Dear diary,\nit rained.\n" * 40, "cannot be read as a film"),
-        ("film.txt", b"Dear diary,\nit rained.\n" * 40, "is a text, not a film"),
+        ("film.txt", b"Dear diary,\nit rained.\n" * 40, "is a text file, not a film"),
         ("film.avi", bytes(range(256)) * 20, "cannot be read as a film"),
     ],
 )
@@ -301,9 +301,9 @@ def test_a_film_that_is_left_early_has_no_more_frames(tmp_path):
 def test_pictures_are_not_kept(tmp_path):
     alive = []
     with open_film(str(write_film(tmp_path / "film.mp4", UNEVEN))) as film:
-        seen = []
+        references = []
         for frame in film.frames():
-            seen.append(weakref.ref(frame.picture))
-            alive.append(sum(picture() is not None for picture in seen))
+            references.append(weakref.ref(frame.picture))
+            alive.append(sum(picture() is not None for picture in references))
 
     assert max(alive) <= 2

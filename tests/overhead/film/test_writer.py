@@ -12,7 +12,7 @@ import pytest
 
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.film.frame import Frame, Picture
-from epuck_sim.overhead.film.writer import KEYFRAMES_S, TICKS_PER_S, film_file
+from epuck_sim.overhead.film.writer import KEYFRAME_INTERVAL_S, TICKS_PER_S, film_file
 from tests.overhead.render.cameras import make_set, ring_centroid, standing
 
 SIDE = (96, 64)
@@ -61,11 +61,11 @@ def test_rings_are_read_back_where_they_were(tmp_path: Path) -> None:
     places = [(10.0 + number, 20.0 + 2 * number) for number in range(15)]
     with film_file(tmp_path / "film.mp4", 480, 480, {}) as film:
         for number, (x, y) in enumerate(places):
-            picture = scene.painter.paint(standing((x, y, 0.1 * number)), is_lit_room=False)
+            picture = scene.renderer.render(standing((x, y, 0.1 * number)), room_is_lit=False)
             film.write(Frame(number / 15, picture))
     for (x, y), (*_, picture) in zip(places, read(tmp_path / "film.mp4"), strict=True):
         picture[picture < 20] = 0
-        assert np.hypot(*(ring_centroid(picture, scene.lens) - (x, y))) < 0.05
+        assert np.hypot(*(ring_centroid(picture, scene.camera) - (x, y))) < 0.05
 
 
 def test_browser_can_play_it(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_keyframes_are_never_far_apart(tmp_path: Path, rate: float) -> None:
     frames = [Frame(number / rate, draw(0)) for number in range(round(60 * rate))]
     keys = [time_s for time_s, is_key, _ in read(write(tmp_path / "film.mp4", frames)) if is_key]
     assert keys[0] == 0
-    assert np.diff([*keys, frames[-1].time_s]).max() <= KEYFRAMES_S + 1 / rate
+    assert np.diff([*keys, frames[-1].time_s]).max() <= KEYFRAME_INTERVAL_S + 1 / rate
 
 
 def test_frames_closer_than_a_tick_follow_one_another(tmp_path: Path) -> None:
@@ -169,7 +169,7 @@ def test_nowhere_to_write(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("room", [0, 20_000])
-def test_full_disk_is_told(tmp_path: Path, room: int) -> None:
+def test_full_disk_is_reported(tmp_path: Path, room: int) -> None:
     resource = pytest.importorskip("resource")
     rng = np.random.default_rng(0)
     noise = [Frame(float(n), rng.integers(0, 256, (SIDE[1], SIDE[0], 3), np.uint8)) for n in range(80)]

@@ -16,10 +16,8 @@ from epuck_sim.errors import EpuckSimError, FilmError, ScenarioError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.render.film_trial import describe_film, film_recording, film_trial
-from epuck_sim.overhead.track.film_calibration import DESCRIPTION
-from epuck_sim.overhead.track.result import Known
+from epuck_sim.overhead.track.film_calibration import DESCRIPTION, TrackOptions
 from epuck_sim.overhead.track.track_film import track_film
-from epuck_sim.overhead.truth import Score, compare
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record
@@ -28,6 +26,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.overhead.score import Score, compare
 from tests.overhead.track.films import passed, read_rings
 
 SEED = 4
@@ -48,7 +47,7 @@ def load(**changes: Any) -> EmbodiedScenario:
 
 
 class Truth:
-    """An onlooker that notes where robots are and whose rings are lit."""
+    """An observer that notes where robots are and whose rings are lit."""
 
     def __init__(self) -> None:
         self.time_s: list[float] = []
@@ -100,15 +99,15 @@ def frames_of(path: Path) -> list[Frame]:
 
 def comment_of(path: Path) -> dict[str, Any]:
     with av.open(path) as container:
-        told: dict[str, Any] = json.loads(container.metadata["comment"])
-        return told
+        comment: dict[str, Any] = json.loads(container.metadata["comment"])
+        return comment
 
 
 # --- round trip -------------------------------------------------------------------------------------
 
 
 def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -> None:
-    track = track_film(str(filmed.film), Known(), tmp_path / "rings.csv", passed)
+    track = track_film(str(filmed.film), TrackOptions(), tmp_path / "rings.csv", passed)
     rows = read_rings(tmp_path / "rings.csv")
     total, certain, possible = Score(), [], []
     for time_s in track.times_s:
@@ -132,8 +131,8 @@ def test_tracker_finds_what_the_simulation_had(filmed: Filmed, tmp_path: Path) -
     assert track.robots_seen == max(certain)
 
 
-def test_film_tells_the_same_to_who_does_not_read_its_description(filmed: Filmed, tmp_path: Path) -> None:
-    told = track_film(str(filmed.film), Known(), None, passed)
+def test_tracking_without_the_description_gives_the_same(filmed: Filmed, tmp_path: Path) -> None:
+    described = track_film(str(filmed.film), TrackOptions(), None, passed)
     foreign = tmp_path / "foreign.mkv"
     with av.open(filmed.film) as source, av.open(foreign, "w") as target:
         stream = target.add_stream_from_template(source.streams.video[0])
@@ -141,10 +140,10 @@ def test_film_tells_the_same_to_who_does_not_read_its_description(filmed: Filmed
             if packet.dts is not None:
                 packet.stream = stream
                 target.mux(packet)
-    track = track_film(str(foreign), Known(), None, passed)
+    track = track_film(str(foreign), TrackOptions(), None, passed)
     assert track.calibration != DESCRIPTION
-    assert track.counts.tolist() == told.counts.tolist()
-    assert track.times_s == pytest.approx(told.times_s, abs=2e-3)
+    assert track.counts.tolist() == described.counts.tolist()
+    assert track.times_s == pytest.approx(described.times_s, abs=2e-3)
     assert track.period_s == pytest.approx(1, abs=0.03)
 
 
@@ -195,6 +194,16 @@ def test_point_like_agents_are_refused(
     assert not list(tmp_path.iterdir())
 
 
+def test_trial_of_point_like_agents_is_refused(tmp_path: Path) -> None:
+    scenario = load_scenario({"name": "p", "model": "particles"})
+    with (
+        pytest.raises(FilmError, match=r"^p: model is 'particles', whose agents have no rings; allowed: 'embodied'$"),
+        film_trial(tmp_path / "no.mp4", scenario, SEED),
+    ):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
 def test_recording_without_poses_is_refused(tmp_path: Path) -> None:
     scenario = load(stop={"max_time_s": 0.5})
     with record(tmp_path / "summary.rrd", scenario, SEED, Level.SUMMARY) as recording:
@@ -227,8 +236,8 @@ def test_interrupted_film_is_no_film(tmp_path: Path, error: type[BaseException])
         if step.time_s > 1:
             raise error
 
-    def run(onlooker: Callable[[Step, SynchronyWatch], None]) -> None:
-        run_trial(Simulation(scenario, SEED), [onlooker, stop])
+    def run(observer: Callable[[Step, SynchronyWatch], None]) -> None:
+        run_trial(Simulation(scenario, SEED), [observer, stop])
 
     with pytest.raises(error), film_trial(tmp_path / "film.mp4", scenario, SEED) as filming:
         run(filming)
@@ -246,11 +255,16 @@ def test_camera_between_the_walls_is_refused(tmp_path: Path) -> None:
 
 
 def test_film_says_how_to_make_it_again(filmed: Filmed) -> None:
-    told = comment_of(filmed.film)
-    assert (told["scenario"], told["seed"], told["arena_cm"], told["robots"]) == ("small", SEED, [60, 60], 5)
-    assert told["period_s"] == 1.0
-    assert OverheadSection(**told["overhead"]) == filmed.scenario.overhead
-    assert told["versions"]["epuck_sim"] == told["epuck_sim"]
+    description = comment_of(filmed.film)
+    assert (description["scenario"], description["seed"], description["arena_cm"], description["robots"]) == (
+        "small",
+        SEED,
+        [60, 60],
+        5,
+    )
+    assert description["period_s"] == 1.0
+    assert OverheadSection(**description["overhead"]) == filmed.scenario.overhead
+    assert description["versions"]["epuck_sim"] == description["epuck_sim"]
 
 
 @pytest.mark.parametrize(
@@ -267,6 +281,6 @@ def test_film_says_how_to_make_it_again(filmed: Filmed) -> None:
 def test_film_says_how_many_flash_and_in_which_period(
     groups: list[dict[str, Any]], robots: int | None, period_s: float | None
 ) -> None:
-    told = describe_film(load(robots=groups), SEED)
-    assert (told["robots"], told["period_s"]) == (robots, period_s)
-    json.dumps(told, allow_nan=False)
+    description = describe_film(load(robots=groups), SEED)
+    assert (description["robots"], description["period_s"]) == (robots, period_s)
+    json.dumps(description, allow_nan=False)

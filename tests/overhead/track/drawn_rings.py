@@ -1,4 +1,4 @@
-"""Pictures of lit rings, drawn pixel by pixel from the geometry: slow, and independent of the package's painter."""
+"""Pictures of lit rings, drawn pixel by pixel from the geometry: slow, and independent of the package's renderer."""
 
 import math
 from functools import lru_cache
@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, WALL_HEIGHT_CM, Lens, overhead_lens
+from epuck_sim.overhead.camera_model import LOOKING_DOWN, WALL_HEIGHT_CM, CameraModel, overhead_camera
 from epuck_sim.overhead.track.ring_detection import RingFinder
 from epuck_sim.scenario.overhead import OverheadSection
 
@@ -16,7 +16,7 @@ APART_CM = 2 * epuck.RADIUS_CM
 
 
 class Look(NamedTuple):
-    """How a camera shows the light of a ring: as the scenario's section does by default."""
+    """Properties of the light of rings in a picture; the defaults are similar to those of the section `overhead`."""
 
     peak: float = 3.0  # of the light, over what saturates red
     green: float = 0.2
@@ -33,60 +33,62 @@ USUAL = Look()
 CLEAN = Look(bloom=0.0, noise=0.0, vignetting=0.0)
 
 
-def straight_lens(width_px=480, height_px=480, k1=-0.05, side_cm=60.0):
+def straight_camera(width_px=480, height_px=480, k1=-0.05, side_cm=60.0):
     section = OverheadSection(width_px=width_px, height_px=height_px, distortion=k1)
-    return overhead_lens(section, side_cm, side_cm)
+    return overhead_camera(section, side_cm, side_cm)
 
 
-def tilted_lens(tilt_deg=10.0, turn_deg=20.0, k1=0.0):
-    """Return a camera 110 cm above the floor that looks at the middle of a 60 x 60 cm arena from the side."""
+def tilted_camera(tilt_deg=10.0, turn_deg=20.0, k1=0.0):
+    """Return a tilted camera 110 cm above the floor that is aimed at the middle of a 60 x 60 cm arena."""
     tilt, turn = math.radians(tilt_deg), math.radians(turn_deg)
     lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
     spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
     rotation = lean @ LOOKING_DOWN @ spin
     ahead = rotation[2]  # the optical axis in the arena's frame
     position = np.array([30.0, 30.0, 0.0]) - ahead * 110.0 / -ahead[2]
-    return Lens(640, 480, 540.0, k1, rotation, position)
+    return CameraModel(640, 480, 540.0, k1, rotation, position)
 
 
-def once_a_lens(function):
-    """Have a function of a lens, which has no hash, called once for each."""
+def once_per_camera(function):
+    """Cache a function of a camera model, which is not hashable."""
 
     @lru_cache
     def cached(width_px, height_px, focal_px, k1, rotation, position):
-        return function(Lens(width_px, height_px, focal_px, k1, np.reshape(rotation, (3, 3)), np.array(position)))
+        return function(
+            CameraModel(width_px, height_px, focal_px, k1, np.reshape(rotation, (3, 3)), np.array(position))
+        )
 
-    return lambda lens: cached(*lens[:4], tuple(lens.rotation.ravel()), tuple(lens.position_cm))
-
-
-finder_for = once_a_lens(RingFinder)
-
-
-@once_a_lens
-def ring_height_map(lens):
-    return lens.plane_map(epuck.RING_HEIGHT_CM)
+    return lambda camera: cached(*camera[:4], tuple(camera.rotation.ravel()), tuple(camera.position_cm))
 
 
-def box_around(lens, centre, reach_cm, heights_cm):
-    """Return rows and columns, as slices, that show what is so near to (2,) cm at any of the heights."""
+finder_for = once_per_camera(RingFinder)
+
+
+@once_per_camera
+def ring_height_map(camera):
+    return camera.plane_map(epuck.RING_HEIGHT_CM)
+
+
+def box_around(camera, centre, reach_cm, heights_cm):
+    """Return slices of the rows and columns that show points within `reach_cm` of (2,) cm at any of the heights."""
     signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
     corners = [(*(centre + reach_cm * sign), height) for height in heights_cm for sign in signs]
-    pixels = np.clip(lens.pixels(np.array(corners)), 0, (lens.width_px, lens.height_px)).astype(int)
+    pixels = np.clip(camera.project(np.array(corners)), 0, (camera.width_px, camera.height_px)).astype(int)
     (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0) + 1
     return slice(top, bottom), slice(left, right)
 
 
-def ring_picture(lens, centres_cm, look=USUAL, seed=0, share=None, room=0.0):
+def ring_picture(camera, centres_cm, look=USUAL, seed=0, share=None, room=0.0):
     """Return (height_px, width_px, 3): lit rings at (n, 2) cm; share: (n,) of the exposure that each was lit.
 
     room: grey level of the floor in a lit room, with darker robots on it.
     """
-    plane = ring_height_map(lens)
+    plane = ring_height_map(camera)
     generator = np.random.default_rng(seed)
     light = np.zeros(plane.shape[:2])
     grey = np.full(plane.shape[:2], room)
     for i, centre in enumerate(np.reshape(centres_cm, (-1, 2))):
-        box = box_around(lens, centre, 9.0, [epuck.RING_HEIGHT_CM])
+        box = box_around(camera, centre, 9.0, [epuck.RING_HEIGHT_CM])
         away = plane[box] - centre
         off = np.hypot(away[..., 0], away[..., 1]) - epuck.RING_RADIUS_CM
         angle = np.arctan2(away[..., 1], away[..., 0]) + generator.uniform(0, 2 * math.pi)
@@ -96,7 +98,7 @@ def ring_picture(lens, centres_cm, look=USUAL, seed=0, share=None, room=0.0):
     light *= look.peak
     if look.blur_px:
         light, grey = (cv2.GaussianBlur(values.astype(np.float32), (0, 0), look.blur_px) for values in (light, grey))
-    shade = shade_of(lens, look.vignetting)
+    shade = shade_of(camera, look.vignetting)
     colour = np.array([1.0, look.green, look.green])
     picture = (grey[..., None] + 255 * light[..., None] * colour) * shade[..., None]
     picture += look.noise * generator.standard_normal(picture.shape, np.float32)
@@ -107,11 +109,11 @@ def ring_picture(lens, centres_cm, look=USUAL, seed=0, share=None, room=0.0):
     return picture
 
 
-def room_picture(lens, robots_cm=(), noise=2.0, seed=0):
+def room_picture(camera, robots_cm=(), noise=2.0, seed=0):
     """Return a picture of a 60 x 60 cm arena, its table and robots in the light: pixels are means of 2 x 2 points."""
-    dense = lens._replace(width_px=2 * lens.width_px, height_px=2 * lens.height_px, focal_px=2 * lens.focal_px)
-    floor, rise = dense.plane_map(0.0), WALL_HEIGHT_CM / lens.position_cm[2]
-    top = floor + rise * (lens.position_cm[:2] - floor)  # a line of sight is straight
+    dense = camera._replace(width_px=2 * camera.width_px, height_px=2 * camera.height_px, focal_px=2 * camera.focal_px)
+    floor, rise = dense.plane_map(0.0), WALL_HEIGHT_CM / camera.position_cm[2]
+    top = floor + rise * (camera.position_cm[:2] - floor)  # a line of sight is straight
     grey = np.full(floor.shape[:2], 30.0)
     for points, margin, level in ((top, 1.0, 240.0), (top, 0.0, 200.0), (floor, 0.0, 145.0)):
         grey[((points >= -margin) & (points <= 60.0 + margin)).all(axis=-1)] = level
@@ -120,16 +122,16 @@ def room_picture(lens, robots_cm=(), noise=2.0, seed=0):
         for share in np.linspace(0, epuck.HEIGHT_CM / WALL_HEIGHT_CM, 12):
             away = floor[box] + share * (top[box] - floor[box]) - centre
             grey[box][np.hypot(away[..., 0], away[..., 1]) <= epuck.RADIUS_CM] = 70.0
-    grey = grey.reshape(lens.height_px, 2, lens.width_px, 2).mean(axis=(1, 3))
-    grey = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 0.7) * shade_of(lens, 0.3)
+    grey = grey.reshape(camera.height_px, 2, camera.width_px, 2).mean(axis=(1, 3))
+    grey = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), 0.7) * shade_of(camera, 0.3)
     generator = np.random.default_rng(seed)
     picture = grey[..., None] + noise * generator.standard_normal((*grey.shape, 3))
     return np.clip(np.round(picture), 0, 255).astype(np.uint8)
 
 
-def shade_of(lens, vignetting):
-    rows, columns = np.indices((lens.height_px, lens.width_px))
-    rho = np.hypot(columns - (lens.width_px - 1) / 2, rows - (lens.height_px - 1) / 2)
+def shade_of(camera, vignetting):
+    rows, columns = np.indices((camera.height_px, camera.width_px))
+    rho = np.hypot(columns - (camera.width_px - 1) / 2, rows - (camera.height_px - 1) / 2)
     return 1 - vignetting * (rho / rho.max()) ** 2
 
 
@@ -163,7 +165,7 @@ def scattered(count, generator):
 
 
 def matched(rings, centres_cm, within_cm=0.2):
-    """Return how many rings found have a true one of their own within so much."""
+    """Return how many of the rings found have a true one of their own within `within_cm`."""
     left = [tuple(centre) for centre in np.reshape(centres_cm, (-1, 2))]
     good = 0
     for ring in rings:

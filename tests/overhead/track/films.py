@@ -1,4 +1,4 @@
-"""Films of robots that stand still and flash on schedule, painted frame by frame at any times: the truth is exact."""
+"""Films of robots that stand still and flash on schedule, rendered frame by frame at any times: the truth is exact."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,17 +12,18 @@ import numpy.typing as npt
 
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.overhead.camera_model import Lens, overhead_lens
+from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.render.renderer import Instant, Painter
+from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
+from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.scenario.overhead import OverheadSection
 
 PERIOD_S = 1.0
 FLASH_S = 0.1
 TOGETHER_S = 0.5
-"""When in each period they all flash, once they do so together."""
+"""Time in each period at which all flash, once they flash together."""
 
 PLACES = np.array([(10, 9), (49, 12), (51, 48), (12, 50), (30, 30), (37.4, 30)], float)
 """The last two touch."""
@@ -47,25 +48,51 @@ def in_step(times_s: FloatArray, robots: int = len(PLACES), from_s: float = 2.0)
     return np.where(times_s[:, None] < from_s, spread, flashing(times_s, [TOGETHER_S] * robots))
 
 
-def lens(**settings: Any) -> Lens:
-    return overhead_lens(OverheadSection(**SMALL | settings), 60, 60)
+def make_camera(**settings: Any) -> CameraModel:
+    """Return the camera of `shoot`."""
+    return overhead_camera(OverheadSection(**SMALL | settings), 60, 60)
+
+
+TRACK = Track(
+    film="film.mp4",
+    frames=240,
+    fps=29.97,
+    duration_s=8.0,
+    start_s=2.0,
+    calibration="somewhere",
+    period_s=1.0,
+    flash_ms=100.0,
+    threshold_ms=31.8,
+    estimated=("period_s",),
+    robots_seen=6,
+    flashes_per_period=6.04,
+    t_sync_s=2.55,
+    t_sync_cycles=2.55,
+    t_sync_flashes=3.44,
+    warnings=("odd",),
+    times_s=np.arange(240) / 29.97,
+    counts=np.zeros(240, np.int64),
+    evaluations=(),
+    camera=make_camera(),
+)
+"""The result of tracking some film, for tests of how results are shown."""
 
 
 def shoot(times_s: FloatArray, ring_on: BoolArray, lit_until_s: float = 0.0, **settings: Any) -> list[Frame]:
-    """Return frames at such times of robots at `PLACES`; until then the room is lit, and the rings are off."""
+    """Return frames of robots at `PLACES`; until `lit_until_s` the room is lit and the rings are off."""
     section = OverheadSection(**SMALL | settings)
-    painter = Painter(section, overhead_lens(section, 60, 60), FLOOR, 0)
+    renderer = Renderer(section, overhead_camera(section, 60, 60), FLOOR, 0)
     poses = np.column_stack([PLACES, np.zeros(len(PLACES))])[: ring_on.shape[1]]
     frames = []
     for time_s, on in zip(times_s.tolist(), ring_on, strict=True):
         is_lit = time_s < lit_until_s
-        instant = Instant(poses, on & (not is_lit))
-        frames.append(Frame(time_s, painter.paint([instant], is_lit_room=is_lit or section.light == "lit")))
+        sample = ExposureSample(poses, on & (not is_lit))
+        frames.append(Frame(time_s, renderer.render([sample], room_is_lit=is_lit or section.light == "lit")))
     return frames
 
 
 def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None = None) -> str:
-    """Write frames as a film, which says of itself what is given, and return its name."""
+    """Write frames as a film with a description, and return its name."""
     rows, columns, _ = frames[0].picture.shape
     with film_file(path, columns, rows, description or {}) as writer:
         for frame in frames:
@@ -74,7 +101,7 @@ def save(path: Path, frames: Sequence[Frame], description: dict[str, Any] | None
 
 
 def save_stamped(path: Path, frames: Iterable[Frame]) -> str:
-    """Write frames with the stamps they have, in whole ms, of which several may be the same; return the film's name."""
+    """Write frames with their own time stamps in whole ms, several of which may be equal; return the film's name."""
     tick_s = Fraction(1, 1000)
     with av.open(path, "w") as container:
         stream = container.add_stream("mjpeg", rate=30, options={"qmin": "2", "qmax": "2"})
@@ -90,13 +117,13 @@ def save_stamped(path: Path, frames: Iterable[Frame]) -> str:
 
 
 def described(**overhead: Any) -> dict[str, Any]:
-    """Return what a film by `shoot` may say of itself."""
+    """Return a description for a film by `shoot`."""
     section = OverheadSection(**SMALL | overhead)
     return {"epuck_sim": "0", "arena_cm": [60, 60], "robots": 6, "period_s": 1.0, "overhead": section.model_dump()}
 
 
 def passed(frames: Iterable[Frame], _: float | None) -> Iterable[Frame]:
-    """Pass frames on, and show nothing."""
+    """Return the frames; a progress wrapper that shows nothing."""
     return frames
 
 
@@ -107,9 +134,9 @@ def read_rings(path: Path) -> list[dict[str, float]]:
 
 
 class Coded:
-    """Stands for a finder of rings: a picture's first pixel tells how many there are in it."""
+    """A substitute for `RingFinder` that reads the number of rings from a picture's first pixel."""
 
-    def __init__(self, _: Lens) -> None:
+    def __init__(self, _: CameraModel) -> None:
         pass
 
     def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:

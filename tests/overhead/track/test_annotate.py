@@ -14,7 +14,7 @@ from epuck_sim.overhead.track.annotate import _counts_by_column as counts_by_col
 PERIOD_S = 5.0
 
 
-class Seen(NamedTuple):
+class FoundRing(NamedTuple):
     x_px: float
     y_px: float
     radius_px: float
@@ -28,12 +28,12 @@ def black(width_px: int = 480, height_px: int = 480) -> np.ndarray:
     return np.zeros((height_px, width_px, 3), np.uint8)
 
 
-def rings(count: int) -> list[Seen]:
-    return [Seen(30 + 40 * ring, 50, 15) for ring in range(count)]
+def rings(count: int) -> list[FoundRing]:
+    return [FoundRing(30 + 40 * ring, 50, 15) for ring in range(count)]
 
 
-def follow(annotator: Annotator, counts: dict[float, int], start_s: float = 0.0) -> np.ndarray:
-    """Return the strip below the last of frames with so many rings at such times."""
+def annotate_counts(annotator: Annotator, counts: dict[float, int], start_s: float = 0.0) -> np.ndarray:
+    """Return the strip below the last of some frames; counts: number of rings by time."""
     for time_s, count in counts.items():
         picture = annotator.annotate(Frame(time_s, black()), rings(count), start_s, None, None)
     return picture[480:]
@@ -57,7 +57,7 @@ def test_both_sides_are_even_and_the_picture_is_untouched(size):
     np.testing.assert_array_equal(annotated[: size[1], : size[0]], before)
     assert not annotated[: size[1], size[0] :].any()
     assert not annotated[size[1] : size[1] + size[1] % 2].any()
-    annotator.annotate(Frame(3.1, picture), [Seen(32, 32, 9)], 0.0, None, None)
+    annotator.annotate(Frame(3.1, picture), [FoundRing(32, 32, 9)], 0.0, None, None)
     np.testing.assert_array_equal(picture, before)
 
 
@@ -69,9 +69,9 @@ def test_the_strip_is_about_a_fifth_of_the_picture(size):
 def test_rings_are_drawn_where_they_were_found():
     """The centre of gravity and the mean radius of the green are those of the ring, to a fraction of a pixel."""
     for x, y, radius in [(100.0, 200.0, 26.0), (250.3, 100.7, 25.6), (20.5, 470.5, 27.25)]:
-        annotated = Annotator(480, 480, PERIOD_S).annotate(Frame(0.0, black()), [Seen(x, y, radius)], 0.0, None, None)[
-            :480
-        ]
+        annotated = Annotator(480, 480, PERIOD_S).annotate(
+            Frame(0.0, black()), [FoundRing(x, y, radius)], 0.0, None, None
+        )[:480]
         green = annotated[..., 1].astype(float)
         rows, columns = np.mgrid[:480, :480]
         far = np.hypot(columns - x, rows - y)
@@ -87,7 +87,7 @@ def test_rings_are_drawn_where_they_were_found():
 
 def test_marks_of_the_interval():
     """It ends now, at the right edge; its midpoint is half a period, a quarter of the width, left of that."""
-    strip = follow(Annotator(480, 480, PERIOD_S), {0.0: 0})
+    strip = annotate_counts(Annotator(480, 480, PERIOD_S), {0.0: 0})
     long, short = has(strip, BLUE).sum(axis=0).max(), np.unique(has(strip, BLUE).sum(axis=0))[1]
     columns = np.flatnonzero(has(strip, BLUE).sum(axis=0) == long)
 
@@ -100,9 +100,9 @@ def test_marks_of_the_interval():
 def test_bars_move_from_right_to_left():
     """A frame that lasted 1 s, t s ago, is a bar of a tenth of the width whose left end is t tenths from the right."""
     annotator = Annotator(480, 480, PERIOD_S)
-    follow(annotator, {10.0: 0, 11.0: 4, 12.0: 0})
+    annotate_counts(annotator, {10.0: 0, 11.0: 4, 12.0: 0})
     for now_s in (12.5, 14.0, 17.5):
-        strip = follow(annotator, {now_s: 0})
+        strip = annotate_counts(annotator, {now_s: 0})
         columns = np.flatnonzero((has(strip, BARS) | has(strip, OLD_BARS)).any(axis=0))
         left = 479 - (now_s - 11) * 48
 
@@ -111,20 +111,20 @@ def test_bars_move_from_right_to_left():
 
 
 def test_bars_are_as_high_as_the_counts():
-    strip = follow(Annotator(480, 480, PERIOD_S), {0.0: 1, 1.0: 2, 2.0: 4, 3.0: 8, 4.0: 0, 4.5: 0})
+    strip = annotate_counts(Annotator(480, 480, PERIOD_S), {0.0: 1, 1.0: 2, 2.0: 4, 3.0: 8, 4.0: 0, 4.5: 0})
     heights = has(strip, BARS).sum(axis=0)[[479 - round(48 * age) for age in (4.2, 3.2, 2.2, 1.2, 0.2)]]
 
     np.testing.assert_allclose(heights / heights.max(), [1 / 8, 1 / 4, 1 / 2, 1, 0], atol=0.02)
     assert heights.max() > 40
 
 
-def slow_counts_by_column(seen, now_s, window_s, width):
+def slow_counts_by_column(history, now_s, window_s, width):
     """Return the largest count that holds at some time in each column, which is 1/width of the window."""
     shown = np.zeros(width, int)
     for column in range(width):
         end_s = now_s - (width - 1 - column) * window_s / width
         begin_s = end_s - window_s / width
-        for (time_s, count), until_s in zip(seen, [time_s for time_s, _ in seen[1:]] + [np.inf], strict=True):
+        for (time_s, count), until_s in zip(history, [time_s for time_s, _ in history[1:]] + [np.inf], strict=True):
             if begin_s < time_s <= end_s or (time_s <= end_s < until_s):
                 shown[column] = max(shown[column], count)
     return shown
@@ -138,12 +138,12 @@ def slow_counts_by_column(seen, now_s, window_s, width):
 def test_columns_against_a_slow_twin(steps, later, width):
     """Times are odd multiples of 1/1024 s, and ends of columns are not: none depends on rounding."""
     times = np.cumsum([step for step, _ in steps]) / 512 + 1 / 1024
-    seen = [(float(time_s), count) for time_s, (_, count) in zip(times, steps, strict=True)]
-    now_s = seen[-1][0] + later / 512 + 1e-4
+    history = [(float(time_s), count) for time_s, (_, count) in zip(times, steps, strict=True)]
+    now_s = history[-1][0] + later / 512 + 1e-4
 
-    shown = counts_by_column(seen, now_s, 10.0, width)
+    shown = counts_by_column(history, now_s, 10.0, width)
 
-    np.testing.assert_array_equal(shown, slow_counts_by_column(seen, now_s, 10.0, width))
+    np.testing.assert_array_equal(shown, slow_counts_by_column(history, now_s, 10.0, width))
 
 
 def test_a_mode_of_one_frame_is_seen_at_any_rate():
@@ -159,15 +159,15 @@ def test_no_more_is_remembered_than_is_shown():
     annotator = Annotator(64, 64, PERIOD_S)
     for number in range(2000):
         annotator.annotate(Frame(number / 15, black(64, 64)), [], 0.0, None, None)
-        assert len(annotator._seen) <= 2 * PERIOD_S * 15 + 2
+        assert len(annotator._counts) <= 2 * PERIOD_S * 15 + 2
 
 
 def test_what_was_before_the_beginning_is_forgotten():
     annotator = Annotator(480, 480, PERIOD_S)
     before = {number / 4: 3 for number in range(20)}
-    assert has(follow(annotator, before), BARS).any()
+    assert has(annotate_counts(annotator, before), BARS).any()
 
-    assert not has(follow(annotator, {5.0: 0}, start_s=5.0), BARS).any()
+    assert not has(annotate_counts(annotator, {5.0: 0}, start_s=5.0), BARS).any()
 
 
 def test_text():

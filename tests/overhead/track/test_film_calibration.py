@@ -1,4 +1,4 @@
-"""Which camera took a film: what the user says, else what the film says of itself, else what it shows."""
+"""Which camera took a film: by the user's options, else by the film's description, else by its pictures."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -9,7 +9,7 @@ import pytest
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera_model import Lens
+from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.track.film_calibration import (
     CORNERS,
@@ -17,18 +17,18 @@ from epuck_sim.overhead.track.film_calibration import (
     LIGHT,
     LIT_FRAMES,
     RINGS,
-    described_lens,
-    find_lens,
-    with_description,
+    TrackOptions,
+    calibrate,
+    described_camera,
+    parse_metadata,
 )
-from epuck_sim.overhead.track.result import Known
-from tests.overhead.track.films import PLACES, SMALL, described, even, flashing, lens, shoot
+from tests.overhead.track.films import PLACES, SMALL, described, even, flashing, make_camera, shoot
 
 SIDE = SMALL["width_px"]
 
 
 class Reel:
-    """A film that is in memory; tells how many of its frames were asked for."""
+    """A film in memory that counts the frames asked for."""
 
     name = "reel"
 
@@ -54,70 +54,72 @@ def film(seconds: float, lit_until_s: float = 0.0, robots: int = 3, **settings: 
     return shoot(times_s, flashing(times_s, 0.5 + np.arange(robots) / 5), lit_until_s, **settings)
 
 
-def worst_cm(found: Lens, **settings: Any) -> float:
+def worst_cm(found: CameraModel, **settings: Any) -> float:
     """Return how far from their places robots would be seen, at most."""
     at_rings = np.column_stack([PLACES, np.full(len(PLACES), epuck.RING_HEIGHT_CM)])
-    seen = found.on_plane(lens(**settings).pixels(at_rings), epuck.RING_HEIGHT_CM)
+    seen = found.back_project(make_camera(**settings).project(at_rings), epuck.RING_HEIGHT_CM)
     return float(np.linalg.norm(seen - PLACES, axis=1).max())
 
 
 def floor_corners(**settings: Any) -> FloatArray:
-    return lens(**settings).pixels(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
+    return make_camera(**settings).project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
 
 
-# --- what is told -----------------------------------------------------------------------------------
+# --- options and metadata -----------------------------------------------------------------------------------
 
-TOLD = {"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7}
-USER = Known((60, 50), 100.0, ((0, 0),) * 4, 2.0, 3, 99.0, 0.9)
+DESCRIBED = {"epuck_sim": "0", "arena_cm": [90, 80], "period_s": 4.0, "robots": 7}
+USER = TrackOptions((60, 50), 100.0, ((0, 0),) * 4, 2.0, 3, 99.0, 0.9)
 
 
-@pytest.mark.parametrize("name", Known._fields)
-def test_user_knows_better_than_the_description(name: str) -> None:
-    known = Known()._replace(**{name: getattr(USER, name)})
-    expected = known._replace(
-        arena_cm=known.arena_cm or (90, 80), period_s=known.period_s or 4.0, robots=known.robots or 7
+@pytest.mark.parametrize("name", TrackOptions._fields)
+def test_options_override_the_description(name: str) -> None:
+    options = TrackOptions()._replace(**{name: getattr(USER, name)})
+    expected = options._replace(
+        arena_cm=options.arena_cm or (90, 80), period_s=options.period_s or 4.0, robots=options.robots or 7
     )
-    assert with_description(known, TOLD) == expected
-    assert with_description(USER, TOLD) == USER
+    assert options.with_defaults(parse_metadata(DESCRIBED)) == expected
+    assert USER.with_defaults(parse_metadata(DESCRIBED)) == USER
 
 
 @pytest.mark.parametrize("description", [None, {}, {"epuck_sim": "0", "period_s": None, "robots": None}])
-def test_description_need_not_tell_anything(description: dict[str, Any] | None) -> None:
-    assert with_description(Known(), description) == Known()
-    assert with_description(USER, description) == USER
+def test_description_may_be_empty(description: dict[str, Any] | None) -> None:
+    assert TrackOptions().with_defaults(parse_metadata(description)) == TrackOptions()
+    assert USER.with_defaults(parse_metadata(description)) == USER
 
 
 def test_described_camera_is_that_of_the_scenario() -> None:
-    found = described_lens(Reel([]), Known(period_s=1.0, robots=3), described(height_cm=80.0, distortion=-0.1))
+    found = described_camera(
+        Reel([]), TrackOptions(period_s=1.0, robots=3), parse_metadata(described(height_cm=80.0, distortion=-0.1))
+    )
     assert found is not None
-    expected = lens(height_cm=80.0, distortion=-0.1)
+    expected = make_camera(height_cm=80.0, distortion=-0.1)
     assert found[:4] == expected[:4]
     assert (found.rotation == expected.rotation).all()
     assert (found.position_cm == expected.position_cm).all()
 
 
 @pytest.mark.parametrize(
-    ("size", "known", "description"),
+    ("size", "options", "description"),
     [
-        ((240, 240), Known(), None),
-        ((240, 240), Known(corners_px=((0, 0), (9, 0), (9, 9), (0, 9))), described()),
-        ((240, 240), Known(arena_cm=(60, 60)), described()),
-        ((240, 240), Known(height_cm=110.0), described()),
-        ((120, 120), Known(), described()),
-        ((240, 180), Known(), described()),
-        ((240, 240), Known(), {"epuck_sim": "9"}),
-        ((240, 240), Known(), {**described(), "arena_cm": 60}),
-        ((240, 240), Known(), {**described(), "arena_cm": [60, 60, 60]}),
-        ((240, 240), Known(), {**described(), "overhead": None}),
-        ((240, 240), Known(), {**described(), "overhead": {"tilt_deg": 3}}),
-        ((240, 240), Known(), {**described(), "overhead": {"width_px": "many"}}),
+        ((240, 240), TrackOptions(), None),
+        ((240, 240), TrackOptions(corners_px=((0, 0), (9, 0), (9, 9), (0, 9))), described()),
+        ((240, 240), TrackOptions(arena_cm=(60, 60)), described()),
+        ((240, 240), TrackOptions(height_cm=110.0), described()),
+        ((120, 120), TrackOptions(), described()),
+        ((240, 180), TrackOptions(), described()),
+        ((240, 240), TrackOptions(), {"epuck_sim": "9"}),
+        ((240, 240), TrackOptions(), {**described(), "arena_cm": 60}),
+        ((240, 240), TrackOptions(), {**described(), "arena_cm": [60, 60, 60]}),
+        ((240, 240), TrackOptions(), {**described(), "overhead": None}),
+        ((240, 240), TrackOptions(), {**described(), "overhead": {"tilt_deg": 3}}),
+        ((240, 240), TrackOptions(), {**described(), "overhead": {"width_px": "many"}}),
     ],
-    ids=lambda value: "" if isinstance(value, dict | Known) else str(value),
+    ids=lambda value: "" if isinstance(value, dict | TrackOptions) else str(value),
 )
 def test_described_camera_is_not_believed(
-    size: tuple[int, int], known: Known, description: dict[str, Any] | None
+    size: tuple[int, int], options: TrackOptions, description: dict[str, Any] | None
 ) -> None:
-    assert described_lens(Reel([], *size), known, description) is None
+    assert described_camera(Reel([], *size), options, parse_metadata(description)) is None
 
 
 # --- what is shown ----------------------------------------------------------------------------------
@@ -126,7 +128,7 @@ def test_described_camera_is_not_believed(
 def test_corners_that_are_given_need_no_frame() -> None:
     reel = Reel(film(0.1, lit_until_s=1))
     corners = tuple((float(x), float(y)) for x, y in floor_corners(distortion=0.0))
-    found, origin = find_lens(reel, Known(corners_px=corners))
+    found, origin = calibrate(reel, TrackOptions(corners_px=corners))
     assert origin == CORNERS
     assert reel.asked == 0
     assert worst_cm(found, distortion=0.0) <= 0.01
@@ -134,42 +136,42 @@ def test_corners_that_are_given_need_no_frame() -> None:
 
 def test_floor_of_another_size_and_height_is_that_of_the_corners_given() -> None:
     corners = ((20.0, 200.0), (220.0, 200.0), (220.0, 100.0), (20.0, 100.0))
-    found, _ = find_lens(Reel([]), Known(arena_cm=(120.0, 60.0), height_cm=150.0, corners_px=corners))
+    found, _ = calibrate(Reel([]), TrackOptions(arena_cm=(120.0, 60.0), height_cm=150.0, corners_px=corners))
     floor = np.array([(0, 0), (120, 0), (120, 60), (0, 60)])
-    assert found.on_plane(np.array(corners), 0.0) == pytest.approx(floor, abs=1e-3)
+    assert found.back_project(np.array(corners), 0.0) == pytest.approx(floor, abs=1e-3)
     assert found.position_cm[2] == pytest.approx(150, rel=1e-2)
 
 
-def test_lit_beginning_tells_the_floor() -> None:
+def test_lit_beginning_gives_the_floor() -> None:
     reel = Reel(film(1, lit_until_s=0.3))
-    found, origin = find_lens(reel, Known())
+    found, origin = calibrate(reel, TrackOptions())
     assert (origin, reel.asked) == (LIGHT, 1)
     assert worst_cm(found) <= 0.3
 
 
 def test_floor_is_looked_for_in_a_beginning_with_a_hand_in_it() -> None:
     frames = plain(120, 9) + film(1, lit_until_s=0.3)
-    found, origin = find_lens(Reel(frames), Known())
+    found, origin = calibrate(Reel(frames), TrackOptions())
     assert origin == LIGHT
     assert worst_cm(found) <= 0.3
 
 
 @pytest.mark.parametrize("lit", [5, LIT_FRAMES, LIT_FRAMES + 5, 3 * LIT_FRAMES])
-def test_rings_tell_the_camera_where_the_beginning_shows_no_floor(lit: int) -> None:
-    found, origin = find_lens(Reel(plain(120, lit) + film(1.2)), Known())
+def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None:
+    found, origin = calibrate(Reel(plain(120, lit) + film(1.2)), TrackOptions())
     assert origin == RINGS
     assert worst_cm(found) <= 1.0
 
 
 @pytest.mark.parametrize("settings", [{}, {"height_cm": 150.0}, {"field_of_view_deg": 45.0}, {"distortion": 0.0}])
-def test_rings_of_a_dark_film_tell_how_large_it_is(settings: dict[str, float]) -> None:
-    found, origin = find_lens(Reel(film(1.2, robots=5, **settings)), Known())
+def test_rings_of_a_dark_film_give_its_scale(settings: dict[str, float]) -> None:
+    found, origin = calibrate(Reel(film(1.2, robots=5, **settings)), TrackOptions())
     assert origin == RINGS
     assert worst_cm(found, **settings) <= 1.0
 
 
 def test_height_and_arena_are_those_that_are_known() -> None:
-    found, _ = find_lens(Reel(film(1.2)), Known(arena_cm=(80.0, 40.0), height_cm=95.0))
+    found, _ = calibrate(Reel(film(1.2)), TrackOptions(arena_cm=(80.0, 40.0), height_cm=95.0))
     assert found.position_cm.tolist() == [40, 20, 95]
 
 
@@ -178,7 +180,7 @@ def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200
     reel = Reel(plain(0, dark) + flash + plain(0, 1000))
-    assert find_lens(reel, Known())[1] == RINGS
+    assert calibrate(reel, TrackOptions())[1] == RINGS
     assert reel.asked <= dark + DARK_FRAMES + 1
 
 
@@ -189,9 +191,9 @@ def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
 )
 def test_film_without_light_is_refused(frames: list[Frame]) -> None:
     with pytest.raises(FilmError, match=r"^reel: no lit ring is seen; .*--corners"):
-        find_lens(Reel(frames), Known())
+        calibrate(Reel(frames), TrackOptions())
 
 
 def test_corners_that_are_none_are_refused() -> None:
     with pytest.raises(FilmError, match=r"--corners"):
-        find_lens(Reel([]), Known(corners_px=((0, 0), (9, 9), (0, 0), (9, 9))))
+        calibrate(Reel([]), TrackOptions(corners_px=((0, 0), (9, 9), (0, 0), (9, 9))))

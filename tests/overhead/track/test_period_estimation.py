@@ -1,4 +1,4 @@
-"""Claims about what a film tells of its oscillators, and about Appendix C's threshold."""
+"""Claims about the estimates of period and flash, and about the threshold of Appendix C."""
 
 import math
 from itertools import combinations_with_replacement
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from epuck_sim.order_parameter import order_parameter
 from epuck_sim.overhead.track.lag_density import lags
 from epuck_sim.overhead.track.period_estimation import (
-    LEAST_PERIODS,
+    MIN_PERIODS,
     estimate_flash_s,
     estimate_period_s,
     firing_spread_s,
@@ -97,17 +97,17 @@ def test_flashes_at_random_have_no_period(seed):
     assert estimate_period_s(times, counts) is None
 
 
-def test_a_film_of_less_than_some_periods_tells_none():
-    times = frames(LEAST_PERIODS * PERIOD * 0.95, 15.0)
+def test_a_film_of_too_few_periods_has_no_estimate():
+    times = frames(MIN_PERIODS * PERIOD * 0.95, 15.0)
     assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is None
-    times = frames(LEAST_PERIODS * PERIOD * 1.1, 15.0)
+    times = frames(MIN_PERIODS * PERIOD * 1.1, 15.0)
     assert estimate_period_s(times, counted(steady(SPREAD + 1, PERIOD, 20), FLASH, times)) is not None
 
 
 @pytest.mark.parametrize("estimate", [estimate_period_s, estimate_flash_s])
 @pytest.mark.parametrize("count", [0, 1, 2, 3, 4, 500])
 @pytest.mark.parametrize("lit", [0, 2])
-def test_films_in_which_nothing_flashes_tell_nothing(estimate, count, lit):
+def test_films_in_which_nothing_flashes_have_no_estimate(estimate, count, lit):
     assert estimate(np.arange(count) / 15, np.full(count, lit)) is None
 
 

@@ -1,4 +1,4 @@
-"""What the counts of a whole film tell: period, flash, synchrony, how many flashed, and what is odd."""
+"""Analysis of the counts of a whole film: period, flash, synchrony, number of flashes, and warnings."""
 
 import json
 import math
@@ -9,11 +9,12 @@ import pytest
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead.track.film_calibration import TrackOptions
 from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
-from epuck_sim.overhead.track.result import Known, Track, choose_threshold_s, conclude
-from epuck_sim.overhead.track.ring_counter import Tracker
+from epuck_sim.overhead.track.result import Track, analyse
+from epuck_sim.overhead.track.ring_counter import RingCounter
 from tests.overhead.track.counts import counted
-from tests.overhead.track.films import Coded, coded, lens
+from tests.overhead.track.films import Coded, coded, make_camera
 
 RATE = 30.0
 PHASES = 0.5 + np.arange(6) / 6
@@ -24,12 +25,12 @@ def finder(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
 
 
-def told(times_s: Any, counts: Any, known: Known = Known(), lit_until_s: float = 0.0) -> Track:  # noqa: B008
-    """Return what such counts tell."""
-    tracker = Tracker(lens())
+def analysed(times_s: Any, counts: Any, options: TrackOptions = TrackOptions(), lit_until_s: float = 0.0) -> Track:  # noqa: B008
+    """Return the track of a film with these counts."""
+    counter = RingCounter(make_camera())
     for frame in coded(times_s, counts, np.asarray(times_s) < lit_until_s):
-        tracker.look(frame)
-    return conclude("film", tracker, "somewhere", known, ("first",))
+        counter.process(frame)
+    return analyse("film", counter, "somewhere", options, ("first",))
 
 
 def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[FloatArray, IntArray]:
@@ -40,8 +41,8 @@ def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[F
     return times_s, counted(onsets, 0.1, times_s)
 
 
-def test_film_tells_its_swarm() -> None:
-    track = told(*swarm())
+def test_track_of_a_swarm() -> None:
+    track = analysed(*swarm())
     assert (track.film, track.calibration, track.frames, track.robots_seen) == ("film", "somewhere", 240, 6)
     assert track.fps == pytest.approx(RATE)
     assert track.duration_s == pytest.approx(8)
@@ -54,14 +55,14 @@ def test_film_tells_its_swarm() -> None:
     assert track.t_sync_cycles == pytest.approx(track.t_sync_s, rel=0.02)
     assert track.warnings == ("first",)
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["robots_seen"] == 6
-    assert set(track.summary()) == set(Track._fields) - {"times_s", "counts", "evaluations", "lens"}
+    assert set(track.summary()) == set(Track._fields) - {"times_s", "counts", "evaluations", "camera"}
 
 
 @pytest.mark.parametrize("cycle", [0, 1, 4])
 def test_flashes_until_synchrony_are_those_of_a_robot(cycle: int) -> None:
     times_s, counts = swarm(from_s=0)
     counts[times_s < cycle] = 0
-    track = told(times_s, counts, Known(period_s=1.0))
+    track = analysed(times_s, counts, TrackOptions(period_s=1.0))
     assert track.t_sync_s == pytest.approx(cycle + 0.55, abs=1 / RATE)
     assert track.t_sync_flashes == pytest.approx(1, abs=0.05)
     assert track.t_sync_cycles == pytest.approx(cycle + 0.55, abs=1 / RATE)
@@ -71,79 +72,79 @@ def test_flashes_until_synchrony_count_for_each_robot() -> None:
     times_s = np.arange(600) / RATE
     onsets = np.array([*(0.5 + 0.8 * np.arange(8)), *(7.1 + np.arange(13))])  # cycles are shortened at first
     both = np.where(np.arange(21) < 8, onsets + 0.3, onsets)
-    track = told(times_s, counted(np.concatenate([onsets, both]), 0.1, times_s), Known(period_s=1.0))
+    track = analysed(times_s, counted(np.concatenate([onsets, both]), 0.1, times_s), TrackOptions(period_s=1.0))
     assert track.robots_seen == 2
     assert track.t_sync_s == pytest.approx(7.15, abs=1 / RATE)
     assert track.t_sync_flashes == pytest.approx(9, abs=0.3)
     assert track.t_sync_cycles == pytest.approx(7.15, abs=1 / RATE)
-    more = told(times_s, counted(np.concatenate([onsets, both]), 0.1, times_s), Known(period_s=1.0, robots=3))
+    more = analysed(
+        times_s, counted(np.concatenate([onsets, both]), 0.1, times_s), TrackOptions(period_s=1.0, robots=3)
+    )
     assert more.t_sync_flashes == pytest.approx(6, abs=0.3)
 
 
 def test_swarm_that_never_synchronises() -> None:
     times_s, counts = swarm(from_s=math.inf)
-    track = told(times_s, counts, Known(period_s=1.0))
+    track = analysed(times_s, counts, TrackOptions(period_s=1.0))
     assert (track.t_sync_s, track.t_sync_cycles, track.t_sync_flashes) == (None, None, None)
-    assert track.history().t_sync_s is None
     assert track.flashes_per_period == pytest.approx(6, rel=0.1)
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["t_sync_s"] is None
 
 
 def test_time_counts_from_the_first_dark_frame() -> None:
-    plain = told(*swarm(), Known(period_s=1.0))
+    plain = analysed(*swarm(), TrackOptions(period_s=1.0))
     times_s, counts = swarm()
     before = np.arange(90) / RATE
-    track = told(
+    track = analysed(
         np.concatenate([before, 3 + times_s]),
         np.concatenate([np.full(90, 9), counts]),
-        Known(period_s=1.0),
+        TrackOptions(period_s=1.0),
         lit_until_s=3 - 1e-9,
     )
     assert track.start_s == pytest.approx(3)
     assert track.frames == plain.frames + 90
     for name in ("duration_s", "robots_seen", "t_sync_s", "t_sync_cycles", "t_sync_flashes", "flashes_per_period"):
         assert getattr(track, name) == pytest.approx(getattr(plain, name)), name
-    history = track.history()
-    assert history.t_sync_s == pytest.approx(3 + plain.t_sync_s)
-    assert history.threshold_s == track.threshold_ms / 1000
+    assert track.cycles_at(track.start_s + track.t_sync_s) == pytest.approx(plain.t_sync_cycles)
+    assert track.cycles_at(np.array([3.0, 4.5])) == pytest.approx([0, 1.5])
 
 
 def test_ring_in_one_frame_only_is_not_seen() -> None:
     times_s, counts = swarm()
     counts[counts.argmax() + 1] = 7
-    assert told(times_s, counts, Known(period_s=1.0)).robots_seen == 6
+    assert analysed(times_s, counts, TrackOptions(period_s=1.0)).robots_seen == 6
 
 
 # --- what is known beforehand -----------------------------------------------------------------------
 
 
 def test_what_is_known_is_not_estimated() -> None:
-    track = told(*swarm(), Known(period_s=1.25, threshold_ms=77.0))
+    track = analysed(*swarm(), TrackOptions(period_s=1.25, threshold_ms=77.0))
     assert (track.period_s, track.threshold_ms, track.estimated) == (1.25, 77.0, ())
-    assert told(*swarm(), Known(threshold_ms=77.0)).estimated == ("period_s",)
+    assert analysed(*swarm(), TrackOptions(threshold_ms=77.0)).estimated == ("period_s",)
 
 
 @pytest.mark.parametrize(
-    ("known", "expected_s"),
+    ("options", "expected_s"),
     [
-        (Known(), spread_threshold_s(5.0, 0.375)),
-        (Known(order_parameter=0.95), spread_at_s(5.0, 0.375)),
-        (Known(order_parameter=0.8), spread_at_s(5.0, 0.375, 0.8)),
-        (Known(threshold_ms=130.0), 0.13),
-        (Known(threshold_ms=130.0, order_parameter=0.8), 0.13),
+        (TrackOptions(), spread_threshold_s(5.0, 0.375)),
+        (TrackOptions(order_parameter=0.95), spread_at_s(5.0, 0.375)),
+        (TrackOptions(order_parameter=0.8), spread_at_s(5.0, 0.375, 0.8)),
+        (TrackOptions(threshold_ms=130.0), 0.13),
+        (TrackOptions(threshold_ms=130.0, order_parameter=0.8), 0.13),
     ],
 )
 def test_threshold_is_the_given_one_or_that_of_an_order_parameter_or_of_the_thesis(
-    known: Known, expected_s: float
+    options: TrackOptions, expected_s: float
 ) -> None:
-    assert choose_threshold_s(5.0, 0.375, known) == pytest.approx(expected_s)
+    assert options.threshold_s(5.0, 0.375) == pytest.approx(expected_s)
 
 
 def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
     times_s = np.arange(300) / RATE
     offsets = np.where(np.arange(11) < 5, 0.05, 0.0)[:, None] * [-1, 1]  # first half in step to 0.1 s, then wholly
     counts = counted(np.arange(11)[:, None] + 0.5 + offsets, 0.1, times_s)
-    strict, loose = (told(times_s, counts, Known(period_s=1.0, order_parameter=r)) for r in (0.9999, 0.9))
+    strict, loose = (analysed(times_s, counts, TrackOptions(period_s=1.0, order_parameter=r)) for r in (0.9999, 0.9))
     assert loose.t_sync_s == pytest.approx(0.55, abs=0.1)
     assert strict.t_sync_s == pytest.approx(5.55, abs=0.1)
 
@@ -152,29 +153,29 @@ def test_order_parameter_decides_when_the_swarm_is_synchronised() -> None:
 
 
 def test_no_doubt_about_the_right_number_of_robots() -> None:
-    assert told(*swarm(), Known(period_s=1.0, robots=6)).warnings == ("first",)
-    assert told(*swarm(from_s=math.inf), Known(period_s=1.0, robots=6)).warnings == ("first",)
+    assert analysed(*swarm(), TrackOptions(period_s=1.0, robots=6)).warnings == ("first",)
+    assert analysed(*swarm(from_s=math.inf), TrackOptions(period_s=1.0, robots=6)).warnings == ("first",)
 
 
 def test_more_rings_than_robots_are_doubted() -> None:
-    _, doubt = told(*swarm(), Known(period_s=1.0, robots=5)).warnings
+    _, doubt = analysed(*swarm(), TrackOptions(period_s=1.0, robots=5)).warnings
     assert doubt.startswith("6 rings were lit at once, but there are 5 robots")
 
 
 def test_fewer_rings_than_robots_are_doubted_once_they_are_synchronised() -> None:
-    _, doubt = told(*swarm(), Known(period_s=1.0, robots=7)).warnings
-    assert doubt == "the swarm is synchronised, but no more than 6 rings were lit at once, of 7 robots"
+    _, doubt = analysed(*swarm(), TrackOptions(period_s=1.0, robots=7)).warnings
+    assert doubt == "the swarm is synchronised, but at most 6 rings were lit at once, of 7 robots"
 
 
 def test_too_few_flashes_are_doubted() -> None:
-    _, doubt = told(*swarm(from_s=math.inf), Known(period_s=1.0, robots=12)).warnings
-    assert doubt == "there were 6.0 flashes in a period, but there are 12 robots"
+    _, doubt = analysed(*swarm(from_s=math.inf), TrackOptions(period_s=1.0, robots=12)).warnings
+    assert doubt == "there were 6.0 flashes per period, but there are 12 robots"
 
 
 def test_pause_of_the_recording_is_no_reason_to_doubt() -> None:
     times_s, counts = swarm(16.0, from_s=math.inf)
     goes = (times_s < 5) | (times_s > 12)
-    track = told(times_s[goes], counts[goes], Known(period_s=1.0, robots=6))
+    track = analysed(times_s[goes], counts[goes], TrackOptions(period_s=1.0, robots=6))
     assert track.flashes_per_period == pytest.approx(6, rel=0.1)
     assert track.warnings == ("first",)
 
@@ -182,46 +183,46 @@ def test_pause_of_the_recording_is_no_reason_to_doubt() -> None:
 @pytest.mark.parametrize("frames", [1, 2, 100])
 def test_film_without_light_is_refused(frames: int) -> None:
     with pytest.raises(FilmError, match=rf"^film: no lit ring is seen in {frames} frames;"):
-        told(np.arange(frames) / RATE, np.zeros(frames, int), Known(period_s=1.0))
+        analysed(np.arange(frames) / RATE, np.zeros(frames, int), TrackOptions(period_s=1.0))
 
 
 def test_rings_of_the_lit_beginning_are_no_light() -> None:
     with pytest.raises(FilmError, match=r"^film: no lit ring is seen in 60 frames;"):
-        told(np.arange(60) / RATE, np.repeat([4, 0], 30), Known(period_s=1.0), lit_until_s=1 - 1e-9)
+        analysed(np.arange(60) / RATE, np.repeat([4, 0], 30), TrackOptions(period_s=1.0), lit_until_s=1 - 1e-9)
 
 
 def test_film_of_no_frames_is_refused() -> None:
     with pytest.raises(FilmError, match=r"^film: no lit ring is seen in 0 frames;"):
-        told([], [], Known(period_s=1.0))
+        analysed([], [], TrackOptions(period_s=1.0))
 
 
-@pytest.mark.parametrize("known", [Known(), Known(period_s=1.0)])
+@pytest.mark.parametrize("options", [TrackOptions(), TrackOptions(period_s=1.0)])
 @pytest.mark.parametrize("lit", [0, 5])
-def test_trial_of_one_frame_is_refused(known: Known, lit: int) -> None:
+def test_trial_of_one_frame_is_refused(options: TrackOptions, lit: int) -> None:
     with pytest.raises(FilmError, match=r"^film: .*one frame"):
-        told(np.arange(lit + 1) / RATE, [3] * (lit + 1), known, lit_until_s=(lit - 0.5) / RATE)
+        analysed(np.arange(lit + 1) / RATE, [3] * (lit + 1), options, lit_until_s=(lit - 0.5) / RATE)
 
 
 @pytest.mark.parametrize("counts", [[3, 3], [0, 3], [3, 0]])
-def test_trial_of_two_frames_tells_no_more_than_it_can(counts: list[int]) -> None:
-    track = told([0.0, 0.1], counts, Known(period_s=1.0))
+def test_trial_of_two_frames_has_few_results(counts: list[int]) -> None:
+    track = analysed([0.0, 0.1], counts, TrackOptions(period_s=1.0))
     assert track.t_sync_s is None
     assert track.evaluations == ()
     json.dumps(track.summary(), allow_nan=False)
-    with pytest.raises(FilmError, match=r"^film: the period cannot be told from 0\.1 s of film.*--period-s$"):
-        told([0.0, 0.1], counts)
+    with pytest.raises(FilmError, match=r"^film: the period cannot be estimated from 0\.1 s of film.*--period-s$"):
+        analysed([0.0, 0.1], counts)
 
 
-def test_flashes_at_random_tell_no_period() -> None:
+def test_flashes_at_random_have_no_period() -> None:
     random = np.random.default_rng(4)
     times_s = np.arange(1800) / RATE
     counts = counted(random.uniform(0, 60, 300), 0.1, times_s)
-    with pytest.raises(FilmError, match=r"^film: the period cannot be told from 60 s of film"):
-        told(times_s, counts)
+    with pytest.raises(FilmError, match=r"^film: the period cannot be estimated from 60 s of film"):
+        analysed(times_s, counts)
 
 
 def test_light_that_stays_on_is_no_flash() -> None:
     times_s = np.arange(150) / RATE
-    track = told(times_s, np.full(150, 2), Known(period_s=2.0))
+    track = analysed(times_s, np.full(150, 2), TrackOptions(period_s=2.0))
     assert track.flash_ms == pytest.approx(150)
     assert track.t_sync_s is None

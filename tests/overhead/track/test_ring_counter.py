@@ -1,32 +1,33 @@
-"""Frames are looked at one by one: what the trial is, and what is known while it goes on."""
+"""Frames are processed one by one: which belong to the trial, and what is known while it goes on."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.overhead.track.result import Known, conclude
-from epuck_sim.overhead.track.ring_counter import Tracker, follow
+from epuck_sim.overhead.track.film_calibration import TrackOptions
+from epuck_sim.overhead.track.result import analyse
+from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
-from epuck_sim.overhead.truth import Score, compare
+from tests.overhead.score import Score, compare
 from tests.overhead.track.counts import counted, uneven
-from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, lens, shoot
+from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, make_camera, shoot
 
 NOWHERE = np.empty((0, 2))
 
 
 @pytest.fixture
-def tracker(monkeypatch: pytest.MonkeyPatch) -> Tracker:
-    """One that counts what `coded` frames tell."""
+def counter(monkeypatch: pytest.MonkeyPatch) -> RingCounter:
+    """A counter whose rings are those coded into frames."""
     monkeypatch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
-    return Tracker(lens())
+    return RingCounter(make_camera())
 
 
-def looked(tracker: Tracker, counts: list[int], is_lit: list[bool]) -> Tracker:
-    """Have a tracker look at frames that are half a second apart."""
+def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> RingCounter:
+    """Have a counter process frames that are half a second apart."""
     for frame in coded(np.arange(len(counts)) / 2, counts, is_lit):
-        assert len(tracker.look(frame)) == frame.picture[0, 0, 2]
-    return tracker
+        assert len(counter.process(frame)) == frame.picture[0, 0, 2]
+    return counter
 
 
 @pytest.mark.parametrize(
@@ -41,24 +42,24 @@ def looked(tracker: Tracker, counts: list[int], is_lit: list[bool]) -> Tracker:
     ],
     ids=["dark", "begins lit", "all but one lit", "lit", "goes lit", "flickers"],
 )
-def test_trial_begins_with_the_first_dark_frame(tracker: Tracker, is_lit: list[bool], first: int) -> None:
-    looked(tracker, [3, 1, 4, 1, 5, 9], is_lit)
-    assert tracker.start_s == first / 2
-    assert tracker.frames == 6
-    assert tracker.times_s.tolist() == (np.arange(first, 6) / 2).tolist()
-    assert tracker.counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
+def test_trial_begins_with_the_first_dark_frame(counter: RingCounter, is_lit: list[bool], first: int) -> None:
+    process_all(counter, [3, 1, 4, 1, 5, 9], is_lit)
+    assert counter.start_s == first / 2
+    assert counter.frames == 6
+    assert counter.times_s.tolist() == (np.arange(first, 6) / 2).tolist()
+    assert counter.counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
 
 
-def test_tracker_that_has_seen_nothing(tracker: Tracker) -> None:
-    assert (tracker.frames, tracker.start_s) == (0, 0.0)
-    assert tracker.times_s.shape == tracker.counts.shape == (0,)
+def test_counter_without_frames(counter: RingCounter) -> None:
+    assert (counter.frames, counter.start_s) == (0, 0.0)
+    assert counter.times_s.shape == counter.counts.shape == (0,)
 
 
-def test_what_is_told_stays_as_it_was(tracker: Tracker) -> None:
-    before = looked(tracker, [1, 2], [False, False]).counts
+def test_counts_returned_are_copies(counter: RingCounter) -> None:
+    before = process_all(counter, [1, 2], [False, False]).counts
     before[:] = 7
-    assert tracker.counts.tolist() == [1, 2]
-    looked(tracker, [5], [False])
+    assert counter.counts.tolist() == [1, 2]
+    process_all(counter, [5], [False])
     assert before.tolist() == [7, 7]
 
 
@@ -70,7 +71,7 @@ def test_what_is_told_stays_as_it_was(tracker: Tracker) -> None:
     threshold_s=st.floats(0.02, 0.2),
 )
 @settings(max_examples=60)
-def test_following_a_film_tells_what_its_end_tells(
+def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     seed: int, together_s: float, lit: int, flickers: list[int], threshold_s: float
 ) -> None:
     random = np.random.default_rng(seed)
@@ -82,51 +83,51 @@ def test_following_a_film_tells_what_its_end_tells(
     is_lit[[number for number in flickers if number < len(times_s)]] ^= True
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
-        tracker = Tracker(lens())
-        moments = list(follow(coded(times_s, counts, is_lit), tracker, 1.0, lambda: threshold_s))
-    if not tracker.counts.any():
+        counter = RingCounter(make_camera())
+        tracked_frames = list(track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s))
+    if not counter.counts.any():
         return
-    track = conclude("film", tracker, "", Known(period_s=1.0, threshold_ms=1000 * threshold_s), ())
-    last = moments[-1]
+    track = analyse("film", counter, "", TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    last = tracked_frames[-1]
 
-    assert len(moments) == track.frames == len(times_s)
+    assert len(tracked_frames) == track.frames == len(times_s)
     assert last.start_s == track.start_s
-    in_trial = [moment for moment in moments if moment.frame.time_s >= track.start_s]
-    assert [moment.evaluation for moment in in_trial if moment.evaluation] == list(track.evaluations)
+    in_trial = [tracked for tracked in tracked_frames if tracked.frame.time_s >= track.start_s]
+    assert [tracked.evaluation for tracked in in_trial if tracked.evaluation] == list(track.evaluations)
     assert track.t_sync_s == (None if last.t_sync_s is None else last.t_sync_s - track.start_s)
-    is_known = [moment.t_sync_s is not None for moment in in_trial]
+    is_known = [tracked.t_sync_s is not None for tracked in in_trial]
     assert is_known == sorted(is_known)
 
 
-def test_synchrony_in_the_light_is_forgotten_in_the_dark(tracker: Tracker) -> None:
+def test_synchrony_in_the_light_is_forgotten_in_the_dark(counter: RingCounter) -> None:
     times_s = np.arange(150) / 15
     counts = counted(0.5 + np.arange(10), 0.1, times_s)
-    moments = list(follow(coded(times_s, counts, times_s < 5), tracker, 1.0, lambda: 0.05))
-    found = [moment.t_sync_s for moment in moments]
+    tracked_frames = list(track_frames(coded(times_s, counts, times_s < 5), counter, 1.0, lambda: 0.05))
+    found = [tracked.t_sync_s for tracked in tracked_frames]
     assert found[74] == pytest.approx(0.5, abs=0.15)
     assert found[75] is None
     assert found[-1] == pytest.approx(5.5, abs=0.15)
 
 
-def test_follow_looks_at_a_frame_when_it_is_asked_for_it(tracker: Tracker) -> None:
-    moments = follow(coded([0, 1, 2], [1, 2, 3], [False] * 3), tracker, 1.0, lambda: 0.1)
+def test_a_frame_is_processed_when_it_is_asked_for(counter: RingCounter) -> None:
+    tracked_frames = track_frames(coded([0, 1, 2], [1, 2, 3], [False] * 3), counter, 1.0, lambda: 0.1)
     for number in range(3):
-        assert tracker.frames == number
-        assert len(next(moments).rings) == number + 1
+        assert counter.frames == number
+        assert len(next(tracked_frames).rings) == number + 1
 
 
 @pytest.mark.parametrize("light", ["dark", "lit"])
 def test_rings_are_found_where_robots_are(light: str) -> None:
     times_s = even(3.2)
     ring_on = in_step(times_s)
-    tracker = Tracker(lens())
+    counter = RingCounter(make_camera())
     total = Score()
     for frame, on in zip(shoot(times_s, ring_on, light=light), ring_on, strict=True):
-        rings = tracker.look(frame)
+        rings = counter.process(frame)
         total += compare(np.array([ring[:2] for ring in rings]).reshape(-1, 2), PLACES[on], NOWHERE)
     assert (total.missed, total.false, total.found) == (0, 0, ring_on.sum())
     assert total.worst_cm <= 0.2
-    assert tracker.counts.tolist() == ring_on.sum(axis=1).tolist()
+    assert counter.counts.tolist() == ring_on.sum(axis=1).tolist()
     threshold_s = 0.05
-    t_sync_s = first_synchronised(evaluate(tracker.times_s, tracker.counts, 1.0, 0.0), threshold_s)
+    t_sync_s = first_synchronised(evaluate(counter.times_s, counter.counts, 1.0, 0.0), threshold_s)
     assert t_sync_s == pytest.approx(2.55)

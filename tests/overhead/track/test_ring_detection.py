@@ -6,7 +6,7 @@ import pytest
 from scipy import ndimage
 
 from epuck_sim import epuck
-from epuck_sim.overhead.track.rectified_view import FARTHEST, MOST, ring_plane
+from epuck_sim.overhead.track.rectified_view import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, rectified_view
 from epuck_sim.overhead.track.ring_detection import is_lit, ring_light
 from epuck_sim.overhead.track.ring_fit import fit_ring
 from tests.overhead.track.drawn_rings import (
@@ -19,8 +19,8 @@ from tests.overhead.track.drawn_rings import (
     ring_picture,
     room_picture,
     scattered,
-    straight_lens,
-    tilted_lens,
+    straight_camera,
+    tilted_camera,
     touching,
 )
 
@@ -28,9 +28,9 @@ SIZES = [(240, 240), (480, 480)]
 NOISY = USUAL._replace(noise=10.0, jpeg=True)
 
 
-def found(lens, centres, look=USUAL, **more):
+def found(camera, centres, look=USUAL, **more):
     """Return the rings found in a picture, after the check that they are the true ones."""
-    rings = finder_for(lens).find(ring_picture(lens, centres, look, **more))
+    rings = finder_for(camera).find(ring_picture(camera, centres, look, **more))
     assert matched(rings, centres) == len(rings) == len(centres)
     return rings
 
@@ -40,13 +40,13 @@ def found(lens, centres, look=USUAL, **more):
 
 @pytest.mark.parametrize(("size", "k1"), [((240, 240), -0.1), ((480, 480), 0.0), ((320, 240), 0.1)])
 def test_places_a_ring_anywhere(size, k1):
-    lens = straight_lens(*size, k1=k1)
+    camera = straight_camera(*size, k1=k1)
     for centre in [(3.7, 3.7), (56.3, 3.7), (3.7, 56.3), (30.0, 30.0), (17.21, 48.93), (56.3, 29.4)]:
-        (ring,) = found(lens, [centre], CLEAN)
+        (ring,) = found(camera, [centre], CLEAN)
         assert math.hypot(ring.x_cm - centre[0], ring.y_cm - centre[1]) < 0.05
         assert ring.radius_cm == pytest.approx(epuck.RING_RADIUS_CM, abs=0.15)
         at = np.array([(*centre, epuck.RING_HEIGHT_CM), (centre[0] + ring.radius_cm, centre[1], epuck.RING_HEIGHT_CM)])
-        middle, side = lens.pixels(at)
+        middle, side = camera.project(at)
         assert (ring.x_px, ring.y_px) == pytest.approx(middle, abs=0.5)
         assert ring.radius_px == pytest.approx(math.hypot(*(side - middle)), rel=0.06)  # distorted: no circle
 
@@ -54,19 +54,19 @@ def test_places_a_ring_anywhere(size, k1):
 @pytest.mark.parametrize("noise", [0.0, 2.0, 10.0])
 @pytest.mark.parametrize("size", SIZES)
 def test_places_it_in_noise(size, noise):
-    lens = straight_lens(*size)
-    (ring,) = found(lens, [(12.0, 41.0)], USUAL._replace(noise=noise))
+    camera = straight_camera(*size)
+    (ring,) = found(camera, [(12.0, 41.0)], USUAL._replace(noise=noise))
     assert math.hypot(ring.x_cm - 12.0, ring.y_cm - 41.0) < 0.06
 
 
 @pytest.mark.parametrize("share", [0.2, 0.3, 0.5, 0.8])
 def test_finds_one_that_was_lit_for_a_part_of_the_exposure(share):
-    found(straight_lens(), [(20.0, 20.0), (20.0, 20.0 + APART_CM), (45.0, 30.0)], share=[1.0, share, share])
+    found(straight_camera(), [(20.0, 20.0), (20.0, 20.0 + APART_CM), (45.0, 30.0)], share=[1.0, share, share])
 
 
 def test_misses_a_sliver_of_one():
-    lens = straight_lens()
-    assert finder_for(lens).find(ring_picture(lens, [(20.0, 20.0)], share=[0.03])) == []
+    camera = straight_camera()
+    assert finder_for(camera).find(ring_picture(camera, [(20.0, 20.0)], share=[0.03])) == []
 
 
 @pytest.mark.parametrize("look", [
@@ -79,19 +79,19 @@ def test_misses_a_sliver_of_one():
 ])  # fmt: skip
 def test_survives_another_exposure(look):
     centres = [*honeycomb_cell(), (30.0, 30.0), (50.0, 12.0)]
-    found(straight_lens(), centres, look)
-    found(straight_lens(), honeycomb_cell(), look)
+    found(straight_camera(), centres, look)
+    found(straight_camera(), honeycomb_cell(), look)
 
 
 @pytest.mark.parametrize("scale", [0.92, 1.05])
 def test_survives_a_scale_that_is_wrong(scale):
-    lens = straight_lens()
-    picture = ring_picture(lens, honeycomb_cell())
-    assert len(finder_for(lens._replace(focal_px=lens.focal_px * scale)).find(picture)) == 6
+    camera = straight_camera()
+    picture = ring_picture(camera, honeycomb_cell())
+    assert len(finder_for(camera._replace(focal_px=camera.focal_px * scale)).find(picture)) == 6
 
 
 def test_sees_it_askew():
-    found(tilted_lens(25.0, 130.0, k1=-0.05), [(8.0, 50.0), (8.0 + APART_CM, 50.0), (50.0, 9.0)])
+    found(tilted_camera(25.0, 130.0, k1=-0.05), [(8.0, 50.0), (8.0 + APART_CM, 50.0), (50.0, 9.0)])
 
 
 # --- no ring --------------------------------------------------------------------------------------
@@ -100,22 +100,22 @@ def test_sees_it_askew():
 @pytest.mark.parametrize("noise", [0.0, 2.0, 10.0])
 @pytest.mark.parametrize("room", [0.0, 130.0])
 def test_finds_nothing_where_nothing_shines(noise, room):
-    lens = straight_lens(240, 240)
+    camera = straight_camera(240, 240)
     for seed in range(3):
-        assert finder_for(lens).find(ring_picture(lens, [], USUAL._replace(noise=noise), seed, room=room)) == []
+        assert finder_for(camera).find(ring_picture(camera, [], USUAL._replace(noise=noise), seed, room=room)) == []
 
 
 def test_a_lamp_a_disc_a_stripe_and_half_a_ring_are_none():
-    lens = straight_lens(k1=0.0)
+    camera = straight_camera(k1=0.0)
     picture = np.zeros((480, 480, 3), np.uint8)
     cv2.circle(picture, (100, 100), 30, (255, 90, 90), -1)
     cv2.circle(picture, (400, 100), 8, (255, 90, 90), -1)
     cv2.circle(picture, (240, 100), 50, (255, 90, 90), 7)
     cv2.rectangle(picture, (50, 300), (450, 310), (255, 90, 90), -1)
     cv2.ellipse(picture, (240, 400), (25, 25), 0, 0, 200, (255, 90, 90), 7)
-    assert finder_for(lens).find(picture) == []
+    assert finder_for(camera).find(picture) == []
     cv2.ellipse(picture, (240, 400), (25, 25), 0, 0, 360, (255, 90, 90), 7)
-    assert len(finder_for(lens).find(picture)) == 1
+    assert len(finder_for(camera).find(picture)) == 1
 
 
 # --- rings that touch -----------------------------------------------------------------------------
@@ -123,10 +123,10 @@ def test_a_lamp_a_disc_a_stripe_and_half_a_ring_are_none():
 
 @pytest.mark.parametrize("size", SIZES)
 def test_two_robots_in_contact_are_two(size):
-    lens = straight_lens(*size)
+    camera = straight_camera(*size)
     for angle in np.radians(np.arange(0, 180, 36)):
         for look in (USUAL, NOISY):
-            rings = found(lens, [(40, 22), (40 + APART_CM * math.cos(angle), 22 + APART_CM * math.sin(angle))], look)
+            rings = found(camera, [(40, 22), (40 + APART_CM * math.cos(angle), 22 + APART_CM * math.sin(angle))], look)
             apart = math.hypot(rings[0].x_cm - rings[1].x_cm, rings[0].y_cm - rings[1].y_cm)
             assert apart == pytest.approx(APART_CM, abs=0.15)
 
@@ -134,13 +134,13 @@ def test_two_robots_in_contact_are_two(size):
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("look", [USUAL, NOISY])
 def test_chains_and_honeycombs(size, look):
-    lens = straight_lens(*size)
-    found(lens, [(4 + APART_CM * i, 20.0) for i in range(8)], look)
+    camera = straight_camera(*size)
+    found(camera, [(4 + APART_CM * i, 20.0) for i in range(8)], look)
     for turn in (0.0, 0.3):
         around = honeycomb_cell(turn=turn)
-        found(lens, around, look)  # the robot in the middle is dark
-        found(lens, [*around, (30.0, 30.0)], look)
-        found(lens, around[:5], look)
+        found(camera, around, look)  # the robot in the middle is dark
+        found(camera, [*around, (30.0, 30.0)], look)
+        found(camera, around[:5], look)
 
 
 @pytest.mark.parametrize("pictures", [6, pytest.param(200, marks=pytest.mark.slow)])
@@ -148,13 +148,13 @@ def test_chains_and_honeycombs(size, look):
 @pytest.mark.parametrize("look", [USUAL, NOISY])
 def test_counts_random_swarms(place, look, pictures):
     true = good = claimed = 0
-    lens = straight_lens()
-    finder = finder_for(lens)
+    camera = straight_camera()
+    finder = finder_for(camera)
     for seed in range(pictures):
         generator = np.random.default_rng(seed)
         centres = place(10, generator)
         lit = centres[generator.random(10) < generator.choice([0.2, 0.5, 0.8, 1.0])]
-        rings = finder.find(ring_picture(lens, lit, look, seed))
+        rings = finder.find(ring_picture(camera, lit, look, seed))
         good += matched(rings, lit)
         true, claimed = true + len(lit), claimed + len(rings)
     assert true > 5 * pictures
@@ -163,9 +163,9 @@ def test_counts_random_swarms(place, look, pictures):
 
 
 def test_counts_a_crowd():
-    lens = straight_lens(side_cm=120.0)  # 3.8 pixels a centimetre
+    camera = straight_camera(side_cm=120.0)  # 3.8 pixels a centimetre
     centres = touching(80, np.random.default_rng(1), 120.0)
-    rings = finder_for(lens).find(ring_picture(lens, centres))
+    rings = finder_for(camera).find(ring_picture(camera, centres))
     assert matched(rings, centres) == len(rings) == 80
 
 
@@ -174,24 +174,24 @@ def test_counts_a_crowd():
 
 @pytest.mark.parametrize("size", [(240, 240), (480, 480), (640, 360)])
 def test_finds_rings_in_a_lit_room(size):
-    lens = straight_lens(*size)
+    camera = straight_camera(*size)
     for seed in range(3):
-        found(lens, scattered(6, np.random.default_rng(seed)), room=140.0)
-    found(lens, honeycomb_cell(), room=140.0)
-    found(lens, [*honeycomb_cell(), (30.0, 30.0)], room=140.0)
+        found(camera, scattered(6, np.random.default_rng(seed)), room=140.0)
+    found(camera, honeycomb_cell(), room=140.0)
+    found(camera, [*honeycomb_cell(), (30.0, 30.0)], room=140.0)
 
 
 def test_grey_things_are_no_rings():
-    lens = straight_lens(240, 240)
-    picture = room_picture(lens, scattered(8, np.random.default_rng(0)))
+    camera = straight_camera(240, 240)
+    picture = room_picture(camera, scattered(8, np.random.default_rng(0)))
     cv2.circle(picture, (120, 120), 13, (255, 255, 255), 3)
-    assert finder_for(lens).find(picture) == []
+    assert finder_for(camera).find(picture) == []
 
 
 def test_whether_the_room_is_lit():
-    wide = straight_lens(320, 180)
+    wide = straight_camera(320, 180)
     assert is_lit(room_picture(wide))  # most of it is a dark table
-    assert is_lit(room_picture(tilted_lens(20.0, 40.0)))
+    assert is_lit(room_picture(tilted_camera(20.0, 40.0)))
     assert not is_lit(ring_picture(wide, touching(30, np.random.default_rng(0)), NOISY))
     assert not is_lit(np.zeros((64, 64, 3), np.uint8))
 
@@ -206,46 +206,44 @@ def test_light_is_red_or_redder_than_grey():
 
 
 def test_the_same_picture_gives_the_same_rings_from_left_to_right():
-    lens = straight_lens()
-    picture = ring_picture(lens, scattered(10, np.random.default_rng(4)), NOISY)
-    rings = finder_for(lens).find(picture)
-    assert rings == finder_for(lens).find(picture)
+    camera = straight_camera()
+    picture = ring_picture(camera, scattered(10, np.random.default_rng(4)), NOISY)
+    rings = finder_for(camera).find(picture)
+    assert rings == finder_for(camera).find(picture)
     assert [ring.x_px for ring in rings] == sorted(ring.x_px for ring in rings)
 
 
 def test_refuses_a_picture_of_another_size():
     with pytest.raises(ValueError, match="480, 480"):
-        finder_for(straight_lens()).find(np.zeros((240, 240, 3), np.uint8))
+        finder_for(straight_camera()).find(np.zeros((240, 240, 3), np.uint8))
 
 
-@pytest.mark.parametrize("lens", [straight_lens(240, 240, k1=-0.1), tilted_lens(15.0, 30.0, k1=0.05)])
-def test_the_plane_shows_what_the_pixels_there_show(lens):
-    light = np.random.default_rng(0).integers(0, 256, (lens.height_px, lens.width_px)).astype(np.uint8)
+@pytest.mark.parametrize("camera", [straight_camera(240, 240, k1=-0.1), tilted_camera(15.0, 30.0, k1=0.05)])
+def test_the_rectified_view_shows_what_the_pixels_there_show(camera):
+    light = np.random.default_rng(0).integers(0, 256, (camera.height_px, camera.width_px)).astype(np.uint8)
     light = cv2.GaussianBlur(light, (0, 0), 1.5)
-    plane = ring_plane(lens)
-    seen = plane.seen(light)
-    rows, columns = (cells[::17, ::17].ravel() for cells in np.indices(seen.shape))
-    points = [
-        (*plane.position_cm(column, row), epuck.RING_HEIGHT_CM) for row, column in zip(rows, columns, strict=True)
-    ]
-    pixels = lens.pixels(np.array(points))
-    is_in = ((pixels >= 0) & (pixels <= (lens.width_px - 1, lens.height_px - 1))).all(axis=1)
+    view = rectified_view(camera)
+    sampled = view.sample(light)
+    rows, columns = (cells[::17, ::17].ravel() for cells in np.indices(sampled.shape))
+    points = [(*view.position_cm(column, row), epuck.RING_HEIGHT_CM) for row, column in zip(rows, columns, strict=True)]
+    pixels = camera.project(np.array(points))
+    is_in = ((pixels >= 0) & (pixels <= (camera.width_px - 1, camera.height_px - 1))).all(axis=1)
     assert np.count_nonzero(is_in) > 100
     slow = ndimage.map_coordinates(light.astype(float), pixels[is_in, ::-1].T, order=1)
-    np.testing.assert_allclose(seen[rows, columns][is_in], slow, atol=2)  # maps have 32 steps a pixel
+    np.testing.assert_allclose(sampled[rows, columns][is_in], slow, atol=2)  # maps have 32 steps a pixel
 
 
-def test_a_camera_that_sees_the_horizon_has_a_plane_that_ends():
-    lens = tilted_lens(70.0, 0.0)
-    plane = ring_plane(lens)
-    rows, columns = plane.fraction.shape
-    assert max(rows, columns) <= (2 * FARTHEST * lens.position_cm[2] + 1) * plane.cells_per_cm
-    assert rows * columns <= 1.1 * MOST * lens.width_px * lens.height_px
+def test_the_view_of_a_camera_that_sees_the_horizon_is_bounded():
+    camera = tilted_camera(70.0, 0.0)
+    view = rectified_view(camera)
+    rows, columns = view.fractions.shape
+    assert max(rows, columns) <= (2 * MAX_REACH_HEIGHTS * camera.position_cm[2] + 1) * view.cells_per_cm
+    assert rows * columns <= 1.1 * MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px
 
 
 def test_a_picture_of_a_webcam_in_full_size():
-    lens = straight_lens(1920, 1080)
-    found(lens, [*honeycomb_cell(), (30.0, 30.0), (3.7, 56.3)], NOISY)
+    camera = straight_camera(1920, 1080)
+    found(camera, [*honeycomb_cell(), (30.0, 30.0), (3.7, 56.3)], NOISY)
 
 
 def test_a_fit_finds_the_centre_from_a_centimetre_off():

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.overhead.track.spread import (
-    LEAST_SEEN,
-    LONGEST,
+    MAX_HOLD_INTERVALS,
+    MIN_COVERAGE,
     Evaluation,
-    SpreadWatch,
+    SynchronyDetector,
     evaluate,
     first_synchronised,
     frame_ends,
@@ -61,7 +61,7 @@ def slow_evaluations(times, counts, period, start):
 def slow_evaluation(shown, middle, period):
     left, right = middle - period / 2, middle + period / 2
     times = [time for time, _ in shown]
-    longest = LONGEST * median(b - a for a, b in pairwise(times))
+    longest = MAX_HOLD_INTERVALS * median(b - a for a, b in pairwise(times))
     seconds, places, lit = [], [], []
     for (time, count), following in zip(shown, [*times[1:], right], strict=True):
         begin, end = max(time, left), min(following, time + longest, right)
@@ -96,7 +96,7 @@ def test_rings_together_for_k_frames_are_as_wide_as_k_equal_numbers(lit_frames):
     counts = counted(steady([1.0], PERIOD, 20), lit_frames / RATE, times)
     for each in evaluate(times, counts, PERIOD, 0.0):
         assert each.spread_s * RATE == pytest.approx(np.sqrt((lit_frames**2 - 1) / 12))
-        assert each.seen == 1
+        assert each.coverage == 1
 
 
 def test_each_cycle_is_evaluated_around_the_middle_of_its_flash():
@@ -108,10 +108,10 @@ def test_each_cycle_is_evaluated_around_the_middle_of_its_flash():
 
 
 def test_an_evaluation_comes_with_the_first_frame_half_a_period_after_its_mode():
-    watch = SpreadWatch(PERIOD, 0.0)
+    detector = SynchronyDetector(PERIOD, 0.0)
     times = frames(3 * PERIOD, RATE)
     for time, count in zip(times, counted(steady(TOGETHER + 3, PERIOD, 15), FLASH, times), strict=True):
-        evaluation = watch.look(float(time), int(count))
+        evaluation = detector.update(float(time), int(count))
         if evaluation is not None:
             assert 0 <= time - (evaluation.time_s + PERIOD / 2) < 1 / RATE
 
@@ -159,23 +159,23 @@ def test_the_last_flash_is_not_evaluated_before_half_a_period_has_followed():
 
 
 def test_a_light_that_stays_on_is_no_mode_and_is_not_remembered():
-    watch = SpreadWatch(PERIOD, 0.0)
+    detector = SynchronyDetector(PERIOD, 0.0)
     sizes = set()
     for number in range(4000):
-        assert watch.look(number / RATE, 3) is None
+        assert detector.update(number / RATE, 3) is None
         if number > 2 * PERIOD * RATE:
-            sizes.add(len(pickle.dumps(watch)))
+            sizes.add(len(pickle.dumps(detector)))
     assert max(sizes) - min(sizes) < 50
-    assert all(watch.look((4000 + number) / RATE, 0) is None for number in range(200))
+    assert all(detector.update((4000 + number) / RATE, 0) is None for number in range(200))
 
 
 def test_a_period_is_remembered_however_long_the_film_is():
-    watch = SpreadWatch(PERIOD, 0.0)
+    detector = SynchronyDetector(PERIOD, 0.0)
     times = frames(200 * PERIOD, RATE)
     sizes = []
     for time, count in zip(times, counted(steady(SPREAD, PERIOD, 1000), FLASH, times), strict=True):
-        watch.look(float(time), int(count))
-        sizes.append(len(pickle.dumps(watch)))
+        detector.update(float(time), int(count))
+        sizes.append(len(pickle.dumps(detector)))
     assert max(sizes[2000:]) <= max(sizes[200:2000]) + 50
 
 
@@ -212,7 +212,7 @@ def test_dropped_frames_and_uneven_times_change_a_spread_by_a_frame_at_most(phas
 def test_a_rate_that_halves_in_the_middle_changes_nothing_much():
     times = np.concatenate([frames(20, 30.0), 20 + frames(20, 15.0)])
     found = evaluate(times, counted(steady(SPREAD + 1, PERIOD, 40), FLASH, times), PERIOD, 0.0)
-    assert all(each.seen == pytest.approx(1) for each in found)
+    assert all(each.coverage == pytest.approx(1) for each in found)
     assert np.ptp([each.spread_s for each in found]) < 0.01
 
 
@@ -223,12 +223,14 @@ def test_what_is_lit_in_a_gap_is_unknown_and_proves_no_synchrony():
     found = evaluate(times[seen], counts[seen], PERIOD, 0.0)
     narrow = [each for each in found if each.spread_s < 0.13]
     assert narrow
-    assert all(each.seen == pytest.approx(1 - (10 - LONGEST) / RATE / PERIOD, abs=0.02) for each in narrow)
+    assert all(
+        each.coverage == pytest.approx(1 - (10 - MAX_HOLD_INTERVALS) / RATE / PERIOD, abs=0.02) for each in narrow
+    )
     assert first_synchronised(found, 0.13) is None
 
 
 def test_no_frame_stands_for_more_than_some_usual_ones():
-    assert frame_ends(np.array([0.0, 1.0, 2.0, 12.0]), 13.0).tolist() == [1.0, 2.0, 2.0 + LONGEST, 13.0]
+    assert frame_ends(np.array([0.0, 1.0, 2.0, 12.0]), 13.0).tolist() == [1.0, 2.0, 2.0 + MAX_HOLD_INTERVALS, 13.0]
 
 
 # --- synchrony --------------------------------------------------------------------------------------
@@ -242,8 +244,8 @@ def test_the_first_narrow_evaluation_is_the_time_of_synchrony():
 
 
 def test_a_period_must_have_been_seen_nearly_whole():
-    assert is_synchronised(Evaluation(3.0, 9, 0.1, LEAST_SEEN), 0.125)
-    assert not is_synchronised(Evaluation(3.0, 9, 0.1, LEAST_SEEN - 0.001), 0.125)
+    assert is_synchronised(Evaluation(3.0, 9, 0.1, MIN_COVERAGE), 0.125)
+    assert not is_synchronised(Evaluation(3.0, 9, 0.1, MIN_COVERAGE - 0.001), 0.125)
 
 
 values = st.lists(st.tuples(st.floats(-1e3, 1e3), st.integers(0, 5)), min_size=1).filter(lambda v: any(w for _, w in v))

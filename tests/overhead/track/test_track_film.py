@@ -13,9 +13,9 @@ from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import FilmWriter
 from epuck_sim.overhead.track.annotate import Annotator
-from epuck_sim.overhead.track.film_calibration import CORNERS, DESCRIPTION, LIGHT, RINGS
-from epuck_sim.overhead.track.result import Known, Track
-from epuck_sim.overhead.track.ring_counter import Moment
+from epuck_sim.overhead.track.film_calibration import CORNERS, DESCRIPTION, LIGHT, RINGS, TrackOptions
+from epuck_sim.overhead.track.result import Track
+from epuck_sim.overhead.track.ring_counter import TrackedFrame
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.overhead.track.track_film import (
     annotate_film,
@@ -25,8 +25,8 @@ from epuck_sim.overhead.track.track_film import (
     track_camera,
     track_film,
 )
-from epuck_sim.overhead.truth import Score, compare
 from tests.overhead.film.small_films import cut_off
+from tests.overhead.score import Score, compare
 from tests.overhead.track.films import (
     PLACES,
     SMALL,
@@ -34,7 +34,7 @@ from tests.overhead.track.films import (
     even,
     flashing,
     in_step,
-    lens,
+    make_camera,
     passed,
     read_rings,
     save,
@@ -54,19 +54,19 @@ def reel() -> list[Frame]:
 
 @pytest.fixture(scope="module")
 def named(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
-    """A film of them that says what it is."""
+    """A film of them with a description."""
     return save(tmp_path_factory.mktemp("films") / "named.mp4", reel, described())
 
 
 @pytest.fixture(scope="module")
 def foreign(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
-    """And one that does not."""
+    """A film of them without a description."""
     return save(tmp_path_factory.mktemp("films") / "foreign.mp4", reel)
 
 
 @pytest.fixture(scope="module")
 def tracked(named: str) -> Track:
-    return track_film(named, Known(), None, passed)
+    return track_film(named, TrackOptions(), None, passed)
 
 
 def score(rows: list[dict[str, float]], times_s: Any, ring_on: Any) -> Score:
@@ -81,7 +81,7 @@ def score(rows: list[dict[str, float]], times_s: Any, ring_on: Any) -> Score:
 # --- a film that is whole ---------------------------------------------------------------------------
 
 
-def test_described_film_tells_its_trial(tracked: Track, named: str) -> None:
+def test_described_film_gives_its_trial(tracked: Track, named: str) -> None:
     assert (tracked.film, tracked.frames, tracked.calibration) == (named, len(TIMES), DESCRIPTION)
     assert tracked.counts.tolist() == LIT.sum(axis=1).tolist()
     assert tracked.times_s == pytest.approx(TIMES, abs=1e-4)
@@ -91,37 +91,37 @@ def test_described_film_tells_its_trial(tracked: Track, named: str) -> None:
     assert tracked.flash_ms == pytest.approx(100, abs=5)
 
 
-def test_foreign_film_tells_the_same_trial(tracked: Track, foreign: str) -> None:
-    track = track_film(foreign, Known(), None, passed)
+def test_foreign_film_gives_the_same_trial(tracked: Track, foreign: str) -> None:
+    track = track_film(foreign, TrackOptions(), None, passed)
     assert (track.calibration, track.estimated) == (RINGS, ("period_s", "threshold_ms"))
     assert track.counts.tolist() == tracked.counts.tolist()
     assert track.period_s == pytest.approx(1, abs=0.01)
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s)
 
 
-def test_user_knows_better_than_the_film(named: str) -> None:
-    track = track_film(named, Known(period_s=1.25, robots=3, threshold_ms=500.0), None, passed)
+def test_options_override_the_film(named: str) -> None:
+    track = track_film(named, TrackOptions(period_s=1.25, robots=3, threshold_ms=500.0), None, passed)
     assert (track.period_s, track.threshold_ms, track.estimated) == (1.25, 500.0, ())
     assert track.calibration == DESCRIPTION
-    assert track.warnings == ("6 rings were lit at once, but there are 3 robots: see --robots, or what else is red",)
+    assert track.warnings == ("6 rings were lit at once, but there are 3 robots: check --robots, or what else is red",)
 
 
 def test_rings_are_listed_where_they_are(named: str, tmp_path: Path) -> None:
-    track_film(named, Known(), tmp_path / "rings.csv", passed)
+    track_film(named, TrackOptions(), tmp_path / "rings.csv", passed)
     rows = read_rings(tmp_path / "rings.csv")
     total = score(rows, TIMES, LIT)
     assert (total.found, total.missed, total.false) == (LIT.sum(), 0, 0)
     assert total.worst_cm <= 0.2
     assert all(abs(row["radius_cm"] - 3.5) <= 0.2 for row in rows)
-    at_px = lens().pixels(np.array([(row["x_cm"], row["y_cm"], 4.0) for row in rows]))
+    at_px = make_camera().project(np.array([(row["x_cm"], row["y_cm"], 4.0) for row in rows]))
     assert at_px == pytest.approx(np.array([(row["x_px"], row["y_px"]) for row in rows]), abs=0.01)
     assert [path.name for path in tmp_path.iterdir()] == ["rings.csv"]
 
 
 def test_corners_that_are_given_are_taken(named: str, tmp_path: Path) -> None:
-    corners = lens().pixels(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
-    known = Known(corners_px=tuple((float(x), float(y)) for x, y in corners))
-    track = track_film(named, known, tmp_path / "rings.csv", passed)
+    corners = make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
+    options = TrackOptions(corners_px=tuple((float(x), float(y)) for x, y in corners))
+    track = track_film(named, options, tmp_path / "rings.csv", passed)
     assert (track.calibration, track.period_s, track.estimated) == (CORNERS, 1.0, ("threshold_ms",))
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
     assert score(read_rings(tmp_path / "rings.csv"), TIMES, LIT).worst_cm <= 0.5  # its distortion is not known
@@ -129,7 +129,7 @@ def test_corners_that_are_given_are_taken(named: str, tmp_path: Path) -> None:
 
 def test_scaled_film_is_not_that_of_its_description(tmp_path: Path) -> None:
     name = save(tmp_path / "scaled.mp4", shoot(TIMES, LIT), described(width_px=480, height_px=480))
-    track = track_film(name, Known(), None, passed)
+    track = track_film(name, TrackOptions(), None, passed)
     assert (track.calibration, track.period_s) == (RINGS, 1.0)
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
 
@@ -146,7 +146,7 @@ def begins_lit(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def test_trial_begins_in_the_dark(begins_lit: str, tracked: Track, tmp_path: Path) -> None:
-    track = track_film(begins_lit, Known(period_s=1.0), tmp_path / "rings.csv", passed)
+    track = track_film(begins_lit, TrackOptions(period_s=1.0), tmp_path / "rings.csv", passed)
     assert (track.calibration, track.frames) == (LIGHT, 165)
     assert track.start_s == pytest.approx(1, abs=1e-4)
     assert track.duration_s == pytest.approx(4.5, abs=1e-3)
@@ -159,7 +159,7 @@ def test_trial_begins_in_the_dark(begins_lit: str, tracked: Track, tmp_path: Pat
 
 def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
     name = save(tmp_path / "lit.mp4", shoot(TIMES, LIT, light="lit"), described(light="lit"))
-    track = track_film(name, Known(), tmp_path / "rings.csv", passed)
+    track = track_film(name, TrackOptions(), tmp_path / "rings.csv", passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
     assert score(read_rings(tmp_path / "rings.csv"), TIMES, LIT).worst_cm <= 0.2
@@ -169,7 +169,7 @@ def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
 def test_light_that_goes_on_for_a_moment_hides_no_ring(tmp_path: Path) -> None:
     lit = shoot(TIMES, LIT, light="lit")
     frames = [lit[k] if 50 <= k < 55 or 100 <= k < 140 else dark for k, dark in enumerate(shoot(TIMES, LIT))]
-    track = track_film(save(tmp_path / "flicker.mp4", frames, described()), Known(), None, passed)
+    track = track_film(save(tmp_path / "flicker.mp4", frames, described()), TrackOptions(), None, passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
 
@@ -177,28 +177,28 @@ def test_light_that_goes_on_for_a_moment_hides_no_ring(tmp_path: Path) -> None:
 def test_dark_film_is_refused(tmp_path: Path) -> None:
     frames = shoot(even(1), np.zeros((30, 6), bool))
     with pytest.raises(FilmError, match=r"plain\.mp4: no lit ring is seen"):
-        track_film(save(tmp_path / "plain.mp4", frames), Known(), None, passed)
-    with pytest.raises(FilmError, match=r"told\.mp4: no lit ring is seen in 30 frames"):
-        track_film(save(tmp_path / "told.mp4", frames, described()), Known(), None, passed)
+        track_film(save(tmp_path / "plain.mp4", frames), TrackOptions(), None, passed)
+    with pytest.raises(FilmError, match=r"described\.mp4: no lit ring is seen in 30 frames"):
+        track_film(save(tmp_path / "described.mp4", frames, described()), TrackOptions(), None, passed)
 
 
 @pytest.mark.parametrize("description", [None, described()])
 def test_film_of_one_frame_is_refused(tmp_path: Path, description: dict[str, Any] | None) -> None:
     name = save(tmp_path / "one.mp4", shoot(np.zeros(1), np.ones((1, 6), bool)), description)
     with pytest.raises(FilmError, match=r"one\.mp4: its trial is one frame long"):
-        track_film(name, Known(), None, passed)
+        track_film(name, TrackOptions(), None, passed)
 
 
 def test_short_film_needs_its_period(tmp_path: Path) -> None:
     name = save(tmp_path / "short.mp4", shoot(TIMES[:45], flashing(TIMES[:45], [0.5])))
-    with pytest.raises(FilmError, match=r"short\.mp4: the period cannot be told .* give --period-s"):
-        track_film(name, Known(), None, passed)
-    assert track_film(name, Known(period_s=1.0), None, passed).period_s == 1.0
+    with pytest.raises(FilmError, match=r"short\.mp4: the period cannot be estimated .* give --period-s"):
+        track_film(name, TrackOptions(), None, passed)
+    assert track_film(name, TrackOptions(period_s=1.0), None, passed).period_s == 1.0
 
 
 def test_film_that_is_not_there_is_refused() -> None:
     with pytest.raises(EpuckSimError, match=r"none\.mp4"):
-        track_film("none.mp4", Known(), None, passed)
+        track_film("none.mp4", TrackOptions(), None, passed)
 
 
 # --- frames that come as they like ------------------------------------------------------------------
@@ -207,7 +207,7 @@ def test_film_that_is_not_there_is_refused() -> None:
 def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Track, tmp_path: Path) -> None:
     dropped = {20, 40, 41, 83, 110}
     frames = [frame for k, frame in enumerate(reel) if k not in dropped for _ in range(3 if k % 7 == 0 else 1)]
-    track = track_film(save_stamped(tmp_path / "doubled.mkv", frames), Known(), None, passed)
+    track = track_film(save_stamped(tmp_path / "doubled.mkv", frames), TrackOptions(), None, passed)
     kept = [k for k in range(len(reel)) if k not in dropped]
     assert track.counts.tolist() == tracked.counts[kept].tolist()
     assert track.times_s == pytest.approx(TIMES[kept], abs=1e-3)
@@ -217,9 +217,9 @@ def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Tra
     assert any("frames were dropped" in warning for warning in track.warnings)
 
 
-def test_synchrony_is_not_told_from_a_period_half_of_which_is_missing(reel: list[Frame], tmp_path: Path) -> None:
+def test_synchrony_is_not_detected_in_a_period_half_of_which_is_missing(reel: list[Frame], tmp_path: Path) -> None:
     frames = [frame for frame in reel if not 2.7 < frame.time_s < 3.05]
-    track = track_film(save_stamped(tmp_path / "gap.mkv", frames), Known(period_s=1.0), None, passed)
+    track = track_film(save_stamped(tmp_path / "gap.mkv", frames), TrackOptions(period_s=1.0), None, passed)
     assert track.t_sync_s == pytest.approx(3.55, abs=0.02)
 
 
@@ -228,16 +228,16 @@ def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None
     times_s = np.cumsum(random.uniform(0.02, 0.045, 140))
     times_s = np.round(times_s - times_s[0], 3)
     ring_on = in_step(times_s)
-    track = track_film(save_stamped(tmp_path / "uneven.mkv", shoot(times_s, ring_on)), Known(), None, passed)
+    track = track_film(save_stamped(tmp_path / "uneven.mkv", shoot(times_s, ring_on)), TrackOptions(), None, passed)
     assert track.counts.tolist() == ring_on.sum(axis=1).tolist()
     assert track.period_s == pytest.approx(1, abs=0.01)
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s, abs=0.05)
 
 
-def test_film_that_was_cut_off_tells_what_is_left(reel: list[Frame], tmp_path: Path) -> None:
+def test_film_that_was_cut_off_is_tracked_to_its_end(reel: list[Frame], tmp_path: Path) -> None:
     path = tmp_path / "cut.mkv"
     save_stamped(path, reel)
-    track = track_film(str(cut_off(path, 0.8)), Known(period_s=1.0), None, passed)
+    track = track_film(str(cut_off(path, 0.8)), TrackOptions(period_s=1.0), None, passed)
     assert track.t_sync_s == pytest.approx(2.55, abs=0.02)
     assert track.frames < len(reel)
 
@@ -248,7 +248,7 @@ def test_film_that_was_cut_off_tells_what_is_left(reel: list[Frame], tmp_path: P
 def test_snapshot_shows_all_rings_of_the_moment(tracked: Track) -> None:
     shown = snapshot(tracked)
     assert shown.time_s == pytest.approx(2.5 + 1 / 30, abs=1e-3)
-    ring_px = lens().pixels(np.column_stack([PLACES, np.full(6, 4.0)]))
+    ring_px = make_camera().project(np.column_stack([PLACES, np.full(6, 4.0)]))
     away = np.linalg.norm(shown.rings_px[:, None, :2] - ring_px, axis=2)
     assert away.shape == (6, 6)
     assert (away.min(axis=0) <= 1).all()
@@ -257,7 +257,7 @@ def test_snapshot_shows_all_rings_of_the_moment(tracked: Track) -> None:
 def test_snapshot_shows_a_mode_that_lasts_for_one_frame(tmp_path: Path) -> None:
     phases = [0.5, 0.5, 0.5, 0.56, 0.56, 0.56]  # all are lit in the third frame only
     name = save(tmp_path / "brief.mp4", shoot(TIMES, flashing(TIMES, phases)), described())
-    track = track_film(name, Known(threshold_ms=100.0), None, passed)
+    track = track_film(name, TrackOptions(threshold_ms=100.0), None, passed)
     assert track.evaluations[0].rings == 6
     assert track.t_sync_s is not None
     assert len(snapshot(track).rings_px) == 6
@@ -266,7 +266,7 @@ def test_snapshot_shows_a_mode_that_lasts_for_one_frame(tmp_path: Path) -> None:
 def test_snapshot_of_a_swarm_that_never_synchronises_is_the_last_frame(tmp_path: Path) -> None:
     times_s = even(2.55)
     name = save(tmp_path / "never.mp4", shoot(times_s, flashing(times_s, [0.5, 0.8])), described())
-    shown = snapshot(track_film(name, Known(), None, passed))
+    shown = snapshot(track_film(name, TrackOptions(), None, passed))
     assert shown.time_s == pytest.approx(times_s[-1], abs=1e-4)
     assert len(shown.rings_px) == 1
 
@@ -275,13 +275,13 @@ def test_snapshot_of_a_swarm_that_never_synchronises_is_the_last_frame(tmp_path:
 
 
 def breaking(error: type[BaseException], after: int) -> Callable[[Iterable[Frame], float | None], Iterator[Frame]]:
-    """Return what passes so many frames on, and raises an error then."""
+    """Return a progress wrapper that yields some frames and then raises an error."""
 
-    def passing(frames: Iterable[Frame], _: float | None) -> Iterator[Frame]:
+    def progress(frames: Iterable[Frame], _: float | None) -> Iterator[Frame]:
         yield from itertools.islice(frames, after)
         raise error
 
-    return passing
+    return progress
 
 
 def test_annotated_film_has_the_frames_and_a_strip(tracked: Track, tmp_path: Path) -> None:
@@ -301,18 +301,18 @@ def test_annotated_film_has_the_frames_and_a_strip(tracked: Track, tmp_path: Pat
 def test_annotation_says_what_the_track_says(
     named: str, tmp_path: Path, threshold_ms: float | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    track = track_film(named, Known(threshold_ms=threshold_ms), None, passed)
-    told: list[Moment] = []
+    track = track_film(named, TrackOptions(threshold_ms=threshold_ms), None, passed)
+    annotated: list[TrackedFrame] = []
 
-    def annotate(annotator: Annotator, *moment: Any) -> Any:
-        told.append(Moment(*moment))
+    def annotate(annotator: Annotator, *tracked: Any) -> Any:
+        annotated.append(TrackedFrame(*tracked))
         return np.zeros((annotator.height_px, annotator.width_px, 3), np.uint8)
 
     monkeypatch.setattr(Annotator, "annotate", annotate)
     annotate_film(track, tmp_path / "annotated.mp4", passed)
-    assert told[-1].t_sync_s == track.t_sync_s
-    assert [moment.evaluation for moment in told if moment.evaluation] == list(track.evaluations)
-    assert [len(moment.rings) for moment in told] == track.counts.tolist()
+    assert annotated[-1].t_sync_s == track.t_sync_s
+    assert [tracked.evaluation for tracked in annotated if tracked.evaluation] == list(track.evaluations)
+    assert [len(tracked.rings) for tracked in annotated] == track.counts.tolist()
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, FilmError])
@@ -332,15 +332,15 @@ def test_interrupted_table_leaves_what_was_there(
 ) -> None:
     (tmp_path / "rings.csv").write_text("older")
     with pytest.raises(error):
-        track_film(named, Known(), tmp_path / "rings.csv", breaking(error, after))
+        track_film(named, TrackOptions(), tmp_path / "rings.csv", breaking(error, after))
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("rings.csv", "older")]
 
 
 def test_table_that_cannot_be_written_is_refused(named: str, tmp_path: Path) -> None:
     with pytest.raises(EpuckSimError, match=r"cannot be written"):
-        track_film(named, Known(), tmp_path / "none" / "rings.csv", passed)
+        track_film(named, TrackOptions(), tmp_path / "none" / "rings.csv", passed)
     with pytest.raises(EpuckSimError, match=r"cannot be written: is a directory"):
-        track_film(named, Known(), tmp_path, passed)
+        track_film(named, TrackOptions(), tmp_path, passed)
 
 
 @pytest.mark.parametrize("name", ["annotated.avi", "none/annotated.mp4"])
@@ -373,7 +373,7 @@ def test_nothing_is_written_where_nothing_is_wanted(tmp_path: Path, monkeypatch:
 
 
 class Imitation:
-    """A camera that gives so many frames, and then what a user or a cable does."""
+    """A camera that delivers some frames, and then raises an exception."""
 
     name = "camera 7"
     width_px, height_px = SMALL["width_px"], SMALL["height_px"]
@@ -418,7 +418,7 @@ def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
 def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
     camera = plug(reel)
     track = track_camera(
-        7, Known(robots=6, order_parameter=0.99), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed
+        7, TrackOptions(robots=6, order_parameter=0.99), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed
     )
     assert not camera.is_open
     assert (track.film, track.calibration, track.period_s) == ("camera 7", RINGS, 1.0)
@@ -436,7 +436,7 @@ def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Fra
 def test_camera_needs_no_frame_of_the_dark_if_it_saw_the_floor(plug: Plug) -> None:
     times_s = even(5)
     plug(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
-    track = track_camera(7, Known(threshold_ms=50.0), 1.0, None, None, passed)
+    track = track_camera(7, TrackOptions(threshold_ms=50.0), 1.0, None, None, passed)
     assert track.calibration == LIGHT
     assert track.start_s == pytest.approx(1)
     assert track.t_sync_s == pytest.approx(2.55, abs=1e-3)
@@ -444,13 +444,13 @@ def test_camera_needs_no_frame_of_the_dark_if_it_saw_the_floor(plug: Plug) -> No
 
 def test_threshold_of_a_camera_is_the_one_that_is_known(plug: Plug, reel: list[Frame]) -> None:
     plug(reel)
-    track = track_camera(7, Known(threshold_ms=1.0), 1.0, None, None, passed)
+    track = track_camera(7, TrackOptions(threshold_ms=1.0), 1.0, None, None, passed)
     assert (track.threshold_ms, track.t_sync_s) == (1.0, None)
 
 
 def test_ctrl_c_gives_what_is_known_so_far(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
     plug(reel[:70])
-    track = track_camera(7, Known(corners_px=CORNERS_PX), 1.0, tmp_path / "r.csv", tmp_path / "s.mp4", passed)
+    track = track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, tmp_path / "r.csv", tmp_path / "s.mp4", passed)
     assert track.t_sync_s is None
     assert track.frames == 70
     assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
@@ -460,7 +460,8 @@ def test_ctrl_c_gives_what_is_known_so_far(plug: Plug, reel: list[Frame], tmp_pa
 
 
 CORNERS_PX = tuple(
-    (float(x), float(y)) for x, y in lens().pixels(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
+    (float(x), float(y))
+    for x, y in make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
 )
 
 
@@ -468,21 +469,21 @@ def test_ctrl_c_in_the_dark_is_no_light(plug: Plug) -> None:
     dark = shoot(even(1), np.zeros((30, 6), bool))
     plug(dark)
     with pytest.raises(FilmError, match=r"^camera 7: no lit ring is seen in 30 frames"):
-        track_camera(7, Known(corners_px=CORNERS_PX), 1.0, None, None, passed)
+        track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, None, None, passed)
 
 
-def test_ctrl_c_before_a_ring_told_the_camera_leaves_nothing(plug: Plug, tmp_path: Path) -> None:
+def test_ctrl_c_before_the_calibration_leaves_nothing(plug: Plug, tmp_path: Path) -> None:
     camera = plug(shoot(even(1), np.zeros((30, 6), bool)))
     with pytest.raises(KeyboardInterrupt):
-        track_camera(7, Known(), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
+        track_camera(7, TrackOptions(), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
     assert not camera.is_open
     assert not list(tmp_path.iterdir())
 
 
-def test_camera_that_is_unplugged_tells_what_it_saw(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    camera = plug(reel[:70], FilmError("camera 7 gives no more pictures"))
-    track = track_camera(7, Known(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", None, passed)
-    assert track.warnings == ("camera 7 gives no more pictures",)
+def test_camera_that_is_unplugged_is_tracked_until_then(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
+    camera = plug(reel[:70], FilmError("camera 7 delivers no more pictures"))
+    track = track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", None, passed)
+    assert track.warnings == ("camera 7 delivers no more pictures",)
     assert track.frames == 70
     assert not camera.is_open
     assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
@@ -497,7 +498,7 @@ def test_film_of_a_camera_that_cannot_be_written_is_no_end_of_it(
     camera = plug(reel)
     monkeypatch.setattr(FilmWriter, "write", write)
     with pytest.raises(FilmError, match="no space left"):
-        track_camera(7, Known(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
+        track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
     assert not camera.is_open
     assert not list(tmp_path.iterdir())
 
@@ -506,8 +507,8 @@ def test_film_without_light_leaves_no_table(plug: Plug, tmp_path: Path) -> None:
     dark = save(tmp_path / "dark.mp4", shoot(even(1), np.zeros((30, 6), bool)))
     plug(shoot(even(1), np.zeros((30, 6), bool)))
     for track in (
-        lambda rings: track_film(dark, Known(corners_px=CORNERS_PX), rings, passed),
-        lambda rings: track_camera(7, Known(corners_px=CORNERS_PX), 1.0, rings, None, passed),
+        lambda rings: track_film(dark, TrackOptions(corners_px=CORNERS_PX), rings, passed),
+        lambda rings: track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, rings, None, passed),
     ):
         with pytest.raises(FilmError, match="no lit ring is seen"):
             track(tmp_path / "rings.csv")

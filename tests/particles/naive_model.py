@@ -1,8 +1,8 @@
-"""The model of thesis chapters 3 and 5 again, in plain Python: slow, without a trick, for comparison with the kernel.
+"""A naive implementation of thesis chapters 3 and 5 in plain Python: slow, for comparison with the kernel.
 
-Written from the thesis (3.1, 5.1, Appendix D) and the project's facts. Phases and positions are moved forward at every
-event; neighbours are found among all from where everybody is; the cascade is one of sets. Only two things are taken
-from the swarm that it is compared with: the state at the beginning, and each agent's own stream of random numbers.
+It was written from the thesis (3.1, 5.1, Appendix D) and from nothing else. Phases and positions are updated at every
+event, neighbours are searched for among all agents, and a cascade is computed with sets. Only two things are taken
+from the simulation that it is compared with: the initial state, and each agent's stream of random numbers.
 """
 
 import math
@@ -11,35 +11,35 @@ from typing import NamedTuple
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.util.rng import uniform
 
-ONE_INSTANT = 1e-12
-"""Cycles: firings that are no farther apart happen at once."""
+SIMULTANEITY_CYCLES = 1e-12
+"""Firings that are no farther apart than this happen at once."""
 
 
-class Occasion(NamedTuple):
-    """What happens at one time."""
+class NaiveEvent(NamedTuple):
+    """What happens at one time, and how close its decisions were."""
 
     time: float
-    """In cycles."""
+    """Cycles since the beginning."""
     turned: int | None
     fired: frozenset[int]
-    heard: frozenset[int]
+    received: frozenset[int]
     margin: float
-    """By how much, relative to what was compared, the closest decision was made; of rounding's size: anything goes."""
+    """Relative margin of the closest decision; one of the size of rounding errors may go either way."""
 
 
-class Oracle:
-    """A twin of a swarm that has not begun yet."""
+class NaiveModel:
+    """A second implementation, which starts from the state of a fresh simulation."""
 
     def __init__(self, swarm: ParticleSimulation) -> None:
         self.scenario = swarm.scenario
-        flights, clocks = swarm._flights, swarm._clocks
+        trajectories, oscillators = swarm._trajectories, swarm._oscillators
         agents = range(self.scenario.agents.count)
-        self.positions = [[float(x) for x in flights.origin[:, agent]] for agent in agents]
-        self.headings = [[float(x) for x in flights.heading[:, agent]] for agent in agents]
-        self.speeds = [float(speed) for speed in flights.speed]
-        self.periods = [float(period) for period in clocks.period]
-        self.phases = [1 - float(clocks.due[agent]) / self.periods[agent] for agent in agents]
-        self.streams = flights.streams.copy()
+        self.positions = [[float(x) for x in trajectories.origin[:, agent]] for agent in agents]
+        self.headings = [[float(x) for x in trajectories.heading[:, agent]] for agent in agents]
+        self.speeds = [float(speed) for speed in trajectories.speed]
+        self.periods = [float(period) for period in oscillators.period]
+        self.phases = [1 - float(oscillators.next_firing[agent]) / self.periods[agent] for agent in agents]
+        self.streams = trajectories.streams.copy()
         self.time = 0.0
         self.cycles = 0
         self.order: float | None = None
@@ -47,29 +47,31 @@ class Oracle:
 
     # --- from one event to the next ------------------------------------------------------------------
 
-    def step(self) -> Occasion:
-        """Go on to the next event."""
+    def step(self) -> NaiveEvent:
+        """Simulate up to the next event and return it."""
         agents = range(len(self.phases))
         left = [(1 - self.phases[agent]) * self.periods[agent] for agent in agents]
-        walls = [self.to_wall(agent) for agent in agents]
+        walls = [self.wall_hit(agent) for agent in agents]
         firing, wall = min(left), min(walls)
         others = sorted([*left, *(until for until, _, _ in walls)])
         self.is_synchronised = False
         if wall[0] <= firing:
-            self.forward(wall[0])
+            self.advance(wall[0])
             turned = walls.index(wall)
-            self.reach(turned, wall[1], wall[2])
-            return Occasion(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
-        self.forward(firing)
-        at_once = {agent for agent in agents if left[agent] <= firing + ONE_INSTANT}
-        # those merged are apart by rounding; who is apart by about the limit may or may not fire with them
-        margins = [abs(gap - firing - ONE_INSTANT) if gap - firing > ONE_INSTANT / 10 else 1.0 for gap in left]
+            self.reflect(turned, wall[1], wall[2])
+            return NaiveEvent(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
+        self.advance(firing)
+        at_once = {agent for agent in agents if left[agent] <= firing + SIMULTANEITY_CYCLES}
+        # merged oscillators differ by rounding; those about as far apart as the limit may or may not fire with them
+        margins = [
+            abs(gap - firing - SIMULTANEITY_CYCLES) if gap - firing > SIMULTANEITY_CYCLES / 10 else 1.0 for gap in left
+        ]
         margins += [abs(until - firing) for until, _, _ in walls]
-        fired, heard = self.cascade(at_once, margins)
-        return Occasion(self.time, None, frozenset(fired), frozenset(heard), min(margins))
+        fired, received = self.cascade(at_once, margins)
+        return NaiveEvent(self.time, None, frozenset(fired), frozenset(received), min(margins))
 
-    def forward(self, cycles: float) -> None:
-        """Let time pass (eqs. 3.1 and 5.9)."""
+    def advance(self, cycles: float) -> None:
+        """Let time pass (eqs. 3.1 and 5.9); nothing else happens."""
         for agent, position in enumerate(self.positions):
             self.phases[agent] += cycles / self.periods[agent]
             for axis, ahead in enumerate(self.headings[agent]):
@@ -77,12 +79,12 @@ class Oracle:
         self.time += cycles
 
     def run_to(self, time: float) -> None:
-        """Let time pass until then, at which nothing happens."""
-        self.forward(time - self.time)
+        """Let time pass up to a time before the next event."""
+        self.advance(time - self.time)
 
     # --- motion (3.1, 5.1.2, D) ----------------------------------------------------------------------
 
-    def to_wall(self, agent: int) -> tuple[float, int, bool]:
+    def wall_hit(self, agent: int) -> tuple[float, int, bool]:
         """Return when, from now, an agent reaches a wall, along which axis, and whether it is the far one."""
         found = (math.inf, 0, False)
         for axis, (place, ahead) in enumerate(zip(self.positions[agent], self.headings[agent], strict=True)):
@@ -92,8 +94,8 @@ class Oracle:
                 found = min(found, (max(way, 0.0) / abs(pace), axis, pace > 0))
         return found
 
-    def reach(self, agent: int, axis: int, is_far: bool) -> None:
-        """Have an agent reach a wall: in a cyclic space it comes in opposite, else it sets out anew."""
+    def reflect(self, agent: int, axis: int, is_far: bool) -> None:
+        """Reflect an agent at a wall in a random direction; in a cyclic space, let it enter on the opposite side."""
         side = self.scenario.space.side_cm
         self.positions[agent][axis] = side if is_far else 0.0
         if self.scenario.space.boundary == "cyclic":
@@ -108,10 +110,10 @@ class Oracle:
             heading[axis], heading[1 - axis] = normal * math.cos(angle), math.sin(angle)
         else:  # uniform over a hemisphere: so is the height above its rim (Archimedes)
             height, azimuth = 1 - uniform(stream), 2 * math.pi * uniform(stream)
-            self.head(heading, axis, normal * height, azimuth)
+            self.set_heading(heading, axis, normal * height, azimuth)
 
-    def set_out_anywhere(self, agent: int) -> None:
-        """Reorient an agent (D.1)."""
+    def reorient(self, agent: int) -> None:
+        """Turn an agent in a random direction (D.1)."""
         heading, stream = self.headings[agent], self.streams[agent]
         if len(heading) == 1:
             heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
@@ -120,19 +122,19 @@ class Oracle:
             heading[:] = math.cos(angle), math.sin(angle)
         else:
             height, azimuth = 2 * uniform(stream) - 1, 2 * math.pi * uniform(stream)
-            self.head(heading, 2, height, azimuth)
+            self.set_heading(heading, 2, height, azimuth)
 
     @staticmethod
-    def head(heading: list[float], axis: int, height: float, azimuth: float) -> None:
+    def set_heading(heading: list[float], axis: int, height: float, azimuth: float) -> None:
         rim = math.sqrt(1 - height**2)
         heading[axis] = height
         heading[(axis + 1) % 3] = rim * math.cos(azimuth)
         heading[(axis + 2) % 3] = rim * math.sin(azimuth)
 
-    # --- who hears whom (3.1.2, 5.1.3) ---------------------------------------------------------------
+    # --- neighbourhoods (3.1.2, 5.1.3) ---------------------------------------------------------------
 
-    def apart(self, of: int, seen_from: int) -> list[float]:
-        """Return the way from one agent to another; in a cyclic space the shorter one along each axis."""
+    def offset(self, of: int, seen_from: int) -> list[float]:
+        """Return the offset between two agents; in a cyclic space, the shorter one along each axis."""
         side = self.scenario.space.side_cm
         ways = []
         for there, here in zip(self.positions[of], self.positions[seen_from], strict=True):
@@ -143,27 +145,27 @@ class Oracle:
         return ways
 
     def neighbours(self, firing: int, margins: list[float]) -> set[int]:
-        """Return who hears an agent that fires."""
+        """Return the agents that receive the pulse of a firing agent."""
         rule = self.scenario.neighbourhood
         others = [agent for agent in range(len(self.phases)) if agent != firing]
         side = self.scenario.space.side_cm
         if rule.kind == "all":
             return set(others)
         if rule.kind == "nearest":
-            by_distance = sorted((math.hypot(*self.apart(other, firing)), other) for other in others)
+            by_distance = sorted((math.hypot(*self.offset(other, firing)), other) for other in others)
             if 0 < rule.k < len(others):
                 margins.append((by_distance[rule.k][0] - by_distance[rule.k - 1][0]) / side)
             return {other for _, other in by_distance[: rule.k]}
         found = set()
         for other in others:
-            way = self.apart(other, firing)
+            way = self.offset(other, firing)
             distance = math.hypot(*way)
             is_near, is_ahead = True, True
             if rule.radius_cm is not None:
                 is_near = distance <= rule.radius_cm
                 margins.append(abs(distance - rule.radius_cm) / side)
             if rule.kind != "range" and rule.angle_deg < 360:
-                if rule.kind == "cone_of_vision":  # that of the one who hears
+                if rule.kind == "cone_of_vision":  # the cone of the receiver
                     eye, way = other, [-along for along in way]
                 else:
                     eye = firing
@@ -188,43 +190,43 @@ class Oracle:
         return -response.coupling * phase if phase <= 0.5 else response.coupling * (1 - phase)
 
     def cascade(self, at_once: set[int], margins: list[float]) -> tuple[set[int], set[int]]:
-        """Let these fire, and all whom that makes fire; return who has fired and who has had its phase shifted."""
-        fired, heard, waiting = set(at_once), set(), set(at_once)
+        """Fire these agents and all that their pulses make fire; return the agents that fired, and that received."""
+        fired, received, waiting = set(at_once), set(), set(at_once)
         while waiting:
-            for hearer in self.neighbours(waiting.pop(), margins):
-                phase, refractory = self.phases[hearer], self.scenario.response.refractory
-                if hearer in fired or hearer in heard:
+            for receiver in self.neighbours(waiting.pop(), margins):
+                phase, refractory = self.phases[receiver], self.scenario.response.refractory
+                if receiver in fired or receiver in received:
                     continue
                 margins.append(abs(phase - refractory))
                 if phase <= refractory:
                     continue
-                heard.add(hearer)
+                received.add(receiver)
                 after = phase + self.shift(phase)
                 if self.scenario.response.curve == "sawtooth":
                     margins.append(abs(phase - 0.5))
                 if self.scenario.response.coupling:
                     margins.append(abs(after - 1) or 1.0)  # sawtooth and kappa = 1: exactly 1
-                self.phases[hearer] = min(max(after, 0.0), 1.0)
+                self.phases[receiver] = min(max(after, 0.0), 1.0)
                 if after >= 1:
-                    fired.add(hearer)
-                    waiting.add(hearer)
+                    fired.add(receiver)
+                    waiting.add(receiver)
         for agent in fired:
             self.phases[agent] = 0.0
         motion = self.scenario.agents.reorient_on
-        for agent in sorted(fired | heard):
-            if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in heard):
-                self.set_out_anywhere(agent)
+        for agent in sorted(fired | received):
+            if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in received):
+                self.reorient(agent)
         if self.scenario.stop.reference in fired:
             self.cycles += 1
-            self.order = self.measure()
+            self.order = self.measure_order()
             threshold = self.scenario.stop.order_parameter
             if threshold is not None and len(self.phases) > 1:
                 self.is_synchronised = self.order >= threshold
-        return fired, heard
+        return fired, received
 
     # --- the metric (3.1.5, 5.1.4) -------------------------------------------------------------------
 
-    def measure(self) -> float:
+    def measure_order(self) -> float:
         """Return the order parameter: eq. 5.7 or 3.4."""
         angles = [2 * math.pi * phase for phase in self.phases]
         eta = sum(map(math.cos, angles)) / len(angles)

@@ -1,4 +1,4 @@
-"""Who hears whom: by brute force at each firing, whatever was known from firings before."""
+"""The agents that receive each pulse are those that a brute-force search finds, whatever was cached before."""
 
 import math
 
@@ -7,8 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.particles.oracle import Oracle
-from tests.particles.scenes import KINDS, UNSURE, agree, any_sections, hand_made, neighbourhoods, swarm_of, who
+from tests.particles.naive_model import NaiveModel
+from tests.particles.simulations import (
+    KINDS,
+    TOO_CLOSE,
+    any_sections,
+    as_set,
+    compare_events,
+    make_resting,
+    make_simulation,
+    neighbourhoods,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)
@@ -19,8 +28,8 @@ SIDE_CM = 60.0
 # --- brute force ------------------------------------------------------------------------------------
 
 
-def hearers(swarm, firing):
-    """Return a mask of the agents that hear one fire, and a mask of those for whom it is too close to call."""
+def brute_force_receivers(swarm, firing):
+    """Return a mask of the agents that receive a pulse, and a mask of those too close to the edge to decide."""
     rule, side = swarm.scenario.neighbourhood, swarm.scenario.space.side_cm
     places, headings = swarm.positions(), swarm.headings()
     way = places - places[firing]
@@ -35,25 +44,25 @@ def hearers(swarm, firing):
     if rule.kind == "nearest":
         reach = np.sort(distance[others])[rule.k - 1]
         ranked = np.sort(distance[others])
-        if rule.k < agents - 1 and ranked[rule.k] - ranked[rule.k - 1] < UNSURE * side:
-            close = np.abs(distance - reach) < UNSURE * side
+        if rule.k < agents - 1 and ranked[rule.k] - ranked[rule.k - 1] < TOO_CLOSE * side:
+            close = np.abs(distance - reach) < TOO_CLOSE * side
         return others & (distance <= reach), close
     inside = others.copy()
     if rule.radius_cm is not None:
         inside &= distance <= rule.radius_cm
-        close |= np.abs(distance - rule.radius_cm) < UNSURE * side
+        close |= np.abs(distance - rule.radius_cm) < TOO_CLOSE * side
     if rule.kind != "range" and rule.angle_deg < 360:
         with np.errstate(invalid="ignore"):
             unit = way / distance[:, None]
         ahead = (-unit * headings).sum(axis=1) if rule.kind == "cone_of_vision" else unit @ headings[firing]
         edge = math.cos(math.radians(rule.angle_deg / 2))
         inside &= ahead >= edge
-        close |= np.abs(ahead - edge) < UNSURE
+        close |= np.abs(ahead - edge) < TOO_CLOSE
     return inside, close
 
 
-def are_found(swarm, firings):
-    """Compare who hears with brute force at so many instants of deaf oscillators; return how many were compared."""
+def compare_receivers(swarm, firings):
+    """Compare receivers with brute force at some instants of uncoupled oscillators; return the number compared."""
     compared = 0
     for _ in range(firings):
         event = next(swarm)
@@ -61,10 +70,10 @@ def are_found(swarm, firings):
             event = next(swarm)
         if len(event.fired) > 1:
             continue
-        inside, close = hearers(swarm, int(event.fired[0]))
-        heard = np.zeros(len(inside), bool)
-        heard[event.heard] = True
-        assert (heard == inside)[~close].all()
+        inside, close = brute_force_receivers(swarm, int(event.fired[0]))
+        received = np.zeros(len(inside), bool)
+        received[event.received] = True
+        assert (received == inside)[~close].all()
         compared += not close.any()
     return compared
 
@@ -73,20 +82,20 @@ def are_found(swarm, firings):
 @boundaries
 @given(st.data(), SEEDS)
 @settings(max_examples=12)
-def test_who_hears_is_who_is_in_the_neighbourhood_at_that_time(kind, boundary, data, seed):
+def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, boundary, data, seed):
     agents = data.draw(st.integers(20, 60))
     pace = data.draw(st.sampled_from([0.0, 1e-3, 0.02, 0.3, 2.0, 50.0]))
-    swarm = swarm_of(
+    swarm = make_simulation(
         seed,
         space={"dimensions": data.draw(st.integers(1, 3)), "side_cm": SIDE_CM, "boundary": boundary},
         agents={"count": agents, "speed_cm_s": pace, "speed_distribution": "exponential"},
         neighbourhood=data.draw(neighbourhoods(kind, agents, SIDE_CM)),
         response={"coupling": 0},
     )
-    assert are_found(swarm, 300) > 250
+    assert compare_receivers(swarm, 300) > 250
 
 
-# slow enough for neighbours to be known for long, for so long that they change many times
+# slow enough for neighbours to be cached, and for enough cycles for them to change many times
 @pytest.mark.parametrize(("speed_cm_s", "cycles"), [(0.05, 300), (1.0, 60), (20.0, 15)])
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
 @pytest.mark.parametrize(
@@ -107,7 +116,7 @@ def test_who_hears_is_who_is_in_the_neighbourhood_at_that_time(kind, boundary, d
     ids=lambda rule: "-".join(map(str, rule.values())),
 )
 def test_a_neighbourhood_that_is_known_is_given_up_in_time(rule, dimensions, speed_cm_s, cycles):
-    swarm = swarm_of(
+    swarm = make_simulation(
         7,
         space={"dimensions": dimensions, "side_cm": 30.0},
         agents={"count": 25, "speed_cm_s": speed_cm_s},
@@ -115,7 +124,7 @@ def test_a_neighbourhood_that_is_known_is_given_up_in_time(rule, dimensions, spe
         response={"coupling": 0},
     )
     firings = 25 * cycles // 3
-    assert are_found(swarm, firings) > 0.95 * firings
+    assert compare_receivers(swarm, firings) > 0.95 * firings
 
 
 @pytest.mark.slow
@@ -123,24 +132,24 @@ def test_a_neighbourhood_that_is_known_is_given_up_in_time(rule, dimensions, spe
 @boundaries
 @given(st.data(), SEEDS)
 @settings(max_examples=150)
-def test_who_hears_is_who_is_in_the_neighbourhood_in_many_more_swarms(kind, boundary, data, seed):
+def test_receivers_are_the_agents_in_the_neighbourhood_in_many_more_swarms(kind, boundary, data, seed):
     agents = data.draw(st.integers(2, 150))
-    swarm = swarm_of(
+    swarm = make_simulation(
         seed,
         space={"dimensions": data.draw(st.integers(1, 3)), "side_cm": SIDE_CM, "boundary": boundary},
         agents={"count": agents, "speed_cm_s": 10 ** data.draw(st.floats(-4, 2))},
         neighbourhood=data.draw(neighbourhoods(kind, agents, SIDE_CM)),
         response={"coupling": 0},
     )
-    are_found(swarm, 1500)
+    compare_receivers(swarm, 1500)
 
 
 @kinds
 @given(st.data(), SEEDS)
 @settings(max_examples=6)
-def test_larger_swarms_do_what_the_plain_twin_does(kind, data, seed):
-    swarm = swarm_of(seed, **data.draw(any_sections(kind, most_agents=50, fewest_agents=20)))
-    agree(swarm, Oracle(swarm), cycles=6)
+def test_larger_swarms_agree_with_the_naive_model(kind, data, seed):
+    swarm = make_simulation(seed, **data.draw(any_sections(kind, most_agents=50, fewest_agents=20)))
+    compare_events(swarm, NaiveModel(swarm), cycles=6)
 
 
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
@@ -156,70 +165,70 @@ def test_larger_swarms_do_what_the_plain_twin_does(kind, data, seed):
     ids=lambda rule: rule["kind"],
 )
 @pytest.mark.parametrize(("agents", "speed_cm_s"), [(700, 1.0), (2500, 0.01), (2500, 40.0)])
-def test_in_a_crowd_too_who_hears_is_who_is_in_the_neighbourhood(agents, speed_cm_s, rule, boundary):
+def test_receivers_in_large_swarms_are_the_agents_in_the_neighbourhood(agents, speed_cm_s, rule, boundary):
     for dimensions in (1, 2, 3):
-        swarm = swarm_of(
+        swarm = make_simulation(
             2,
             space={"dimensions": dimensions, "side_cm": SIDE_CM, "boundary": boundary},
             agents={"count": agents, "speed_cm_s": speed_cm_s},
             neighbourhood=rule,
             response={"coupling": 0},
         )
-        compared = are_found(swarm, 40)
+        compared = compare_receivers(swarm, 40)
         swarm.run_to(1.7)
-        assert compared + are_found(swarm, 40) > 70
+        assert compared + compare_receivers(swarm, 40) > 70
 
 
-# --- who is in a neighbourhood, by hand -------------------------------------------------------------
+# --- neighbourhoods set by hand ---------------------------------------------------------------------
 
 
-def heard_by(places, headings, firing=0, side_cm=100.0, boundary="bounded", **rule):
-    """Return who hears one of some agents that stand still."""
+def receivers_of(places, headings, firing=0, side_cm=100.0, boundary="bounded", **rule):
+    """Return the agents that receive the pulse of one of some agents that stand still."""
     count = len(places)
     phases = np.full(count, 0.5)
     phases[firing] = 0.9
     space = {"dimensions": len(places[0]), "side_cm": side_cm, "boundary": boundary}
-    return who(next(hand_made(phases, places, headings, neighbourhood=rule, space=space)).heard)
+    return as_set(next(make_resting(phases, places, headings, neighbourhood=rule, space=space)).received)
 
 
 PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
 EAST, NORTH, WEST, SOUTH = [1, 0], [0, 1], [-1, 0], [0, -1]
 
 
-@pytest.mark.parametrize(("k", "heard"), [(1, {4}), (2, {4, 1}), (3, {4, 1, 2}), (4, {1, 2, 3, 4})])
-def test_the_k_nearest_to_the_one_that_fires_hear_it(k, heard):
-    assert heard_by(PLACES, [EAST] * 5, kind="nearest", k=k) == heard
+@pytest.mark.parametrize(("k", "received"), [(1, {4}), (2, {4, 1}), (3, {4, 1, 2}), (4, {1, 2, 3, 4})])
+def test_the_k_nearest_to_the_firing_agent_receive_its_pulse(k, received):
+    assert receivers_of(PLACES, [EAST] * 5, kind="nearest", k=k) == received
 
 
 def test_being_nearest_is_not_mutual():
     line = [[0.0], [10.0], [19.0]]
-    assert heard_by(line, [[1]] * 3, kind="nearest") == {1}
-    assert heard_by(line, [[1]] * 3, firing=1, kind="nearest") == {2}
+    assert receivers_of(line, [[1]] * 3, kind="nearest") == {1}
+    assert receivers_of(line, [[1]] * 3, firing=1, kind="nearest") == {2}
 
 
 @pytest.mark.parametrize(
-    ("radius_cm", "heard"), [(4.9, set()), (5, {4}), (10, {4, 1}), (19, {4, 1, 2}), (20, {1, 2, 3, 4})]
+    ("radius_cm", "received"), [(4.9, set()), (5, {4}), (10, {4, 1}), (19, {4, 1, 2}), (20, {1, 2, 3, 4})]
 )
-def test_everybody_within_a_range_hears_its_edge_included(radius_cm, heard):
-    assert heard_by(PLACES, [EAST] * 5, kind="range", radius_cm=radius_cm) == heard
+def test_all_agents_within_a_range_receive_including_its_edge(radius_cm, received):
+    assert receivers_of(PLACES, [EAST] * 5, kind="range", radius_cm=radius_cm) == received
     for kind in ("cone_of_vision", "cone_of_emission"):
-        assert heard_by(PLACES, [EAST] * 5, kind=kind, radius_cm=radius_cm, angle_deg=360) == heard
+        assert receivers_of(PLACES, [EAST] * 5, kind=kind, radius_cm=radius_cm, angle_deg=360) == received
 
 
-def test_who_sees_the_one_that_fires_hears_it_by_a_cone_of_vision():
+def test_with_a_cone_of_vision_agents_that_see_the_firing_agent_receive():
     looking_at_0 = [EAST, WEST, SOUTH, EAST, NORTH]
     rule = {"kind": "cone_of_vision", "angle_deg": 20}
-    assert heard_by(PLACES, looking_at_0, **rule) == {1, 2, 3, 4}
-    assert heard_by(PLACES, [EAST] * 5, **rule) == {3}
-    assert heard_by(PLACES, [WEST] * 5, **rule, radius_cm=9) == set()
-    assert heard_by(PLACES, looking_at_0, **rule, radius_cm=12) == {1, 4}
+    assert receivers_of(PLACES, looking_at_0, **rule) == {1, 2, 3, 4}
+    assert receivers_of(PLACES, [EAST] * 5, **rule) == {3}
+    assert receivers_of(PLACES, [WEST] * 5, **rule, radius_cm=9) == set()
+    assert receivers_of(PLACES, looking_at_0, **rule, radius_cm=12) == {1, 4}
 
 
-def test_whom_the_one_that_fires_sees_hears_it_by_a_cone_of_emission():
+def test_with_a_cone_of_emission_agents_that_the_firing_agent_sees_receive():
     rule = {"kind": "cone_of_emission", "angle_deg": 20}
     for heading, ahead in [(EAST, 1), (NORTH, 2), (WEST, 3), (SOUTH, 4)]:
-        assert heard_by(PLACES, [heading, EAST, EAST, EAST, EAST], **rule) == {ahead}
-    assert heard_by(PLACES, [WEST] * 5, **rule, radius_cm=15) == set()
+        assert receivers_of(PLACES, [heading, EAST, EAST, EAST, EAST], **rule) == {ahead}
+    assert receivers_of(PLACES, [WEST] * 5, **rule, radius_cm=15) == set()
 
 
 @pytest.mark.parametrize("kind", ["cone_of_vision", "cone_of_emission"])
@@ -233,49 +242,49 @@ def test_a_cone_reaches_half_its_angle_to_either_side(kind, angle_deg, dimension
             place = [50 + 8 * along for along in ahead]
             heading = [1.0, *([0.0] * (dimensions - 1))]
             firing = 1 if kind == "cone_of_vision" else 0
-            heard = heard_by(
+            received = receivers_of(
                 [[50.0] * dimensions, place], [heading, [-1.0, *heading[1:]]], firing, kind=kind, angle_deg=angle_deg
             )
-            assert heard == ({1 - firing} if is_in else set())
+            assert received == ({1 - firing} if is_in else set())
 
 
 def test_a_half_circle_in_a_segment_is_what_is_ahead():
     places, headings = [[40.0], [50.0], [60.0]], [[1], [1], [1]]
     rule = {"angle_deg": 180}
-    assert heard_by(places, headings, 1, kind="cone_of_emission", **rule) == {2}
-    assert heard_by(places, headings, 1, kind="cone_of_vision", **rule) == {0}
+    assert receivers_of(places, headings, 1, kind="cone_of_emission", **rule) == {2}
+    assert receivers_of(places, headings, 1, kind="cone_of_vision", **rule) == {0}
 
 
 def test_in_a_cyclic_space_ways_lead_over_the_edge_where_that_is_shorter():
     places = [[2.0, 50.0], [97.0, 50.0], [20.0, 50.0]]
-    assert heard_by(places, [EAST] * 3, kind="nearest") == {2}
-    assert heard_by(places, [EAST] * 3, kind="nearest", boundary="cyclic") == {1}
+    assert receivers_of(places, [EAST] * 3, kind="nearest") == {2}
+    assert receivers_of(places, [EAST] * 3, kind="nearest", boundary="cyclic") == {1}
     rule = {"kind": "cone_of_emission", "angle_deg": 30, "radius_cm": 10}
-    assert heard_by(places, [WEST] * 3, **rule, boundary="cyclic") == {1}
-    assert heard_by(places, [WEST] * 3, **rule) == set()
+    assert receivers_of(places, [WEST] * 3, **rule, boundary="cyclic") == {1}
+    assert receivers_of(places, [WEST] * 3, **rule) == set()
     corner = [[1.0, 1.0], [99.0, 99.0], [1.0, 5.0]]
-    assert heard_by(corner, [EAST] * 3, kind="range", radius_cm=3, boundary="cyclic") == {1}
+    assert receivers_of(corner, [EAST] * 3, kind="range", radius_cm=3, boundary="cyclic") == {1}
 
 
 @pytest.mark.parametrize("rule", [{"kind": "nearest"}, {"kind": "all"}, {"kind": "range", "radius_cm": 5}])
-def test_nobody_hears_itself(rule):
-    swarm = hand_made([0.9], [[50.0, 50.0]], neighbourhood=rule)
+def test_no_agent_receives_its_own_pulse(rule):
+    swarm = make_resting([0.9], [[50.0, 50.0]], neighbourhood=rule)
     event = next(swarm)
-    assert (who(event.fired), who(event.heard)) == ({0}, set())
+    assert (as_set(event.fired), as_set(event.received)) == ({0}, set())
 
 
-# --- limits in which neighbourhoods are the same ----------------------------------------------------
+# --- limits in which two rules are the same ---------------------------------------------------------
 
 
 def are_alike(one, other, seed, events=1500, **sections):
-    """Whether two rules make no difference to any event."""
-    left, right = (swarm_of(seed, neighbourhood=rule, **sections) for rule in (one, other))
+    """Whether two rules give the same events."""
+    left, right = (make_simulation(seed, neighbourhood=rule, **sections) for rule in (one, other))
     for _ in range(events):
         mine, yours = next(left), next(right)
         assert mine.time_s == yours.time_s
         assert mine.turned == yours.turned
-        assert who(mine.fired) == who(yours.fired)
-        assert who(mine.heard) == who(yours.heard)
+        assert as_set(mine.fired) == as_set(yours.fired)
+        assert as_set(mine.received) == as_set(yours.received)
         assert (left.phases() == right.phases()).all()
     return True
 
@@ -288,14 +297,14 @@ SCENE = {"agents": {"count": 12, "speed_cm_s": 20.0}, "response": {"coupling": 0
 
 @spaces
 @pytest.mark.parametrize("kind", ["cone_of_vision", "cone_of_emission", "range"])
-def test_a_full_circle_wider_than_the_diagonal_is_everybody(kind, space):
+def test_a_full_circle_wider_than_the_diagonal_contains_all(kind, space):
     rule = {"kind": kind, "radius_cm": 141.5, **({} if kind == "range" else {"angle_deg": 360})}
     assert are_alike(rule, {"kind": "all"}, 1, space=space, **SCENE)
 
 
 @spaces
 @pytest.mark.parametrize("kind", ["cone_of_vision", "cone_of_emission"])
-def test_a_full_circle_without_a_radius_is_everybody(kind, space):
+def test_a_full_circle_without_a_radius_contains_all(kind, space):
     assert are_alike({"kind": kind, "angle_deg": 360}, {"kind": "all"}, 2, space=space, **SCENE)
 
 
@@ -308,5 +317,5 @@ def test_a_full_circle_is_a_range(kind, radius_cm, space):
 
 
 @spaces
-def test_as_many_nearest_as_there_are_others_is_everybody(space):
+def test_as_many_nearest_as_there_are_others_are_all(space):
     assert are_alike({"kind": "nearest", "k": 11}, {"kind": "all"}, 4, space=space, **SCENE)

@@ -1,13 +1,13 @@
-"""What two oscillators do in closed form.
+"""Two oscillators behave as closed forms predict.
 
-Two that hear each other, by the multiplicative curve, without a refractory period: let y be the phase of the other one
+Two coupled oscillators, with the multiplicative curve and no refractory period: let y be the phase of the other one
 when one fires. The pulse makes it (1 + e) y. If that is 1 or more both fire, and are one from then on. Else the other
 one fires 1 - (1 + e) y later, and that is the phase of the first one by then: y' = 1 - (1 + e) y. This map has the
 fixed point y* = 1 / (2 + e), which repels: y(n) - y* = (-(1 + e))^(n - 1) (y(1) - y*), and they are one from the first
 firing n at which y(n) >= 1 / (1 + e). As y* < 1 / 2 < 1 / (1 + e), for e < 1, that takes a deviation upwards: of odd n
 if y(1) > y*, of even n if below.
 
-Two by the sawtooth curve: whoever hears a pulse comes nearer to it by a factor of 1 - kappa, so that after n firings,
+Two by the sawtooth curve: a receiver of a pulse comes nearer to it by a factor of 1 - kappa, so that after n firings,
 one by turns, they are (1 - kappa)^n times as far apart as in the beginning. By the sine curve,
 d' = d - kappa sin(2 pi d).
 """
@@ -20,10 +20,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.particles.phase_response import Response, order_change
-from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.model import run_trial
-from epuck_sim.util.seeds import trial_seed
-from tests.particles.scenes import hand_made, scenario, swarm_of, who
+from tests.particles.simulations import as_set, make_resting
 
 inner = st.floats(0.001, 0.999)
 
@@ -49,7 +47,7 @@ def test_two_oscillators_follow_the_return_map_and_become_one_when_it_says(one, 
     first = 1 - abs(one - other)
     assume(abs(first - 1 / (2 + epsilon)) > 1e-3)
     assume(abs(one - other) > 1e-6)
-    swarm = hand_made([one, other], response={"coupling": epsilon})
+    swarm = make_resting([one, other], response={"coupling": epsilon})
     until = firings_until_one(first, epsilon)
     phase, time_s = first, 1 - max(one, other)
     for firing in range(1, until + 1):
@@ -57,7 +55,7 @@ def test_two_oscillators_follow_the_return_map_and_become_one_when_it_says(one, 
         turn = (leader + firing - 1) % 2
         assert event.time_s == pytest.approx(time_s, abs=1e-9)
         assert event.fired[0] == turn
-        assert who(event.heard) == {1 - turn}
+        assert as_set(event.received) == {1 - turn}
         assert len(event.fired) == 1 + (firing == until)
         phase = 1 - (1 + epsilon) * phase
         time_s += phase
@@ -72,7 +70,7 @@ def test_t_sync_of_two_oscillators_is_how_often_the_reference_fires_by_then(one,
     assume(abs(first - 1 / (2 + epsilon)) > 1e-3)
     assume(abs(one - other) > 1e-4)  # farther apart than what counts as synchronised: r = cos(pi d)
     until = firings_until_one(first, epsilon)
-    swarm = hand_made([one, other], response={"coupling": epsilon}, stop={"order_parameter": 1 - 1e-12})
+    swarm = make_resting([one, other], response={"coupling": epsilon}, stop={"order_parameter": 1 - 1e-12})
     # the reference, 0, fires at every other firing, and at the last one, at which the other makes it fire
     by_turns = len(range(1 + leader, until + 1, 2))
     expected = by_turns + ((until - 1 - leader) % 2)
@@ -86,7 +84,7 @@ def test_t_sync_of_two_oscillators_is_how_often_the_reference_fires_by_then(one,
 def test_by_delay_and_advance_two_come_nearer_at_each_firing_as_the_curve_says(one, other, curve, kappa):
     apart = min(abs(one - other), 1 - abs(one - other))
     assume(1e-3 < apart < 0.499)
-    swarm = hand_made([one, other], response={"curve": curve, "coupling": kappa})
+    swarm = make_resting([one, other], response={"curve": curve, "coupling": kappa})
     for _ in range(40):
         if apart < 1e-9:
             break
@@ -100,7 +98,7 @@ def test_by_delay_and_advance_two_come_nearer_at_each_firing_as_the_curve_says(o
 @pytest.mark.parametrize("kappa", [0.05, 0.1, 0.3])
 def test_by_the_sawtooth_curve_t_sync_is_a_logarithm(kappa):
     apart, threshold = 0.3, 1 - 1e-9
-    swarm = hand_made(
+    swarm = make_resting(
         [0.5, 0.2], response={"curve": "sawtooth", "coupling": kappa}, stop={"order_parameter": threshold}
     )
     # after firing n they are (1 - kappa)^n * apart from each other, and r = cos(pi d); 0 fires at 1, 3, 5 and so on
@@ -113,58 +111,7 @@ def test_by_the_sawtooth_curve_t_sync_is_a_logarithm(kappa):
 def test_what_order_change_says_of_two_is_what_happens_to_two(curve, coupling):
     number = ("multiplicative", "sawtooth", "sine").index(curve)
     for phase in np.linspace(0.05, 0.95, 19):
-        swarm = hand_made([0.95, phase - 0.05], response={"curve": curve, "coupling": coupling})
+        swarm = make_resting([0.95, phase - 0.05], response={"curve": curve, "coupling": coupling})
         next(swarm)
         after = abs(math.cos(math.pi * swarm.phases()[1])) - abs(math.cos(math.pi * phase))
         assert order_change(Response(number, coupling, 0.0), [phase])[0] == pytest.approx(after, abs=1e-12)
-
-
-# --- known from the thesis --------------------------------------------------------------------------
-
-
-def times(trials, **sections):
-    given = scenario(stop={"order_parameter": 1 - 1e-6, "max_cycles": 20_000}, **sections)
-    results = [run_trial(ParticleSimulation(given, trial_seed(0, trial))) for trial in range(trials)]
-    assert not any(result.censored for result in results)
-    return np.array([result.t_sync_cycles for result in results])
-
-
-def test_who_moves_at_intermediate_speed_takes_longer_than_who_is_slow_or_fast():
-    # 10 agents: with 20 a trial of the intermediate regime may take a million cycles
-    agents = {"count": 10}
-    slow, between, fast = (times(40, agents={**agents, "speed_cm_s": speed}) for speed in (0.02, 1.0, 100.0))
-    assert np.median(between) > 2 * np.median(fast)
-    assert np.median(between) > np.median(slow) / 20  # which has to wait for motion
-    assert np.mean(fast) < 100
-
-
-def test_a_long_refractory_period_takes_the_intermediate_regime_away():
-    scene = {"agents": {"count": 10, "speed_cm_s": 1.0}}
-    assert np.median(times(30, response={"refractory": 0.45}, **scene)) < np.median(times(30, **scene)) / 2
-
-
-@pytest.mark.parametrize("kind", ["multiplicative", "sawtooth", "sine"])
-def test_in_the_fast_regime_everybody_gets_into_step(kind):
-    assert times(10, agents={"speed_cm_s": 100.0}, response={"curve": kind}).max() < 500
-
-
-def test_static_agents_that_hear_one_another_only_in_pairs_never_get_into_step():
-    swarm = hand_made(
-        [0.9, 0.7, 0.3, 0.1],
-        [[0.0], [10.0], [60.0], [70.0]],
-        neighbourhood={"kind": "nearest"},
-        stop={"order_parameter": 0.999, "max_cycles": 2000},
-    )
-    result = run_trial(swarm)
-    assert result.censored
-    assert swarm.phases()[0] == swarm.phases()[1]
-    assert swarm.phases()[2] == swarm.phases()[3]
-
-
-def test_a_push_of_one_in_a_synchronised_swarm_is_what_the_start_says():
-    swarm = swarm_of(start={"phases": "synchronised", "displacement": 0.001}, agents={"count": 20})
-    assert swarm.phases().tolist() == pytest.approx([0.001] + [0.0] * 19)
-    event = next(event for event in swarm if event.turned is None)
-    assert event.fired[0] == 0  # which makes its neighbour fire, which is at 0.999
-    assert len(event.fired) > 1
-    assert event.time_s == pytest.approx(0.999)

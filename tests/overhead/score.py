@@ -1,4 +1,4 @@
-"""What a film of a simulated trial should show, and how well a tracker found it: recall, precision and error."""
+"""How well a tracker found the rings of a film whose truth is known: recall, precision and error."""
 
 from typing import NamedTuple, Self
 
@@ -7,7 +7,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 
 WITHIN_CM = 1.0
-"""A ring is found where one is reported so near: robots are 7.4 cm apart at least."""
+"""Largest distance of a reported ring from the true one, in cm; robots are at least 7.4 cm apart."""
 
 
 class Score(NamedTuple):

@@ -1,4 +1,4 @@
-"""Swarms as tests of the particle model need them: of any kind, with state set by hand, beside their plain twin."""
+"""Simulations for tests: with any scenario, with a state set by hand, or compared with the naive model."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,54 +7,54 @@ import numpy as np
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.particles.motion import plan_all
+from epuck_sim.particles.motion import find_wall_hits
 from epuck_sim.particles.simulation import Event, ParticleSimulation
-from tests.particles.oracle import Oracle
+from tests.particles.naive_model import NaiveModel
 
-UNSURE = 1e-11
-"""A decision that was closer than this may as well go the other way: rounding of the kernel's is another."""
+TOO_CLOSE = 1e-11
+"""Relative margin below which a decision may go either way, because the kernel rounds differently."""
 
 KINDS = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
 
 
 def scenario(**sections: Any) -> dict[str, Any]:
-    """Return a particle scenario's mapping that never synchronises, unless `stop` says so."""
+    """Return the mapping of a particle scenario without a threshold of synchrony, unless `stop` sets one."""
     stop = {"order_parameter": None, **sections.pop("stop", {})}
     return {"model": "particles", "name": "test", "stop": stop, **sections}
 
 
-def swarm_of(seed: int = 0, **sections: Any) -> ParticleSimulation:
+def make_simulation(seed: int = 0, **sections: Any) -> ParticleSimulation:
     return ParticleSimulation(scenario(**sections), seed)
 
 
 def set_phases(swarm: ParticleSimulation, phases: Sequence[float]) -> None:
-    """Set the oscillators of a fresh swarm."""
-    clocks = swarm._clocks
-    clocks.due[:] = (1 - np.array(phases, float)) * clocks.period
-    clocks.is_stale[:] = True
+    """Set the phases of a fresh simulation."""
+    oscillators = swarm._oscillators
+    oscillators.next_firing[:] = (1 - np.array(phases, float)) * oscillators.period
+    oscillators.is_stale[:] = True
 
 
-def set_flights(
+def set_trajectories(
     swarm: ParticleSimulation, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
 ) -> None:
-    """Set the agents of a fresh swarm, (agents, dimensions) both; unit vectors from headings of any length."""
-    flights = swarm._flights
-    flights.origin[:] = np.array(positions, float).T
+    """Set positions and headings, both (agents, dimensions), of a fresh simulation; headings are normalised."""
+    trajectories = swarm._trajectories
+    trajectories.origin[:] = np.array(positions, float).T
     if headings is not None:
         given = np.array(headings, float)
-        flights.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
-    plan_all(flights)
+        trajectories.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
+    find_wall_hits(trajectories)
 
 
-def hand_made(
+def make_resting(
     phases: Sequence[float],
     positions: Sequence[Sequence[float]] | None = None,
     headings: Sequence[Sequence[float]] | None = None,
     **sections: Any,
 ) -> ParticleSimulation:
-    """Return agents that stand still, everybody's neighbours unless `neighbourhood` says otherwise."""
+    """Return a simulation of agents that stand still and are all neighbours, unless `sections` say otherwise."""
     dimensions = len(positions[0]) if positions else 2
-    swarm = swarm_of(
+    swarm = make_simulation(
         **{
             "space": {"dimensions": dimensions},
             "agents": {"count": len(phases), "speed_cm_s": 0},
@@ -64,42 +64,42 @@ def hand_made(
     )
     set_phases(swarm, phases)
     if positions:
-        set_flights(swarm, positions, headings)
+        set_trajectories(swarm, positions, headings)
     return swarm
 
 
-def next_firing(swarm: ParticleSimulation) -> Event:
-    """Go on to the next instant at which somebody fires."""
+def next_firing_event(swarm: ParticleSimulation) -> Event:
+    """Simulate up to the next firing and return it."""
     return next(event for event in swarm if event.turned is None)
 
 
-def who(agents: IntArray) -> set[int]:
-    """Return agents of an event as a set; nobody is named twice."""
+def as_set(agents: IntArray) -> set[int]:
+    """Return the agents of an event as a set, after checking that none is listed twice."""
     assert len(set(agents.tolist())) == len(agents)
     return set(agents.tolist())
 
 
-def agree(swarm: ParticleSimulation, twin: Oracle, cycles: float, tolerance: float = 1e-7) -> int:
-    """Compare a swarm with its twin, event by event, for so long; return how many firings were compared.
+def compare_events(swarm: ParticleSimulation, twin: NaiveModel, cycles: float, tolerance: float = 1e-7) -> int:
+    """Compare a simulation with the naive model for some cycles, event by event; return the firings compared.
 
-    It ends early where a decision was so close that rounding makes it, and once rounding has grown to a hundredth of
-    the tolerance, as it does where somebody flies along a wall or phases amplify it: what is wrong does not grow.
+    It ends early at a decision that rounding may change, and when rounding errors have grown to a hundredth of the
+    tolerance, as they do when an agent moves along a wall or when phases amplify them. Mistakes appear at once.
     """
     firings, grown = 0, 0.0
     side = swarm.scenario.space.side_cm
     while twin.time < cycles and grown < tolerance / 100:
         expected = twin.step()
-        if expected.margin < UNSURE:
+        if expected.margin < TOO_CLOSE:
             break
         event = next(swarm)
         assert event.turned == expected.turned
-        assert who(event.fired) == expected.fired
-        assert who(event.heard) == expected.heard
+        assert as_set(event.fired) == expected.fired
+        assert as_set(event.received) == expected.received
         late = abs(event.time_s / swarm.scenario.clocks.period_s - expected.time)
         apart = np.abs(swarm.positions() - np.array(twin.positions)) / side
         if swarm.scenario.space.boundary == "cyclic":
             apart = np.minimum(apart, np.abs(1 - apart))  # 0 and the side are one place
-        out = off_round(swarm.phases(), twin.phases)
+        out = max_phase_difference(swarm.phases(), twin.phases)
         turned = np.abs(swarm.headings() - np.array(twin.headings)).max()
         grown = max(late, out, apart.max(), turned)
         assert grown < tolerance
@@ -112,16 +112,16 @@ def agree(swarm: ParticleSimulation, twin: Oracle, cycles: float, tolerance: flo
     return firings
 
 
-def off_round(some: Sequence[float], others: Sequence[float]) -> float:
-    """Return the largest difference between phases, of which 0 and 1 are the same."""
+def max_phase_difference(some: Sequence[float], others: Sequence[float]) -> float:
+    """Return the largest difference between phases; 0 and 1 are the same phase."""
     difference = np.abs(np.asarray(some) - np.asarray(others))
     return float(np.minimum(difference, 1 - difference).max())
 
 
-# --- any swarm --------------------------------------------------------------------------------------
+# --- any scenario -----------------------------------------------------------------------------------
 
 lengths = st.floats(0.05, 1.6).map(lambda share: round(share, 3))
-"""Radii, as a share of the side: from a few neighbours at most to everybody."""
+"""Radii as a share of the side: from a few neighbours at most to all agents."""
 
 
 def neighbourhoods(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[Mapping[str, Any]]:
@@ -167,7 +167,7 @@ speeds = st.sampled_from(
 def any_sections(
     draw: st.DrawFn, kind: str, most_agents: int = 7, fewest_agents: int = 2, **fixed: Any
 ) -> dict[str, Any]:
-    """Return the sections of any scenario with this kind of neighbourhood, but for what is fixed."""
+    """Return the sections of any scenario with this kind of neighbourhood; `fixed` sections are not drawn."""
     agents = draw(st.integers(fewest_agents, most_agents))
     side_cm = draw(st.sampled_from([1.0, 17.0, 100.0]))
     period_s = draw(st.sampled_from([1.0, 0.3, 4.0]))

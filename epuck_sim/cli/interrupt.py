@@ -1,0 +1,76 @@
+"""Ends the command when it is asked to, even while compiled code runs.
+
+Python runs signal handlers between two instructions of Python code, so that a compiled controller in an endless loop
+keeps them waiting for ever. Here a thread learns of the same signals, and ends the process where the handlers cannot.
+"""
+
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import suppress
+from types import FrameType
+
+from epuck_sim.util.atomic_write import remove_unfinished
+
+REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that ask the command to end: Ctrl-C, a polite request, a terminal that is closed."""
+
+GRACE_S = 2.0
+"""Time in seconds in which the main thread must react to a signal."""
+
+EXIT_CODE = 130
+"""Exit code of a command that was interrupted."""
+
+
+def end_on_request() -> None:
+    """Have `REQUESTS` raise KeyboardInterrupt in the main thread, and end the process if it does not react.
+
+    Where compiled code runs, SIGTERM and SIGHUP end the process after `GRACE_S`, and so does a second Ctrl-C. Signals
+    that the process was started to ignore, as under nohup, stay ignored.
+    """
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    watchdog = _Watchdog(reader)
+    for request in REQUESTS:
+        if signal.getsignal(request) is not signal.SIG_IGN:
+            signal.signal(request, watchdog.interrupt)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)  # is written to at once, whatever the main thread does
+    threading.Thread(target=watchdog.watch, daemon=True).start()
+
+
+class _Watchdog:
+    """Compares when signals arrive with when the main thread reacts."""
+
+    def __init__(self, reader: int) -> None:
+        self._reader = reader
+        self._reacted_s = 0.0
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """Raise KeyboardInterrupt: the main thread has reacted."""
+        self._reacted_s = time.monotonic()
+        signal.default_int_handler(number, frame)
+
+    def watch(self) -> None:
+        """End the process when the main thread has not reacted to a signal."""
+        read_s, unheard = time.monotonic(), 0
+        while numbers := os.read(self._reader, 64):
+            requests = [number for number in numbers if number in REQUESTS]
+            since_s, read_s = read_s, time.monotonic()  # these signals came after the last ones were read
+            while self._reacted_s < since_s and not unheard and time.monotonic() < read_s + GRACE_S:
+                time.sleep(0.02)
+            unheard = 0 if self._reacted_s >= since_s else unheard + len(requests)
+            if unheard > 1 or (unheard and requests != [signal.SIGINT]):
+                try:
+                    remove_unfinished()
+                    _say("ended in the middle of compiled code")
+                finally:
+                    os._exit(EXIT_CODE)
+            if unheard:
+                _say("compiled code does not react to Ctrl-C; press it again to end at once")
+
+
+def _say(line: str) -> None:
+    with suppress(OSError):  # nobody listens
+        os.write(sys.stderr.fileno(), f"{line}\n".encode())

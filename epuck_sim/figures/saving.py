@@ -1,0 +1,94 @@
+"""The files of a figure: its pictures, and its numbers as CSV beside them."""
+
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.csv_tables import Table, save_table
+from epuck_sim.util.atomic_write import atomic_write, check_target
+
+SAVE_OPTIONS: dict[str, dict[str, Any]] = {
+    ".png": {"dpi": 120},
+    ".svg": {"metadata": {"Date": None}},
+    ".pdf": {"metadata": {"CreationDate": None}},
+}
+"""Options of matplotlib for each format; no format holds the date, so that equal figures are equal files."""
+
+FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
+"""Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
+
+NO_TABLES: Mapping[str, Table] = MappingProxyType({})
+
+
+class Target(NamedTuple):
+    """Where a figure is written."""
+
+    stem: Path
+    """Name of all its files without their endings."""
+    formats: tuple[str, ...] = (".png", ".svg")
+    """Endings of its pictures."""
+
+
+def parse_target(path: Path) -> Target:
+    """Return where to write the figure that is to go to `path`, a stem or the file of one picture.
+
+    >>> parse_target(Path("fig.pdf")).formats, parse_target(Path("fig-0.5")).formats
+    (('.pdf',), ('.png', '.svg'))
+
+    Raises:
+        EpuckSimError: The path ends in a file type that pictures cannot have.
+    """
+    if path.suffix.lower() in SAVE_OPTIONS:
+        return Target(path.with_suffix(""), (path.suffix,))
+    if FILE_TYPE.fullmatch(path.suffix):
+        raise EpuckSimError(
+            f"{path}: ends in {path.suffix!r}; allowed: .png, .svg or .pdf, for one picture of this type, or a name "
+            "without a file type, for .png and .svg"
+        )
+    return Target(path)
+
+
+def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str, Table] = NO_TABLES) -> list[Path]:
+    """Write the pictures of a figure, and its tables beside them; equal results give equal files.
+
+    Args:
+        target: Where to write.
+        draw: Returns the figure; it is called once all files are known to be writable.
+        tables: A CSV table for each ending that is added to the stem.
+
+    Returns:
+        The files, pictures first.
+
+    Raises:
+        EpuckSimError: One of the files cannot be written; then none is.
+    """
+    pictures = _check_files(target.stem, target.formats)
+    files = _check_files(target.stem, tables)
+    figure = draw()
+    for picture, ending in zip(pictures, target.formats, strict=True):
+        _save_picture(figure, picture, ending.lower())
+    for file, table in zip(files, tables.values(), strict=True):
+        save_table(file, *table)
+    return [*pictures, *files]
+
+
+def _check_files(stem: Path, endings: tuple[str, ...] | Mapping[str, Table]) -> list[Path]:
+    if stem.name in ("", ".."):
+        raise EpuckSimError(f"{stem}: is no name of a file; give FOLDER/NAME, to which .png and so on are added")
+    files = [stem.with_name(f"{stem.name}{ending}") for ending in endings]
+    for file in files:
+        check_target(file)
+    return files
+
+
+def _save_picture(figure: Figure, file: Path, ending: str) -> None:
+    with warnings.catch_warnings(), rc_context({"svg.hashsalt": "epuck-sim"}), atomic_write(file) as part:
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
+        figure.savefig(part, format=ending[1:], **SAVE_OPTIONS[ending])

@@ -1,0 +1,181 @@
+"""Claims about the files of figures: which are written, that they are whole and the same again, and what is refused."""
+
+import errno
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from matplotlib import image
+from matplotlib.figure import Figure
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.csv_tables import Table
+from epuck_sim.figures.saving import Target, parse_target, save_figure
+from tests.runs.made_folders import rows
+
+ENDINGS = (".png", ".svg", ".csv", "-more.csv")
+SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
+
+
+def draw(title: str = "title") -> Figure:
+    """Return a small figure; an SVG names its markers and masks by digests."""
+    figure = Figure(figsize=(2, 1.5))
+    axes = figure.subplots()
+    axes.plot([1, 2, 3], [1, 3, 2], "o-")
+    axes.set_title(title)
+    return figure
+
+
+def tables(value: float = 1.5) -> dict[str, Table]:
+    return {".csv": Table(("a", "b"), [(1, value)]), "-more.csv": Table(("c",), [("x",), ("y, z",)])}
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+# What is written
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory) -> Path:
+    """Return the stem of a figure's files."""
+    stem = tmp_path_factory.mktemp("saved") / "fig"
+    assert save_figure(Target(stem), draw, tables()) == [stem.with_name(f"fig{ending}") for ending in ENDINGS]
+    return stem
+
+
+def test_nothing_but_the_pictures_and_the_tables_is_written(saved) -> None:
+    assert names(saved.parent) == sorted(f"fig{ending}" for ending in ENDINGS)
+
+
+def test_without_tables_there_are_the_pictures_alone(tmp_path) -> None:
+    assert save_figure(Target(tmp_path / "fig"), draw) == [tmp_path / "fig.png", tmp_path / "fig.svg"]
+    assert names(tmp_path) == ["fig.png", "fig.svg"]
+
+
+def test_the_pictures_are_whole(saved) -> None:
+    picture = image.imread(saved.with_name("fig.png"))
+    assert picture.shape == (180, 240, 4)
+    assert picture[..., :3].std() > 0.05
+    assert ElementTree.parse(saved.with_name("fig.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_the_tables_hold_their_rows(saved) -> None:
+    assert rows(saved.with_name("fig.csv")) == [{"a": "1", "b": "1.5"}]
+    assert rows(saved.with_name("fig-more.csv")) == [{"c": "x"}, {"c": "y, z"}]
+
+
+@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf", ".PDF"])
+def test_a_target_of_one_format_is_that_picture_alone_with_the_tables_beside_it(tmp_path, ending: str) -> None:
+    target = parse_target(tmp_path / f"v0.5{ending}")
+    files = save_figure(target, draw, tables())
+    assert names(tmp_path) == sorted([f"v0.5{ending}", "v0.5.csv", "v0.5-more.csv"])
+    assert files[0].read_bytes().startswith(SIGNATURES[ending.lower()])
+
+
+def test_the_same_figure_gives_the_same_files_byte_for_byte(tmp_path, monkeypatch) -> None:
+    target = Target(tmp_path / "fig", (".png", ".svg", ".pdf"))
+    first = [file.read_bytes() for file in save_figure(target, draw, tables())]
+    monkeypatch.setattr("time.time", lambda: 2e9)
+    assert [file.read_bytes() for file in save_figure(target, draw, tables())] == first
+
+
+def test_another_figure_gives_other_files(tmp_path) -> None:
+    target = Target(tmp_path / "fig", (".png", ".svg", ".pdf"))
+    first = [file.read_bytes() for file in save_figure(target, draw, {".csv": tables()[".csv"]})]
+    other = save_figure(target, lambda: draw("other"), {".csv": tables(2.5)[".csv"]})
+    assert all(file.read_bytes() != before for file, before in zip(other, first, strict=True))
+
+
+# Where it is written
+
+
+@pytest.mark.parametrize(
+    ("given", "stem", "formats"),
+    [
+        ("fig", "fig", (".png", ".svg")),
+        ("runs/fig.png", "runs/fig", (".png",)),
+        ("fig.svg", "fig", (".svg",)),
+        ("fig.pdf", "fig", (".pdf",)),
+        ("v0.5", "v0.5", (".png", ".svg")),
+        ("a.b", "a.b", (".png", ".svg")),
+        ("v0.5.png", "v0.5", (".png",)),
+        ("runs.old/fig", "runs.old/fig", (".png", ".svg")),
+    ],
+)
+def test_a_target_is_a_stem_or_one_picture(given: str, stem: str, formats: tuple[str, ...]) -> None:
+    assert parse_target(Path(given)) == Target(Path(stem), formats)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".jpg", ".jpeg", ".eps", ".ps", ".rrd", ".parquet", ".JPG", ".mp4"])
+def test_another_file_type_is_refused_with_what_is_allowed(ending: str) -> None:
+    with pytest.raises(EpuckSimError, match=rf"fig{ending}: ends in '{ending}'; allowed: \.png, \.svg or \.pdf"):
+        parse_target(Path(f"fig{ending}"))
+
+
+@pytest.mark.parametrize("stem", [".", "/", ".."])
+def test_a_stem_without_a_name_is_refused(monkeypatch, tmp_path, stem: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(EpuckSimError, match="is no name of a file"):
+        save_figure(Target(Path(stem)), draw, tables())
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_where_one_file_cannot_be_written_none_is_and_nothing_is_drawn(tmp_path, ending: str) -> None:
+    def refuse() -> Figure:
+        raise AssertionError
+
+    (tmp_path / f"T{ending}").mkdir()
+    with pytest.raises(EpuckSimError, match=f"T{ending}: cannot be written: is a directory"):
+        save_figure(Target(tmp_path / "T"), refuse, tables())
+    assert names(tmp_path) == [f"T{ending}"]
+
+
+def test_where_drawing_fails_nothing_is_written(tmp_path) -> None:
+    def fail() -> Figure:
+        raise EpuckSimError("too many panels")
+
+    with pytest.raises(EpuckSimError, match="too many panels"):
+        save_figure(Target(tmp_path / "T"), fail, tables())
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("problem", "raised"),
+    [(OSError(errno.ENOSPC, "No space left"), EpuckSimError), (KeyboardInterrupt(), KeyboardInterrupt)],
+    ids=["full disk", "Ctrl-C"],
+)
+def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
+    tmp_path, monkeypatch, problem: BaseException, raised: type[BaseException]
+) -> None:
+    for ending in ENDINGS:
+        (tmp_path / f"T{ending}").write_text("older")
+
+    def write_half(_: Figure, part: Path, **__) -> None:
+        part.write_text("half")
+        raise problem
+
+    monkeypatch.setattr(Figure, "savefig", write_half)
+    with pytest.raises(raised):
+        save_figure(Target(tmp_path / "T"), draw, tables())
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {f"T{end}": "older" for end in ENDINGS}
+
+
+def test_where_a_table_fails_the_older_one_stays(tmp_path) -> None:
+    def rows_that_fail() -> Iterator[tuple[int]]:
+        yield (1,)
+        raise KeyboardInterrupt
+
+    (tmp_path / "T.csv").write_text("older")
+    with pytest.raises(KeyboardInterrupt):
+        save_figure(Target(tmp_path / "T", ()), draw, {".csv": Table(("a",), rows_that_fail())})
+    assert (tmp_path / "T.csv").read_text() == "older"
+    assert names(tmp_path) == ["T.csv"]
+
+
+def test_a_name_in_letters_that_the_font_lacks_raises_no_warning(tmp_path) -> None:
+    assert np.all([file.is_file() for file in save_figure(Target(tmp_path / "T"), lambda: draw("群れ"))])

@@ -1,0 +1,88 @@
+"""Positions, headings, speeds, phases and periods are drawn from the distributions that a scenario asks for."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.particles.distributions import UNLIKELY, is_anywhere, is_uniform
+from tests.particles.simulations import make_simulation
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+def test_agents_begin_anywhere_in_any_direction_at_any_phase(dimensions):
+    swarm = make_simulation(5, space={"dimensions": dimensions}, agents={"count": 20_000})
+    assert is_uniform(swarm.positions(), 0, 100)
+    assert is_anywhere(swarm.headings())
+    assert is_uniform(swarm.phases(), 0, 1)
+    assert abs(np.corrcoef(swarm.positions()[:, 0], swarm.phases())[0, 1]) < 0.03
+
+
+def test_a_displaced_start_differs_by_the_displacement_alone():
+    one = make_simulation(2, start={"phases": "synchronised"})
+    two = make_simulation(2, start={"phases": "synchronised", "displacement": 0.001})
+    assert (one.positions() == two.positions()).all()
+    assert two.phases() - one.phases() == pytest.approx([0.001] + [0.0] * 19)
+
+
+def test_the_displacement_of_one_agent_in_a_synchronised_swarm_is_that_of_the_scenario():
+    swarm = make_simulation(start={"phases": "synchronised", "displacement": 0.001}, agents={"count": 20})
+    assert swarm.phases().tolist() == pytest.approx([0.001] + [0.0] * 19)
+    event = next(event for event in swarm if event.turned is None)
+    assert event.fired[0] == 0  # which makes its neighbour fire, which is at 0.999
+    assert len(event.fired) > 1
+    assert event.time_s == pytest.approx(0.999)
+
+
+# --- speeds and periods -----------------------------------------------------------------------------
+
+MANY = 20_000
+
+
+def speeds(**agents):
+    """Return the speeds of many agents, measured from their motion, as shares of the mean."""
+    swarm = make_simulation(3, agents={"count": MANY, "speed_cm_s": 4.0, **agents}, space={"side_cm": 1e6})
+    start = swarm.positions()
+    swarm._oscillators.now[0] = 0.1  # before anybody fires or comes far
+    return np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
+
+
+def test_by_default_all_speeds_are_equal():
+    assert speeds() == pytest.approx(1, abs=1e-6)
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
+def test_uniform_speeds_are_uniform_around_the_mean(spread):
+    drawn = speeds(speed_distribution="uniform", speed_spread=spread)
+    assert stats.kstest(drawn, "uniform", args=(1 - spread, 2 * spread)).pvalue > UNLIKELY
+    assert (np.abs(drawn - 1) <= spread + 1e-6).all()
+
+
+@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
+def test_normal_speeds_are_normal_cut_at_0_and_twice_the_mean(spread):
+    drawn = speeds(speed_distribution="normal", speed_spread=spread)
+    cut = stats.truncnorm(-1 / spread, 1 / spread, 1, spread)
+    assert stats.kstest(drawn, cut.cdf).pvalue > UNLIKELY
+    assert ((drawn >= -1e-6) & (drawn <= 2 + 1e-6)).all()
+    assert drawn.mean() == pytest.approx(1, abs=0.03)
+
+
+def test_exponential_speeds_are_exponential():
+    drawn = speeds(speed_distribution="exponential")
+    assert stats.kstest(drawn, "expon").pvalue > UNLIKELY
+    assert drawn.mean() == pytest.approx(1, abs=0.03)
+
+
+@pytest.mark.parametrize("jitter", [5e-5, 0.01, 0.2])
+def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
+    swarm = make_simulation(1, agents={"count": MANY}, clocks={"jitter": jitter, "period_s": 3.0})
+    start = swarm.phases()
+    swarm._oscillators.now[0] = 1e-3
+    periods = 1e-3 / (swarm.phases() - start)
+    assert stats.kstest(swarm._oscillators.period, "norm", args=(1, jitter)).pvalue > UNLIKELY
+    assert periods == pytest.approx(swarm._oscillators.period, rel=1e-9)
+    assert swarm._oscillators.period.min() >= 0.1
+    assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
+
+
+def test_without_jitter_periods_are_exactly_nominal():
+    assert (make_simulation(agents={"count": 100})._oscillators.period == 1).all()

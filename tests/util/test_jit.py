@@ -1,0 +1,243 @@
+"""The cache of compiled code is named after everything that kernels depend on, and does not grow for ever."""
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from functools import lru_cache
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from numba.core.registry import CPUDispatcher
+
+from epuck_sim.util import jit
+from epuck_sim.util.jit import PACKAGE, UNUSED_S, VALUE_FILES, digest, kernel_digest, remove_unused_caches
+
+MARK = "epuck_sim.util.jit import"
+
+# --- what the digest covers ---------------------------------------------------------------------------
+
+
+def is_covered(file: Path) -> bool:
+    return str(file.relative_to(PACKAGE)) in VALUE_FILES or MARK in file.read_text()
+
+
+@lru_cache
+def definitions(file: Path) -> dict[str, list[ast.AST]]:
+    """Return what defines each name at a file's top level."""
+    found: dict[str, list[ast.AST]] = {}
+    for node in ast.parse(file.read_text()).body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = [alias.asname or alias.name for alias in node.names]
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names = [node.name]
+        else:
+            stored = [each for each in ast.walk(node) if isinstance(each, ast.Name)]
+            names = [each.id for each in stored if isinstance(each.ctx, ast.Store)]
+        for name in names:
+            found.setdefault(name, []).append(node)
+    return found
+
+
+def without_annotations(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield a node and all inside it but annotations, which are not compiled."""
+    yield node
+    for field, value in ast.iter_fields(node):
+        if field in ("annotation", "returns"):
+            continue
+        for each in value if isinstance(value, list) else [value]:
+            if isinstance(each, ast.AST):
+                yield from without_annotations(each)
+
+
+def file_of(module: str) -> Path:
+    path = PACKAGE.parent.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def sources_of(file: Path, name: str, seen: set[tuple[Path, str]]) -> None:
+    """Add to `seen` where in the package `name` gets its value from, and what that depends on."""
+    if (file, name) in seen or name not in definitions(file):
+        return
+    seen.add((file, name))
+    for node in definitions(file)[name]:
+        if isinstance(node, ast.ImportFrom):
+            if (node.module or "").startswith("epuck_sim"):
+                (alias,) = (each for each in node.names if (each.asname or each.name) == name)
+                as_module = file_of(f"{node.module}.{alias.name}")
+                if as_module.exists():  # any of its names may be meant
+                    for each in definitions(as_module):
+                        sources_of(as_module, each, seen)
+                else:
+                    sources_of(file_of(node.module), alias.name, seen)
+        elif not isinstance(node, ast.Import):
+            for inner in without_annotations(node):
+                if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Load):
+                    sources_of(file, inner.id, seen)
+
+
+def kernels() -> set[tuple[Path, str]]:
+    """Return the file and name of every compiled function of the package."""
+    runner = PACKAGE / "control" / "runner.py"
+    found = {(runner, "_start_all"), (runner, "_step_all")}  # compiled with each controller
+    for file in PACKAGE.rglob("*.py"):
+        if MARK in file.read_text() or "njit" in file.read_text():
+            module = import_module(".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts))
+            for value in vars(module).values():
+                if isinstance(value, CPUDispatcher):
+                    code = value.py_func.__code__
+                    found.add((Path(code.co_filename), code.co_name))
+    return found
+
+
+def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_covers() -> None:
+    seen: set[tuple[Path, str]] = set()
+    assert len(kernels()) > 50
+    for file, name in kernels():
+        assert name in definitions(file)
+        sources_of(file, name, seen)
+    # `jit` itself is no value of a kernel
+    outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if not is_covered(file)}
+    assert {each for each in outside if not each.startswith(("util/jit.py", "arrays.py"))} == set()
+
+
+def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
+    seen: set[tuple[Path, str]] = set()
+    sources_of(PACKAGE / "runs" / "run_lock.py", "acquire", seen)
+    assert (PACKAGE / "runs" / "database.py", "DATABASE") in seen
+    assert not is_covered(PACKAGE / "runs" / "database.py")
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A copy of the package's sources."""
+    return Path(shutil.copytree(PACKAGE, tmp_path / "epuck_sim", ignore=shutil.ignore_patterns("__pycache__")))
+
+
+def test_the_digest_is_of_the_contents_not_of_the_folder(package: Path) -> None:
+    assert kernel_digest(package) == kernel_digest()
+
+
+@pytest.mark.parametrize("file", ["errors.py", "trial/result.py", "cli/app.py", "scenario/scenario.py"])
+def test_an_edit_of_a_file_without_kernels_leaves_compiled_code_as_it_is(package: Path, file: str) -> None:
+    (package / file).write_text('"""Another docstring."""\n')
+    assert kernel_digest(package) == kernel_digest()
+
+
+@pytest.mark.parametrize(
+    "file", ["epuck.py", "util/rng.py", "embodied/infrared.py", "particles/events.py", "control/runner.py"]
+)
+def test_an_edit_of_a_kernel_s_file_or_of_the_constants_makes_a_cache_of_its_own(package: Path, file: str) -> None:
+    with (package / file).open("a") as source:
+        source.write("\nMORE = 1\n")
+    assert kernel_digest(package) != kernel_digest()
+
+
+def test_the_digest_depends_on_where_one_content_ends_and_the_next_begins() -> None:
+    assert digest([b"ab", b"c"]) != digest([b"a", b"bc"])
+
+
+# --- old caches ----------------------------------------------------------------------------------------
+
+
+OLD, RECENT = UNUSED_S + 100, UNUSED_S - 100
+
+
+def make_cache(folder: Path, age_s: float, file: str = "infrared.read-1.py311.1.nbc") -> Path:
+    (folder / "embodied_0123").mkdir(parents=True)
+    (folder / "embodied_0123" / file).write_bytes(b"code")
+    now = time.time()
+    os.utime(folder, (now - age_s, now - age_s))
+    return folder
+
+
+def test_a_cache_that_was_not_used_for_a_month_is_removed(tmp_path) -> None:
+    make_cache(tmp_path / "0123456789abcdef", OLD)
+    kept = make_cache(tmp_path / "0123456789abcde0", RECENT)
+    remove_unused_caches(tmp_path)
+    assert list(tmp_path.iterdir()) == [kept]
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("0123456789abcdef", "thesis.txt"),
+        ("0123456789ABCDEF", "x.nbi"),
+        ("0123456789abcde", "x.nbi"),
+        ("0123456789abcdef0", "x.nbi"),
+        ("particles_0123456789", "x.nbi"),
+    ],
+)
+def test_a_folder_that_may_be_another_program_s_stays(tmp_path, name: str, file: str) -> None:
+    make_cache(tmp_path / name, OLD, file)
+    remove_unused_caches(tmp_path)
+    assert (tmp_path / name / "embodied_0123" / file).exists()
+
+
+def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> None:
+    elsewhere = make_cache(tmp_path / "elsewhere", OLD)
+    root = tmp_path / "root"
+    root.mkdir()
+    (root / "0123456789abcde1").symlink_to(elsewhere)
+    (root / "0123456789abcde2").write_text("a file")
+    os.utime(root / "0123456789abcde2", (0, 0))
+    os.utime(root / "0123456789abcde1", (0, 0), follow_symlinks=False)
+    remove_unused_caches(root)
+    assert len(list(root.iterdir())) == 2
+    make_cache(root / "0123456789abcde3", OLD)
+    monkeypatch.setattr(jit, "_USER", os.getuid() + 1)
+    remove_unused_caches(root)
+    assert len(list(root.iterdir())) == 3
+    assert elsewhere.exists()
+
+
+ADD_ONE = """
+import sys
+from epuck_sim.util.jit import compile_cached
+def plus_one(value):
+    return value + 1
+compiled = compile_cached(plus_one, "0123456789abcdef", careful=False)
+print(compiled(1), sum(compiled.stats.cache_hits.values()))
+"""
+
+
+def in_processes(cache: Path, program: Path, count: int) -> list[str]:
+    """Return what some processes print that run the program at the same time, with a cache."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(PACKAGE.parent)}
+    running = [
+        subprocess.Popen([sys.executable, program], env=environment, stdout=subprocess.PIPE, text=True)
+        for _ in range(count)
+    ]
+    return [process.communicate(timeout=120)[0].strip() for process in running]
+
+
+def test_a_cache_in_use_is_marked_so_and_old_ones_go_when_a_new_one_is_made(tmp_path) -> None:
+    program = tmp_path / "program.py"
+    program.write_text(ADD_ONE)
+    cache = tmp_path / "cache"
+    old, used = make_cache(cache / ("0" * 16), OLD), cache / "0123456789abcdef"
+    assert in_processes(cache, program, 2)[0].startswith("2 ")  # both at once make it
+    assert not old.exists()
+    old = make_cache(cache / ("0" * 16), OLD)
+    os.utime(used, (0, 0))
+    assert in_processes(cache, program, 1) == ["2 1"]
+    assert time.time() - used.stat().st_mtime < 100
+    assert old.exists()  # nothing was compiled: there was no need to look
+
+
+def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(jit, "cache_root", lambda: tmp_path)
+
+    def plus_two(value: int) -> int:
+        return value + 2
+
+    compiled = jit.compile_cached(plus_two, "0123456789abcdef", careful=False)
+    os.utime(tmp_path / "0123456789abcdef", (0, 0))
+    remove_unused_caches(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    assert compiled(1) == 3
+    assert list(tmp_path.rglob("*.nbi")) != []
