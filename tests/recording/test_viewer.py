@@ -479,7 +479,7 @@ def serving(recording: Path, folder: Path, prepare: Callable[[], None] = heed_si
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=prepare,
+        preexec_fn=prepare,  # noqa: PLW1509 signals must be ignored before Python starts
     )
     try:
         wait_until(lambda: process.poll() is not None or (told.exists() and told.read_text()))
