@@ -10,7 +10,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.observer import Observer
-from epuck_sim.util.atomic_write import trial_paths
+from epuck_sim.util.atomic_write import check_trial_paths, trial_path
 
 ObserverFactory = Callable[[int, int], AbstractContextManager[Observer]]
 """Opens an observer of a trial, from the trial's number and seed."""
@@ -51,23 +51,28 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
         EpuckSimError: a file cannot be written, a viewer cannot be opened, or the model has nothing to look at.
     """
     factories: list[ObserverFactory] = []
+    for target in (options.trace, options.record, options.film):
+        if target is not None:
+            check_trial_paths(target, trials)
     if options.trace is not None:
         from epuck_sim.trial.trace import Trace  # which needs pyarrow
 
-        traced, traces = require_bodies(scenario), trial_paths(options.trace, trials)
-        factories.append(lambda trial, seed: Trace(traces[trial], traced, seed))
+        traced, trace = require_bodies(scenario), options.trace
+        factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), traced, seed))
     if options.record is not None:
         from epuck_sim.recording.recorder import record  # rerun takes half a second
         from epuck_sim.recording.rrd_file import check_recording_target
 
-        recordings = trial_paths(options.record, trials)
-        check_recording_target(recordings[0])
-        factories.append(lambda trial, seed: record(recordings[trial], scenario, seed, options.level))
+        recording = options.record
+        check_recording_target(trial_path(recording, 0, trials))
+        factories.append(
+            lambda trial, seed: record(trial_path(recording, trial, trials), scenario, seed, options.level)
+        )
     if options.film is not None:
         from epuck_sim.overhead.render.film_trial import film_trial  # OpenCV and PyAV take a while
 
-        filmed, films = require_bodies(scenario), trial_paths(options.film, trials)
-        factories.append(lambda trial, seed: film_trial(films[trial], filmed, seed))
+        filmed, film = require_bodies(scenario), options.film
+        factories.append(lambda trial, seed: film_trial(trial_path(film, trial, trials), filmed, seed))
     if options.live is None:
         yield factories
         return

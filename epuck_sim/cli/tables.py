@@ -14,7 +14,7 @@ from epuck_sim.runs.reader import Failure, Status
 from epuck_sim.statistics.curves import distinguishing_axes
 from epuck_sim.statistics.summary import PointSummary
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import versions
+from epuck_sim.util.provenance import format_versions, versions
 
 WIDE = 1000
 """Width in columns of a table that goes to a file: enough for any."""
@@ -26,12 +26,13 @@ MOST_FAILURES = 10
 def print_status(status: Status, as_json: bool) -> None:
     """Print how far a sweep is on stdout."""
     if as_json:
-        print(json.dumps({**status._asdict(), "failed": [failure._asdict() for failure in status.failed]}))
+        rows = {name: [row._asdict() for row in getattr(status, name)] for name in ("failed", "versions")}
+        print(json.dumps({**status._asdict(), **rows}))
         return
     print(f"{status.scenario}: {status.points} points, {status.stored} of {status.trials} trials have a result")
     print(f"  censored: {status.censored}; failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}")
-    for made_by, count in status.versions.items():
-        print(f"  {count} trials: {made_by}")
+    for row in status.versions:
+        print(f"  {row.trials} trials: {format_versions(row.made_by)}")
     if status.at_work:
         print(f"  {status.at_work} is at work on it")
     print_failures(status.failed)

@@ -54,7 +54,7 @@ def record_again(folder: Path, point: int, trial: int, options: RunOptions) -> N
     stored = read_outcome(folder, point, trial)
     result = run_one(str(folder), load_scenario(folder / RUN_SCENARIO), point, trial, options)
     if stored is not None and stored != (result.cycles, result.censored):
-        made = "; ".join(read_status(folder).versions)
+        made = "; ".join(format_versions(row.made_by) for row in read_status(folder).versions)
         print_stderr(
             f"note: this is not the trial that is stored, which lasted {stored[0]} cycles; its controller or the "
             f"versions may have changed: the folder was made by {made}, this is {format_versions(versions())}"
@@ -122,7 +122,10 @@ def _command_to_go_on(folder: Path, options: RunOptions) -> str:
 def _note_other_versions(folder: Path) -> None:
     if not (folder / DATABASE).exists():
         return
-    now = format_versions(versions())
-    for made, count in read_status(folder).versions.items():
-        if not made.startswith(f"{now}, "):
-            print_stderr(f"note: {count} trials were made by {made}; this is {now}: last digits may differ")
+    now = versions()
+    for row in read_status(folder).versions:
+        if {**row.made_by, **now} != row.made_by:
+            made = format_versions(row.made_by)
+            print_stderr(
+                f"note: {row.trials} trials were made by {made}; this is {format_versions(now)}: last digits may differ"
+            )

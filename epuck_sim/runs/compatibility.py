@@ -1,4 +1,4 @@
-"""Does a run folder belong to this sweep? A point is the same if all that its trials depend on is the same."""
+"""Whether a run folder belongs to a sweep: it does if everything on which its trials depend is the same."""
 
 import hashlib
 import json
@@ -8,28 +8,29 @@ from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.scenario.validation import validate
-from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.points import Point
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT
+from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import short_repr
 
 MOST_SHOWN = 8
-"""Differences in a message."""
+"""Largest number of differences in a message."""
 
 MISSING = "nothing"
+"""Value that a message shows for a key that is missing on one side."""
 
 
 class StoredPoint(NamedTuple):
-    """A point as the database has it; axes, scenario and controllers are JSON."""
+    """A point as the database stores it; axes, scenario and controllers are JSON."""
 
     key: str
     number: int
     trials: int
-    """How many there are to be; of one that is stored already, one more than the last."""
+    """Number of trials in the sweep; for a point that is read from a folder, one more than its last stored trial."""
     axes: str
     scenario: str
     controllers: str
-    """Each group's controller: the name of a shipped one; a user's file by its name and the digest of its sources."""
+    """Controller of each group: a shipped one's name, or the name and the digest of the sources of a user's file."""
 
 
 def stored_point(point: Point) -> StoredPoint:
@@ -53,14 +54,24 @@ def _controller(name: str) -> str:
 
 
 def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint]) -> None:
-    """Raise StoreError, which shows the difference, unless `given` is the sweep that is stored, or holds more."""
+    """Check that a folder's results belong to a sweep, which may have more points and trials than the folder.
+
+    Args:
+        folder: The folder, for the message.
+        stored: Its points.
+        given: The points of the sweep.
+
+    Raises:
+        StoreError: They do not; the message shows the difference.
+
+    """
     now = {point.key: point for point in given}
     for point in stored:
         if set(json.loads(point.axes)) != set(json.loads(given[0].axes)):
             axes = " and ".join(", ".join(json.loads(each.axes)) or "none" for each in (point, given[0]))
             raise StoreError(f"{folder}: holds another sweep; axes in the folder and now: {axes}; give another folder")
         if not point.trials:
-            continue  # nothing of it has been run
+            continue  # none has been run
         if point.key not in now:
             raise StoreError(
                 f"{folder}: holds a point that this sweep lacks: {point.key}; add it, or give another folder"
@@ -80,9 +91,9 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
 def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
     before, after = (dict(_flat("", _with_effect(point))) for point in (stored, now))
     for key in dict.fromkeys([*before, *after]):
-        there, here = before.get(key, MISSING), after.get(key, MISSING)
-        if there != here:
-            yield f"{key}: {short_repr(there)} in the folder, {short_repr(here)} now"
+        old, new = before.get(key, MISSING), after.get(key, MISSING)
+        if old != new:
+            yield f"{key}: {short_repr(old)} in the folder, {short_repr(new)} now"
 
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
@@ -93,7 +104,7 @@ def _with_effect(point: StoredPoint) -> dict[str, Any]:
 
 
 def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
-    """Return a stored scenario with the keys that there were none of yet; as it is where today's keys do not fit it."""
+    """Fill in defaults for keys added since the scenario was stored; return it unchanged if it no longer validates."""
     try:
         return validate(scenario, "stored").model_dump(mode="json")
     except ScenarioError:
@@ -101,7 +112,7 @@ def _with_defaults(scenario: dict[str, Any]) -> dict[str, Any]:
 
 
 def _flat(key: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield every plain value in `value` by its dotted key."""
+    """Yield the dotted key and the value of every plain value inside `value`."""
     parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
     if parts is None:
         yield key, value

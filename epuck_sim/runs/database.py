@@ -1,4 +1,4 @@
-"""The SQLite file of a run folder: its tables, and how it is opened so that nothing foreign is ever touched."""
+"""The SQLite file of a run folder: its tables, and how to open it without ever touching a foreign file."""
 
 import json
 import sqlite3
@@ -12,7 +12,7 @@ from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
 DATABASE = "results.sqlite"
-"""In a run folder: one row a trial."""
+"""Name of the file in a run folder that holds a row for each trial."""
 
 APPLICATION_ID = int.from_bytes(b"epck")
 """Marks a SQLite file as ours (its header, bytes 68 to 71)."""
@@ -22,6 +22,9 @@ FORMAT = 1
 
 RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
 """Columns that hold fields of a TrialResult."""
+
+_checked: dict[Path, tuple[int, int, int]] = {}
+"""Inode, time of change and size of each database that this process has found undamaged, or has written itself."""
 
 POINTS = """
 CREATE TABLE points (
@@ -51,23 +54,30 @@ ENTER_POINT = (
 
 
 def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> None:
-    """Make a database with points, and without trials; it appears under its name when it is whole."""
+    """Make a database with points and without trials, which appears under its name when it is complete."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
-    with sqlite_errors(path), atomic_write(path) as part:
-        with closing(sqlite3.connect(part)) as connection:
-            connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
-            connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-            connection.execute(f"PRAGMA user_version = {FORMAT}")
-            connection.execute(POINTS)
-            connection.execute(TRIALS.format(axes=columns, provenance=provenance))
-            connection.executemany(ENTER_POINT, points)
-            connection.commit()
+    with sqlite_errors(path), atomic_write(path) as part, closing(sqlite3.connect(part)) as connection:
+        connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {FORMAT}")
+        connection.execute(POINTS)
+        connection.execute(TRIALS.format(axes=columns, provenance=provenance))
+        connection.executemany(ENTER_POINT, points)
+        connection.commit()
 
 
 def check_database(path: Path) -> None:
-    """Raise StoreError for a file that is not there, not ours, or damaged; nothing of it is touched."""
+    """Check that a file is an undamaged database of ours; every state of a file is checked once a process.
+
+    Raises:
+        StoreError: The file is missing, damaged, of another program, or of another version's format.
+
+    """
     try:
+        state = _state(path)
+        if _checked.get(path.resolve()) == state:
+            return
         with path.open("rb") as file:
             header = file.read(100)
     except OSError as error:
@@ -78,27 +88,43 @@ def check_database(path: Path) -> None:
     if found != FORMAT:
         raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}")
     page_size = int.from_bytes(header[16:18])
-    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
-        (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    verdict = _quick_check(path)
     if verdict == "ok" and path.stat().st_size % (65536 if page_size == 1 else page_size):
         verdict = "its end is missing"  # SQLite would take what is missing of the last page for zeros
     if verdict != "ok":
         raise StoreError(f"{path}: is damaged: {verdict}")
+    _checked[path.resolve()] = state
+
+
+def _state(path: Path) -> tuple[int, int, int]:
+    stat = path.stat()
+    return stat.st_ino, stat.st_mtime_ns, stat.st_size
+
+
+def _quick_check(path: Path) -> str:
+    """Return "ok", or what SQLite finds damaged; it reads the whole file."""
+    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+        (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
+    return str(verdict)
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[sqlite3.Connection]:
-    """Yield a connection that cannot write, of a database that was checked."""
+    """Check a database and yield a connection to it that cannot write.
+
+    All that is read in the block is of one moment, whatever a run that is at work on the database adds meanwhile.
+    """
     check_database(path)
     with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+        connection.execute("BEGIN")
         yield connection
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[sqlite3.Connection]:
-    """Yield a connection to a database that was checked; each commit survives the death of the process.
+    """Yield a connection to a database that was checked or made by this process.
 
-    Afterwards nothing but the one file is left, unless somebody is reading it.
+    Each commit survives the death of the process. Afterwards only the one file is left, unless somebody is reading it.
     """
     with closing(_connect(path, "rw")) as connection:
         connection.execute("PRAGMA journal_mode = WAL")
@@ -106,6 +132,8 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
         yield connection
         with suppress(sqlite3.OperationalError):
             connection.execute("PRAGMA journal_mode = DELETE")
+    with suppress(OSError):  # the folder may be gone by now
+        _checked[path.resolve()] = _state(path)
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
@@ -124,12 +152,12 @@ def sqlite_errors(path: Path) -> Iterator[None]:
 
 
 def quoted(name: str) -> str:
-    """Return a column's name as SQL takes it."""
+    """Return a column's name in quotes, for SQL."""
     return '"' + name.replace('"', '""') + '"'
 
 
 def as_column(value: Any) -> Any:
-    """Return an axis value as a column holds it: numbers and text as they are, anything else as JSON."""
+    """Return an axis value for a column: numbers and text as they are, any other value as JSON."""
     if isinstance(value, int) and abs(value) >= 2**63:
         return float(value)
     return value if value is None or isinstance(value, bool | int | float | str) else json.dumps(value)

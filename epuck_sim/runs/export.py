@@ -7,13 +7,14 @@ from typing import Any
 import pyarrow as pa
 from pyarrow import csv, parquet
 
-from epuck_sim.runs.database import as_column, reading
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.database import as_column, reading
+from epuck_sim.runs.reader import database_of
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
-from epuck_sim.runs.reader import database_of
 
 WRITERS = {".parquet": parquet.write_table, ".csv": csv.write_csv}
+"""Functions that write a table, by the suffix of the file."""
 
 COLUMNS = {
     "seed": pa.int64(),
@@ -28,14 +29,25 @@ COLUMNS = {
     "trial": pa.int64(),
     **dict.fromkeys(PROVENANCE, pa.string()),
 }
-"""What follows the axes; `point` is the point's number in the sweep."""
+"""Columns after those of the axes, and their types; `point` is the point's number in the sweep."""
 
 
 def export(folder: Path, target: Path) -> int:
-    """Write a row for each trial that has a result, ordered by point and trial; return how many have failed.
+    """Write a row for each trial that has a result, ordered by point and trial.
 
-    target: FILE.parquet or FILE.csv. Columns: each axis by its dotted key, then `COLUMNS`.
-    Raises StoreError for what is no run folder, EpuckSimError where the file cannot be written.
+    The columns are the axes, by their dotted keys, and `COLUMNS`.
+
+    Args:
+        folder: A run folder.
+        target: FILE.parquet or FILE.csv.
+
+    Returns:
+        The number of trials that have failed, which are left out.
+
+    Raises:
+        StoreError: The folder is no run folder, or its database is damaged.
+        EpuckSimError: The file cannot be written, or its suffix is unknown.
+
     """
     if target.suffix not in WRITERS:
         raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv")
@@ -59,7 +71,7 @@ def export(folder: Path, target: Path) -> int:
 
 
 def _axis(values: list[Any]) -> Any:
-    """Return a column of axis values; where some are numbers and some text, all as text."""
+    """Return a column of axis values; if some are numbers and some text, all become text."""
     kinds = {str if isinstance(value, str) else type(value) for value in values if value is not None}
     if len(kinds) > 1 and kinds != {int, float}:
         values = [None if value is None else str(value) for value in values]

@@ -1,4 +1,4 @@
-"""What a run folder holds: read-only, also while a run is at work on it."""
+"""Reading a run folder, also while a run is at work on it; nothing in it is changed."""
 
 import hashlib
 import json
@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.runs.database import DATABASE, reading
-from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.runs.run_lock import current_holder
-from epuck_sim.scenario.validation import validate
-from epuck_sim.util.provenance import PROVENANCE, format_versions
-from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.runs.run_lock import current_holder
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+from epuck_sim.scenario.validation import validate
+from epuck_sim.util.provenance import PROVENANCE
 
 
 class PointTrials(NamedTuple):
@@ -29,13 +28,13 @@ class PointTrials(NamedTuple):
     times: FloatArray
     """(trials,) cycles at which each trial ended."""
     observed: BoolArray
-    """(trials,) whether it was synchronised then; else it is censored."""
+    """(trials,) whether each trial was synchronised then; otherwise it is censored."""
     seeds: tuple[int, ...]
-    """(trials,)"""
+    """(trials,) seed of each trial."""
 
     @property
     def seed(self) -> int:
-        """Its own, for resampling: points resampled alike would all err together."""
+        """Seed for resampling this point: if all points were resampled alike, their errors would be the same."""
         everything = self.key + self.scenario.model_dump_json(exclude=WITHOUT_EFFECT)
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 
@@ -49,27 +48,49 @@ class Failure(NamedTuple):
     error: str
 
 
+class TrialsByOrigin(NamedTuple):
+    """How many trials the same versions on the same host have made."""
+
+    epuck_sim: str
+    pymunk: str
+    numba: str
+    numpy: str
+    python: str
+    host: str
+    trials: int
+
+    @property
+    def made_by(self) -> dict[str, str]:
+        """Versions, and the host, by name."""
+        return {name: getattr(self, name) for name in PROVENANCE}
+
+
 class Status(NamedTuple):
     """How far the sweep in a run folder is."""
 
     scenario: str
     points: int
     trials: int
-    """All that are to be."""
+    """Number of trials in the whole sweep."""
     stored: int
-    """Those that have a result."""
+    """Number of trials that have a result."""
     censored: int
     failed: list[Failure]
     wall_s: float
-    """Of all trials together."""
-    versions: dict[str, int]
-    """Trials by the versions and the host that made them."""
+    """Computing time of all trials together."""
+    versions: list[TrialsByOrigin]
+    """Numbers of trials by the versions and the host that made them."""
     at_work: str | None
-    """The process that is running it."""
+    """The process that is running the sweep."""
 
 
 def read_points(folder: Path | str) -> list[PointTrials]:
-    """Return the results of each point, in the sweep's order; raises StoreError for what is no run folder."""
+    """Return the results of each point, in the sweep's order.
+
+    Raises:
+        StoreError: The folder is no run folder, or its database is damaged.
+
+    """
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
         ends: dict[str, list[tuple[int, int]]] = {key: [] for key, *_ in found}
@@ -103,8 +124,13 @@ def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool] | Non
 
 
 def read_status(folder: Path) -> Status:
-    """Return how far the sweep is; raises StoreError for what is no run folder."""
-    columns = ", ".join(PROVENANCE)
+    """Return how far the sweep is.
+
+    Raises:
+        StoreError: The folder is no run folder, or its database is damaged.
+
+    """
+    origin = ", ".join(PROVENANCE)
     with reading(database_of(folder)) as connection:
         points, trials = connection.execute("SELECT count(*), total(trials) FROM points").fetchone()
         (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
@@ -115,8 +141,7 @@ def read_status(folder: Path) -> Status:
             "SELECT number, trial, seed, error FROM trials JOIN points ON point = key WHERE error IS NOT NULL "
             "ORDER BY number, trial"
         ).fetchall()
-        made = connection.execute(f"SELECT {columns}, count(*) FROM trials GROUP BY {columns}").fetchall()
-    versions = {format_versions(dict(zip(PROVENANCE, row, strict=True))): count for *row, count in made}
+        made = connection.execute(f"SELECT {origin}, count(*) FROM trials GROUP BY {origin}").fetchall()
     return Status(
         scenario=json.loads(scenario)["name"],
         points=points,
@@ -125,13 +150,13 @@ def read_status(folder: Path) -> Status:
         censored=int(censored),
         failed=[Failure(*row) for row in failed],
         wall_s=wall_s,
-        versions=versions,
+        versions=[TrialsByOrigin(*row) for row in made],
         at_work=current_holder(folder),
     )
 
 
 def database_of(folder: Path | str) -> Path:
-    """Return the run folder's database; raises StoreError where there is none."""
+    """Return the run folder's database; raise StoreError if there is none."""
     if not (Path(folder) / DATABASE).is_file():
         raise StoreError(f"{folder}: is no run folder: there is no {DATABASE} in it")
     return Path(folder) / DATABASE

@@ -1,6 +1,7 @@
 """A trial to be run, the outcome of one that has ended, and how far a sweep is."""
 
 from typing import NamedTuple
+
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
 
@@ -9,24 +10,24 @@ class Task(NamedTuple):
     """A trial to be run."""
 
     point: int
-    """The number of its point in the sweep."""
+    """Number of the point in the sweep."""
     trial: int
     seed: int
     scenario: Scenario
     interpret: bool
-    """Whether its controllers run as plain Python."""
+    """Whether controllers run as plain Python."""
 
 
 class Outcome(NamedTuple):
-    """A trial that has ended, one way or the other."""
+    """A trial that has ended, with a result or with an error."""
 
     point: int
     trial: int
     seed: int
     result: TrialResult | None
-    """None if it failed."""
+    """Its result; None if it failed."""
     error: str | None
-    """Why it failed."""
+    """Message of the error with which it failed; None if it has a result."""
     provenance: dict[str, str]
     """Versions, and the host that ran it."""
 
@@ -35,12 +36,12 @@ class SweepProgress(NamedTuple):
     """How far a sweep is."""
 
     trials: int
-    """All that are to be."""
+    """Number of trials in the whole sweep."""
     stored: int
-    """Those that have a result."""
+    """Number of trials that have a result."""
     censored: int
-    """Of these, the ones that were not synchronised."""
+    """Number of stored trials that were not synchronised."""
     failed: int
-    """Those that failed in this run."""
+    """Number of trials that failed in this run."""
     ended: int
-    """Those that ended in this run, one way or the other."""
+    """Number of trials that ended in this run, with a result or with an error."""

@@ -1,72 +1,91 @@
-"""One command at a time: whoever writes to a run folder holds its lock, which ends with the process at the latest."""
+"""The lock of a run folder: one command at a time may write to it. The lock ends with the process at the latest."""
 
-import fcntl
 import os
-import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO
 
-from epuck_sim.runs.database import DATABASE
+from filelock import FileLock, Timeout
+
 from epuck_sim.errors import StoreError
+from epuck_sim.runs.database import DATABASE
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.util.atomic_write import is_leftover
 from epuck_sim.util.provenance import host
 
 LOCK = ".lock"
-"""In a run folder; names the process that holds it."""
+"""Name of the file in a run folder that is locked."""
+
+HOLDER = ".lock-holder"
+"""Name of the file in a run folder that names the process that holds the lock.
+
+It is a file of its own because filelock versions before 3.21 empty the locked file on every attempt to lock it.
+"""
+
+WAIT_S = 0.2
+"""Time in seconds for which a lock is tried: `current_holder` of another process may have it for a moment."""
 
 
-def acquire(folder: Path) -> IO[str]:
-    """Make the folder if it is not there and return its lock, held until it is closed.
+@contextmanager
+def acquire(folder: Path) -> Iterator[None]:
+    """Make the folder if it does not exist, and hold its lock while the block lasts.
 
-    Raises StoreError where the folder cannot be made, is no run folder, or is held by another process.
+    Raises:
+        StoreError: The folder cannot be made, is no run folder, or is locked by another process.
+
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if not (folder / DATABASE).exists():
-            names = sorted(path.name for path in folder.iterdir())
-            foreign = [name for name in names if name != LOCK and not is_leftover(name, DATABASE)]
-            if foreign:
-                raise StoreError(
-                    f"{folder}: is no run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
-                )
-        lock = (folder / LOCK).open("a+", encoding="utf-8")
-    except OSError as error:
-        raise StoreError(f"{folder}: cannot be used as a run folder: {error.strerror}") from error
-    try:
-        _lock_patiently(lock)
-    except BlockingIOError as error:
-        lock.seek(0)
-        holder = lock.read() or "another process"
-        lock.close()
-        raise StoreError(f"{folder}: {holder} is at work on it; wait until it ends, or stop it") from error
-    for path in folder.iterdir():
-        if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):
-            path.unlink()  # nobody else writes here: a killed command has left it
-    lock.truncate(0)
-    lock.write(f"process {os.getpid()} on {host()}")
-    lock.flush()
-    return lock
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _check_no_foreign_files(folder)
+            stack.enter_context(FileLock(folder / LOCK, timeout=WAIT_S, thread_local=False))
+            for path in folder.iterdir():
+                if is_leftover(path.name, DATABASE) or is_leftover(path.name, RUN_SCENARIO):
+                    path.unlink()  # nobody else writes here: a killed command has left it
+            stack.callback((folder / HOLDER).unlink, missing_ok=True)
+            (folder / HOLDER).write_text(f"process {os.getpid()} on {host()}", encoding="utf-8")
+        except Timeout as error:
+            raise StoreError(f"{folder}: {_holder(folder)} is at work on it; wait until it ends, or stop it") from error
+        except OSError as error:
+            raise StoreError(f"{folder}: cannot be used as a run folder: {error.strerror}") from error
+        yield
 
 
-def _lock_patiently(lock: IO[str]) -> None:
-    """Lock the file; `current_holder` may have it for a moment."""
-    for _ in range(3):
-        with suppress(BlockingIOError):
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return
-        time.sleep(0.05)
-    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+def _check_no_foreign_files(folder: Path) -> None:
+    if (folder / DATABASE).exists():
+        return
+    foreign = sorted(path.name for path in folder.iterdir() if not _may_be_left(path.name))
+    if foreign:
+        raise StoreError(
+            f"{folder}: is no run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
+        )
+
+
+def _may_be_left(name: str) -> bool:
+    """Return whether a command that was killed at once may have left a file of this name in a new folder."""
+    return name in (LOCK, HOLDER) or is_leftover(name, DATABASE)
 
 
 def current_holder(folder: Path) -> str | None:
-    """Return who is at work on the folder; None if nobody is."""
+    """Return the process that holds the lock of a run folder.
+
+    Returns:
+        None if no process holds it, or if this user may not lock files there and so cannot find out.
+
+    """
+    if not (folder / LOCK).is_file():
+        return None
     try:
-        with (folder / LOCK).open(encoding="utf-8") as lock:
-            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return (folder / LOCK).read_text(encoding="utf-8") or "another process"
+        with FileLock(folder / LOCK).acquire(blocking=False):
+            return None
+    except Timeout:
+        return _holder(folder)
     except OSError:
         return None
-    return None
+
+
+def _holder(folder: Path) -> str:
+    try:
+        return (folder / HOLDER).read_text(encoding="utf-8") or "another process"
+    except OSError:
+        return "another process"

@@ -1,7 +1,7 @@
-"""A run folder open for writing: the results of a sweep, one row a trial, each on disk as soon as it is known.
+"""Writing to a run folder: the results of a sweep, one row for each trial, on disk as soon as it is known.
 
-A folder belongs to one sweep. It may grow, by points and by trials, and a run that was stopped goes on in it; it never
-holds results of two scenarios.
+A folder belongs to one sweep. Points and trials can be added, and a run that was stopped goes on in it; it never holds
+results of two scenarios.
 """
 
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, stored_point
 from epuck_sim.runs.database import (
     DATABASE,
     ENTER_POINT,
@@ -22,32 +23,37 @@ from epuck_sim.runs.database import (
     sqlite_errors,
     writing,
 )
-from epuck_sim.util.atomic_write import atomic_write
-from epuck_sim.runs.compatibility import StoredPoint, stored_point, check_same_sweep
+from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.run_lock import acquire
-from epuck_sim.util.provenance import PROVENANCE
-from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point
-from epuck_sim.runs.records import Outcome
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.provenance import PROVENANCE
 
 
 class Store:
-    """A run folder, held by this process; to be used in a `with` block."""
+    """A run folder that this process has locked; to be used in a `with` block."""
 
     def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point]) -> None:
-        """Take hold of the folder, make it if it is not there, and enter the points that are new.
+        """Lock the folder, which is made if it does not exist, and enter the points that are new.
 
-        Raises StoreError, and leaves everything as it was, where the folder holds something else, is damaged, or is
-        in use.
+        Args:
+            folder: A run folder, or one that is new or empty.
+            scenario: What is run.
+            points: All its points.
+
+        Raises:
+            StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
+
         """
         self._path = folder / DATABASE
         self._points = points
         rows = [stored_point(point) for point in points]
         if self._path.exists():
             check_database(self._path)
-        with ExitStack() as held:
-            held.enter_context(acquire(folder))
+        with ExitStack() as stack:
+            stack.enter_context(acquire(folder))
             if self._path.exists():
                 check_same_sweep(folder, _stored_points(self._path), rows)
             else:
@@ -55,21 +61,21 @@ class Store:
             # before the points: the folder's own scenario must have all that the database has
             with atomic_write(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
-            held.enter_context(sqlite_errors(self._path))
-            self._connection = held.enter_context(writing(self._path))
+            stack.enter_context(sqlite_errors(self._path))
+            self._connection = stack.enter_context(writing(self._path))
             with self._connection:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
-            self._held = held.pop_all()
+            self._resources = stack.pop_all()
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error")
-        anew = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
+        updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
             f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
-            f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(anew)} WHERE error IS NOT NULL"
+            f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(updates)} WHERE error IS NOT NULL"
         )
 
     def finished(self) -> set[tuple[int, int]]:
-        """Return the point's number and the trial's of every trial that has a result; failed ones have none."""
+        """Return the numbers of point and trial of every trial that has a result; failed trials have none."""
         with sqlite_errors(self._path):
             return set(
                 self._connection.execute(
@@ -84,7 +90,7 @@ class Store:
         return int(count)
 
     def add(self, outcome: Outcome) -> None:
-        """Store a trial; one that failed before is replaced, one that has a result stays."""
+        """Store a trial; an earlier failure of it is replaced, an earlier result is kept."""
         point, result = self._points[outcome.point], outcome.result
         values = (
             *(point.key, outcome.trial),
@@ -103,7 +109,7 @@ class Store:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self._held.close()
+        self._resources.close()
 
 
 def _stored_points(path: Path) -> list[StoredPoint]:

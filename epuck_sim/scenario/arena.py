@@ -38,7 +38,7 @@ class Polygon(ConfigModel):
     corners_cm: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=3, max_length=100)]
 
     @model_validator(mode="after")
-    def _convex(self) -> "Polygon":
+    def _check_convex(self) -> "Polygon":
         if not is_convex(np.array(self.corners_cm)):
             raise ValueError("corners_cm must bound a convex polygon, listed counter-clockwise")
         return self
@@ -52,11 +52,11 @@ class ArenaSection(ConfigModel):
     obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
 
     @model_validator(mode="after")
-    def _obstacles_inside(self) -> "ArenaSection":
+    def _check_obstacles_inside(self) -> "ArenaSection":
         arena = self.build()
-        reach = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
-        reach += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
-        for low, high in reach:
+        extents = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
+        extents += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
+        for low, high in extents:
             if (low < -1e-9).any() or (high > np.array([self.width_cm, self.height_cm]) + 1e-9).any():
                 raise ValueError(
                     f"an obstacle reaches from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) cm, beyond the "

@@ -1,22 +1,22 @@
-"""What the sections of a scenario have in common: no unknown keys, plain numbers, no change after they were made."""
+"""The base of all sections of a scenario, and the kinds of numbers in them."""
 
 from typing import Annotated
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 
-def _no_truth_value(value: object) -> object:
+def _reject_bool(value: object) -> object:
     if isinstance(value, bool):
         raise ValueError("a number, not true or false")  # noqa: TRY004 pydantic gathers ValueErrors
     return value
 
 
-Number = Annotated[float, BeforeValidator(_no_truth_value)]
-WholeNumber = Annotated[int, BeforeValidator(_no_truth_value)]
+Number = Annotated[float, BeforeValidator(_reject_bool)]
+WholeNumber = Annotated[int, BeforeValidator(_reject_bool)]
 Positive = Annotated[Number, Field(gt=0, le=1e6)]
 
 
 class ConfigModel(BaseModel):
-    """Part of a scenario: no unknown keys, no NaN, no change after it was made."""
+    """A section of a scenario: it has no unknown keys and no NaN, and cannot be changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

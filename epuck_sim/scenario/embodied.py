@@ -4,47 +4,49 @@ Every key is optional; the defaults are those of thesis section 4.2.1 (the dashe
 """
 
 import math
-from typing import Annotated, Any, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.controllers import resolve_axes, resolve_group
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario, StopSection
 
 
 class NoiseSection(ConfigModel):
-    """What disturbs sensors and wheels; 0 switches a part off, `noise: off` all."""
+    """Noise of sensors and wheels; 0 switches one kind off, `noise: off` both."""
 
     wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.05
-    """Each control step each wheel's speed is multiplied by a uniform factor in 1 -+ this (Enki)."""
+    """Half-width of the uniform factor around 1 by which each wheel's speed is multiplied in each step (Enki)."""
     infrared_counts: Annotated[Number, Field(ge=0, le=10_000)] = 10.0
-    """Standard deviation of what is added to each infrared reading (Enki)."""
+    """Standard deviation of the noise on each infrared reading (Enki)."""
 
 
 class SpreadSection(ConfigModel):
-    """In what robots differ (thesis 4.4): each has factors of its own for a whole trial, uniform in 1 -+ these."""
+    """Differences between robots (thesis 4.4): half-widths of uniform factors around 1, drawn once a trial."""
 
     wheel_speed: Annotated[Number, Field(ge=0, lt=1)] = 0.0
-    """Of a robot's two wheels together."""
+    """Spread of the speed of a robot's two wheels together."""
     wheel_imbalance: Annotated[Number, Field(ge=0, lt=1)] = 0.0
-    """Of each wheel by itself."""
+    """Spread of the speed of each single wheel."""
     clock_rate: Annotated[Number, Field(ge=0, le=0.1)] = 0.0
-    """Of the clock by which a robot's controller measures time."""
+    """Spread of the rate of the clock by which a robot's controller measures time."""
     infrared_gain: Annotated[Number, Field(ge=0, lt=1)] = 0.0
-    """Of the reading of each of a robot's infrared sensors."""
+    """Spread of the readings of each single infrared sensor."""
 
 
 class StuckSection(ConfigModel):
-    """How robots get stuck now and then (thesis 4.4): their wheels turn, and do not move them."""
+    """How robots get stuck from time to time (thesis 4.4): their wheels turn but do not move them."""
 
     per_hour: Annotated[Number, Field(ge=0, le=3600)] = 0.0
-    """So often, on average, in an hour of being free; 0 for never."""
+    """Mean number of times in an hour of free motion; 0 for never."""
     mean_s: Positive = 20.0
-    """So long, on average, until the robot is free again."""
+    """Mean time in seconds until the robot is free again."""
 
 
 class ContactSection(ConfigModel):
@@ -58,10 +60,10 @@ class TimingSection(ConfigModel):
 
     control_hz: Annotated[WholeNumber, Field(ge=1, le=1000)] = 10
     physics_hz: Annotated[WholeNumber, Field(ge=100, le=10_000)] = 100
-    """At fewer, bodies would overlap by more than 1 mm before they are known to touch."""
+    """Physics steps a second; with fewer than 100, bodies would overlap by more than 1 mm before a contact is found."""
 
     @model_validator(mode="after")
-    def _divide(self) -> "TimingSection":
+    def _check_rates(self) -> "TimingSection":
         if 1000 % self.control_hz:
             raise ValueError(
                 f"control_hz is {self.control_hz}; a control step must be whole milliseconds: 1, 2, 4, 5, "
@@ -82,17 +84,22 @@ class EmbodiedStop(StopSection):
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] = 0.95
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10_000
-    """Without an oscillator, 5 s count as a cycle."""
+    """The trial is censored after this number of cycles; without an oscillator, 5 s count as a cycle."""
     max_time_s: Annotated[Number, Field(gt=0, le=1e10)] | None = None
-    """The trial is censored after this time, too."""
+    """The trial is also censored after this time."""
     reference_robot: Annotated[WholeNumber, Field(ge=0)] = 0
-    """Robots are numbered from 0, in the order of their groups."""
+    """Number of the robot whose firings are counted: from 0, in the order of the groups."""
     further_cycles: Annotated[WholeNumber, Field(ge=0, le=10**9)] = 0
-    """After synchrony a trial goes on, within its limits, for so many more firings of the reference."""
+    """Number of firings of the reference for which a trial goes on after synchrony, within its limits."""
 
 
 class EmbodiedScenario(Scenario):
     """A swarm of e-pucks (chapter 4)."""
+
+    foreign_keys: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("space", "agents", "neighbourhood", "response", "clocks", "start", "stop.reference"),
+        "belongs to model: particles; give that model, or leave it out",
+    )
 
     model: Literal["embodied"] = "embodied"
     arena: ArenaSection = ArenaSection()
@@ -116,18 +123,18 @@ class EmbodiedScenario(Scenario):
         return given
 
     @model_validator(mode="after")
-    def _fits(self) -> "EmbodiedScenario":
+    def _check_sections_together(self) -> "EmbodiedScenario":
         if not self.robots:
             raise ValueError("robots is []; allowed: at least one group of robots, such as [{count: 10}]")
         if self.stop.reference_robot >= self.robot_count:
             raise ValueError(
                 f"stop.reference_robot is {self.stop.reference_robot}; allowed: 0 to {self.robot_count - 1}"
             )
-        for place, group in enumerate(self.robots):
+        for number, group in enumerate(self.robots):
             rate = group.camera.frames_per_s
             if rate is not None and rate > self.timing.control_hz:
                 raise ValueError(
-                    f"robots.{place}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
+                    f"robots.{number}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
                     f"{self.timing.control_hz}"
                 )
         floor = self.arena.width_cm * self.arena.height_cm
@@ -178,5 +185,17 @@ class EmbodiedScenario(Scenario):
 
     @property
     def camera_pixels(self) -> int:
-        """Pixels of the camera that has the most."""
+        """Number of pixels of the camera that has the most."""
         return max(group.camera.pixels for group in self.robots)
+
+    def resolved(self, origin: str, folder: Path | None = None) -> Self:
+        """Return the scenario with its controllers found and their parameters filled in; see `Scenario.resolved`."""
+        swept = self.sweep.keys if self.sweep else ()
+        robots = tuple(
+            group  # its controller, hence its parameters, are known at each point only
+            if f"robots.{number}.controller" in swept
+            else resolve_group(group, self.timing.step_ms, f"{origin}: robots.{number}", folder)
+            for number, group in enumerate(self.robots)
+        )
+        sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
+        return self.model_copy(update={"robots": robots, "sweep": sweep})

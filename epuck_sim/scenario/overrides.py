@@ -10,7 +10,12 @@ from epuck_sim.util.messages import short_repr
 
 
 def apply_override(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
-    """Return the mapping `given` with one change, `key=value` with a dotted key; raises ScenarioError."""
+    """Return the mapping `given` with one change, `key=value` with a dotted key.
+
+    Raises:
+        ScenarioError: The setting is malformed, or its key leads nowhere.
+
+    """
     option = f"--set {setting}"
     key, equals, text = setting.partition("=")
     if not equals or not key:
@@ -19,8 +24,13 @@ def apply_override(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
 
 
 def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> dict[str, Any]:
-    """Return the mapping `given` with `value` at a dotted key; raises ScenarioError, which begins with `origin`."""
-    # of robots, one group is there by default
+    """Return the mapping `given` with `value` at a dotted key.
+
+    Raises:
+        ScenarioError: The key leads nowhere; the message begins with `origin`.
+
+    """
+    # a scenario has one group of robots by default
     default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
     result = _with({**default, **given}, key.split("."), value, origin)
     assert isinstance(result, dict)  # a mapping changed is a mapping
@@ -28,41 +38,48 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
 
 
 def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
-    """Return `container` with `value` at the path `parts`; sections that are not there yet are made."""
+    """Return `container` with `value` at the path `parts`; missing sections are added."""
     if not parts:
         return value
     first, *rest = parts
     if isinstance(container, list | tuple):
         if first not in map(str, range(len(container))):
-            raise ScenarioError(f"{origin}: {first!r} is no place in a list of {len(container)}, counted from 0")
-        place = int(first)
-        return [*container[:place], _with(container[place], rest, value, origin), *container[place + 1 :]]
+            raise ScenarioError(f"{origin}: {first!r} is not an index into a list of {len(container)}, counted from 0")
+        index = int(first)
+        return [*container[:index], _with(container[index], rest, value, origin), *container[index + 1 :]]
     if container is not None and not isinstance(container, Mapping):
-        raise ScenarioError(f"{origin}: {first!r} lies in {short_repr(container)}, which has no keys")
+        raise ScenarioError(f"{origin}: {first!r} is inside {short_repr(container)}, which has no keys")
     here = dict(container or {})
     here[first] = _with(here.get(first), rest, value, origin)
     return here
 
 
 QUICK = "quick"
-"""In a scenario's file: the keys that its quick version has otherwise."""
+"""Key in a scenario's file that holds the keys in which its quick version differs."""
 
 
-def select_version(given: Mapping[str, Any], quick: bool, origin: str) -> dict[str, Any]:
-    """Return a file's scenario in its full or quick version; raises ScenarioError where there is no quick one."""
-    full = {key: value for key, value in given.items() if key != QUICK}
-    if not quick:
-        return full
+def without_quick(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a file's scenario in its full version."""
+    return {key: value for key, value in given.items() if key != QUICK}
+
+
+def quick_version(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
+    """Return a file's scenario in its quick version.
+
+    Raises:
+        ScenarioError: There is no quick version, or it is not a mapping.
+
+    """
     changes = given.get(QUICK)
     if changes is None:
         raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
     if not isinstance(changes, Mapping):
         raise ScenarioError(f"{origin}: {QUICK}: is {short_repr(changes)}; allowed: a mapping of keys to values")
-    return _merged(full, changes)
+    return _merged(without_quick(given), changes)
 
 
 def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `given` with `changes`, section by section; anything else is replaced."""
+    """Return `given` with `changes`: sections are merged key by key, other values are replaced."""
     merged = dict(given)
     for key, value in changes.items():
         old = given.get(key)
@@ -71,7 +88,12 @@ def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
 
 
 def add_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
-    """Return the mapping `given` with one axis, `key=value,value,...`, in the grid of its sweep."""
+    """Return the mapping `given` with one axis, `key=value,value,...`, in the grid of its sweep.
+
+    Raises:
+        ScenarioError: The axis is malformed, or the scenario's own sweep is.
+
+    """
     option = f"--sweep {axis}"
     key, equals, text = axis.partition("=")
     if not equals or not key:
@@ -84,7 +106,7 @@ def add_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
 
 
 def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:
-    """Raise ScenarioError for a setting that no point of the sweep would heed."""
+    """Raise ScenarioError for a setting that every point of the sweep overrides."""
     for setting in settings:
         key = setting.partition("=")[0]
         for axis in axes.keys if axes else ():

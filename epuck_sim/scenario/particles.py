@@ -1,10 +1,10 @@
-"""A scenario of point-like agents: their space, their motion, who hears whom, and how a pulse shifts a phase.
+"""A scenario of point-like agents: their space, their motion, their neighbourhoods, and how a pulse shifts a phase.
 
 The defaults are those of thesis section 5.1: 20 agents in a square of side 100, nearest neighbours, the multiplicative
 response curve. Its lengths have no unit and its period is 1; here they are centimetres and seconds, as in chapter 3.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,7 +12,21 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.scenario import Scenario, StopSection
 
 MOST_SIDES = 1000
-"""So many sides are flown in a cycle at most, on the mean; the fastest in the thesis fly one."""
+"""Largest mean distance, in sides of the space, that agents may move in a cycle; the thesis's fastest move one."""
+
+_ELSEWHERE = {
+    "arena": "space",
+    "robots": "agents, clocks, response and neighbourhood",
+    "noise": "clocks.jitter for clocks; agents neither sense nor drive",
+    "spread": "nothing, for agents are all alike",
+    "stuck": "nothing, for agents are points",
+    "contact": "nothing, for agents are points",
+    "timing": "nothing, for time has no steps",
+    "stop.reference_robot": "stop.reference",
+    "stop.max_time_s": "stop.max_cycles",
+    "stop.further_cycles": "nothing, for its trials end with synchrony",
+}
+"""Keys of embodied scenarios, and the keys of particle scenarios that correspond to them."""
 
 
 class SpaceSection(ConfigModel):
@@ -21,24 +35,24 @@ class SpaceSection(ConfigModel):
     dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
     side_cm: Positive = 100.0
     boundary: Literal["bounded", "cyclic"] = "bounded"
-    """`bounded`: walls, from which agents set out in a random direction; `cyclic`: who leaves comes in opposite."""
+    """`bounded`: agents leave a wall in a random direction; `cyclic`: they leave on one side and enter opposite."""
 
 
 class AgentsSection(ConfigModel):
-    """How many there are, and how they move."""
+    """Number of agents, and how they move."""
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 20
     speed_cm_s: Annotated[Number, Field(ge=0, le=1e6)] = 1.0
-    """Of each agent, or the mean of its distribution."""
+    """Speed of each agent, or the mean of the distribution of speeds."""
     speed_distribution: Literal["fixed", "uniform", "normal", "exponential"] = "fixed"
-    """Each agent keeps the speed that is drawn for it (thesis 6.2)."""
+    """Distribution from which the speed of each agent is drawn, once a trial (thesis 6.2)."""
     speed_spread: Annotated[Number, Field(gt=0, le=1)] | None = None
-    """Half width of `uniform`, standard deviation of `normal`, as a share of the mean; `normal` is cut at 0 and 2."""
+    """Half-width of `uniform`, or standard deviation of `normal`, relative to the mean; `normal` is cut at 0 and 2."""
     reorient_on: tuple[Literal["emitting", "receiving"], ...] = ()
-    """Pulses on which an agent sets out in a random direction (D.1)."""
+    """Pulses at which an agent turns to a random direction (D.1)."""
 
     @model_validator(mode="after")
-    def _spread_fits(self) -> "AgentsSection":
+    def _check_spread(self) -> "AgentsSection":
         needs = self.speed_distribution in ("uniform", "normal")
         if needs != (self.speed_spread is not None):
             what = "needs a speed_spread, above 0 and up to 1" if needs else "takes no speed_spread; leave it out"
@@ -61,13 +75,13 @@ class Range(ConfigModel):
 
 
 class Cone(ConfigModel):
-    """A cone in the direction of motion: of vision, that of an agent who sees the one that fires, or of emission."""
+    """A cone in the direction of motion: of vision, around the agent that receives, or of emission."""
 
     kind: Literal["cone_of_vision", "cone_of_emission"]
     radius_cm: Positive | None = None
-    """Unlimited by default."""
+    """Reach of the cone; unlimited by default."""
     angle_deg: Annotated[Number, Field(gt=0, le=360)]
-    """From side to side."""
+    """Full opening angle."""
 
 
 class Everybody(ConfigModel):
@@ -77,20 +91,20 @@ class Everybody(ConfigModel):
 
 
 Neighbourhood = Nearest | Range | Cone | Everybody
-"""Who hears the pulse of an agent that fires (3.1.2, 5.1.3)."""
+"""The agents that receive the pulse of one that fires (3.1.2, 5.1.3)."""
 
 
 class ResponseSection(ConfigModel):
-    """How a pulse shifts the phase of one who hears it (5.1.1)."""
+    """How a pulse shifts the phase of an agent that receives it (5.1.1)."""
 
     curve: Literal["multiplicative", "sawtooth", "sine"] = "multiplicative"
     coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
-    """The factor epsilon of the multiplicative curve, or kappa, up to 1, of the others."""
+    """Factor epsilon of the multiplicative curve; kappa, up to 1, of the others."""
     refractory: Annotated[Number, Field(ge=0, lt=0.5)] = 0.0
-    """D: from 0 to this phase nothing is heard."""
+    """Phase D, up to which pulses have no effect."""
 
     @model_validator(mode="after")
-    def _kappa_fits(self) -> "ResponseSection":
+    def _check_kappa(self) -> "ResponseSection":
         if self.curve != "multiplicative" and self.coupling > 1:
             raise ValueError(f"coupling is {self.coupling:g}; allowed: 0 to 1 for the {self.curve} curve")
         return self
@@ -101,18 +115,18 @@ class ClocksSection(ConfigModel):
 
     period_s: Positive = 1.0
     jitter: Annotated[Number, Field(ge=0, le=0.2)] = 0.0
-    """Standard deviation of their periods, as a share of `period_s` (5.4.2); none is below a tenth of it."""
+    """Standard deviation of the periods relative to `period_s` (5.4.2); no period is below a tenth of it."""
 
 
 class StartSection(ConfigModel):
-    """The phases with which a trial begins."""
+    """The phases at the start of a trial."""
 
     phases: Literal["random", "synchronised"] = "random"
     displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
-    """Of the phase of agent 0, where all others begin at 0 (5.4.1)."""
+    """Phase of agent 0, where all others start at 0 (5.4.1)."""
 
     @model_validator(mode="after")
-    def _displaces_synchrony(self) -> "StartSection":
+    def _check_displacement(self) -> "StartSection":
         if self.displacement and self.phases != "synchronised":
             raise ValueError(
                 f"displacement is {self.displacement:g} and phases is {self.phases!r}; allowed: 0, or phases: "
@@ -125,14 +139,18 @@ class ParticleStop(StopSection):
     """When a trial ends (3.1.5, 5.1.4)."""
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 1 - 1e-9
-    """Null: every trial lasts `max_cycles`."""
+    """Threshold of the order parameter; null: every trial lasts `max_cycles`."""
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10**7
     reference: Annotated[WholeNumber, Field(ge=0)] = 0
-    """Agents are numbered from 0."""
+    """Number of the agent whose firings are counted, from 0."""
 
 
 class ParticleScenario(Scenario):
     """A swarm of point-like agents (chapters 3 and 5)."""
+
+    foreign_keys: ClassVar[dict[str, str]] = {
+        key: f"belongs to model: embodied; model: particles has {place}" for key, place in _ELSEWHERE.items()
+    }
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
     model: Literal["particles"]
@@ -145,7 +163,7 @@ class ParticleScenario(Scenario):
     stop: ParticleStop = ParticleStop()
 
     @model_validator(mode="after")
-    def _fits(self) -> "ParticleScenario":
+    def _check_sections_together(self) -> "ParticleScenario":
         others = self.agents.count - 1
         if self.agents.speed_cm_s * self.clocks.period_s > MOST_SIDES * self.space.side_cm:
             raise ValueError(

@@ -1,15 +1,17 @@
 """The points of a sweep, and the seed of each trial at each of them.
 
-A point is known by its axis values, not by its place: points and trials that are added leave the seeds of the others
-as they were.
+A point is identified by its axis values, not by its number: points and trials that are added leave the seeds of the
+others as they were.
 """
 
-from pathlib import Path
+from collections.abc import Sequence
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import canonical_text
-from epuck_sim.scenario.loader import load_scenario, map_controllers
+from epuck_sim.scenario.controllers import map_controllers
+from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overrides import set_value
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.messages import short_repr
@@ -20,32 +22,39 @@ class Point(NamedTuple):
     """One combination of a sweep's axis values."""
 
     number: int
-    """Its place in the sweep, from 0."""
+    """Index in the sweep."""
     key: str
     """The axis values as text."""
     axes: dict[str, Any]
-    """Value of each axis by dotted key; of a controller its file's name."""
+    """Value of each axis by dotted key; for a user's controller, its file's name."""
     scenario: Scenario
     """The scenario with these values, and without a sweep."""
 
     def seed(self, trial: int) -> int:
-        """Return the seed of trial number `trial`: of the master seed, the axis values and the trial alone."""
+        """Return the seed of trial number `trial`, which follows from the master seed, the axis values and `trial`."""
         return point_seed(self.scenario.seed, self.key, trial)
 
 
 def points(scenario: Scenario) -> tuple[Point, ...]:
     """Return the points of a scenario's sweep, in order; a scenario without a sweep is one point without axes.
 
-    Raises ScenarioError, which names the point, where its values make no valid scenario.
+    Args:
+        scenario: As `load_scenario` returns it.
+
+    Raises:
+        ScenarioError: The values of a point make no valid scenario, or two points are the same.
 
     >>> sweep = load_scenario("thesis", axes=["robots.0.count=2,3", "robots.0.parameters.speed_cm_s=1,5"])
     >>> [tuple(point.axes.values()) for point in points(sweep)]
     [(2, 1), (2, 5), (3, 1), (3, 5)]
+
     """
     if scenario.sweep is None:
         return (Point(0, canonical_text({}), {}, scenario),)
     base = scenario.model_copy(update={"sweep": None}).model_dump(mode="json")
-    found = tuple(_point(number, row, base) for number, row in enumerate(scenario.sweep.rows()))
+    rows = scenario.sweep.rows()
+    names = _short_names(rows)
+    found = tuple(_point(number, row, base, names) for number, row in enumerate(rows))
     first: dict[str, int] = {}
     for point in found:
         if point.key in first:
@@ -55,10 +64,36 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
     return found
 
 
-def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
+def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return the name of each controller in the rows: that of its file, with the folders that tell it from others.
+
+    A name does not depend on the folders that all controllers share, so that a sweep can move to another machine.
+    """
+    named: dict[str, None] = {}
+
+    def collect(name: Any) -> str:
+        named[str(name)] = None
+        return str(name)
+
+    for row in rows:
+        for key, value in row.items():
+            map_controllers(key, value, collect)
+    parts = {name: Path(name).parts for name in named}
+
+    def shortest(name: str) -> str:
+        for length in range(1, len(parts[name])):
+            ending = parts[name][-length:]
+            if sum(other[-length:] == ending for other in parts.values()) == 1:
+                return PurePath(*ending).as_posix()
+        return name
+
+    return {name: shortest(name) for name in named}
+
+
+def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:
     origin = f"{base['name']}: sweep: point {number} ({describe_axes(row)})"
     given = base
-    for key in sorted(row, key=lambda key: key.count(".")):  # a section as a whole before what lies in it
+    for key in sorted(row, key=lambda key: key.count(".")):  # a whole section before a key inside it
         given = set_value(given, key, row[key], origin)
     try:
         scenario = load_scenario(given)
@@ -66,8 +101,8 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any]) -> Point:
         lines = (line.removeprefix("scenario: ") for line in str(error).splitlines())
         raise ScenarioError("\n".join(f"{origin}: {line}" for line in lines)) from error
     if scenario.sweep is not None:
-        raise ScenarioError(f"{origin}: a point cannot hold a sweep")
-    axes = {key: map_controllers(key, value, lambda name: Path(name).name) for key, value in row.items()}
+        raise ScenarioError(f"{origin}: a point cannot have a sweep")
+    axes = {key: map_controllers(key, value, lambda name: names[str(name)]) for key, value in row.items()}
     return Point(number, canonical_text(axes), axes, scenario)
 
 

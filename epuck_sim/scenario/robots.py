@@ -1,4 +1,4 @@
-"""One group in the section `robots` of a scenario: robots that share a controller, and what they sense with."""
+"""One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
 
 from typing import Annotated, Any, Literal
 
@@ -13,16 +13,16 @@ class CameraSection(ConfigModel):
     pixels: Annotated[WholeNumber, Field(ge=1, le=1000)] = 60
     field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
     central_pixels: Annotated[WholeNumber, Field(ge=1)] | None = None
-    """Only so many pixels in the middle of the row are looked at (thesis 4.2.1); all by default."""
+    """Number of pixels in the middle of the row that are used (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
-    """Nothing beyond it is seen; unlimited by default."""
+    """Distance beyond which nothing is seen; unlimited by default."""
     frames_per_s: Annotated[Number, Field(ge=0.1, le=1000)] | None = None
-    """Pictures a second, about 8 on the robots (thesis 4.3.1); by default one in each control step."""
+    """Pictures a second, about 8 on the real robots (thesis 4.3.1); by default one in each control step."""
     latency_ms: Annotated[Number, Field(ge=0)] = 0.0
-    """The controller has each picture after a time of its own, uniform from 0 to this."""
+    """Largest delay of a picture; each picture reaches the controller after a delay drawn uniformly from 0 to this."""
 
     @model_validator(mode="after")
-    def _centred(self) -> "CameraSection":
+    def _check_centred(self) -> "CameraSection":
         central = self.pixels if self.central_pixels is None else self.central_pixels
         if central > self.pixels or (self.pixels - central) % 2:
             raise ValueError(
@@ -32,7 +32,7 @@ class CameraSection(ConfigModel):
         return self
 
     @model_validator(mode="after")
-    def _one_picture_at_a_time(self) -> "CameraSection":
+    def _check_latency(self) -> "CameraSection":
         if self.frames_per_s is None and self.latency_ms > 0:
             raise ValueError(
                 f"latency_ms is {self.latency_ms:g}, frames_per_s is null; give frames_per_s, or leave latency_ms out"
@@ -56,13 +56,13 @@ class RobotGroup(ConfigModel):
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     placement: Literal["random", "grid", "poses"] = "random"
-    """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as `poses` says."""
+    """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
-    """x_cm, y_cm, heading_rad of each robot, instead of a placement."""
+    """`x_cm, y_cm, heading_rad` of each robot, instead of a placement."""
     controller: str = "firefly"
-    """A shipped controller's name, or a file that ends in .py, relative to the scenario's file."""
+    """Name of a shipped controller, or a file that ends in .py, relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
-    """The controller's parameters, which it checks itself; what is left out has the controller's default."""
+    """The controller's parameters by name; those that are left out have the controller's defaults."""
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()
 
@@ -76,7 +76,7 @@ class RobotGroup(ConfigModel):
         return given
 
     @model_validator(mode="after")
-    def _poses_match(self) -> "RobotGroup":
+    def _check_poses(self) -> "RobotGroup":
         if self.poses is None and self.placement == "poses":
             raise ValueError("placement is 'poses' but there are none; give poses: [[x_cm, y_cm, heading_rad], ...]")
         if self.poses is not None and self.placement != "poses":

@@ -1,6 +1,7 @@
-"""What scenarios of all models have in common. Validated and immutable."""
+"""The scenario: what those of all models have in common. Validated and immutable."""
 
-from typing import Annotated, Literal, TypeVar
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field
 
@@ -19,33 +20,36 @@ class FigureSection(ConfigModel):
     x: str | None = None
     """Dotted key of the axis to draw against; the speed by default."""
     y: str | None = None
-    """Of a map, the axis that goes up."""
+    """Dotted key of a map's vertical axis."""
     panels: str | None = None
-    """Of curves, the axis that has a panel for each of its values; one panel by default."""
+    """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
-    """Of violins: the estimate is made as if trials had been censored there."""
+    """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
 
 
 class StopSection(ConfigModel):
     """When a trial ends."""
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
-    """The swarm is synchronised once the order parameter reaches this at a firing of the reference."""
+    """The swarm is synchronised once the order parameter reaches this value at a firing of the reference."""
     metric: Literal["complex", "reference"] = "complex"
     """`complex`: eqs. 4.2 and 5.7; `reference`: eq. 3.4."""
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)]
-    """The trial is censored after so many firings of the reference."""
+    """Firings of the reference after which the trial is censored."""
 
 
 class Scenario(ConfigModel):
-    """All that a trial depends on, but for its seed."""
+    """Everything on which a trial depends, except its seed."""
+
+    foreign_keys: ClassVar[dict[str, str]] = {}
+    """Dotted keys of another model, and the message for a scenario of this model that has them."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
     description: str = ""
     model: str
     stop: StopSection
     trials: Annotated[WholeNumber, Field(ge=1, le=10_000_000)] = 1
-    """How many; of a sweep, at each of its points."""
+    """Number of trials; in a sweep, at each of its points."""
     seed: Annotated[WholeNumber, Field(ge=0)] = 0
     """The master seed, from which each trial gets its own."""
     sweep: SweepAxes | None = None
@@ -63,7 +67,7 @@ class Scenario(ConfigModel):
 
     @property
     def compiled(self) -> tuple[str, ...]:
-        """What is compiled for its trials, by name."""
+        """Names of what is compiled for its trials."""
         return self.controllers or (self.model,)
 
     @property
@@ -76,12 +80,37 @@ class Scenario(ConfigModel):
         """Dotted keys of the values on which `scales`, and the speed, depend."""
         return ()
 
+    def resolved(self, origin: str, folder: Path | None = None) -> Self:  # noqa: ARG002 for models that name files
+        """Return the scenario with everything filled in that lies in other files.
+
+        Args:
+            origin: Begins every line of an error message.
+            folder: Files are looked for here first, then in the working directory.
+
+        Raises:
+            ScenarioError: A file is missing, or does not fit the scenario.
+
+        """
+        return self
+
+    def __repr__(self) -> str:
+        """Return one line; `write_scenario` gives every key."""
+        points = f", points={self.sweep.point_count}" if self.sweep else ""
+        return f"{type(self).__name__}(name={self.name!r}, model={self.model!r}, population={self.population}{points})"
+
+    __str__ = __repr__
+
 
 Kind = TypeVar("Kind", bound=Scenario)
 
 
 def require_model(scenario: Scenario, kind: type[Kind], why: str) -> Kind:
-    """Return `scenario`, which must be of class `kind`; raise ScenarioError, which ends with `why`, where it is not."""
+    """Return `scenario`, which must be of class `kind`.
+
+    Raises:
+        ScenarioError: It is of another class; the message ends with `why`.
+
+    """
     if not isinstance(scenario, kind):
         raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}; {why}")
     return scenario

@@ -1,61 +1,76 @@
-"""The models that a scenario can be of, and what is said of a mapping that makes none."""
+"""The table of scenario classes, and readable messages for scenarios that fail validation."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import Box, Circle, Polygon
+from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, Range
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
+"""Class of a scenario by the name that its key `model` gives."""
 
-VARIANTS: dict[str, dict[str, type[BaseModel]]] = {
-    "obstacles": {"circle": Circle, "box": Box, "polygon": Polygon},
-    "neighbourhood": {
-        "nearest": Nearest,
-        "range": Range,
-        "cone_of_vision": Cone,
-        "cone_of_emission": Cone,
-        "all": Everybody,
-    },
+
+class Union(NamedTuple):
+    """A section that is one of several classes."""
+
+    tag: str
+    """The key whose value names the class."""
+    classes: dict[str, type[BaseModel]]
+
+
+UNIONS = {
+    "obstacles": Union("shape", {"circle": Circle, "box": Box, "polygon": Polygon}),
+    "neighbourhood": Union(
+        "kind",
+        {"nearest": Nearest, "range": Range, "cone_of_vision": Cone, "cone_of_emission": Cone, "all": Everybody},
+    ),
 }
-"""Sections that are one of several, by their key and by the word that tells which."""
+"""Sections that are one of several classes, by their key."""
 
-SAID_BY = {"obstacles": "shape", "neighbourhood": "kind"}
-"""The key that has this word."""
-
-IN_PARTICLES = {
-    "arena": "space",
-    "robots": "agents, clocks, response and neighbourhood",
-    "noise": "clocks.jitter for clocks; agents neither sense nor drive",
-    "spread": "nothing, for agents are all alike",
-    "stuck": "nothing, for agents are points",
-    "contact": "nothing, for agents are points",
-    "timing": "nothing, for time has no steps",
-    "stop.reference_robot": "stop.reference",
-    "stop.max_time_s": "stop.max_cycles",
-    "stop.further_cycles": "nothing, for its trials end with synchrony",
-}
-"""Keys of embodied scenarios, and where in a particle scenario the same thing is said."""
-
-WORDS = {
-    "tuple_type": "a list",
+ALLOWED = {
     "dict_type": "a mapping of keys to values",
-    "model_type": "a mapping of keys to values",
+    "finite_number": "a finite number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "greater_than": "above {gt:.12g}",
+    "greater_than_equal": "at least {ge:.12g}",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_parsing_size": "a whole number with fewer digits",
+    "int_type": "a whole number",
+    "invalid_key": "text as the key",
+    "less_than": "below {lt:.12g}",
+    "less_than_equal": "at most {le:.12g}",
+    "literal_error": "{expected}",
     "model_attributes_type": "a mapping of keys to values",
-    "too_short": "at least one value",
+    "model_type": "a mapping of keys to values",
+    "string_too_long": "at most {max_length} characters",
+    "string_too_short": "{min_length} or more characters",
+    "string_type": "text",
+    "string_unicode": "text in Unicode",
+    "too_long": "at most {max_length} values",
+    "too_short": "{min_length} or more values",
+    "tuple_type": "a list",
+    "value_error": "{error}",
 }
-"""What is allowed, in words of the file rather than of Python."""
+"""What is allowed, by pydantic's type of the error; in braces, what pydantic knows of it."""
 
 
 def validate(given: Mapping[str, Any], origin: str) -> Scenario:
-    """Return the scenario, of the model that it names; raises ScenarioError, each of whose lines begins with origin."""
+    """Return the scenario, of the class that its key `model` names.
+
+    Raises:
+        ScenarioError: It fails validation; each line of the message begins with `origin`.
+
+    """
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in SCENARIO_TYPES:
         raise ScenarioError(
@@ -65,54 +80,44 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     try:
         return kind.model_validate(given)
     except ValidationError as error:
-        raise ScenarioError("\n".join(_readable(kind, origin, detail) for detail in error.errors())) from error
+        raise ScenarioError("\n".join(_message(kind, origin, detail) for detail in error.errors())) from error
 
 
-def _readable(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
+def _message(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:
     """Return one of pydantic's errors as file: key: what was given; what is allowed."""
-    place = [str(part) for part in detail["loc"]]
-    path, variant = _without_variant(place)
+    location = [str(part) for part in detail["loc"] if part != "[key]"]
+    path, member = _without_tag(location)
     where = f"{origin}: {'.'.join(path)}" if path else origin
-    if detail["type"] == "extra_forbidden":
-        known = list(variant.model_fields) if variant else _known_keys(kind, path[:-1])
-        allowed = f"{did_you_mean(path[-1], known)}; allowed: {comma_list(known)}"
-        if variant:
-            allowed += f"; of another {SAID_BY.get(path[0], 'shape')}, give the whole section"
-        return f"{where}: {_misplaced(kind, path) or allowed}"
-    if detail["type"] == "missing":
+    error = detail["type"]
+    if error == "extra_forbidden":
+        foreign = kind.foreign_keys.get(".".join(path))
+        known = list(member.model_fields) if member else _known_keys(kind, path[:-1])
+        other = f"; for another {UNIONS[path[0]].tag}, give the whole section" if member and path[0] in UNIONS else ""
+        return f"{where}: {foreign or f'{did_you_mean(path[-1], known)}; allowed: {comma_list(known)}{other}'}"
+    if error == "missing":
         return f"{where}: is missing"
-    message = WORDS.get(detail["type"]) or detail["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    section = next((part for part in place if part in VARIANTS), "")
-    if section and detail["type"] in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
-        message = f"a mapping with {SAID_BY[section]}: {' or '.join(VARIANTS[section])}"
-    if detail["type"] == "value_error" and isinstance(detail["input"], dict):
-        return f"{where}: {message}"
-    return f"{where}: is {short_repr(detail['input'])}; allowed: {message}"
+    allowed = ALLOWED.get(error, "another kind of value").format(**detail.get("ctx", {}))
+    union = next((UNIONS[part] for part in location if part in UNIONS), None)
+    if union and error in ("union_tag_invalid", "union_tag_not_found", "model_attributes_type"):
+        allowed = f"a mapping with {union.tag}: {' or '.join(union.classes)}"
+    if error == "value_error" and isinstance(detail["input"], dict):  # of a whole section, whose message names the key
+        return f"{where}: {allowed}"
+    return f"{where}: is {short_repr(detail['input'])}; allowed: {allowed}"
 
 
-def _without_variant(place: list[str]) -> tuple[list[str], type[BaseModel] | None]:
-    """Return a key without the word that pydantic adds to tell which variant of a section it is in, and the variant."""
-    for section, variants in VARIANTS.items():
-        for part, word in enumerate(place):
-            if section in place[:part] and word in variants:
-                return [*place[:part], *place[part + 1 :]], variants[word]
-    return place, None
-
-
-def _misplaced(kind: type[Scenario], path: list[str]) -> str | None:
-    """Return where a key of the other model belongs; None for one that no model has."""
-    if kind is ParticleScenario:
-        place = IN_PARTICLES.get(".".join(path))
-        return place and f"belongs to model: embodied; model: particles has {place}"
-    if path == ["stop", "reference"] or (len(path) == 1 and path[0] in ParticleScenario.model_fields):
-        return "belongs to model: particles; give that model, or leave it out"
-    return None
+def _without_tag(location: list[str]) -> tuple[list[str], type[BaseModel] | None]:
+    """Return a key without the tag that pydantic adds inside a union, and the class which that names."""
+    for section, union in UNIONS.items():
+        for index, part in enumerate(location):
+            if section in location[:index] and part in union.classes:
+                return [*location[:index], *location[index + 1 :]], union.classes[part]
+    return location, None
 
 
 def _known_keys(kind: type[Scenario], path: list[str]) -> list[str]:
     """Return the keys of the section at `path`."""
-    model = next(name for name, each in SCENARIO_TYPES.items() if each is kind)
-    section: Any = kind.model_validate({"model": model, "sweep": {"grid": {"model": [0]}}})
+    defaults: dict[str, Any] = {"sweep": SweepAxes.model_construct()}
+    section: Any = kind.model_construct(**defaults)
     for part in path:
         section = section[0] if isinstance(section, tuple) else getattr(section, part)
     return list(type(section).model_fields) if isinstance(section, BaseModel) else []

@@ -1,4 +1,4 @@
-"""Reads and writes YAML as people mean it: `1e-3` is a number, `no` a word, a key given twice a mistake.
+"""Reading and writing YAML as people mean it: `1e-3` is a number, `no` a word, a key given twice a mistake.
 
 PyYAML follows YAML 1.1, where `1e-3` is text, `no` is false and `12:30` is 750; the words and numbers here are those of
 YAML 1.2's core schema. Files that would unfold into far more than they show are refused.
@@ -13,10 +13,10 @@ import yaml
 from epuck_sim.errors import ScenarioError
 
 MAX_BYTES = 1_000_000
-"""A scenario is a few kilobytes; what is a thousand times as long is something else."""
+"""Largest size of a file, about a thousand times that of a scenario."""
 
 MAX_NODES = 100_000
-"""So many values may a file unfold to, aliases written out."""
+"""Largest number of values in a file, with every alias counted as what it stands for."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -44,7 +44,7 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _whole_number)
 
 
 class _Dumper(yaml.SafeDumper):
-    """SafeDumper that puts in quotes what any reader, YAML 1.1's or this one, would take for something else."""
+    """SafeDumper that quotes text which a reader, of YAML 1.1 or this one, would take for something else."""
 
     yaml_implicit_resolvers = {  # noqa: RUF012 as PyYAML has it
         first: [
@@ -56,12 +56,17 @@ class _Dumper(yaml.SafeDumper):
 
 
 def write_yaml(value: Any) -> str:
-    """Return plain values as YAML, which `parse_yaml` reads again as they are."""
+    """Return plain values as YAML from which `parse_yaml` reads the same values again."""
     return yaml.dump(value, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
 
 
 def read_yaml(path: Path) -> Any:
-    """Return what the YAML file holds; raises ScenarioError where it cannot be read."""
+    """Return the contents of a YAML file.
+
+    Raises:
+        ScenarioError: The file cannot be read, or is no YAML.
+
+    """
     try:
         if path.stat().st_size > MAX_BYTES:
             raise ScenarioError(f"{path}: is larger than {MAX_BYTES / 1e6:g} MB; a scenario is a few kB of YAML")
@@ -69,19 +74,24 @@ def read_yaml(path: Path) -> Any:
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise ScenarioError(f"{path}: is no UTF-8 text: {error.reason} at byte {error.start}") from error
+        raise ScenarioError(f"{path}: is not UTF-8 text: {error.reason} at byte {error.start}") from error
     return parse_yaml(text, str(path))
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """Return what the YAML `text` means; `source` names it in the ScenarioError raised where it means nothing."""
+    """Return the contents of a YAML text.
+
+    Raises:
+        ScenarioError: The text is no YAML; the message begins with `source`.
+
+    """
     try:
         loader = _Loader(text)
         loader.name = source
         node = loader.get_single_node()
         if node is None:
             return None
-        _refuse(node, source)
+        _check_document(node, source)
         return loader.construct_document(node)
     except yaml.YAMLError as error:
         raise ScenarioError(f"{source}: cannot be read as YAML: {' '.join(str(error).split())}") from error
@@ -91,19 +101,19 @@ def parse_yaml(text: str, source: str) -> Any:
         raise ScenarioError(f"{source}: has a value that cannot be read: {error}") from error
 
 
-def _refuse(root: yaml.Node, source: str) -> None:
-    """Raise ScenarioError for a document that unfolds into too much, holds itself, or gives a key twice."""
+def _check_document(root: yaml.Node, source: str) -> None:
+    """Raise ScenarioError for a document that has too many values, contains itself, or gives a key twice."""
     sizes: dict[int, int] = {}
     open_nodes: set[int] = set()
 
     def size(node: yaml.Node) -> int:
         if id(node) in open_nodes:
-            raise ScenarioError(f"{source}: an alias in line {node.start_mark.line + 1} holds itself")
+            raise ScenarioError(f"{source}: an alias in line {node.start_mark.line + 1} contains itself")
         if id(node) not in sizes:
             open_nodes.add(id(node))
             parts: list[yaml.Node] = []
             if isinstance(node, yaml.MappingNode):
-                _refuse_repeated_keys(node, source)
+                _check_keys_differ(node, source)
                 parts = [part for pair in node.value for part in pair]
             elif isinstance(node, yaml.SequenceNode):
                 parts = node.value
@@ -112,10 +122,10 @@ def _refuse(root: yaml.Node, source: str) -> None:
         return sizes[id(node)]
 
     if size(root) > MAX_NODES:
-        raise ScenarioError(f"{source}: unfolds to more than {MAX_NODES} values; a scenario has a few dozen")
+        raise ScenarioError(f"{source}: expands to more than {MAX_NODES} values; a scenario has a few dozen")
 
 
-def _refuse_repeated_keys(node: yaml.MappingNode, source: str) -> None:
+def _check_keys_differ(node: yaml.MappingNode, source: str) -> None:
     seen: set[str] = set()
     for key, _ in node.value:
         if isinstance(key, yaml.ScalarNode) and key.value in seen:

@@ -7,9 +7,9 @@ from epuck_sim.scenario.points import Point, describe_axes
 from epuck_sim.trial import model
 
 
-def check_room(places: Iterable[Point]) -> None:
-    """Raise ScenarioError for a point whose population finds no room."""
-    for point in places:
+def check_room(points: Iterable[Point]) -> None:
+    """Raise ScenarioError for a point whose population finds no room in its arena."""
+    for point in points:
         try:
             model.check_room(point.scenario)
         except ScenarioError as error:

@@ -1,4 +1,4 @@
-"""Where trials run: processes of this machine, or a Dask cluster; both are executors of concurrent.futures."""
+"""Pools of workers: processes of this machine, or a Dask cluster; both are executors of concurrent.futures."""
 
 import asyncio
 import logging
@@ -16,22 +16,27 @@ from typing import NamedTuple
 from epuck_sim.errors import ClusterError
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Libraries in a worker are told by these to leave the other cores to the other workers."""
+"""Environment variables that limit a library to one thread, so that workers do not compete for cores."""
 
 CONNECT_S = 6
-"""So long a cluster may take to answer."""
+"""Time in seconds within which a cluster must answer."""
 
-LOOK_S = 1.0
-"""A cluster's workers are counted no more often than this."""
+COUNT_S = 1.0
+"""Shortest time in seconds between two counts of a cluster's workers."""
+
+
+PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
+"""Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
 
 
 class Pool(NamedTuple):
-    """An executor, how many chunks of work are worth having under way in it, and how it tells of a dead worker."""
+    """An executor, and what the scheduler needs to know of it."""
 
     executor: Executor
     slots: Callable[[], int]
+    """Returns the number of chunks to have under way."""
     deaths: tuple[type[Exception], ...]
-    """What a future raises whose worker has died."""
+    """Errors that a future raises if its worker has died."""
 
 
 OpenPool = Callable[[], AbstractContextManager[Pool]]
@@ -39,25 +44,28 @@ OpenPool = Callable[[], AbstractContextManager[Pool]]
 
 @contextmanager
 def local_pool(workers: int | None = None) -> Iterator[Pool]:
-    """Yield a pool of processes, each with one thread; they end with the block, or with this process.
+    """Yield a pool of processes, each with one thread, which end with the block, or with this process.
 
-    workers: how many; as many as this process may use cores if None. Where the block ends with an error, what they are
-    at is thrown away.
+    If the block ends with an error, the work under way is thrown away.
+
+    Args:
+        workers: Number of processes; None for one on each core that this process may use.
+
     """
     # a server that has the simulation loaded forks the workers: it has no threads that a fork could break
     context = multiprocessing.get_context("forkserver")
     workers = workers or _cores()
-    context.set_forkserver_preload(["epuck_sim.sweep.worker"])
+    context.set_forkserver_preload(PRELOADED)
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
-        resource_tracker.ensure_running()  # it would lift the block
-        with _deaf_to_ctrl_c():
+        resource_tracker.ensure_running()  # later it would unblock the signal
+        with _block_sigint():
             forkserver.ensure_running()
-        # Ctrl-C while the server still loads would take from workers what they are about to open
-        is_ready = context.Process(target=_do_nothing)
-        is_ready.start()
-        is_ready.join()
-        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin_worker)
+        # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked once
+        probe = context.Process(target=_return_at_once)
+        probe.start()
+        probe.join()
+        executor = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
         try:
             yield Pool(executor, lambda: 2 * workers, (BrokenExecutor,))
         except BaseException:
@@ -65,15 +73,15 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
             ours = set(multiprocessing.active_children()) - others
             for process in ours:
                 process.terminate()
-            for process in ours:  # one that is just starting would miss what this process takes along
+            for process in ours:  # one that is just starting needs what this process is about to remove
                 process.join()
             raise
         executor.shutdown()
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Leave Ctrl-C to this process: those started meanwhile, and theirs, never hear of it."""
+def _block_sigint() -> Iterator[None]:
+    """Leave Ctrl-C to this process: processes started in the block, and their children, do not receive it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -85,25 +93,25 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _do_nothing() -> None:
-    """Show that the server can start processes."""
+def _return_at_once() -> None:
+    """End at once: that this runs at all shows that the server can start processes."""
 
 
-def _begin_worker() -> None:
-    """End when the parent does, even if it was killed."""
+def _end_with_parent() -> None:
+    """Let this worker end when its parent does, even if that was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None  # this runs in a child
 
-    def end_with_parent() -> None:
+    def wait_for_parent() -> None:
         parent.join()
         os._exit(1)
 
-    threading.Thread(target=end_with_parent, daemon=True).start()
+    threading.Thread(target=wait_for_parent, daemon=True).start()
 
 
 @contextmanager
 def _environment(settings: dict[str, str]) -> Iterator[None]:
-    """Give new processes these variables, and this one its own again afterwards."""
+    """Set environment variables for processes started in the block, and restore them afterwards."""
     before = {name: os.environ.get(name) for name in settings}
     os.environ.update(settings)
     try:
@@ -118,9 +126,14 @@ def _environment(settings: dict[str, str]) -> Iterator[None]:
 
 @contextmanager
 def dask_pool(address: str) -> Iterator[Pool]:
-    """Yield a pool of the Dask cluster whose scheduler is at `address`, such as tcp://127.0.0.1:8786.
+    """Yield the pool of a Dask cluster.
 
-    Raises ClusterError where distributed is not installed or the scheduler does not answer.
+    Args:
+        address: Address of the scheduler, such as tcp://127.0.0.1:8786.
+
+    Raises:
+        ClusterError: Dask's package distributed is not installed, or the scheduler does not answer.
+
     """
     try:
         from distributed import Client, KilledWorker, rpc  # noqa: PLC0415 an extra, and slow to import
@@ -133,22 +146,22 @@ def dask_pool(address: str) -> Iterator[Pool]:
 
     log = logging.getLogger("distributed")
     level = log.level
-    log.setLevel(logging.CRITICAL)  # what it has to say is in our messages
+    log.setLevel(logging.CRITICAL)  # our messages say the same
     try:
-        # whatever listens there may be no Dask, and hold a client's connection for ever
+        # another program may listen there, and keep a client waiting for ever
         asyncio.run(asyncio.wait_for(ask(), CONNECT_S))
         client = Client(address, timeout=CONNECT_S, set_as_default=False)
-    except Exception as error:  # of any kind: it is not known who answered
+    except Exception as error:  # of any kind, for any program may have answered
         log.setLevel(level)
         reason = str(error) or f"nothing within {CONNECT_S} s"
         raise ClusterError(f"--dask {address}: no Dask scheduler answers there: {reason}") from error
-    looked, slots = -LOOK_S, 0
+    counted_at, slots = -COUNT_S, 0
 
     def count() -> int:
-        nonlocal looked, slots
-        if time.monotonic() - looked > LOOK_S:
+        nonlocal counted_at, slots
+        if time.monotonic() - counted_at > COUNT_S:
             slots = 2 * max(1, sum(client.nthreads().values()))
-            looked = time.monotonic()
+            counted_at = time.monotonic()
         return slots
 
     try:

@@ -5,9 +5,10 @@ A chunk is half a second of work, less towards the end, so that no worker is lef
 
 import math
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import suppress
+from itertools import islice
 from typing import TypeVar
 
 from epuck_sim.errors import ClusterError
@@ -18,11 +19,40 @@ from epuck_sim.sweep.worker import compile_ahead, make_outcome, run_chunk
 Result = TypeVar("Result")
 
 CHUNK_S = 0.5
-"""So much work is handed over at once: long beside the milliseconds that this costs, short beside a run."""
+"""Work in a chunk, in seconds: long compared with the milliseconds that handing it over costs, short in a run."""
+
+
+class TaskQueue:
+    """Trials that wait to be run, which are made one by one as they are taken: memory does not grow with them."""
+
+    def __init__(self, tasks: Iterable[Task], count: int) -> None:
+        """Make a queue of `count` tasks."""
+        self._tasks = iter(tasks)
+        self._returned: deque[Task] = deque()
+        self._count = count
+        self._lost_once: set[tuple[int, int]] = set()  # point and trial of tasks that were under way at a death
+
+    def __len__(self) -> int:
+        return self._count
+
+    def take(self, count: int) -> list[Task]:
+        """Return up to `count` tasks, or just one of those that were given back, which come first."""
+        chunk = [self._returned.popleft()] if self._returned else list(islice(self._tasks, count))
+        self._count = self._count - len(chunk) if chunk else 0
+        return chunk
+
+    def give_back(self, tasks: Sequence[Task]) -> list[Task]:
+        """Take tasks back that were lost with a worker, but return those that are lost for the second time."""
+        again = [task for task in tasks if task[:2] in self._lost_once]
+        once = [task for task in tasks if task[:2] not in self._lost_once]
+        self._lost_once.update(task[:2] for task in once)
+        self._returned.extendleft(once)
+        self._count += len(once)
+        return again
 
 
 class ChunkSizer:
-    """How many trials make a chunk, from how long those before have taken."""
+    """Number of trials in a chunk, from the time that earlier trials have taken."""
 
     def __init__(self) -> None:
         self._trials = 0
@@ -30,9 +60,9 @@ class ChunkSizer:
 
     def note(self, outcomes: Iterable[Outcome]) -> None:
         """Take note of trials that have ended."""
-        for each in outcomes:
+        for outcome in outcomes:
             self._trials += 1
-            self._wall_s += each.result.wall_s if each.result else 0.0
+            self._wall_s += outcome.result.wall_s if outcome.result else 0.0
 
     def chunk(self, waiting: int, slots: int) -> int:
         """Return how many of the `waiting` trials to hand over to one of `slots`."""
@@ -42,41 +72,43 @@ class ChunkSizer:
         return max(1, min(math.floor(by_time), math.ceil(waiting / (2 * slots))))
 
 
-def run_tasks(tasks: Iterable[Task], open_pool: OpenPool) -> Generator[Outcome]:
+def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[Outcome]:
     """Yield the outcome of every task as it is known.
 
-    Where a worker dies, nobody knows at which trial. Those that were under way are handed over again, each by itself;
-    those that are under way at a death once more are run one at a time, and one that takes its worker along even then
-    has failed. A broken pool is opened anew.
-    Raises ClusterError where the pool cannot be opened, cannot run trials, or is gone.
+    When a worker dies, nobody knows at which trial. Tasks that were under way are handed over again, each by itself;
+    those that are under way at a second death are run one at a time, and one that kills its worker even then has
+    failed. A broken pool is opened anew.
+
+    Args:
+        queue: The tasks.
+        kinds: A task of each kind that is compiled by itself; one worker compiles them before the others start.
+        open_pool: Opens a pool of workers.
+
+    Raises:
+        ClusterError: The pool cannot be opened, cannot run trials, or is gone.
+
     """
-    waiting, pace = deque(tasks), ChunkSizer()
-    lost_before: set[tuple[int, int]] = set()
-    while waiting:
+    sizer = ChunkSizer()
+    while queue:
         with open_pool() as pool:
-            lost = yield from _run_parallel(pool, waiting, pace, lost_before)
-        suspects = deque(task for task in lost if task[:2] in lost_before)
-        waiting.extendleft(task for task in lost if task[:2] not in lost_before)
-        lost_before.update(task[:2] for task in lost)
+            lost = yield from _run_parallel(pool, queue, kinds, sizer)
+        suspects = deque(queue.give_back(lost))
         while suspects:
             with open_pool() as pool:
                 yield from _run_isolated(pool, suspects)
 
 
 def _run_parallel(
-    pool: Pool, waiting: deque[Task], pace: ChunkSizer, lost_before: set[tuple[int, int]]
+    pool: Pool, queue: TaskQueue, kinds: Sequence[Task], sizer: ChunkSizer
 ) -> Generator[Outcome, None, list[Task]]:
-    """Yield outcomes until nothing is left in `waiting` or a worker dies; return what was lost with it.
-
-    lost_before: the point and trial of tasks that were lost with a worker already; each is a chunk by itself.
-    """
-    _prepare(pool, waiting)
+    """Yield outcomes until the queue is empty or a worker dies; return the tasks that were lost with it."""
+    with suppress(*pool.deaths):  # if compiling kills the worker, trials will show which of them it is
+        _result(pool.executor.submit(compile_ahead, kinds), pool)
     running: dict[Future[list[Outcome]], list[Task]] = {}
     lost: list[Task] = []
-    while running or (waiting and not lost):
-        while waiting and not lost and len(running) < (slots := pool.slots()):
-            size = 1 if waiting[0][:2] in lost_before else pace.chunk(len(waiting), slots)
-            chunk = [waiting.popleft() for _ in range(size)]
+    while running or (queue and not lost):
+        while queue and not lost and len(running) < (slots := pool.slots()):
+            chunk = queue.take(sizer.chunk(len(queue), slots))
             try:
                 running[pool.executor.submit(run_chunk, chunk)] = chunk
             except BrokenExecutor:
@@ -89,24 +121,17 @@ def _run_parallel(
             except pool.deaths:
                 lost.extend(chunk)
                 continue
-            pace.note(outcomes)
+            sizer.note(outcomes)
             yield from outcomes
     return lost
 
 
-def _prepare(pool: Pool, waiting: Iterable[Task]) -> None:
-    """Have one worker compile what all need; if it dies over that, trials will show which of them it was."""
-    kinds = {task.scenario.compiled: task for task in waiting}
-    with suppress(*pool.deaths):
-        _result(pool.executor.submit(compile_ahead, list(kinds.values())), pool)
-
-
 def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
-    """Yield outcomes of `suspects` until nothing is left or one of them takes its worker along."""
+    """Yield outcomes of `suspects` until none is left or one of them kills its worker."""
     while suspects:
         try:
             future = pool.executor.submit(run_chunk, [suspects[0]])
-        except BrokenExecutor:  # a worker that had nothing to do
+        except BrokenExecutor:  # an idle worker has died
             return
         task = suspects.popleft()
         try:
@@ -123,5 +148,5 @@ def _result(future: Future[Result], pool: Pool) -> Result:
         raise
     except CancelledError as error:
         raise ClusterError("the cluster has given up this run, or is gone") from error
-    except Exception as error:  # not of a trial: those are outcomes
+    except Exception as error:  # not that of a trial, which would be an outcome
         raise ClusterError(f"a worker cannot run trials: {type(error).__name__}: {error}") from error

@@ -1,6 +1,6 @@
-"""What a worker process does: trials, one after the other, each to its result or to the message of what went wrong.
+"""The work of a worker process: trials, one after the other, each to its result or to the message of its error.
 
-It imports what a simulation needs, and nothing else: no plots, no tables, no command line.
+It imports only what a simulation needs: no plots, no tables, no command line.
 """
 
 from collections.abc import Sequence
@@ -14,27 +14,27 @@ from epuck_sim.util.provenance import host, versions
 
 
 def compile_ahead(tasks: Sequence[Task]) -> None:
-    """Set up the trials and take no step, so that other workers find compiled code in the cache."""
+    """Set up the trials without a step, so that other workers find compiled code in the cache."""
     for task in tasks:
-        with suppress(Exception):  # the trial itself will tell
+        with suppress(Exception):  # running the trial will show it
             simulate(task.scenario, task.seed, interpret=task.interpret)
 
 
 def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
-    """Run the trials in order; what goes wrong in one of them becomes its outcome."""
-    return [_carry_out(task) for task in tasks]
+    """Run the trials in order; an error in one of them becomes its outcome."""
+    return [_run_task(task) for task in tasks]
 
 
-def _carry_out(task: Task) -> Outcome:
+def _run_task(task: Task) -> Outcome:
     try:
         result, error = run_trial(simulate(task.scenario, task.seed, interpret=task.interpret)), None
     except EpuckSimError as problem:
         result, error = None, str(problem)
-    except BaseException as problem:  # one trial's failure, whatever it is, must not end the others
+    except BaseException as problem:  # one trial's error, of whatever kind, must not end the others
         result, error = None, f"{type(problem).__name__}: {problem}"
     return make_outcome(task, result, error)
 
 
 def make_outcome(task: Task, result: TrialResult | None, error: str | None) -> Outcome:
-    """Return the outcome of `task` as it came about in this process."""
+    """Return the outcome of a task that this process has run, with its versions and host."""
     return Outcome(task.point, task.trial, task.seed, result, error, {**versions(), "host": host()})

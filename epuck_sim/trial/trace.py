@@ -1,7 +1,7 @@
 """A trace: what every robot sensed and did in every control step of a trial, in one Parquet file.
 
-Rows are gathered in columns and written in chunks, so that memory stays as it is however long the trial. The file
-appears under its name only when it is whole; its metadata holds the scenario, the seed and the versions.
+Rows are gathered in columns and written in chunks, so that memory does not grow with the length of the trial. The file
+appears under its name only when it is complete; its metadata holds the scenario, the seed and the versions.
 """
 
 import json
@@ -24,18 +24,27 @@ from epuck_sim.util.atomic_write import check_target, publish, temporary_path, w
 from epuck_sim.util.provenance import versions
 
 CHUNK_ROWS = 20_000
-"""Rows in memory before they are written, about 4 MB."""
+"""Number of rows that are gathered in memory before they are written, about 4 MB."""
 
 
 class Trace:
-    """An observer of a trial (see `trial.run_trial`) that writes what it sees; to be used in a `with` block.
+    """An observer of a trial (see `run_trial`) that writes every step to a file; to be used in a `with` block.
 
-    Where the block ends with an error, nothing is left behind.
-    Raises EpuckSimError where the file cannot be written.
+    If the block ends with an error, no file is left behind.
     """
 
     def __init__(self, path: Path, scenario: EmbodiedScenario, seed: int) -> None:
-        """Open the file; nothing of a trial needs to exist yet."""
+        """Open the file, before the trial begins.
+
+        Args:
+            path: FILE.parquet.
+            scenario: Scenario of the trial.
+            seed: Seed of the trial.
+
+        Raises:
+            EpuckSimError: The file cannot be written.
+
+        """
         check_target(path)
         self._path = path.resolve()
         self._robots = scenario.robot_count
@@ -66,10 +75,10 @@ class Trace:
         """Take note of a step."""
         columns, row = self._columns, self._filled
         columns["time_s"][row] = step.time_s
-        for place, name in enumerate(("x_cm", "y_cm", "heading_rad")):
-            columns[name][row] = step.poses[:, place]
-        for place, name in enumerate(("left_cm_s", "right_cm_s")):
-            columns[name][row] = step.wheels_cm_s[:, place]
+        for axis, name in enumerate(("x_cm", "y_cm", "heading_rad")):
+            columns[name][row] = step.poses[:, axis]
+        for wheel, name in enumerate(("left_cm_s", "right_cm_s")):
+            columns[name][row] = step.wheels_cm_s[:, wheel]
         columns["ring_on"][row] = step.ring_on
         columns["phase_ms"][row] = step.phase_ms
         columns["flash_seen"][row] = step.flash_seen
@@ -103,7 +112,7 @@ class Trace:
 
 
 def _schema(pixels: int) -> Any:
-    """Return the columns: one row a robot and control step."""
+    """Return the columns of a table that has a row for each robot and control step."""
     return pa.schema(
         [
             ("time_s", pa.float64()),
@@ -120,5 +129,5 @@ def _schema(pixels: int) -> Any:
 
 
 def _arrow(values: npt.NDArray[np.generic]) -> Any:
-    """Return a column; NaN, the phase of a robot that has none, becomes null."""
+    """Return a column; NaN, the phase of a robot without an oscillator, becomes null."""
     return pa.array(values, from_pandas=True)

@@ -1,5 +1,6 @@
 """Writing files that appear under their names only when they are whole."""
 
+import glob
 import os
 import secrets
 import shutil
@@ -102,17 +103,24 @@ def _reason_against(path: Path) -> str:
     return "" if os.access(path.parent, os.W_OK) else f"no permission to write in {path.parent}"
 
 
-def trial_paths(path: Path, trials: int) -> list[Path]:
-    """Return a file for each trial: `path` itself for one trial, else FILE-0, FILE-1 and so on.
+def trial_path(path: Path, trial: int, trials: int) -> Path:
+    """Return the file of a trial: `path` itself if there is one trial, else FILE-0, FILE-1 and so on."""
+    return path if trials == 1 else path.with_stem(f"{path.stem}-{trial}")
+
+
+def check_trial_paths(path: Path, trials: int) -> None:
+    """Check that a file can be written for each trial, without trying every name.
 
     Raises:
         EpuckSimError: One of them cannot be written.
+
     """
     check_target(path)
-    paths = [path] if trials == 1 else [path.with_stem(f"{path.stem}-{trial}") for trial in range(trials)]
-    for target in paths:
-        check_target(target)
-    return paths
+    check_target(trial_path(path, trials - 1, trials))  # has the longest name
+    for other in path.parent.glob(f"{glob.escape(path.stem)}-*{glob.escape(path.suffix)}"):
+        number = other.stem.removeprefix(f"{path.stem}-")
+        if number.isdecimal() and int(number) < trials and trials > 1:
+            check_target(other)
 
 
 @contextmanager

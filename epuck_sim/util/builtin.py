@@ -1,6 +1,9 @@
 """The arenas, sweeps and controllers that come with the package, found by name from any folder."""
 
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 import epuck_sim
 
@@ -18,6 +21,7 @@ def builtin_folder(kind: str) -> Path:
     return inside if inside.is_dir() else _PACKAGE.parent / kind
 
 
-def builtin_files(kind: str) -> dict[str, Path]:
+@cache
+def builtin_files(kind: str) -> Mapping[str, Path]:
     """Return the built-in files of a kind by their names, which have no suffix."""
-    return {path.stem: path for path in sorted(builtin_folder(kind).glob(f"*{_SUFFIX[kind]}"))}
+    return MappingProxyType({path.stem: path for path in sorted(builtin_folder(kind).glob(f"*{_SUFFIX[kind]}"))})

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.control.bench import with_step
-from tests.sweep.short_sweeps import COMMAND
+from tests.processes import COMMAND
 
 SCENE = "name: halt\nrobots: [{controller: halt.py, count: 1}]\nstop: {max_time_s: 0.5}\n"
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.cli.interrupt import GRACE_S
-from tests.sweep.short_sweeps import COMMAND, processes_marked, wait_until
+from tests.processes import COMMAND, processes_marked, wait_until
 
 ENDLESS = """
 PARAMETERS = {}

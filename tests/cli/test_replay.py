@@ -32,8 +32,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, called, contents, refused
-from tests.recording.viewers import heed_signals
-from tests.sweep.short_sweeps import COMMAND, wait_until
+from tests.processes import COMMAND, start, wait_until
 
 SWEEP = """
 name: short
@@ -631,20 +630,10 @@ def test_rerun_is_loaded_only_for_recordings() -> None:
 def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path, signalled: signal.Signals) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 1500}")
-    process = subprocess.Popen(
-        [*COMMAND, "run", str(scene), "--trials", "60", "--record", str(tmp_path / "t.rrd")],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=heed_signals,  # noqa: PLW1509 a background job of a shell ignores Ctrl-C
-    )
-    try:
-        wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
-        os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
-        stdout, stderr = process.communicate(timeout=60)
-    finally:
-        process.kill()
+    process = start([*COMMAND, "run", scene, "--trials", "60", "--record", tmp_path / "t.rrd"])
+    wait_until(lambda: any(tmp_path.glob("t-1.rrd*part/data.rrd")) or process.poll() is not None, 120)
+    os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
+    stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "interrupted\n")
     finished = stdout.count("yes, at")
     assert finished >= 1

@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from typer.testing import CliRunner
@@ -18,9 +17,10 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial
+from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
+from tests.processes import COMMAND, start, wait_until
 
-COMMAND = [sys.executable, "-m", "epuck_sim"]
 NEVER = ["--set", "stop.max_cycles=1000000000", "--set", "stop.order_parameter=1"]
 
 BAD_STEP = """
@@ -175,13 +175,8 @@ def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(
 ) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("name: long\nrobots: [{controller: constant, poses: [[30, 30, 0]]}]\nstop: {max_time_s: 3000}")
-    arguments = [*COMMAND, "run", str(scene), "--trials", "1000", "--trace", str(tmp_path / "t.parquet"), *as_json]
-    process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 120
-    while not any(tmp_path.glob("t-1.parquet.*.part")):
-        assert time.monotonic() < deadline
-        assert process.poll() is None
-        time.sleep(0.02)
+    process = start([*COMMAND, "run", scene, "--trials", "1000", "--trace", tmp_path / "t.parquet", *as_json])
+    wait_until(lambda: any(tmp_path.glob("t-1.parquet.*.part")) or process.poll() is not None, 120)
     process.send_signal(signalled)
     stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
@@ -197,6 +192,16 @@ def test_all_traces_are_checked_before_the_first_trial(tmp_path, monkeypatch) ->
     result = call("run", "pair", "--trials", "2", "--trace", "t.parquet")
     assert result.exit_code == 2
     assert [path.name for path in tmp_path.iterdir()] == ["t-1.parquet"]
+
+
+def test_of_millions_of_traces_only_those_that_are_there_already_are_checked_one_by_one(tmp_path, monkeypatch) -> None:
+    checked = []
+    check = atomic_write.check_target
+    monkeypatch.setattr(atomic_write, "check_target", lambda path: checked.append(path.name) or check(path))
+    for name in ("t-5.parquet", "t-x.parquet", "t-99999999.parquet", "u-5.parquet"):
+        (tmp_path / name).touch()
+    atomic_write.check_trial_paths(tmp_path / "t.parquet", 10_000_000)
+    assert checked == ["t.parquet", "t-9999999.parquet", "t-5.parquet"]
 
 
 def test_a_placement_that_fails_names_the_file(tmp_path) -> None:

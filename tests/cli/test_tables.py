@@ -11,9 +11,10 @@ from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli import tables
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar, in_words
 from epuck_sim.cli.tables import MOST_FAILURES, print_failures, print_status
-from epuck_sim.runs.reader import Failure, Status
+from epuck_sim.runs.reader import Failure, Status, TrialsByOrigin
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.provenance import PROVENANCE
 
 TRIALS = 1000
 
@@ -237,6 +238,10 @@ def failures(count: int) -> list[Failure]:
     return [Failure(point, 3 * point, 77, f"ValueError: {point}") for point in range(count)]
 
 
+HOSTS = {"a": 1000, "b": 234}
+MADE_BY = "epuck_sim 1, pymunk 7, numba 0.65, numpy 2, python 3.11"
+
+
 def status(**changes) -> Status:
     return Status(
         scenario="fig-4-2a",
@@ -246,7 +251,7 @@ def status(**changes) -> Status:
         censored=56,
         failed=[],
         wall_s=7200.0,
-        versions={"epuck_sim 1, host a": 1000, "epuck_sim 1, host b": 234},
+        versions=[TrialsByOrigin("1", "7", "0.65", "2", "3.11", host, trials) for host, trials in HOSTS.items()],
         at_work=None,
     )._replace(**changes)
 
@@ -256,8 +261,8 @@ def test_the_status_tells_points_trials_time_and_what_made_them(capsys) -> None:
     assert capsys.readouterr() == (
         "fig-4-2a: 100 points, 1234 of 20000 trials have a result\n"
         "  censored: 56; failed: 0; computing time: 2.0 h\n"
-        "  1000 trials: epuck_sim 1, host a\n"
-        "  234 trials: epuck_sim 1, host b\n",
+        f"  1000 trials: {MADE_BY}, host a\n"
+        f"  234 trials: {MADE_BY}, host b\n",
         "",
     )
 
@@ -266,8 +271,8 @@ def test_the_status_tells_who_is_at_work_and_what_has_failed(capsys) -> None:
     print_status(status(at_work="process 5 on here", failed=failures(2)), as_json=False)
     assert capsys.readouterr().out.splitlines()[1:] == [
         "  censored: 56; failed: 2; computing time: 2.0 h",
-        "  1000 trials: epuck_sim 1, host a",
-        "  234 trials: epuck_sim 1, host b",
+        f"  1000 trials: {MADE_BY}, host a",
+        f"  234 trials: {MADE_BY}, host b",
         "  process 5 on here is at work on it",
         "  failed: --point 0 --trial 0: ValueError: 0",
         "  failed: --point 1 --trial 3: ValueError: 1",
@@ -280,7 +285,10 @@ def test_the_status_as_json_has_all_failures_and_every_field(capsys) -> None:
     (line,) = capsys.readouterr().out.splitlines()
     read = json.loads(line)
     assert [Failure(**each) for each in read["failed"]] == given.failed
-    assert {**read, "failed": None} == {**given._asdict(), "failed": None}
+    assert [TrialsByOrigin(**each) for each in read["versions"]] == given.versions
+    assert {*read["versions"][0]} == {*PROVENANCE, "trials"}
+    lists = {"failed": None, "versions": None}
+    assert {**read, **lists} == {**given._asdict(), **lists}
 
 
 @pytest.mark.parametrize("count", [0, 1, MOST_FAILURES - 1, MOST_FAILURES])

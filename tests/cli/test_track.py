@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import signal
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,7 +21,7 @@ from tests.cli.commands import call, called, contents, refused
 from tests.cli.films import frames_and_description, names, shut
 from tests.overhead.film.small_films import cut_off
 from tests.overhead.track.films import PLACES, described, even, in_step, read_rings, save, shoot
-from tests.sweep.short_sweeps import COMMAND, wait_until
+from tests.processes import COMMAND, start, wait_until
 
 SIDE_PX = 160
 SIZE = {"width_px": SIDE_PX, "height_px": SIDE_PX}
@@ -356,18 +355,9 @@ def test_ctrl_c_leaves_nothing_half_written(here) -> None:
     frames = shoot(second, in_step(second, ROBOTS), **SIZE)
     pictures = [cv2.imencode(".jpg", frame.picture[..., ::-1])[1].tobytes() for frame in frames]
     (here / "long.mjpeg").write_bytes(b"".join(pictures) * 1000)
-    process = subprocess.Popen(
-        [*COMMAND, "track", "long.mjpeg", "--rings", "r.csv", "--annotate", "a.mp4", "--plot", "p.png"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        wait_until(lambda: any(here.glob("r.csv.*.part")) or process.poll() is not None, 120)
-        os.killpg(process.pid, signal.SIGINT)
-        stdout, stderr = process.communicate(timeout=60)
-    finally:
-        process.kill()
+    process = start([*COMMAND, "track", "long.mjpeg", "--rings", "r.csv", "--annotate", "a.mp4", "--plot", "p.png"])
+    wait_until(lambda: any(here.glob("r.csv.*.part")) or process.poll() is not None, 120)
+    os.killpg(process.pid, signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stdout, stderr) == (130, "", "interrupted\n")
     assert names(here) == ["long.mjpeg"]

@@ -25,6 +25,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import Observer, run_trial
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.processes import processes_marked, wait_until
 from tests.recording.viewers import (
     ARENA,
     DARK,
@@ -37,7 +38,6 @@ from tests.recording.viewers import (
     pixels,
     replace_rerun,
 )
-from tests.sweep.short_sweeps import processes_marked, wait_until
 
 FAST = 1000.0
 

@@ -24,6 +24,7 @@ from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import Observer, run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.processes import start, wait_until
 
 SCENARIO = load_scenario("thesis", ["stop.max_time_s=40", "stop.order_parameter=1"])
 
@@ -251,16 +252,11 @@ with recorder.record(Path(sys.argv[1]), scenario, 1) as observer:
 
 def test_a_run_that_is_killed_leaves_no_recording(tmp_path) -> None:
     path = tmp_path / "t.rrd"
-    run = subprocess.Popen([sys.executable, "-c", LONG, str(path)])
-    try:
-        until = time.monotonic() + 2 * WAIT_S
-        while written(tmp_path) < 1_000_000:
-            assert run.poll() is None
-            assert time.monotonic() < until
-            time.sleep(0.01)
-    finally:
-        run.kill()
-        run.wait()
+    run = start([sys.executable, "-c", LONG, path], stdout=None, stderr=None)
+    wait_until(lambda: written(tmp_path) >= 1_000_000 or run.poll() is not None, 2 * WAIT_S)
+    assert run.poll() is None
+    run.kill()
+    run.wait()
     assert not path.exists()
     assert len(list(tmp_path.iterdir())) == 1  # what was written so far
     recorded(path)

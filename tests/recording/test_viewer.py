@@ -35,6 +35,7 @@ from epuck_sim.recording.viewer.viewer import draw_screenshot, has_display, serv
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
+from tests.processes import processes_marked, wait_until
 from tests.recording.viewers import (
     ARENA,
     DARK,
@@ -51,7 +52,6 @@ from tests.recording.viewers import (
     pixels,
     replace_rerun,
 )
-from tests.sweep.short_sweeps import processes_marked, wait_until
 
 # as in `layers.arena`, `layers.time_series` and `layers.images.COLOURS`
 WALL = (150, 150, 150)

@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.recording.viewer import process
-from tests.sweep.short_sweeps import processes_marked, wait_until
+from tests.processes import processes_marked, wait_until
 
 # as in `layers.arena.RINGS`
 LIT, DARK = (230, 40, 40), (120, 125, 135)

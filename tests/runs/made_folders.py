@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.runs.records import Outcome
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import versions
 

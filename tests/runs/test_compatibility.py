@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.compatibility import StoredPoint, stored_point, check_same_sweep
+from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, stored_point
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 

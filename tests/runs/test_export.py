@@ -10,7 +10,6 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
 
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs import export as export_module
@@ -19,6 +18,7 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
+from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, WIDTH, fill, outcome, scenario_of
 
 RESULT = {
     "seed": pa.int64(),

@@ -1,21 +1,26 @@
 """What is read from a run folder: every result of each point, how far the run is, and nothing written by reading."""
 
 import os
+import shutil
+import sqlite3
+from contextlib import closing, contextmanager
+from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, outcome, scenario_of
 
 from epuck_sim.errors import StoreError
+from epuck_sim.runs import database, export, reader
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import create_database
-from epuck_sim.runs.reader import Failure, Status, read_points, read_status
+from epuck_sim.runs.database import ENTER_POINT, create_database
+from epuck_sim.runs.reader import Failure, Status, TrialsByOrigin, read_points, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.util.provenance import host, versions
+from tests.runs.test_store import COUNT, DATABASE, DEMO, SPEED, contents, fill, outcome, scenario_of
 
-MADE_BY = ", ".join(f"{name} {value}" for name, value in {**versions(), "host": host()}.items())
+MADE_BY = {**versions(), "host": host()}
 
 
 def test_every_point_has_its_axes_and_scenario_in_the_sweep_s_order(tmp_path) -> None:
@@ -79,7 +84,7 @@ def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -
             Failure(3, 1, found[3].seed(1), "RuntimeError: second"),
         ],
         wall_s=0.75,
-        versions={MADE_BY: 4},
+        versions=[TrialsByOrigin(**MADE_BY, trials=4)],
         at_work=None,
     )
 
@@ -87,7 +92,7 @@ def test_the_status_counts_points_trials_results_censored_and_failed(tmp_path) -
 def test_the_status_of_a_folder_without_trials_is_that_none_is_stored(tmp_path) -> None:
     with Store(tmp_path, DEMO, points(DEMO)):
         pass
-    assert read_status(tmp_path) == Status("demo", 4, 12, 0, 0, [], 0.0, {}, None)
+    assert read_status(tmp_path) == Status("demo", 4, 12, 0, 0, [], 0.0, [], None)
 
 
 def test_the_status_tells_trials_apart_by_the_versions_and_hosts_that_made_them(tmp_path) -> None:
@@ -96,7 +101,9 @@ def test_the_status_tells_trials_apart_by_the_versions_and_hosts_that_made_them(
         for trial, changed in enumerate(({}, {}, {"host": "elsewhere"})):
             ended = outcome(found[0], trial)
             store.add(ended._replace(provenance={**ended.provenance, **changed}))
-    assert read_status(tmp_path).versions == {MADE_BY: 2, MADE_BY.replace(f"host {host()}", "host elsewhere"): 1}
+    here, elsewhere = sorted(read_status(tmp_path).versions, key=lambda row: -row.trials)
+    assert (here.made_by, here.trials) == (MADE_BY, 2)
+    assert (elsewhere.made_by, elsewhere.trials) == ({**MADE_BY, "host": "elsewhere"}, 1)
 
 
 def test_the_status_follows_the_scenario_that_was_run_last(tmp_path) -> None:
@@ -137,6 +144,66 @@ def test_reading_writes_nothing_while_a_run_is_at_work(tmp_path) -> None:
         assert {name for name in before if after[name] != before[name]} <= {f"{DATABASE}-shm"}  # readers' marks
         store.add(outcome(found[0], 1))
     assert read_status(tmp_path).stored == 2
+
+
+class Grown:
+    """A connection to a run folder's database, to which another process adds a point with a trial after one query."""
+
+    def __init__(self, connection: sqlite3.Connection, path: Path) -> None:
+        self._connection, self._path = connection, path
+
+    def execute(self, query: str, *values):
+        cursor = self._connection.execute(query, *values)
+        point = stored_point(points(scenario_of({"grid": {COUNT: [9], SPEED: [9]}}))[0])._replace(number=4)
+        with closing(sqlite3.connect(self._path)) as other, other:
+            row = {name: 1 for _, name, *_ in other.execute("PRAGMA table_info(trials)")} | {"point": point.key}
+            row |= {"error": None}
+            other.execute(ENTER_POINT, point)
+            other.execute(f"INSERT OR IGNORE INTO trials VALUES ({', '.join('?' * len(row))})", [*row.values()])
+        return cursor
+
+
+@pytest.mark.parametrize(
+    ("module", "read", "expected"),
+    [
+        (reader, lambda folder: [len(point.times) for point in read_points(folder)], [3, 3, 3, 3]),
+        (reader, lambda folder: read_status(folder)[1:4], (4, 12, 12)),
+        (export, lambda folder: export.export(folder, folder / "table.csv"), 0),
+    ],
+    ids=["points", "status", "export"],
+)
+def test_a_folder_that_grows_while_it_is_read_is_read_as_it_was(tmp_path, monkeypatch, module, read, expected) -> None:
+    fill(tmp_path)
+    reading = module.reading
+
+    @contextmanager
+    def reading_while_it_grows(path: Path):
+        with reading(path) as connection:
+            yield Grown(connection, path)
+
+    with closing(sqlite3.connect(tmp_path / DATABASE)) as run_at_work:
+        run_at_work.execute("PRAGMA journal_mode = WAL")
+        monkeypatch.setattr(module, "reading", reading_while_it_grows)
+        assert read(tmp_path) == expected
+        monkeypatch.undo()
+        assert read_status(tmp_path)[1:4] == (5, 15, 13)
+
+
+@pytest.mark.parametrize("read", [read_points, read_status])
+def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_path, monkeypatch, read) -> None:
+    fill(tmp_path / "made")
+    shutil.copytree(tmp_path / "made", tmp_path / "run")
+    checked = []
+    check = database._quick_check
+    monkeypatch.setattr(database, "_quick_check", lambda path: checked.append(path) or check(path))
+    for _ in range(2):
+        read(tmp_path / "run")
+        fill(tmp_path / "run", load_scenario(DEMO, ["trials=4"]))
+        read(tmp_path / "made")  # which this process has made
+    assert checked == [tmp_path / "run" / DATABASE]
+    (tmp_path / "run" / DATABASE).touch()
+    read(tmp_path / "run")
+    assert len(checked) == 2
 
 
 @pytest.mark.parametrize("read", [read_points, read_status])

@@ -18,12 +18,12 @@ from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.runs.records import Outcome
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
 
@@ -307,7 +307,8 @@ def test_the_scenario_s_file_is_written_anew_where_it_is_missing_or_changed(tmp_
 
 
 @pytest.mark.parametrize(
-    "left", [{}, {".lock": b""}, {".lock": b"process 1 on x", f"{DATABASE}.0123abcd.part": b"SQLite format"}]
+    "left",
+    [{}, {".lock": b""}, {".lock": b"", ".lock-holder": b"process 1 on x", f"{DATABASE}.0123abcd.part": b"half"}],
 )
 def test_a_folder_that_is_empty_but_for_what_a_killed_run_left_is_taken(tmp_path, left: dict[str, bytes]) -> None:
     for name, data in left.items():
@@ -506,28 +507,29 @@ def test_a_second_command_is_refused_and_told_who_is_at_work(tmp_path) -> None:
     assert len(stored(tmp_path)) == 1
 
 
-HOLD = """
-import fcntl, sys
-lock = open(sys.argv[1], "a+")
-fcntl.flock(lock, fcntl.LOCK_EX)
-lock.write("process 7 on elsewhere")
-lock.flush()
-print("held", flush=True)
-sys.stdin.read()
+LOCK_IT = """
+import sys
+from pathlib import Path
+from epuck_sim.runs.run_lock import acquire
+with acquire(Path(sys.argv[1])):
+    print("locked", flush=True)
+    sys.stdin.read()
 """
 
 
 def test_a_lock_ends_with_the_process_that_held_it_even_where_it_was_killed(tmp_path) -> None:
-    command = [sys.executable, "-I", "-S", "-c", HOLD, str(tmp_path / ".lock")]
+    command = [sys.executable, "-c", LOCK_IT, str(tmp_path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
-        assert process.stdout.readline() == b"held\n"
-        assert "process 7 on elsewhere is at work on it" in refused(tmp_path, DEMO)
-        assert current_holder(tmp_path) == "process 7 on elsewhere"
+        assert process.stdout.readline() == b"locked\n"
+        name = f"process {process.pid} on {host()}"
+        assert f"{name} is at work on it" in refused(tmp_path, DEMO)
+        assert current_holder(tmp_path) == name
         process.kill()
-    assert (tmp_path / ".lock").read_text() == "process 7 on elsewhere"
+    assert (tmp_path / ".lock-holder").read_text() == name
     assert current_holder(tmp_path) is None
     with Store(tmp_path, DEMO, points(DEMO)):
         assert current_holder(tmp_path) == f"process {os.getpid()} on {host()}"
+    assert set(contents(tmp_path)) == {".lock", DATABASE, "scenario.yaml"}
 
 
 def test_the_folder_is_free_again_after_the_end_and_after_an_error(tmp_path) -> None:

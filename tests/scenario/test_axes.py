@@ -95,15 +95,15 @@ REFUSED = [
     ({}, "sweep: has no axis; give grid: {key: [value, ...]}, zip: {...} or points: [{...}, ...]"),
     ({"grid": {}, "zip": {}}, "sweep: has no axis"),
     ({"points": [{}, {}]}, "sweep: has no axis"),
-    ({"points": []}, "sweep.points: is []; allowed: at least one value"),
+    ({"points": []}, "sweep.points: is []; allowed: 1 or more values"),
     ({"points": {COUNT: [1]}}, "sweep.points: is {'robots.0.count': [1]}; allowed: a list"),
     ({"points": [COUNT]}, "sweep.points.0: is 'robots.0.count'; allowed: a mapping of keys to values"),
     (
         {"points": [{COUNT: 1, WIDTH: 50}, {WIDTH: 50}]},
         "sweep: points.1 has the keys ['arena.width_cm'], points.0 has ['arena.width_cm', 'robots.0.count']",
     ),
-    ({"grid": {COUNT: []}}, "sweep.grid.robots.0.count: is []; allowed: at least one value"),
-    ({"zip": {COUNT: []}}, "sweep.zip.robots.0.count: is []; allowed: at least one value"),
+    ({"grid": {COUNT: []}}, "sweep.grid.robots.0.count: is []; allowed: 1 or more values"),
+    ({"zip": {COUNT: []}}, "sweep.zip.robots.0.count: is []; allowed: 1 or more values"),
     ({"grid": {COUNT: 3}}, "sweep.grid.robots.0.count: is 3; allowed: a list"),
     ({"grid": {COUNT: None}}, "sweep.grid.robots.0.count: is None; allowed: a list"),
     ({"grid": {COUNT: {"from": 1}}}, "sweep.grid.robots.0.count: is {'from': 1}; allowed: a list"),
@@ -111,7 +111,7 @@ REFUSED = [
     ({"grid": [COUNT]}, "sweep.grid: is ['robots.0.count']; allowed: a mapping of keys to values"),
     (
         {"zip": {COUNT: [1, 2, 3], WIDTH: [50, 60]}},
-        "sweep: zip: all keys need equally many values, but robots.0.count has 3, arena.width_cm has 2",
+        "sweep: zip: all keys need the same number of values, but robots.0.count has 3, arena.width_cm has 2",
     ),
     (
         {"zip": {COUNT: [1]}, "grid": {COUNT: [2]}},
@@ -121,7 +121,7 @@ REFUSED = [
     ({"points": [{COUNT: 1}], "zip": {COUNT: [2]}}, "robots.0.count is in more than one of points, zip and grid"),
     ({"grd": {COUNT: [1]}}, "sweep.grd: unknown 'grd', did you mean 'grid'?; allowed: points, zip, grid"),
     *(
-        ({"grid": {COUNT: [1], key: [1, 2]}}, f"sweep: {key} cannot be an axis; allowed: a key that a trial depends on")
+        ({"grid": {COUNT: [1], key: [1, 2]}}, f"sweep: {key} cannot be an axis; allowed: a key on which trials depend")
         for key in ("seed", "trials", "name", "description", "sweep", "sweep.grid")
     ),
     ({"points": [{"seed": 1}]}, "sweep: seed cannot be an axis"),
@@ -201,7 +201,7 @@ def test_an_axis_leaves_the_mapping_to_which_it_is_applied_as_it_was() -> None:
     [
         (COUNT, "give it as key=value,value,..., such as robots.0.count=5,10,20"),
         ("=1,2", "give it as key=value,value,..."),
-        (f"{COUNT}=", "sweep.grid.robots.0.count: is []; allowed: at least one value"),
+        (f"{COUNT}=", "sweep.grid.robots.0.count: is []; allowed: 1 or more values"),
         (f"{COUNT}=1,,2", "cannot be read as YAML"),
         (f"{COUNT}=[1", "cannot be read as YAML"),
         (f"{COUNT}=1],[2", "cannot be read as YAML"),

@@ -3,6 +3,7 @@
 import random
 import shutil
 from math import prod
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -12,6 +13,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.sweep.checks import check_room
 from epuck_sim.util.builtin import SWEEPS, builtin_files
@@ -243,6 +245,37 @@ def test_controllers_in_zip_and_points_are_found_too(tmp_path, sweep: str) -> No
     assert firefly.scenario.robots[0].controller == "firefly"
 
 
+def two_of_one_name(folder: Path, first: str, second: str) -> Scenario:
+    """Return a sweep over two controllers of one name in two folders."""
+    for number, name in enumerate((first, second)):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(MINE.replace("2.0", f"{number}.5"))
+    (folder / "scene.yaml").write_text(f"sweep: {{grid: {{{CONTROLLER}: [{first}, {second}, firefly]}}}}")
+    return load_scenario(folder / "scene.yaml")
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "names"),
+    [
+        ("a/c.py", "b/c.py", ["a/c.py", "b/c.py", "firefly"]),
+        ("a/x/c.py", "b/x/c.py", ["a/x/c.py", "b/x/c.py", "firefly"]),
+        ("a/c.py", "b/d.py", ["c.py", "d.py", "firefly"]),
+        ("a/firefly.py", "b/firefly.py", ["a/firefly.py", "b/firefly.py", "firefly"]),
+    ],
+)
+def test_controllers_of_one_file_name_are_told_apart_by_their_folders(tmp_path, first, second, names) -> None:
+    one, other, _ = found = points(two_of_one_name(tmp_path / "here", first, second))
+    assert [point.axes[CONTROLLER] for point in found] == names
+    assert [one.scenario.robots[0].parameters["pace"], other.scenario.robots[0].parameters["pace"]] == [0.5, 1.5]
+    moved = points(two_of_one_name(tmp_path / "there" / "deeper", first, second))
+    assert [point.key for point in moved] == [point.key for point in found]
+
+
+def test_one_controller_named_twice_makes_two_points_the_same(tmp_path) -> None:
+    with pytest.raises(ScenarioError, match="points 0 and 1 are the same"):
+        points(two_of_one_name(tmp_path, "a/c.py", "a/../a/c.py"))
+
+
 def test_controllers_have_the_same_seeds_in_every_folder(tmp_path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
@@ -326,12 +359,15 @@ REFUSED = [
         "x: sweep: point 0 (robots.0.parameters.sped_cm_s = 1): robots.0.parameters: unknown 'sped_cm_s', "
         "did you mean 'speed_cm_s'?",
     ),
-    ({"robots.1.count": [1]}, "x: sweep: point 0 (robots.1.count = 1): '1' is no place in a list of 1, counted from 0"),
-    ({"robots.0.count.x": [1]}, "x: sweep: point 0 (robots.0.count.x = 1): 'x' lies in 10, which has no keys"),
+    (
+        {"robots.1.count": [1]},
+        "x: sweep: point 0 (robots.1.count = 1): '1' is not an index into a list of 1, counted from 0",
+    ),
+    ({"robots.0.count.x": [1]}, "x: sweep: point 0 (robots.0.count.x = 1): 'x' is inside 10, which has no keys"),
     (
         {COUNT: [1, 0], SPEED: [5]},
         "x: sweep: point 1 (robots.0.count = 0, robots.0.parameters.speed_cm_s = 5): robots.0.count: is 0; allowed: "
-        "greater than or equal to 1",
+        "at least 1",
     ),
     (
         {SPEED: [1, 99]},
@@ -398,15 +434,6 @@ def test_a_controller_that_is_not_there_is_refused(kind: str, controller, messag
     with pytest.raises(ScenarioError) as caught:
         load_scenario({"sweep": {kind: [axes] if kind == "points" else axes}})
     assert message in str(caught.value)
-
-
-def test_two_controllers_of_one_file_name_are_no_two_points(tmp_path) -> None:
-    for folder in ("a", "b"):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "mine.py").write_text(MINE)
-    scenario = load_scenario({"sweep": {"grid": {CONTROLLER: [str(tmp_path / folder / "mine.py") for folder in "ab"]}}})
-    with pytest.raises(ScenarioError, match=r"points 0 and 1 are the same: robots\.0\.controller = 'mine\.py'"):
-        points(scenario)
 
 
 def test_two_axes_that_are_one_key_are_refused() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
-from epuck_sim.scenario.overrides import select_version
+from epuck_sim.scenario.overrides import quick_version, without_quick
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
@@ -69,19 +69,19 @@ GIVEN = {
 )
 def test_sections_are_merged_key_by_key_and_everything_else_is_replaced(quick: dict, changed: dict) -> None:
     given = {**GIVEN, "quick": quick}
-    assert select_version(given, True, "here") == {**GIVEN, **changed}
+    assert quick_version(given, "here") == {**GIVEN, **changed}
     assert given == {**GIVEN, "quick": quick}
 
 
 def test_nothing_of_what_was_given_is_changed() -> None:
     given = {"sweep": {"grid": {"a": [1, 2, 3]}}, "quick": {"sweep": {"grid": {"a": [1]}}}}
-    select_version(given, True, "here")
+    quick_version(given, "here")
     assert given == {"sweep": {"grid": {"a": [1, 2, 3]}}, "quick": {"sweep": {"grid": {"a": [1]}}}}
 
 
 @pytest.mark.parametrize("quick", [{"trials": 5}, {"nothing": 1}, {}, None, 3, "yes", ["trials"]])
 def test_without_the_option_the_quick_version_is_left_alone_whatever_it_is(quick: object) -> None:
-    assert select_version({**GIVEN, "quick": quick}, False, "here") == GIVEN
+    assert without_quick({**GIVEN, "quick": quick}) == GIVEN
     loaded = load_scenario({"model": "particles", "trials": 7, "quick": quick})
     assert loaded == load_scenario({"model": "particles", "trials": 7})
 
@@ -89,7 +89,7 @@ def test_without_the_option_the_quick_version_is_left_alone_whatever_it_is(quick
 @pytest.mark.parametrize("given", [GIVEN, {**GIVEN, "quick": None}])
 def test_a_scenario_that_has_none_is_refused(given: dict) -> None:
     with pytest.raises(ScenarioError) as caught:
-        select_version(given, True, "here")
+        quick_version(given, "here")
     assert str(caught.value) == "here: has no quick version; leave --quick out"
 
 
@@ -98,7 +98,7 @@ def test_a_scenario_that_has_none_is_refused(given: dict) -> None:
 )
 def test_a_quick_version_that_is_no_mapping_is_refused(quick: object, shown: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        select_version({**GIVEN, "quick": quick}, True, "here")
+        quick_version({**GIVEN, "quick": quick}, "here")
     assert str(caught.value) == f"here: quick: is {shown}; allowed: a mapping of keys to values"
 
 

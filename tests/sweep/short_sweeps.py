@@ -1,14 +1,10 @@
 """What the tests of sweeps share: a sweep of short trials, and a run folder's table without what may differ."""
 
-import os
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 from epuck_sim.runs.database import DATABASE, reading
-
-COMMAND = [sys.executable, "-m", "epuck_sim"]
+from tests.processes import COMMAND, start
 
 
 def short_sweep(folder: Path, trials: int = 30) -> Path:
@@ -46,34 +42,5 @@ def stored(folder: Path) -> int:
 
 
 def begin(*arguments: str | Path, folder: Path, mark: str = "", command: str = "run") -> subprocess.Popen:
-    """Start a command in a process group of its own; `mark` is in the environment of all its processes."""
-    environment = {**os.environ, "EPUCK_SIM_TEST": mark}
-    return subprocess.Popen(
-        [*COMMAND, command, *map(str, arguments)],
-        cwd=folder,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-
-
-def wait_until(condition, limit_s: float = 60.0) -> None:
-    """Wait until `condition()` holds; fail after `limit_s`."""
-    end = time.monotonic() + limit_s
-    while not condition():
-        assert time.monotonic() < end, "it never came to that"
-        time.sleep(0.01)
-
-
-def processes_marked(mark: str) -> list[int]:
-    """Return the processes that carry `mark` in their environment."""
-    found = []
-    for folder in Path("/proc").iterdir():
-        try:
-            if folder.name.isdecimal() and f"EPUCK_SIM_TEST={mark}".encode() in (folder / "environ").read_bytes():
-                found.append(int(folder.name))
-        except OSError:  # it has ended, or is not ours
-            continue
-    return found
+    """Start an epuck-sim command in `folder`; `mark` is in the environment of all its processes."""
+    return start([*COMMAND, command, *arguments], mark, cwd=folder)

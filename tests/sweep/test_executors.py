@@ -20,7 +20,8 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.sweep import executors
 from epuck_sim.sweep.executors import ONE_THREAD, dask_pool, local_pool
 from epuck_sim.sweep.run import run_sweep
-from tests.sweep.short_sweeps import begin, short_sweep, stored, table, wait_until
+from tests.processes import start, wait_until
+from tests.sweep.short_sweeps import begin, short_sweep, stored, table
 
 UNNEEDED = {
     "matplotlib",
@@ -76,7 +77,7 @@ def test_an_error_in_the_block_ends_the_workers_at_once() -> None:
 
 
 def cluster_process(stack: ExitStack, *arguments: str, folder: Path) -> subprocess.Popen:
-    process = subprocess.Popen(
+    process = start(
         [sys.executable, "-m", "dask", *arguments], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     stack.callback(process.wait)

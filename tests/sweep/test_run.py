@@ -19,12 +19,13 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.points import Point, points
 from epuck_sim.sweep.executors import local_pool
-from epuck_sim.sweep.run import missing_tasks, run_sweep
+from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.model import run_trial
-from tests.sweep.short_sweeps import begin, processes_marked, short_sweep, stored, table, wait_until
+from tests.processes import processes_marked, wait_until
+from tests.sweep.short_sweeps import begin, short_sweep, stored, table
 
 TRIALS = 30
 POINTS = 8
@@ -88,9 +89,25 @@ def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
 
 def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
     places = points(load_scenario(short_sweep(tmp_path, 3)))
-    tasks = missing_tasks(places, {(2, 0), (0, 2)}, interpret=False)
+    tasks = [*missing_tasks(places, {(2, 0), (0, 2)}, interpret=False)]
     assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
     assert len(tasks) == POINTS * 3 - 2
+
+
+def test_no_seed_is_computed_before_its_trial_is_due(monkeypatch) -> None:
+    computed = []
+    monkeypatch.setattr(Point, "seed", lambda _, trial: computed.append(trial) or trial)
+    tasks = missing_tasks(points(load_scenario("thesis", ["trials=10000000"])), {(0, 0)}, interpret=False)
+    assert next(tasks).trial == 1
+    assert computed == [1]
+
+
+def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> None:
+    axes = ["robots.0.controller=firefly,oscillator,constant", "robots.0.count=2,3"]
+    found = points(load_scenario({"trials": 2}, axes=axes))
+    done = {(number, trial) for number in (0, 1, 2) for trial in range(2)} | {(4, 0)}
+    ahead = first_of_each_kind(found, done, interpret=False)
+    assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
 
 
 def test_a_run_killed_at_ten_random_moments_and_resumed_gives_the_same_table(tmp_path, uninterrupted) -> None:
@@ -233,7 +250,7 @@ def test_a_second_command_on_the_folder_is_refused_while_the_first_is_at_work(tm
 
 
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
-    tasks = missing_tasks(points(load_scenario(short_sweep(tmp_path, 125))), set(), interpret=False)
+    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 125))), set(), interpret=False)]
 
     def resident_kb() -> int:
         (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)

@@ -12,7 +12,7 @@ from epuck_sim.errors import ClusterError
 from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.sweep.executors import Pool
-from epuck_sim.sweep.scheduler import CHUNK_S, ChunkSizer, run_tasks
+from epuck_sim.sweep.scheduler import CHUNK_S, ChunkSizer, TaskQueue, schedule
 from epuck_sim.sweep.worker import make_outcome, run_chunk
 from epuck_sim.trial.result import TrialResult
 
@@ -21,6 +21,10 @@ SCENARIO = load_scenario("pair")
 
 def task(trial: int) -> Task:
     return Task(0, trial, trial, SCENARIO, False)
+
+
+def queue(count: int) -> TaskQueue:
+    return TaskQueue((task(trial) for trial in range(count)), count)
 
 
 def outcomes_of_length(wall_s: float, count: int) -> list[Outcome]:
@@ -60,11 +64,43 @@ def opened(deadly: set[int], slots: int, raises: Exception | None = None):
 
 @given(st.sets(st.integers(0, 59), max_size=12), st.integers(1, 9), st.integers(0, 60))
 def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(deadly, slots: int, count: int) -> None:
-    found = list(run_tasks([task(trial) for trial in range(count)], opened(deadly, slots)))
+    found = list(schedule(queue(count), [task(0)], opened(deadly, slots)))
     assert sorted(each.trial for each in found) == list(range(count))
     assert {each.trial for each in found if each.error} == {trial for trial in deadly if trial < count}
     assert all((each.result is None) == (each.error is not None) for each in found)
     assert all("its worker died" in each.error for each in found if each.error)
+
+
+def test_tasks_are_made_when_they_are_handed_over_not_before() -> None:
+    made = []
+
+    def tasks():
+        for trial in range(10**7):
+            made.append(trial)
+            yield task(trial)
+
+    outcomes = schedule(TaskQueue(tasks(), 10**7), [task(0)], opened(set(), 4))
+    for count in range(1, 500):
+        next(outcomes)
+        assert len(made) - count <= 5 * 2 * CHUNK_S / 0.01  # chunks that are under way, of 0.01 s a trial
+    outcomes.close()
+
+
+def test_a_queue_counts_what_waits_and_hands_out_what_was_lost_first_and_alone() -> None:
+    waiting = queue(6)
+    first = waiting.take(3)
+    assert ([each.trial for each in first], len(waiting)) == ([0, 1, 2], 3)
+    assert (waiting.give_back(first[:2]), len(waiting)) == ([], 5)
+    again = [*waiting.take(3), *waiting.take(3)]
+    assert sorted(each.trial for each in again) == [0, 1]
+    assert [each.trial for each in waiting.take(9)] == [3, 4, 5]
+    assert waiting.give_back(again) == again
+    assert not waiting
+
+
+def test_a_queue_with_fewer_tasks_than_it_was_told_ends() -> None:
+    waiting = TaskQueue([task(0)], 3)
+    assert [each.trial for each in schedule(waiting, [], opened(set(), 2))] == [0]
 
 
 @pytest.mark.parametrize(
@@ -76,7 +112,7 @@ def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(
 )
 def test_a_cluster_that_cannot_run_trials_ends_the_run_and_no_trial_is_blamed(raised, message: str) -> None:
     with pytest.raises(ClusterError, match=message):
-        list(run_tasks([task(0), task(1)], opened(set(), 2, raised)))
+        list(schedule(queue(2), [task(0)], opened(set(), 2, raised)))
 
 
 def test_the_first_chunks_hold_one_trial_as_nobody_knows_how_long_they_take() -> None:
@@ -85,17 +121,17 @@ def test_the_first_chunks_hold_one_trial_as_nobody_knows_how_long_they_take() ->
 
 def test_a_chunk_is_half_a_second_of_work() -> None:
     for wall_s, size in ((0.01, 50), (0.1, 5), (0.4, 1), (30.0, 1)):
-        pace = ChunkSizer()
-        pace.note(outcomes_of_length(wall_s, 7))
-        assert pace.chunk(100_000, 4) == pytest.approx(size, abs=1)
+        sizer = ChunkSizer()
+        sizer.note(outcomes_of_length(wall_s, 7))
+        assert sizer.chunk(100_000, 4) == pytest.approx(size, abs=1)
     assert CHUNK_S == 0.5
 
 
 @given(st.integers(1, 10_000), st.integers(2, 64), st.floats(1e-4, 10))
 def test_no_chunk_is_so_long_that_others_wait_for_it_at_the_end(waiting: int, slots: int, wall_s: float) -> None:
-    pace = ChunkSizer()
-    pace.note(outcomes_of_length(wall_s, 3))
-    size = pace.chunk(waiting, slots)
+    sizer = ChunkSizer()
+    sizer.note(outcomes_of_length(wall_s, 3))
+    size = sizer.chunk(waiting, slots)
     assert 1 <= size <= waiting
     assert size == 1 or size <= waiting / (2 * slots) + 1
 
@@ -107,14 +143,14 @@ def test_no_worker_is_left_with_the_slow_points(fastest_s: float, spread: float,
     means = [fastest_s * spread ** (point / 19) for point in range(20)]
     waiting = [random.expovariate(1 / mean) for _ in range(30) for mean in means]
     even, longest = sum(waiting) / workers, max(waiting)
-    pace, free, handed_over = ChunkSizer(), [0.0] * workers, []
+    sizer, free, handed_over = ChunkSizer(), [0.0] * workers, []
     while waiting or handed_over:
         while waiting and len(handed_over) < 2 * workers:
-            size = pace.chunk(len(waiting), 2 * workers)
+            size = sizer.chunk(len(waiting), 2 * workers)
             handed_over.append(waiting[:size])
             del waiting[:size]
         chunk = handed_over.pop(0)
         free[free.index(min(free))] += sum(chunk)
         for wall_s in chunk:
-            pace.note(outcomes_of_length(wall_s, 1))
+            sizer.note(outcomes_of_length(wall_s, 1))
     assert max(free) <= 1.02 * even + 2 * longest
