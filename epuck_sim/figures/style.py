@@ -83,6 +83,7 @@ def disable_mathtext(legend: Legend) -> None:
 def is_logarithmic(key: str, values: FloatArray) -> bool:
     """Return whether an axis with these values, (n,), is logarithmic: they are positive, and speeds or far apart.
 
+    >>> import numpy as np
     >>> is_logarithmic("space.side_cm", np.array([10.0, 100.0])), is_logarithmic("agents.count", np.array([5.0, 40.0]))
     (True, False)
     """

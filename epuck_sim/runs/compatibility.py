@@ -63,7 +63,6 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
 
     Raises:
         StoreError: They do not; the message shows the difference.
-
     """
     now = {point.key: point for point in given}
     for point in stored:

@@ -72,7 +72,6 @@ def check_database(path: Path) -> None:
 
     Raises:
         StoreError: The file is missing, damaged, of another program, or of another version's format.
-
     """
     try:
         state = _state(path)

@@ -47,7 +47,6 @@ def export(folder: Path, target: Path) -> int:
     Raises:
         StoreError: The folder is no run folder, or its database is damaged.
         EpuckSimError: The file cannot be written, or its suffix is unknown.
-
     """
     if target.suffix not in WRITERS:
         raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv")

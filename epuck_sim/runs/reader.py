@@ -89,7 +89,6 @@ def read_points(folder: Path | str) -> list[PointTrials]:
 
     Raises:
         StoreError: The folder is no run folder, or its database is damaged.
-
     """
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
@@ -128,7 +127,6 @@ def read_status(folder: Path) -> Status:
 
     Raises:
         StoreError: The folder is no run folder, or its database is damaged.
-
     """
     origin = ", ".join(PROVENANCE)
     with reading(database_of(folder)) as connection:

@@ -32,7 +32,6 @@ def acquire(folder: Path) -> Iterator[None]:
 
     Raises:
         StoreError: The folder cannot be made, is no run folder, or is locked by another process.
-
     """
     with ExitStack() as stack:
         try:
@@ -71,7 +70,6 @@ def current_holder(folder: Path) -> str | None:
 
     Returns:
         None if no process holds it, or if this user may not lock files there and so cannot find out.
-
     """
     if not (folder / LOCK).is_file():
         return None

@@ -45,7 +45,6 @@ class Store:
 
         Raises:
             StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
-
         """
         self._path = folder / DATABASE
         self._points = points

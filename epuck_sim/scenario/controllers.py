@@ -24,7 +24,6 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
 
     Raises:
         ScenarioError: There is no such controller, or it does not take these parameters.
-
     """
     try:
         controller = find_controller(group.controller, folder)
@@ -47,7 +46,6 @@ def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes
 
     Raises:
         ScenarioError: There is no such controller.
-
     """
 
     def resolve(key: str, value: Any) -> Any:

@@ -96,7 +96,6 @@ def find_scenario(name: str) -> Path:
 
     Raises:
         ScenarioError: There is none.
-
     """
     shipped = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
     if name in shipped:

@@ -14,7 +14,6 @@ def apply_override(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
 
     Raises:
         ScenarioError: The setting is malformed, or its key leads nowhere.
-
     """
     option = f"--set {setting}"
     key, equals, text = setting.partition("=")
@@ -28,7 +27,6 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
 
     Raises:
         ScenarioError: The key leads nowhere; the message begins with `origin`.
-
     """
     # a scenario has one group of robots by default
     default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
@@ -68,7 +66,6 @@ def quick_version(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
 
     Raises:
         ScenarioError: There is no quick version, or it is not a mapping.
-
     """
     changes = given.get(QUICK)
     if changes is None:
@@ -92,7 +89,6 @@ def add_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
 
     Raises:
         ScenarioError: The axis is malformed, or the scenario's own sweep is.
-
     """
     option = f"--sweep {axis}"
     key, equals, text = axis.partition("=")

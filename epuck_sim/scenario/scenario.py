@@ -89,7 +89,6 @@ class Scenario(ConfigModel):
 
         Raises:
             ScenarioError: A file is missing, or does not fit the scenario.
-
         """
         return self
 
@@ -109,7 +108,6 @@ def require_model(scenario: Scenario, kind: type[Kind], why: str) -> Kind:
 
     Raises:
         ScenarioError: It is of another class; the message ends with `why`.
-
     """
     if not isinstance(scenario, kind):
         raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}; {why}")

@@ -69,7 +69,6 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
 
     Raises:
         ScenarioError: It fails validation; each line of the message begins with `origin`.
-
     """
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in SCENARIO_TYPES:

@@ -65,7 +65,6 @@ def read_yaml(path: Path) -> Any:
 
     Raises:
         ScenarioError: The file cannot be read, or is no YAML.
-
     """
     try:
         if path.stat().st_size > MAX_BYTES:
@@ -83,7 +82,6 @@ def parse_yaml(text: str, source: str) -> Any:
 
     Raises:
         ScenarioError: The text is no YAML; the message begins with `source`.
-
     """
     try:
         loader = _Loader(text)

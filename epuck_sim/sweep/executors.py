@@ -50,7 +50,6 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
 
     Args:
         workers: Number of processes; None for one on each core that this process may use.
-
     """
     # a server that has the simulation loaded forks the workers: it has no threads that a fork could break
     context = multiprocessing.get_context("forkserver")
@@ -133,7 +132,6 @@ def dask_pool(address: str) -> Iterator[Pool]:
 
     Raises:
         ClusterError: Dask's package distributed is not installed, or the scheduler does not answer.
-
     """
     try:
         from distributed import Client, KilledWorker, rpc  # noqa: PLC0415 an extra, and slow to import

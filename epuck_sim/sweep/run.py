@@ -41,7 +41,6 @@ def run_sweep(
         ScenarioError: A point cannot be run.
         StoreError: The folder cannot be used.
         ClusterError: There are no workers; the trials stored so far stay.
-
     """
     loaded = load_scenario(scenario)
     if interpret:
@@ -77,7 +76,6 @@ def missing_tasks(points: Sequence[Point], finished: set[tuple[int, int]], inter
         points: All points of the sweep.
         finished: Numbers of point and trial of the trials that have a result.
         interpret: Run controllers as plain Python.
-
     """
     for trial in range(max(point.scenario.trials for point in points)):
         for point in points:

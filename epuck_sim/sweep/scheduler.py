@@ -86,7 +86,6 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
 
     Raises:
         ClusterError: The pool cannot be opened, cannot run trials, or is gone.
-
     """
     sizer = ChunkSizer()
     while queue:

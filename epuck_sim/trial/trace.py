@@ -43,7 +43,6 @@ class Trace:
 
         Raises:
             EpuckSimError: The file cannot be written.
-
         """
         check_target(path)
         self._path = path.resolve()

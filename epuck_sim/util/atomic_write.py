@@ -113,7 +113,6 @@ def check_trial_paths(path: Path, trials: int) -> None:
 
     Raises:
         EpuckSimError: One of them cannot be written.
-
     """
     check_target(path)
     check_target(trial_path(path, trials - 1, trials))  # has the longest name
