@@ -156,7 +156,6 @@ def density(times: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     >>> density(np.array([7.0, 7.0]))
     (array([7., 7.]), array([1., 1.]))
-
     """
     # scipy.stats.gaussian_kde gives the same to 1e-15, but takes a second to import and 20 ms for 1,000 times
     logs = np.log10(times)

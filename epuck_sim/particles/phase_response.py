@@ -73,7 +73,6 @@ def order_change(response: Response, phases: npt.ArrayLike) -> FloatArray:
 
     >>> order_change(Response(0, 0.1, 0.0), [0.25, 0.75]).round(4)
     array([-0.0577,  0.1455])
-
     """
     before = np.asarray(phases, np.float64)
     after = before + phase_shift(response, before)

@@ -60,7 +60,6 @@ def load_scenario(
     EmbodiedScenario(name='thesis', model='embodied', population=10)
     >>> scenario.arena.width_cm
     100.0
-
     """
     folder = None
     if isinstance(source, Scenario):

@@ -47,7 +47,6 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
     >>> sweep = load_scenario("thesis", axes=["robots.0.count=2,3", "robots.0.parameters.speed_cm_s=1,5"])
     >>> [tuple(point.axes.values()) for point in points(sweep)]
     [(2, 1), (2, 5), (3, 1), (3, 5)]
-
     """
     if scenario.sweep is None:
         return (Point(0, canonical_text({}), {}, scenario),)

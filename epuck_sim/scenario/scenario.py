@@ -103,14 +103,15 @@ class Scenario(ConfigModel):
 Kind = TypeVar("Kind", bound=Scenario)
 
 
-def require_model(scenario: Scenario, kind: type[Kind], why: str) -> Kind:
+def require_model(scenario: Scenario, kind: type[Kind], why: str, origin: str | None = None) -> Kind:
     """Return `scenario`, which must be of class `kind`.
 
     Raises:
-        ScenarioError: It is of another class; the message ends with `why`.
+        ScenarioError: it is of another class; the message begins with `origin`, or else the scenario's name, and ends
+            with `why`.
     """
     if not isinstance(scenario, kind):
-        raise ScenarioError(f"{scenario.name}: model is {scenario.model!r}; {why}")
+        raise ScenarioError(f"{origin or scenario.name}: model is {scenario.model!r}; {why}")
     return scenario
 
 

@@ -127,7 +127,6 @@ def run_trial(
     >>> from epuck_sim import Simulation
     >>> run_trial(Simulation("thesis", seed=1)).t_sync_cycles
     24
-
     """
     return MODELS[simulation.scenario.model].run(simulation, tuple(observers), progress)
 

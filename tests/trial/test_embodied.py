@@ -18,7 +18,7 @@ def outcome(result):
 
 
 class Recorder:
-    """An onlooker that keeps what it is shown."""
+    """An observer that keeps what it is shown."""
 
     def __init__(self):
         self.numbers, self.rings, self.phases, self.watched = [], [], [], []
@@ -139,7 +139,7 @@ def test_a_trial_without_oscillators_counts_a_cycle_every_5_s_and_is_censored():
     assert (limited.cycles, limited.steps) == (3, 150)
 
 
-def test_onlookers_are_shown_every_step_after_the_watch_has_looked():
+def test_observers_are_shown_every_step_after_the_watch_has_looked():
     one, other = Recorder(), Recorder()
     result = run_trial(Simulation("thesis", 2), iter([one, other]))
     assert one.numbers == other.numbers == list(range(result.steps))
@@ -148,12 +148,12 @@ def test_onlookers_are_shown_every_step_after_the_watch_has_looked():
     assert one.watched[-1] == (result.cycles, result.order_parameter)
 
 
-def test_onlookers_that_look_on_do_not_change_the_outcome():
+def test_observers_that_only_look_do_not_change_the_outcome():
     assert outcome(run_trial(Simulation("thesis", 2), [Recorder()])) == outcome(run_trial(Simulation("thesis", 2)))
 
 
 @pytest.mark.parametrize("field", ["poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on", "memories"])
-def test_onlookers_that_write_into_a_steps_arrays_do_not_change_the_outcome(field):
+def test_observers_that_write_into_a_steps_arrays_do_not_change_the_outcome(field):
     def meddle(step, _):
         array = step.memories[0]["phase_ms"] if field == "memories" else getattr(step, field)
         if step.number % 5 == 0:

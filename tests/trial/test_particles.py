@@ -210,7 +210,7 @@ def test_a_trial_whose_reference_never_fires_lasts_twice_max_cycles():
     assert run_trial(silenced(max_cycles=20)).simulated_s == pytest.approx(40, abs=1.01)
 
 
-def test_a_trial_whose_reference_never_fires_is_the_same_with_onlookers_and_at_any_pace(monkeypatch):
+def test_a_trial_whose_reference_never_fires_is_the_same_with_observers_and_at_any_pace(monkeypatch):
     alone = run_trial(silenced(max_cycles=20))
     watched = run_trial(silenced(max_cycles=20), [lambda _event, _swarm: None])
     monkeypatch.setattr(particles, "SLICE_S", 0.0)
@@ -223,7 +223,7 @@ def test_a_trial_whose_reference_never_fires_is_the_same_with_onlookers_and_at_a
 
 @given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
 @settings(max_examples=25)
-def test_a_trial_is_the_same_with_onlookers_and_at_any_pace(data, seed, kind):
+def test_a_trial_is_the_same_with_observers_and_at_any_pace(data, seed, kind):
     sections = data.draw(any_sections(kind, most_agents=8))
     sections["stop"] |= {"max_cycles": 15}
     plain = make_simulation(seed, **sections)

@@ -17,7 +17,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import apply_override
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.scenario.validation import validate
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.provenance import versions
@@ -73,11 +73,8 @@ def film_recording(recording: Path, overrides: Sequence[str], path: Path, progre
             observe(float(time_s), np.column_stack([positions, headings]), ring_on)
 
 
-def _require_rings(scenario: Scenario, source: str) -> EmbodiedScenario:
-    """Return a scenario whose robots have rings; raise FilmError, which names `source`, for another."""
-    if not isinstance(scenario, EmbodiedScenario):
-        raise FilmError(f"{source}: model is {scenario.model!r}, whose agents have no rings; allowed: 'embodied'")
-    return scenario
+def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
+    return require_model(scenario, EmbodiedScenario, "its agents have no rings; allowed: 'embodied'", origin)
 
 
 def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], source: str) -> EmbodiedScenario:

@@ -189,7 +189,7 @@ def test_point_like_agents_are_refused(
 ) -> None:
     points = read_recording(filmed.recording)._replace(scenario=load_scenario({"name": "p", "model": "particles"}))
     monkeypatch.setattr("epuck_sim.overhead.render.film_trial.read_recording", lambda _: points)
-    with pytest.raises(FilmError, match=r"model is 'particles', whose agents have no rings; allowed: 'embodied'$"):
+    with pytest.raises(ScenarioError, match=r"model is 'particles'; its agents have no rings; allowed: 'embodied'$"):
         film_recording(filmed.recording, settings, tmp_path / "no.mp4", passed)
     assert not list(tmp_path.iterdir())
 
@@ -197,7 +197,7 @@ def test_point_like_agents_are_refused(
 def test_trial_of_point_like_agents_is_refused(tmp_path: Path) -> None:
     scenario = load_scenario({"name": "p", "model": "particles"})
     with (
-        pytest.raises(FilmError, match=r"^p: model is 'particles', whose agents have no rings; allowed: 'embodied'$"),
+        pytest.raises(ScenarioError, match=r"^p: model is 'particles'; its agents have no rings; allowed: 'embodied'$"),
         film_trial(tmp_path / "no.mp4", scenario, SEED),
     ):
         pass
