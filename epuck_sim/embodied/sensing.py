@@ -69,11 +69,11 @@ class _SensingArraysType(types.StructRef):
     """numba's type of `SensingArrays`; it depends on the fields' own types."""
 
     def preprocess_fields(self, fields: Iterable[tuple[str, Any]]) -> tuple[tuple[str, Any], ...]:
-        return tuple((name, types.unliteral(kind)) for name, kind in fields)  # type: ignore[no-untyped-call]
+        return tuple((name, types.unliteral(kind)) for name, kind in fields)
 
 
 _FIELDS = tuple(SensingArrays.__annotations__)
-structref.define_proxy(SensingArrays, _SensingArraysType, _FIELDS)  # type: ignore[no-untyped-call]
+structref.define_proxy(SensingArrays, _SensingArraysType, _FIELDS)
 
 
 def _in_order(fields: dict[str, object]) -> list[object]:

@@ -5,8 +5,6 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from filelock import FileLock, Timeout
-
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.scenario.loader import RUN_SCENARIO
@@ -33,6 +31,8 @@ def acquire(folder: Path) -> Iterator[None]:
     Raises:
         StoreError: The folder cannot be made, is no run folder, or is locked by another process.
     """
+    from filelock import FileLock, Timeout  # noqa: PLC0415 it loads asyncio, and results are read without locks
+
     with ExitStack() as stack:
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -73,6 +73,8 @@ def current_holder(folder: Path) -> str | None:
     """
     if not (folder / LOCK).is_file():
         return None
+    from filelock import FileLock, Timeout  # noqa: PLC0415 see `acquire`
+
     try:
         with FileLock(folder / LOCK).acquire(blocking=False):
             return None

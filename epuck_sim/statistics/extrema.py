@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator  # type: ignore[import-untyped]
-from scipy.optimize import isotonic_regression  # type: ignore[import-untyped]
+from scipy.interpolate import RBFInterpolator
+from scipy.optimize import isotonic_regression
 
 from epuck_sim.arrays import FloatArray
 

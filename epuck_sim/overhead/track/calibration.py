@@ -63,7 +63,7 @@ def camera_from_corners(
         FilmError: the corners are not a convex quadrilateral, too close together, or outside of the picture.
     """
     # loading it takes half a second, and most films do without it
-    from scipy.optimize import least_squares  # type: ignore[import-untyped]  # noqa: PLC0415
+    from scipy.optimize import least_squares  # noqa: PLC0415
 
     corners = _checked_corners(corners_px, width_px, height_px)
     floor = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) * (arena_width_cm, arena_height_cm, 0.0)
