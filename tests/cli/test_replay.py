@@ -505,8 +505,8 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         ("replay RUN --point 0 --trial 0 --screenshot gone/p.png", "there is no directory gone"),
         ("replay gone --point 0 --trial 0", "run folder"),
         ("replay folder.rrd --point 0 --trial 0", "folder.rrd: is no"),
-        ("replay without --point 0 --trial 0", f"without: is no run folder: there is no {DATABASE} in it"),
-        ("replay foreign --point 0 --trial 0", "is no database of epuck-sim"),
+        ("replay without --point 0 --trial 0", f"without: is not a run folder: there is no {DATABASE} in it"),
+        ("replay foreign --point 0 --trial 0", "is not a database of epuck-sim"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_code_2_before_anything_runs(

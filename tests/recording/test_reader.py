@@ -1,4 +1,4 @@
-"""What was recorded is read back as the simulation had it, and what is no recording is refused."""
+"""What was recorded is read back as the simulation had it, and what is not a recording is refused."""
 
 from importlib.metadata import version
 from pathlib import Path
@@ -159,7 +159,7 @@ def test_a_trial_of_no_steps_has_no_steps(tmp_path, level: Level) -> None:
     assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
 
 
-# --- what is no recording of ours -------------------------------------------------------------------
+# --- what is not a recording of ours -------------------------------------------------------------------
 
 
 def refusal(path: Path, capfd: pytest.CaptureFixture[str]) -> str:
@@ -189,7 +189,7 @@ def test_there_must_be_a_file(tmp_path, capfd) -> None:
 @pytest.mark.parametrize("content", [b"Not a recording, but a text.\n" * 50, bytes(range(256)) * 50, b"PAR1" * 50])
 def test_another_kind_of_file_is_no_recording(tmp_path, capfd, content: bytes) -> None:
     (tmp_path / "t.rrd").write_bytes(content)
-    assert "is no recording" in refusal(tmp_path / "t.rrd", capfd)
+    assert "is not a recording" in refusal(tmp_path / "t.rrd", capfd)
 
 
 @pytest.mark.parametrize("share", [0, 1e-5, 0.01, 0.1, 0.3, 0.6, 0.9, 0.999])

@@ -346,8 +346,8 @@ def test_nobody_is_told_of_its_use_unless_the_user_wants_so(
 
 def test_a_command_that_fails_is_told_of(stand: Stand) -> None:
     run_rerun("rrd", "verify", "t.rrd")
-    stand.acts(fails("is no recording"))
-    with pytest.raises(RecordingError, match=r"^rerun rrd verify failed: is no recording$"):
+    stand.acts(fails("is not a recording"))
+    with pytest.raises(RecordingError, match=r"^rerun rrd verify failed: is not a recording$"):
         run_rerun("rrd", "verify", "t.rrd")
 
 

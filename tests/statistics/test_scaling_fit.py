@@ -178,7 +178,7 @@ def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) 
     assert not curves[0].extrema.is_found
     stdout = printed(capsys, curves)
     assert "No laws: no curve has a local minimum and a peak." in stdout
-    assert "-: no rise beyond noise" in stdout
+    assert "-: no minimum and peak that noise could not explain" in stdout
     read = json_of(capsys, curves)
     assert read["laws"] == fit_laws(curves)._asdict()
     assert [read["curves"][0][name] for name in NAMES] == [None] * 4
@@ -209,7 +209,7 @@ def test_a_folder_without_a_speed_axis_is_refused_by_name(tmp_path) -> None:
     with pytest.raises(EpuckSimError) as caught:
         fit_curves(tmp_path / "count")
     assert str(caught.value).startswith(f"{tmp_path / 'count'}: no axis ends in .speed_cm_s")
-    with pytest.raises(StoreError, match="is no run folder"):
+    with pytest.raises(StoreError, match="is not a run folder"):
         fit_curves(tmp_path)
 
 
