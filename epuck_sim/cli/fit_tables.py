@@ -57,8 +57,8 @@ def _print_laws(console: Console, laws: Laws) -> None:
     print("Intervals account for the noise of the trials alone; where a misfit is far above 1, the law does not hold.")
     print("T_m and T_p: the exponents ignore the offset K of the thesis; the larger it is, the closer they are to 0.")
     if laws.left_out:
-        curves = f"{laws.left_out} curves with a minimum and a peak"
-        print(f"{curves} are left out: they differ in more than V, epsilon, L, N and tau.")
+        several = f"{laws.left_out} curves with a minimum and a peak"
+        print(f"{several} are left out: they differ in more than V, epsilon, L, N and tau.")
 
 
 def _make_table(title: str, *headings: str) -> Table:

@@ -369,7 +369,7 @@ def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given(pair, view
     assert views == Views([], [], [(pair, end if at is None else at, Path("p.png"))])
 
 
-def test_a_moment_beyond_the_end_is_refused_and_the_end_told_which_is_not(pair, views) -> None:
+def test_a_moment_beyond_the_end_is_refused_with_the_end_which_is_not_refused(pair, views) -> None:
     end = read_recording(pair).time_s[-1]
     message = refused("replay", pair, "--screenshot", "p.png", "--at", "11.25")
     assert f"--at is 11.25; allowed: 0 to {end:g}" in message
@@ -622,8 +622,8 @@ def test_rerun_is_loaded_only_for_recordings() -> None:
         "    print('loaded', sorted(heavy & sys.modules.keys()))"
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    told = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
-    assert told == ["loaded []"] * 5
+    loads = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
+    assert loads == ["loaded []"] * 5
 
 
 @pytest.mark.parametrize("signalled", [signal.SIGINT, signal.SIGTERM])

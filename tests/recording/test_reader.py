@@ -256,7 +256,7 @@ def test_a_recording_that_does_not_say_how_it_ended_is_refused(tmp_path, capfd, 
     assert refusal(tmp_path / "t.rrd", capfd)
 
 
-def test_a_recording_of_another_format_is_refused_and_told_who_made_it(tmp_path, capfd, monkeypatch) -> None:
+def test_a_recording_of_another_format_is_refused_with_the_version_that_made_it(tmp_path, capfd, monkeypatch) -> None:
     monkeypatch.setattr(recorder, "FORMAT", 7)
     recorded(tmp_path / "t.rrd", level=Level.SUMMARY)
     said = refusal(tmp_path / "t.rrd", capfd)

@@ -496,7 +496,7 @@ def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:
 # One at a time
 
 
-def test_a_second_command_is_refused_and_told_who_is_at_work(tmp_path) -> None:
+def test_a_second_command_is_refused_with_the_process_at_work(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
         with pytest.raises(StoreError) as caught:
@@ -553,7 +553,7 @@ def test_a_sweep_of_which_nothing_was_run_gives_its_folder_up(tmp_path) -> None:
     assert [point.axes for point in read_points(tmp_path)] == [point.axes for point in points(mended)]
 
 
-def test_a_database_that_another_program_has_locked_is_told_and_stays_whole(tmp_path) -> None:
+def test_a_database_that_another_program_has_locked_is_reported_and_stays_intact(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store, closing(sqlite3.connect(tmp_path / DATABASE)) as other:
         store.add(outcome(found[0], 0))

@@ -234,7 +234,7 @@ def test_a_displacement_out_of_place_is_named_with_its_value():
     assert "0.001" in message_of(start={"displacement": 0.001})
 
 
-def test_a_neighbourhood_that_is_but_a_word_is_told_the_kinds():
+def test_a_neighbourhood_that_is_only_a_word_is_rejected_with_the_kinds():
     assert "cone_of_vision" in message_of(neighbourhood="nearest")
 
 

@@ -312,7 +312,7 @@ def test_what_a_law_does_not_account_for_tells_scenarios_apart(tmp_path, changes
 @pytest.mark.parametrize(
     "changes",
     [
-        {"name": "mine", "trials": 5, "seed": 3, "description": "told"},
+        {"name": "mine", "trials": 5, "seed": 3, "description": "mine"},
         {"arena": {"width_cm": 50, "height_cm": 60}},
         {"robots": [{"count": 4, "parameters": {"coupling": 0.3, "period_s": 3}}]},
     ],
@@ -392,7 +392,7 @@ def test_no_number_is_cut_where_the_folder_s_name_is_long(capsys) -> None:
     assert table[0][5].endswith(")")
 
 
-def test_folders_whose_long_names_differ_at_the_end_are_told_apart(capsys) -> None:
+def test_folders_whose_long_names_differ_at_the_end_are_distinguished(capsys) -> None:
     runs = [f"/{'long' * 30}/{name}" for name in ("fig-4-2a", "fig-4-2b")]
     table = [row for row in cells(printed(capsys, [lawful(run=run) for run in runs])) if len(row) == 7]
     assert "".join(row[0] for row in table) == "".join(runs)
