@@ -28,7 +28,7 @@ NO_TABLES: Mapping[str, Table] = MappingProxyType({})
 
 
 class Target(NamedTuple):
-    """Where a figure is written."""
+    """Files of a figure."""
 
     stem: Path
     """Name of all its files without their endings."""

@@ -30,7 +30,7 @@ _ELSEWHERE = {
 
 
 class SpaceSection(ConfigModel):
-    """Where agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
+    """The space in which agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
 
     dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
     side_cm: Positive = 100.0

@@ -152,7 +152,7 @@ def _candidate(arena: Arena, placed: FloatArray, random: np.random.Generator) ->
 
 @st.composite
 def camera_settings(draw: st.DrawFn) -> CameraSettings:
-    """Settings of cameras from narrow to all round, with all pixels or a window of them, with or without a limit of range."""
+    """Settings of cameras from narrow to all round, with all or only central pixels, with or without limited range."""
     pixels = draw(st.sampled_from([60, 1, 2, 20, 61, 150]))
     return CameraSettings(
         pixels,

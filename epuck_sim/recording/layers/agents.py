@@ -30,6 +30,7 @@ ARC_STEP_RAD = math.radians(12)
 """Largest angle between two corners of an arc, rad."""
 
 PULSES = rr.AnnotationContext([(0, "receives", (95, 105, 135)), (1, "is shifted", (240, 200, 40))])
+"""Names and colours of the classes of links: a pulse that is received, and one that shifts the phase as well."""
 
 
 class AgentLayers:

@@ -61,7 +61,7 @@ def live(
         scenario: The trial's scenario.
         seed: The trial's seed.
         level: How much is shown.
-        speed: Times as fast as real robots.
+        speed: How many times as fast as real robots.
 
     Raises:
         RecordingError: The viewer was closed before the trial ended.
