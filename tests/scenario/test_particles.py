@@ -73,7 +73,7 @@ def test_what_is_just_allowed_is_read(sections):
 REFUSED = [
     (
         {"neighbourhood": {"kind": "nearest", "k": 20}},
-        "neighbourhood.k is 20; allowed: 1 to 19, for agents.count is 20",
+        "neighbourhood.k is 20; allowed: 1 to 19, because agents.count is 20",
     ),
     ({"neighbourhood": {"kind": "nearest", "k": 0}}, "neighbourhood.k: is 0; allowed: at least 1"),
     ({"neighbourhood": {"kind": "nearest", "k": 1.5}}, "neighbourhood.k: is 1.5; allowed: a whole number"),
