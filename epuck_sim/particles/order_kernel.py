@@ -11,6 +11,9 @@ ROUNDING_MARGIN = 1e-12
 COMPLEX, REFERENCE = range(2)
 """Metrics: eq. 5.7 (the modulus of the mean phasor) and eq. 3.4 (relative to the reference)."""
 
+METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
+"""Codes of the metrics that a scenario's `stop.metric` names; the same metrics as `order_parameter.METRICS`."""
+
 
 @jit_inline
 def are_phases_within(oscillators: Oscillators, max_offset: float, time: float) -> bool:

@@ -196,7 +196,7 @@ class _Entities:
 
 def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
-        raise RecordingError(f"{path}: {'is no file' if path.exists() else 'there is no such file'}")
+        raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
     if path.suffix != ENDING:  # which the viewer requires, too
         raise RecordingError(f"{path}: is no recording: the name must end in {ENDING}")
     with warnings.catch_warnings():

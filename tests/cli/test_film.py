@@ -121,6 +121,7 @@ def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        ("run pair --trace t.csv", "--trace is t.csv; allowed: a name that ends in .parquet"),
         ("run pair --film t.avi", "--film is t.avi; allowed: a name that ends in .mp4"),
         ("run pair --film t", "--film is t; allowed: a name that ends in .mp4"),
         ("run pair --film .", "--film is .; allowed: a name that ends in .mp4"),

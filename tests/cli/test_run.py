@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 from epuck_sim import __version__
 from epuck_sim.cli import progress
 from epuck_sim.cli.app import app
-from epuck_sim.cli.listing import natural_order
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
+from epuck_sim.util.messages import natural_order
 from tests.processes import COMMAND, start, wait_until
 
 NEVER = ["--set", "stop.max_cycles=1000000000", "--set", "stop.order_parameter=1"]
