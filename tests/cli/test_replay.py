@@ -476,7 +476,7 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         ("run RUN --point 0 --trial 3 --record t.rrd", "--trial is 3; allowed: 0 to 2"),
         ("replay gone.rrd", "gone.rrd: there is no such file"),
         ("replay folder.rrd", "--point and --trial go together, and with a run folder"),
-        ("replay pipe.rrd", "pipe.rrd: is no file"),
+        ("replay pipe.rrd", "pipe.rrd: is not a file"),
         ("replay PAIR", f"pair.rrd: there is no display here; {UNSEEN}, or --screenshot FILE.png"),
         ("replay PAIR --point 0 --trial 0", "--point and --trial go together, and with a run folder"),
         ("replay PAIR --point 0", "--point and --trial go together, and with a run folder"),

@@ -130,9 +130,9 @@ def test_the_version_is_printed() -> None:
         (["run", "thesis", "--set", "robots.0.count=100"], "do not fit into the arena"),
         (["check", "thesis", "--set", "robots.0.count=60"], "no free place was found"),
         (["run", "thesis", "--trace", "gone/trace.parquet"], "cannot be written: there is no directory gone"),
-        (["run", "thesis", "--trace", "."], "cannot be written: is a directory"),
-        (["run", "thesis", "--trace", "/", "--trials", "2"], "cannot be written: is a directory"),
-        (["run", "."], ".: is no regular file"),
+        (["run", "thesis", "--trace", "."], "--trace is .; allowed: a name that ends in .parquet"),
+        (["run", "thesis", "--trace", "/", "--trials", "2"], "--trace is /; allowed: a name that ends in .parquet"),
+        (["run", "."], ".: is neither a regular file nor a run folder"),
         (["run", "x" * 300 + ".yaml"], "cannot be read: File name too long"),
         (["run", "thesis", "--set", "seed=-1"], "thesis.yaml --set seed=-1: seed: is -1"),
         (

@@ -183,7 +183,7 @@ def whole(tmp_path_factory) -> bytes:
 
 def test_there_must_be_a_file(tmp_path, capfd) -> None:
     assert refusal(tmp_path / "gone.rrd", capfd) == "there is no such file"
-    assert refusal(tmp_path, capfd) == "is no file"
+    assert refusal(tmp_path, capfd) == "is not a file"
 
 
 @pytest.mark.parametrize("content", [b"Not a recording, but a text.\n" * 50, bytes(range(256)) * 50, b"PAR1" * 50])
