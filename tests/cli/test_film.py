@@ -233,7 +233,7 @@ def test_no_setting_of_the_camera_is_refused(shelf, here, settings: str, message
         ("THREE folder.mp4", "folder.mp4: cannot be written: is a directory"),
         ("gone.rrd t.mp4", "gone.rrd: there is no such file"),
         ("folder.mp4 t.mp4", "folder.mp4: is not a file"),
-        ("FILM t.mp4", "three.mp4: is no recording, which ends in .rrd"),
+        ("FILM t.mp4", "three.mp4: is no recording: the name must end in .rrd"),
         ("text.rrd t.mp4", "text.rrd: is no "),
         ("empty.rrd t.mp4", "empty.rrd: is no "),
         ("half.rrd t.mp4", "half.rrd: is no whole recording"),
