@@ -1,7 +1,6 @@
 """Names and descriptions of the scenarios, sweeps and controllers that come with the package."""
 
 import ast
-import re
 import sys
 from collections.abc import Mapping
 
@@ -11,6 +10,7 @@ from rich.text import Text
 
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
+from epuck_sim.util.messages import natural_order
 
 
 def print_shipped() -> None:
@@ -38,15 +38,6 @@ def _print_descriptions(descriptions: Mapping[str, str]) -> None:
     for name in names:
         table.add_row(Text(f"  {name}"), Text(descriptions[name]))
     Console().print(table)
-
-
-def natural_order(name: str) -> list[tuple[str, int]]:
-    """Return a key that sorts numbers in names by their values.
-
-    >>> sorted(["fig-5-10", "fig-5-3", "thesis"], key=natural_order)
-    ['fig-5-3', 'fig-5-10', 'thesis']
-    """
-    return [(text, int(digits or 0)) for text, digits in re.findall(r"(\D*)(\d*)", name)]
 
 
 def describe_scenarios(kind: str) -> dict[str, str]:

@@ -120,6 +120,10 @@ def _conflicts(options: "RunOptions", folder: Path | None) -> list[tuple[bool, s
             f"--trace and {'--record' if trace == record else '--film'} name the same file",
         ),
         (
+            trace is not None and trace.suffix != ".parquet",
+            f"--trace is {trace}; allowed: a name that ends in .parquet",
+        ),
+        (
             film is not None and film.suffix != ".mp4",
             f"--film is {film}; allowed: a name that ends in .mp4",
         ),

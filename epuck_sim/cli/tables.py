@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.cli.progress import in_words
-from epuck_sim.figures.labels import key_name
+from epuck_sim.figures.labels import axis_label
 from epuck_sim.runs.reader import Failure, Status
 from epuck_sim.statistics.curves import distinguishing_axes
 from epuck_sim.statistics.summary import PointSummary
@@ -53,7 +53,7 @@ def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> 
         return
     table = Table(title=Text(f"{title}: T_sync [cycles], with 95 % intervals"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
-    for heading in ("point", *map(key_name, shown[0]), "trials", "censored", "mean", "median", "restricted mean"):
+    for heading in ("point", *map(axis_label, shown[0]), "trials", "censored", "mean", "median", "restricted mean"):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(points, shown, strict=True):
         table.add_row(

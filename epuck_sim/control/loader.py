@@ -185,7 +185,7 @@ def check_imported_copies(controller: Controller) -> None:
                 raise ControllerError(
                     f"{path}: {name} is {short_repr(value)} in the module {path.stem!r} of this program, which is not "
                     "what the file says; controllers run a copy of their own, where it would change nothing: make it a "
-                    "parameter, or set it in `find_controller(...).modules`"
+                    "parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
                 )
 
 

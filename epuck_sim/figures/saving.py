@@ -81,7 +81,7 @@ def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str,
 
 def _check_files(stem: Path, endings: tuple[str, ...] | Mapping[str, Table]) -> list[Path]:
     if stem.name in ("", ".."):
-        raise EpuckSimError(f"{stem}: is no name of a file; give FOLDER/NAME, to which .png and so on are added")
+        raise EpuckSimError(f"{stem}: is not a file's name; give FOLDER/NAME, to which .png and so on are added")
     files = [stem.with_name(f"{stem.name}{ending}") for ending in endings]
     for file in files:
         check_target(file)

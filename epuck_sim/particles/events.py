@@ -30,7 +30,7 @@ from epuck_sim.particles.motion import (
 )
 from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import Neighbourhood, rebase_neighbourhood
-from epuck_sim.particles.order_kernel import COMPLEX, REFERENCE, are_phases_within, max_phase_offset, measure_order
+from epuck_sim.particles.order_kernel import METRIC_CODES, are_phases_within, max_phase_offset, measure_order
 from epuck_sim.particles.oscillators import (
     Oscillators,
     earliest_firing,
@@ -105,7 +105,7 @@ def make_rules(scenario: ParticleScenario) -> Rules:
         "emitting" in reorient_on,
         "receiving" in reorient_on,
         stop.reference,
-        COMPLEX if stop.metric == "complex" else REFERENCE,
+        METRIC_CODES[stop.metric],
         threshold,
         max_phase_offset(scenario.agents.count, threshold) if threshold < math.inf else -1.0,
     )

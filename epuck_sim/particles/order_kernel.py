@@ -14,6 +14,9 @@ COMPLEX = 0
 REFERENCE = 1
 """Metric of eq. 3.4: the mean cosine of the phases relative to the reference."""
 
+METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
+"""Codes of the metrics that a scenario's `stop.metric` names; the same metrics as `order_parameter.METRICS`."""
+
 
 @jit_inline
 def are_phases_within(oscillators: Oscillators, max_offset: float, time: float) -> bool:

@@ -112,11 +112,11 @@ def read_recording(path: Path | str) -> Recorded:
     except ScenarioError as error:
         raise RecordingError(f"{path}: holds a scenario that this version cannot read: {error}") from error
     except (KeyError, ValueError) as error:
-        raise RecordingError(f"{path}: is no whole recording: {error}") from error
+        raise RecordingError(f"{path}: is not a complete recording: {error}") from error
     rows = len(recorded.time_s)
     for name in ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ():
         if len(getattr(recorded, name)) != rows:
-            raise RecordingError(f"{path}: is no whole recording: {name} is missing in some of {rows} rows")
+            raise RecordingError(f"{path}: is not a complete recording: {name} is missing in some of {rows} rows")
     return recorded
 
 
@@ -159,7 +159,7 @@ def _scenario(trial: dict[str, Any]) -> Scenario:
     """Return the scenario in a recording's properties; raise ScenarioError if this version cannot read it."""
     given = parse_yaml(trial["scenario"], "its scenario")
     if not isinstance(given, dict):
-        raise ScenarioError("its scenario is no mapping of keys to values")
+        raise ScenarioError("its scenario is not a mapping of keys to values")
     return validate(given, "its scenario")
 
 
@@ -196,7 +196,7 @@ class _Entities:
 
 def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
-        raise RecordingError(f"{path}: {'is no file' if path.exists() else 'there is no such file'}")
+        raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
     if path.suffix != ENDING:  # which the viewer requires, too
         raise RecordingError(f"{path}: is not a recording: the name must end in {ENDING}")
     with warnings.catch_warnings():
@@ -210,7 +210,7 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
             if "Not an RRD file" in str(error):
                 raise RecordingError(f"{path}: is not a recording, though its name ends in {ENDING}") from error
             reason = "its end is missing" if "footer" in str(error) else error
-            raise RecordingError(f"{path}: is no whole recording: {reason}; record the trial again") from error
+            raise RecordingError(f"{path}: is not a complete recording: {reason}; record the trial again") from error
     programs = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
     raise RecordingError(
         f"{path}: holds {len(found)} recordings, made by {programs}; allowed: one made by {APPLICATION}"

@@ -11,7 +11,7 @@ from rerun.chunk import Chunk, LazyChunkStream
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import APPLICATION
 from epuck_sim.recording.viewer.process import run_rerun
-from epuck_sim.util.atomic_write import check_target, temporary_path, write_errors
+from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 
 ENDING = ".rrd"
 """Suffix of a recording's name, by which the viewer knows it."""
@@ -47,7 +47,7 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
         writer.check()
         with _blaming(path):
             run_rerun("rrd", "route", str(layout_part), str(data_part), "-o", str(whole))
-            whole.replace(path)
+            publish(whole, path)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from epuck_sim.scenario.scenario import Kind, Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, natural_order, short_repr
 
 RUN_SCENARIO = "scenario.yaml"
 """Name of the file in a run folder that holds its scenario."""
@@ -61,6 +61,9 @@ def load_scenario(
     >>> scenario.arena.width_cm
     100.0
     """
+    for name, given_texts in (("settings", settings), ("axes", axes)):
+        if isinstance(given_texts, str):
+            raise ScenarioError(f"{name} is {given_texts!r}; allowed: a list of such texts")
     folder = None
     if isinstance(source, Scenario):
         if not settings and not axes and not quick:
@@ -112,8 +115,9 @@ def find_scenario(name: str) -> Path:
     if path.suffix in (".yaml", ".yml"):
         named = f"; the shipped one is called {path.stem!r}" if path.stem in shipped else ""
         raise ScenarioError(f"{name}: there is no such file{named}")
+    names = sorted(shipped, key=natural_order)
     raise ScenarioError(
-        f"{did_you_mean(name, shipped)}; shipped: {comma_list(shipped)}; or give a .yaml file, or a run folder"
+        f"{did_you_mean(name, shipped)}; shipped: {comma_list(names)}; or give a .yaml file, or a run folder"
     )
 
 

@@ -4,7 +4,7 @@ A point is identified by its axis values, not by its number: points and trials t
 others as they were.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
@@ -35,11 +35,11 @@ class Point(NamedTuple):
         return point_seed(self.scenario.seed, self.key, trial)
 
 
-def points(scenario: Scenario) -> tuple[Point, ...]:
+def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, ...]:
     """Return the points of a scenario's sweep, in order; a scenario without a sweep is one point without axes.
 
     Args:
-        scenario: As `load_scenario` returns it.
+        scenario: A Scenario, or what `load_scenario` takes.
 
     Raises:
         ScenarioError: The values of a point make no valid scenario, or two points are the same.
@@ -48,17 +48,18 @@ def points(scenario: Scenario) -> tuple[Point, ...]:
     >>> [tuple(point.axes.values()) for point in points(sweep)]
     [(2, 1), (2, 5), (3, 1), (3, 5)]
     """
-    if scenario.sweep is None:
-        return (Point(0, canonical_text({}), {}, scenario),)
-    base = scenario.model_copy(update={"sweep": None}).model_dump(mode="json")
-    rows = scenario.sweep.rows()
+    loaded = load_scenario(scenario)
+    if loaded.sweep is None:
+        return (Point(0, canonical_text({}), {}, loaded),)
+    base = loaded.model_copy(update={"sweep": None}).model_dump(mode="json")
+    rows = loaded.sweep.rows()
     names = _short_names(rows)
     found = tuple(_point(number, row, base, names) for number, row in enumerate(rows))
     first: dict[str, int] = {}
     for point in found:
         if point.key in first:
             numbers = f"{first[point.key]} and {point.number}"
-            raise ScenarioError(f"{scenario.name}: sweep: points {numbers} are the same: {describe_axes(point.axes)}")
+            raise ScenarioError(f"{loaded.name}: sweep: points {numbers} are the same: {describe_axes(point.axes)}")
         first[point.key] = point.number
     return found
 

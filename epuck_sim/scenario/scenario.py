@@ -1,5 +1,6 @@
 """The scenario: what those of all models have in common. Validated and immutable."""
 
+from numbers import Integral
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self, TypeVar
 
@@ -124,6 +125,6 @@ def seed_of_trial(scenario: Scenario, seed: int | None) -> int:
     if scenario.sweep is not None:
         raise ScenarioError(f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`")
     chosen = scenario.seed if seed is None else seed
-    if chosen < 0:
-        raise ScenarioError(f"{scenario.name}: seed is {chosen}; allowed: whole numbers from 0")
+    if not isinstance(chosen, Integral) or chosen < 0:
+        raise ScenarioError(f"{scenario.name}: seed is {chosen!r}; allowed: whole numbers from 0")
     return chosen

@@ -52,6 +52,7 @@ ALLOWED = {
     "literal_error": "{expected}",
     "model_attributes_type": "a mapping of keys to values",
     "model_type": "a mapping of keys to values",
+    "multiple_of": "a multiple of {multiple_of:g}",
     "string_too_long": "at most {max_length} characters",
     "string_too_short": "{min_length} or more characters",
     "string_type": "text",

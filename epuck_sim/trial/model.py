@@ -41,7 +41,7 @@ class Model(NamedTuple):
     """Raises ScenarioError for a scenario whose population finds no room."""
 
 
-# Each model is imported when it is used: `check` needs neither numba nor pymunk, a sweep of agents no pymunk.
+# Each model is imported when it is used: a sweep of agents needs no pymunk, and `check` of agents no numba.
 
 
 def _simulate_robots(scenario: EmbodiedScenario, seed: int, interpret: bool) -> Simulated:
@@ -122,12 +122,15 @@ def run_trial(
         The outcome, which the scenario and the seed alone decide.
 
     Raises:
+        TypeError: `simulation` is not a simulation.
         ValueError: The simulation is under way; its cycles before would go uncounted.
 
     >>> from epuck_sim import Simulation
     >>> run_trial(Simulation("thesis", seed=1)).t_sync_cycles
     24
     """
+    if not isinstance(getattr(simulation, "scenario", None), Scenario):
+        raise TypeError(f"a trial is of a simulation, such as Simulation('thesis', seed=1), not of {simulation!r}")
     return MODELS[simulation.scenario.model].run(simulation, tuple(observers), progress)
 
 

@@ -19,6 +19,7 @@ from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.embodied.step import Step
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
+from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.synchrony import SynchronyWatch
 from epuck_sim.util.atomic_write import check_target, publish, temporary_path, write_errors
 from epuck_sim.util.provenance import versions
@@ -33,17 +34,20 @@ class Trace:
     If the block ends with an error, no file is left behind.
     """
 
-    def __init__(self, path: Path, scenario: EmbodiedScenario, seed: int) -> None:
+    def __init__(self, path: Path | str, scenario: Scenario, seed: int) -> None:
         """Open the file, before the trial begins.
 
         Args:
-            path: FILE.parquet.
-            scenario: Scenario of the trial.
+            path: File to write, in the format Parquet.
+            scenario: Scenario of the trial, of model `embodied`.
             seed: Seed of the trial.
 
         Raises:
+            ScenarioError: The scenario is of another model.
             EpuckSimError: The file cannot be written.
         """
+        path = Path(path)
+        scenario = require_model(scenario, EmbodiedScenario, "traces are of robots")
         check_target(path)
         self._path = path.resolve()
         self._robots = scenario.robot_count

@@ -1,6 +1,7 @@
 """Phrases that error messages share."""
 
 import difflib
+import re
 from collections.abc import Mapping
 
 
@@ -23,3 +24,12 @@ def short_repr(value: object) -> str:
     """Return the repr of a value, cut to 60 characters."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def natural_order(name: str) -> list[tuple[str, int]]:
+    """Return a key that sorts numbers in names by their values.
+
+    >>> sorted(["fig-5-10", "fig-5-3", "thesis"], key=natural_order)
+    ['fig-5-3', 'fig-5-10', 'thesis']
+    """
+    return [(text, int(digits or 0)) for text, digits in re.findall(r"(\D*)(\d*)", name)]

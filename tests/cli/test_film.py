@@ -121,6 +121,7 @@ def test_where_a_trial_fails_an_older_film_stays_and_nothing_else(here) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        ("run pair --trace t.csv", "--trace is t.csv; allowed: a name that ends in .parquet"),
         ("run pair --film t.avi", "--film is t.avi; allowed: a name that ends in .mp4"),
         ("run pair --film t", "--film is t; allowed: a name that ends in .mp4"),
         ("run pair --film .", "--film is .; allowed: a name that ends in .mp4"),
@@ -231,11 +232,11 @@ def test_no_setting_of_the_camera_is_refused(shelf, here, settings: str, message
         ("THREE gone/t.mp4", "gone/t.mp4: cannot be written: there is no directory gone"),
         ("THREE folder.mp4", "folder.mp4: cannot be written: is a directory"),
         ("gone.rrd t.mp4", "gone.rrd: there is no such file"),
-        ("folder.mp4 t.mp4", "folder.mp4: is no file"),
-        ("FILM t.mp4", "three.mp4: is not a recording, which ends in .rrd"),
-        ("text.rrd t.mp4", "text.rrd: is no "),
-        ("empty.rrd t.mp4", "empty.rrd: is no "),
-        ("half.rrd t.mp4", "half.rrd: is no whole recording"),
+        ("folder.mp4 t.mp4", "folder.mp4: is not a file"),
+        ("FILM t.mp4", "three.mp4: is not a recording: the name must end in .rrd"),
+        ("text.rrd t.mp4", "text.rrd: is not a "),
+        ("empty.rrd t.mp4", "empty.rrd: is not a "),
+        ("half.rrd t.mp4", "half.rrd: is not a complete recording"),
         ("SUMMARY t.mp4", "summary.rrd: holds no poses; record the trial again with --record-level poses or full"),
     ],
 )

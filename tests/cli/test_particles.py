@@ -389,7 +389,7 @@ def test_what_cannot_be_drawn_is_refused(folder, options, message: str) -> None:
 @pytest.mark.parametrize("form", ["perturbation", "course"])
 def test_what_becomes_of_robots_over_time_is_refused(tmp_path, form: str) -> None:
     called("run", "pair", "--set", "stop.max_cycles=1", "--out", tmp_path / "run", "--workers", 1)
-    words = "pair: the forms perturbation and course are for model: particles; this is embodied"
+    words = "pair: model is 'embodied'; the forms perturbation and course need model: particles"
     assert refused("plot", tmp_path / "run", "--form", form) == f"error: {words}\n"
     assert not list((tmp_path / "run").glob("*.png"))
 

@@ -476,7 +476,7 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         ("run RUN --point 0 --trial 3 --record t.rrd", "--trial is 3; allowed: 0 to 2"),
         ("replay gone.rrd", "gone.rrd: there is no such file"),
         ("replay folder.rrd", "--point and --trial go together, and with a run folder"),
-        ("replay pipe.rrd", "pipe.rrd: is no file"),
+        ("replay pipe.rrd", "pipe.rrd: is not a file"),
         ("replay PAIR", f"pair.rrd: there is no display here; {UNSEEN}, or --screenshot FILE.png"),
         ("replay PAIR --point 0 --trial 0", "--point and --trial go together, and with a run folder"),
         ("replay PAIR --point 0", "--point and --trial go together, and with a run folder"),
@@ -590,10 +590,10 @@ def of_another_version(path: Path, _: bytes) -> None:
     [
         (of_another_program, "holds 1 recordings, made by somebody; allowed: one made by epuck-sim"),
         (of_another_version, "format 99"),
-        (lambda path, whole: path.write_bytes(whole[: len(whole) // 2]), "is no whole recording"),
-        (lambda path, whole: path.write_bytes(whole[:-1]), "is no whole recording"),
-        (lambda path, _: path.write_text("mine"), "is no "),
-        (lambda path, _: path.touch(), "is no "),
+        (lambda path, whole: path.write_bytes(whole[: len(whole) // 2]), "is not a complete recording"),
+        (lambda path, whole: path.write_bytes(whole[:-1]), "is not a complete recording"),
+        (lambda path, _: path.write_text("mine"), "is not a "),
+        (lambda path, _: path.touch(), "is not a "),
     ],
     ids=["program", "version", "half", "a byte less", "text", "empty"],
 )

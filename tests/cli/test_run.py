@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 from epuck_sim import __version__
 from epuck_sim.cli import progress
 from epuck_sim.cli.app import app
-from epuck_sim.cli.listing import natural_order
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util import atomic_write
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
+from epuck_sim.util.messages import natural_order
 from tests.processes import COMMAND, start, wait_until
 
 NEVER = ["--set", "stop.max_cycles=1000000000", "--set", "stop.order_parameter=1"]
@@ -130,9 +130,9 @@ def test_the_version_is_printed() -> None:
         (["run", "thesis", "--set", "robots.0.count=100"], "do not fit into the arena"),
         (["check", "thesis", "--set", "robots.0.count=60"], "no free place was found"),
         (["run", "thesis", "--trace", "gone/trace.parquet"], "cannot be written: there is no directory gone"),
-        (["run", "thesis", "--trace", "."], "cannot be written: is a directory"),
-        (["run", "thesis", "--trace", "/", "--trials", "2"], "cannot be written: is a directory"),
-        (["run", "."], ".: is no regular file"),
+        (["run", "thesis", "--trace", "."], "--trace is .; allowed: a name that ends in .parquet"),
+        (["run", "thesis", "--trace", "/", "--trials", "2"], "--trace is /; allowed: a name that ends in .parquet"),
+        (["run", "."], ".: is neither a regular file nor a run folder"),
         (["run", "x" * 300 + ".yaml"], "cannot be read: File name too long"),
         (["run", "thesis", "--set", "seed=-1"], "thesis.yaml --set seed=-1: seed: is -1"),
         (

@@ -183,7 +183,7 @@ def whole(tmp_path_factory) -> bytes:
 
 def test_there_must_be_a_file(tmp_path, capfd) -> None:
     assert refusal(tmp_path / "gone.rrd", capfd) == "there is no such file"
-    assert refusal(tmp_path, capfd) == "is no file"
+    assert refusal(tmp_path, capfd) == "is not a file"
 
 
 @pytest.mark.parametrize("content", [b"Not a recording, but a text.\n" * 50, bytes(range(256)) * 50, b"PAR1" * 50])
@@ -196,13 +196,13 @@ def test_another_kind_of_file_is_no_recording(tmp_path, capfd, content: bytes) -
 def test_a_recording_that_was_cut_short_is_refused(tmp_path, capfd, whole: bytes, share: float) -> None:
     (tmp_path / "t.rrd").write_bytes(whole[: int(share * len(whole))])
     said = refusal(tmp_path / "t.rrd", capfd)
-    assert said.startswith("is no whole recording: ") or "holds 0 recordings" in said  # but a part of its layout
+    assert said.startswith("is not a complete recording: ") or "holds 0 recordings" in said  # but a part of its layout
 
 
 @pytest.mark.parametrize("missing", [1, 10, 100, 1000])
 def test_a_recording_without_its_last_bytes_is_refused(tmp_path, capfd, whole: bytes, missing: int) -> None:
     (tmp_path / "t.rrd").write_bytes(whole[:-missing])
-    assert "is no whole recording: " in refusal(tmp_path / "t.rrd", capfd)
+    assert "is not a complete recording: " in refusal(tmp_path / "t.rrd", capfd)
     (tmp_path / "t.rrd").write_bytes(whole)
     assert len(read_recording(tmp_path / "t.rrd").time_s) == 300
 

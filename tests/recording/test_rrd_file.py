@@ -253,7 +253,7 @@ with recorder.record(Path(sys.argv[1]), scenario, 1) as observer:
 def test_a_run_that_is_killed_leaves_no_recording(tmp_path) -> None:
     path = tmp_path / "t.rrd"
     run = start([sys.executable, "-c", LONG, path], stdout=None, stderr=None)
-    wait_until(lambda: written(tmp_path) >= 1_000_000 or run.poll() is not None, 2 * WAIT_S)
+    wait_until(lambda: written(tmp_path) >= 1_000_000 or run.poll() is not None, 6 * WAIT_S)
     assert run.poll() is None
     run.kill()
     run.wait()

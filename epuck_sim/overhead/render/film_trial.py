@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.film.frame import ProgressWrapper
 from epuck_sim.overhead.film.writer import film_file
@@ -19,19 +18,19 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import apply_override
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.scenario.validation import validate
-from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.trial.observer import Observer
 from epuck_sim.util.provenance import versions
 
 
 @contextmanager
-def film_trial(path: Path, scenario: Scenario, seed: int) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
+def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Observer]:
     """Film a trial with the overhead camera of its scenario while it runs.
 
     Filming does not change the trial. The film gets its name when the `with` block ends; if the block ends with an
     error, nothing is left behind.
 
     >>> scenario = load_scenario("thesis")  # doctest: +SKIP
-    >>> with film_trial(Path("trial.mp4"), scenario, seed=1) as observer:  # doctest: +SKIP
+    >>> with film_trial("trial.mp4", scenario, seed=1) as observer:  # doctest: +SKIP
     ...     result = run_trial(Simulation(scenario, seed=1), [observer])
 
     Args:
@@ -43,10 +42,11 @@ def film_trial(path: Path, scenario: Scenario, seed: int) -> Iterator[Callable[[
         An observer for `run_trial`.
 
     Raises:
-        FilmError: The scenario has no rings, its camera cannot see the arena, or the name does not end in .mp4.
+        ScenarioError: The scenario is of another model.
+        FilmError: Its camera cannot see the arena, or the name does not end in .mp4.
         EpuckSimError: The file cannot be written.
     """
-    with _film(path, _require_rings(scenario, scenario.name), seed) as observe:
+    with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
         yield lambda step, _: observe(step.time_s, step.poses, step.ring_on)
 
 

@@ -1,0 +1,89 @@
+"""Claims about the library's edge: the names it shows, and what it says to who calls it in a wrong way."""
+
+import subprocess
+import sys
+
+import pytest
+
+import epuck_sim
+from epuck_sim import (
+    EpuckSimError,
+    ParticleSimulation,
+    ScenarioError,
+    Simulation,
+    Trace,
+    film_trial,
+    load_scenario,
+    points,
+    read_recording,
+    record,
+    run_trial,
+)
+
+SHORT = ["stop.max_cycles=1", "robots.0.count=2"]
+
+
+def test_dir_and_star_import_show_the_public_names_and_no_others() -> None:
+    names = set(dir(epuck_sim))
+    everything: dict[str, object] = {}
+    exec("from epuck_sim import *", everything)
+    assert set(everything) - {"__builtins__"} == names == set(epuck_sim.__all__)
+    assert {"Simulation", "Trace", "film_trial", "run_trial", "load_scenario"} <= names
+    assert all(getattr(epuck_sim, name).__doc__ for name in names)
+
+
+def test_help_names_what_there_is() -> None:
+    shown = subprocess.run(
+        [sys.executable, "-c", "import epuck_sim; help(epuck_sim)"], capture_output=True, text=True, check=True
+    ).stdout
+    assert "Simulate swarms of e-puck robots" in shown
+    assert "run_trial" in shown
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    code = "import sys, epuck_sim; print([name for name in ('numpy', 'numba', 'pydantic') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_files_are_given_as_text_or_as_paths(tmp_path) -> None:
+    scenario = load_scenario("thesis", SHORT)
+    with (
+        Trace(str(tmp_path / "t.parquet"), scenario, 1) as trace,
+        record(str(tmp_path / "t.rrd"), scenario, 1) as recorder,
+        film_trial(str(tmp_path / "t.mp4"), scenario, 1) as camera,
+    ):
+        run_trial(Simulation(scenario, 1), [trace, recorder, camera])
+    assert {path.name for path in tmp_path.iterdir()} == {"t.parquet", "t.rrd", "t.mp4"}
+    assert read_recording(str(tmp_path / "t.rrd")).seed == 1
+
+
+@pytest.mark.parametrize("observer", [Trace, lambda *given: film_trial(*given).__enter__()])
+def test_what_needs_robots_is_refused_for_agents(tmp_path, observer) -> None:
+    with pytest.raises(ScenarioError, match="particles: model is 'particles'; "):
+        observer(tmp_path / "t.mp4", load_scenario("particles"), 1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_points_takes_what_load_scenario_takes() -> None:
+    assert [point.axes for point in points("thesis")] == [{}]
+    assert points(load_scenario("thesis"))[0].scenario == points("thesis")[0].scenario
+
+
+@pytest.mark.parametrize("option", ["settings", "axes"])
+def test_a_single_text_is_no_list_of_settings(option: str) -> None:
+    with pytest.raises(ScenarioError, match=f"^{option} is 'arena.width_cm=100'; allowed: a list of such texts$"):
+        load_scenario("thesis", **{option: "arena.width_cm=100"})
+
+
+@pytest.mark.parametrize("kind", [Simulation, ParticleSimulation])
+@pytest.mark.parametrize("seed", ["1", 0.5, -1])
+def test_a_seed_that_is_none_is_refused(kind: type, seed: object) -> None:
+    name = "thesis" if kind is Simulation else "particles"
+    with pytest.raises(EpuckSimError, match=f"seed is {seed!r}; allowed: whole numbers from 0"):
+        kind(name, seed)
+
+
+def test_a_trial_of_something_else_than_a_simulation_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"a trial is of a simulation, such as Simulation\('thesis', seed=1\)"):
+        run_trial("thesis")
