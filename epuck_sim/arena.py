@@ -29,9 +29,9 @@ def make_arena(
     """Return the arena with the given obstacles.
 
     Args:
-        width_cm: length along x.
-        height_cm: length along y.
-        circles: centre x, centre y and radius in cm of each round obstacle.
+        width_cm: Length along x.
+        height_cm: Length along y.
+        circles: Centre x, centre y and radius in cm of each round obstacle.
         polygons: (v, 2) cm: corners of each convex obstacle, counter-clockwise.
     """
     edges = [np.hstack([corners, np.roll(corners, -1, axis=0)]) for corners in polygons]

@@ -61,8 +61,8 @@ def polygon_distance_cm(corners: FloatArray, x_cm: float, y_cm: float) -> float:
 
     Args:
         corners: (v, 2) cm: corners counter-clockwise.
-        x_cm: the point's x.
-        y_cm: the point's y.
+        x_cm: The point's x.
+        y_cm: The point's y.
     """
     sides = _sides(corners)
     to_point = (x_cm, y_cm) - corners

@@ -9,9 +9,14 @@ from epuck_sim.arrays import FloatArray
 
 
 def order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
-    """Return r, the modulus of the complex order parameter (eq. 4.2): 0 incoherent, 1 synchronised.
+    """Return r, the modulus of the complex order parameter (eq. 4.2).
 
-    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
+    Args:
+        phases: (..., n) phases of the oscillators, in the unit of `periods`.
+        periods: (n,) periods of the oscillators, or one for all.
+
+    Returns:
+        (...) order parameters from 0, incoherent, to 1, synchronised.
 
     >>> f"{order_parameter(np.array([100.0, 100.0, 100.0]), 5000.0):.6f}"
     '1.000000'
@@ -23,7 +28,12 @@ def order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArr
 def reference_order_parameter(phases: FloatArray, periods: FloatArray | float) -> FloatArray:
     """Return eta (eq. 3.4): the mean cosine of the phases at a firing of the reference, whose own phase is 0.
 
-    phases: (..., n) in the unit of `periods`, (n,) or one for all; returned is (...).
+    Args:
+        phases: (..., n) phases of the oscillators, in the unit of `periods`.
+        periods: (n,) periods of the oscillators, or one for all.
+
+    Returns:
+        (...) order parameters of at most 1, synchronised.
     """
     eta: FloatArray = np.cos(2 * math.pi * phases / periods).mean(axis=-1)
     return eta
@@ -36,5 +46,5 @@ class Firing(NamedTuple):
     """A firing of the reference, and what was measured at it."""
 
     cycles: int
-    """The reference's firings up to it."""
+    """Number of firings of the reference, this one included."""
     order_parameter: float | None

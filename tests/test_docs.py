@@ -107,7 +107,7 @@ def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypa
     assert shown == ["live" if "--live" in words else "thesis" for words in looked_at]
 
 
-def test_the_sweep_shown_has_the_points_told() -> None:
+def test_the_sweep_shown_has_the_stated_points() -> None:
     (shown,) = blocks(ROOT / "docs/sweeps.md", "yaml")
     assert len(points(load_scenario(parse_yaml(shown, "docs")))) == 2 * 4 * 2 * 2
 

@@ -19,7 +19,7 @@ def exit_on_error() -> Iterator[None]:
         typer.echo(f"error: {error}", err=True)
         raise typer.Exit(2) from error
     except OSError as error:
-        if error.errno == errno.EPIPE:  # who reads the output has had enough
+        if error.errno == errno.EPIPE:  # the reader of the output has closed it
             raise
         what = f"{error.filename}" if error.filename else "the output cannot be written"
         typer.echo(f"error: {what}: {error.strerror or error}", err=True)
@@ -30,7 +30,7 @@ def exit_on_error() -> Iterator[None]:
 
 
 def reject_first(*mistakes: tuple[bool, str]) -> None:
-    """Raise EpuckSimError for the first of these that was made: whether it was, and what to say of it."""
+    """Raise EpuckSimError with the message of the first condition that is true."""
     for made, message in mistakes:
         if made:
             raise EpuckSimError(message)
@@ -38,7 +38,7 @@ def reject_first(*mistakes: tuple[bool, str]) -> None:
 
 @contextmanager
 def prefix_scenario(scenario: str) -> Iterator[None]:
-    """Have errors of a scenario that is loaded already name its file, too."""
+    """Prefix errors with the scenario's name, unless they have it."""
     try:
         yield
     except ScenarioError as error:

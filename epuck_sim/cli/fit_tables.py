@@ -39,7 +39,7 @@ def _print_extrema(console: Console, curves: Sequence[FittedCurve]) -> None:
         for curve, label in zip(group, distinguishing_labels([curve.axes for curve in group]), strict=True):
             table.add_row(Text(run), Text(label), *_extrema_cells(curve.extrema))
     console.print(table)
-    print("-: no rise beyond noise, which alone makes one as large, or removes it.")
+    print("-: no minimum and peak that noise could not explain.")
 
 
 def _print_laws(console: Console, laws: Laws) -> None:
@@ -57,7 +57,8 @@ def _print_laws(console: Console, laws: Laws) -> None:
     print("Intervals account for the noise of the trials alone; where a misfit is far above 1, the law does not hold.")
     print("T_m and T_p: the exponents ignore the offset K of the thesis; the larger it is, the closer they are to 0.")
     if laws.left_out:
-        print(f"{laws.left_out} curves with both are left out: they differ in more than V, epsilon, L, N and tau.")
+        several = f"{laws.left_out} curves with a minimum and a peak"
+        print(f"{several} are left out: they differ in more than V, epsilon, L, N and tau.")
 
 
 def _make_table(title: str, *headings: str) -> Table:

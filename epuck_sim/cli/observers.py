@@ -48,7 +48,7 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
     """Yield what opens the observers of each trial of a scenario; a viewer stays open until the user closes it.
 
     Raises:
-        EpuckSimError: a file cannot be written, a viewer cannot be opened, or the model has nothing to look at.
+        EpuckSimError: A file cannot be written, a viewer cannot be opened, or the model has nothing to look at.
     """
     factories: list[ObserverFactory] = []
     for target in (options.trace, options.record, options.film):

@@ -40,14 +40,14 @@ def check_outputs(film: str | None, plot: Path | None, rings: Path | None, annot
     """Check before a film is read, which takes a while, that the outputs of `track` can be written.
 
     Args:
-        film: the film to track; None for a camera.
-        plot: the figure; its table is written beside it.
-        rings: the table of rings.
-        annotate: the annotated film.
+        film: The film to track; None for a camera.
+        plot: The figure; its table is written beside it.
+        rings: The table of rings.
+        annotate: The annotated film.
 
     Raises:
-        FilmError: a name has the wrong ending, is given twice, or is the film's.
-        EpuckSimError: a file cannot be written (see `check_target`).
+        FilmError: A name has the wrong ending, is given twice, or is the film's.
+        EpuckSimError: A file cannot be written (see `check_target`).
     """
     given = (("--plot", plot, ".png"), ("--rings", rings, ".csv"), ("--annotate", annotate, ".mp4"))
     owners = {} if film is None else {os.path.realpath(film): "the film"}

@@ -71,7 +71,7 @@ class Sketch(NamedTuple):
     """A figure to be drawn and saved."""
 
     default_stem: Path
-    """Where it is saved without `--to`."""
+    """Stem of its files if `--to` is not given."""
     draw: "Callable[[], Figure]"
     tables: "Mapping[str, Table]"
     """Its numbers, by the endings of their files."""

@@ -136,7 +136,7 @@ def status(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.")],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show how far the sweep in FOLDER is: trials stored, censored and failed, and who is at work on it."""
+    """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it."""
     with exit_on_error():
         from epuck_sim.cli.tables import print_status
         from epuck_sim.runs.reader import read_status

@@ -169,7 +169,7 @@ _AS_LOADED = "__as_loaded__"
 
 
 def check_imported_copies(controller: Controller) -> None:
-    """Check that the running program has set nothing in vain in a module that it imported from a controller's file.
+    """Reject values that the program set in its own import of a controller's file, which the controller would not see.
 
     Raises:
         ControllerError: A module in `sys.modules` comes from one of the controller's files, but a value in it is not

@@ -100,7 +100,7 @@ class ControllerRunner:
             interpret: Whether it runs as plain Python instead of compiled.
 
         Raises:
-            ControllerError: It cannot be compiled, or the program has changed an imported copy of it in vain.
+            ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
             RobotError: Its `start` raises an error.
         """
         check_imported_copies(controller)
@@ -175,7 +175,7 @@ def _static_digest(controller: Controller) -> str:
 
 
 def _frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
-    """Return names and contents of what may become a part of compiled code, as far as sources do not say it."""
+    """Return names and contents of the global values that numba may copy into compiled code."""
     return [
         repr((module.__name__, name, fingerprint(value))).encode()
         for module in modules

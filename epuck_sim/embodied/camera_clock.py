@@ -32,8 +32,8 @@ class CameraClock:
         """Begin with no picture taken.
 
         Args:
-            interval: control steps from one picture to the next, at least 1.
-            latency: longest time in control steps that a picture takes to arrive, at most the interval.
+            interval: Control steps from one picture to the next, at least 1.
+            latency: Longest time in control steps that a picture takes to arrive, at most the interval.
             streams: (robots, 4) random streams.
             camera: (robots, pixels) the picture that each controller has; written.
             new_picture: (robots,) whether it arrived in this step; written.
@@ -68,17 +68,17 @@ def _take_pictures(
     """Carry out `CameraClock.tick`.
 
     Args:
-        step: number of the control step.
-        interval: see `CameraClock`.
-        latency: see `CameraClock`.
-        streams: see `CameraClock`.
+        step: Number of the control step.
+        interval: See `CameraClock`.
+        latency: See `CameraClock`.
+        streams: See `CameraClock`.
         first: (robots,) instants of the first pictures.
         taken: (robots,) number of pictures taken.
         arrival: (robots,) step in which the last of them arrives, which is not after the next one is taken.
-        in_view: see `CameraClock`.
+        in_view: See `CameraClock`.
         waiting: (robots, pixels) the last picture taken.
-        camera: see `CameraClock`.
-        new_picture: see `CameraClock`.
+        camera: See `CameraClock`.
+        new_picture: See `CameraClock`.
     """
     for robot in range(len(taken)):
         new_picture[robot] = arrival[robot] == step

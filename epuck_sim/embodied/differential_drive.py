@@ -36,13 +36,13 @@ def apply_commands(
         actuators: (robots,) records, see `control.interface.ACTUATORS`.
         wheels_cm_s: (robots, 2) cm/s: left and right wheel, within the wheels' limit; written.
         ring_on: (robots,) whether each ring is lit; written.
-        poses: see `chord_velocities`, which takes it, and the next four, too.
-        gain: see `chord_velocities`.
-        slip: see `chord_velocities`.
-        step_s: see `chord_velocities`.
-        velocities: see `chord_velocities`; written.
+        poses: See `chord_velocities`, which takes it, and the next four, too.
+        gain: See `chord_velocities`.
+        slip: See `chord_velocities`.
+        step_s: See `chord_velocities`.
+        velocities: See `chord_velocities`; written.
         noise: (steps, robots, 2) numbers from [0, 1) for some steps.
-        noise_step: index of the step whose noise is used.
+        noise_step: Index of the step whose noise is used.
     """
     for robot in range(len(actuators)):
         left, right = actuators[robot].left_cm_s, actuators[robot].right_cm_s
@@ -72,8 +72,8 @@ def chord_velocities(
         wheels_cm_s: (robots, 2) cm/s: left and right wheel.
         gain: (robots, 2) factor of each wheel's speed: 1 for an ideal wheel, 0 for a robot that is stuck.
         noise: (robots, 2) numbers from [0, 1); 0 makes a speed 1 - slip times itself, 1 makes it 1 + slip times (Enki).
-        slip: largest relative deviation of a wheel's speed.
-        step_s: seconds of a control step.
+        slip: Largest relative deviation of a wheel's speed.
+        step_s: Seconds of a control step.
         velocities: (robots, 3) cm/s, cm/s, rad/s; written.
     """
     for robot in range(len(poses)):

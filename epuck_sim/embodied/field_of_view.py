@@ -44,12 +44,12 @@ def visible_cells(left: float, right: float, wide: bool, own: int, ring: int, co
     Where no ray points backwards, a robot that is seen may still have its centre in the previous column.
 
     Args:
-        left: component of the view's leftmost ray along the columns.
-        right: component of the view's rightmost ray along the columns.
-        wide: whether the two rays are half a turn apart or more.
-        own: column of the camera.
-        ring: largest difference to the camera's column.
-        count: number of columns.
+        left: Component of the view's leftmost ray along the columns.
+        right: Component of the view's rightmost ray along the columns.
+        wide: Whether the two rays are half a turn apart or more.
+        own: Column of the camera.
+        ring: Largest difference to the camera's column.
+        count: Number of columns.
     """
     low = own - (ring if wide or min(left, right) < 0.0 else min(ring, 1))
     high = own + (ring if wide or max(left, right) > 0.0 else min(ring, 1))

@@ -99,18 +99,18 @@ def start_group(
     """Start the controllers of a group of robots.
 
     Args:
-        scenario: the scenario with timing and noise.
-        group: the group's section in it.
-        first_robot: number of the group's first robot.
-        swarm: arrays of all robots.
+        scenario: The scenario with timing and noise.
+        group: The group's section in it.
+        first_robot: Number of the group's first robot.
+        swarm: Arrays of all robots.
         infrared_gain: (robots, 8) factor of the reading of each sensor of all robots.
         controller_streams: (robots, 4) random streams from which controllers draw.
         camera_streams: (robots, 4) random streams from which cameras draw.
-        interpret: whether controllers run as plain Python.
+        interpret: Whether controllers run as plain Python.
 
     Raises:
-        ControllerError: a controller cannot be compiled.
-        RobotError: a robot's controller raises.
+        ControllerError: A controller cannot be compiled.
+        RobotError: A robot's controller raises.
     """
     rows = slice(first_robot, first_robot + group.count)
     controller = find_controller(group.controller)

@@ -85,12 +85,12 @@ def sense_infrared(
 
     Args:
         poses: (robots, 3) cm, cm, rad: x, y, heading.
-        width_cm: width of the arena.
-        height_cm: height of the arena.
+        width_cm: Width of the arena.
+        height_cm: Height of the arena.
         circles: (k, 3) cm: round obstacles, see `arena.Arena`.
         edges: (m, 4) cm: edges of the other obstacles, see `arena.Arena`.
-        cells: cell list sorted by `poses`.
-        observer: number of the first robot that senses.
+        cells: Cell list sorted by `poses`.
+        observer: Number of the first robot that senses.
         readings: (observers, 8) counts: the readings of the robots from `observer` on; written.
     """
     distances = np.empty((SENSORS, RAYS))
@@ -198,8 +198,8 @@ def to_distances(
         readings: (robots, 8) counts; overwritten with the amplified, noisy readings.
         gain: (robots, 8) factor of each sensor's reading, 1 for an ideal sensor.
         noise: (robots, 8) standard normal numbers; further rows are ignored.
-        noise_counts: standard deviation of the noise in counts.
-        by_table: whether distances come from the firmware's table instead of the inverse response.
+        noise_counts: Standard deviation of the noise in counts.
+        by_table: Whether distances come from the firmware's table instead of the inverse response.
         distances_mm: (robots, 8) whole mm; written.
     """
     for robot in range(readings.shape[0]):

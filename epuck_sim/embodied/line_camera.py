@@ -86,9 +86,9 @@ def see(
         labels: (robots,) value of a pixel that sees this robot; for the line camera, whether its ring is lit.
         circles: (k, 3) cm: round obstacles, see `arena.Arena`.
         edges: (m, 4) cm: edges of the other obstacles, see `arena.Arena`.
-        cells: cell list sorted by `poses`.
-        camera: the observers' camera.
-        observer: number of the first robot that observes.
+        cells: Cell list sorted by `poses`.
+        camera: The observers' camera.
+        observer: Number of the first robot that observes.
         rows: (observers, pixels) one row for each of the robots from `observer` on; written.
     """
     rows[:] = 0
@@ -165,7 +165,7 @@ def _see_robots(
                     if other != robot and may_contain_disc(view, dx, dy, _RADIUS):
                         ahead, aside = dx * cos + dy * sin, dy * cos - dx * sin
                         any_lit |= _see_disc(ahead, aside, labels[other], camera, row, depth)
-        if not any_in_view:  # nor will there be any beyond
+        if not any_in_view:  # nothing farther out is in view either
             return any_lit
         unseen = distance_outside(view.x, view.y, column, cell_row, ring, cells) - _RADIUS
         while left <= right and depth[left] < unseen:

@@ -31,14 +31,14 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     that another one needs.
 
     Args:
-        scenario: the scenario with the arena and the groups.
-        sequence: the seed sequence from which placements are drawn.
+        scenario: The scenario with the arena and the groups.
+        sequence: The seed sequence from which placements are drawn.
 
     Returns:
         (robots, 3) cm, cm, rad: x, y, heading.
 
     Raises:
-        ScenarioError: robots do not fit, overlap, or stand in a wall or an obstacle.
+        ScenarioError: Robots do not fit, overlap, or stand in a wall or an obstacle.
     """
     arena = scenario.arena.build()
     random = np.random.default_rng(sequence)

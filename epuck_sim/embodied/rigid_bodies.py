@@ -41,10 +41,10 @@ class World:
         """Put robots at (robots, 3) `poses` into the arena.
 
         Args:
-            arena: the arena, in cm.
+            arena: The arena, in cm.
             poses: (robots, 3) cm, cm, rad: x, y, heading.
-            friction: coefficient between any two bodies that touch.
-            physics_hz: physics steps in a second.
+            friction: Coefficient between any two bodies that touch.
+            physics_hz: Physics steps in a second.
         """
         self._space = space = pymunk.Space()
         space.collision_slop = 2 * MARGIN_CM

@@ -60,13 +60,13 @@ class Simulation:
         """Place the robots and start their controllers.
 
         Args:
-            scenario: a scenario of model `embodied` without a sweep, or what `load_scenario` takes.
-            seed: the trial's seed, 0 or more; the scenario's own if None.
-            interpret: run controllers as plain Python instead of compiled, with the same outcome.
+            scenario: A scenario of model `embodied` without a sweep, or what `load_scenario` takes.
+            seed: The trial's seed, 0 or more; the scenario's own if None.
+            interpret: Run controllers as plain Python instead of compiled, with the same outcome.
 
         Raises:
-            ScenarioError: the scenario or the seed is not allowed, or the robots do not fit into the arena.
-            ControllerError: a controller cannot be compiled, or raises at its start.
+            ScenarioError: The scenario or the seed is not allowed, or the robots do not fit into the arena.
+            ControllerError: A controller cannot be compiled, or raises at its start.
         """
         self.scenario = scenario = require_model(
             load_scenario(scenario), EmbodiedScenario, "a Simulation needs model: embodied; use ParticleSimulation"
@@ -189,7 +189,7 @@ class Simulation:
             The step; its arrays are overwritten by the next one.
 
         Raises:
-            ControllerError: a controller raises, or sets a wheel speed that is not a number.
+            ControllerError: A controller raises, or sets a wheel speed that is not a number.
         """
         self._step_number += 1
         noise_step = self._step_number % NOISE_STEPS

@@ -45,7 +45,7 @@ class RobotClocks:
 
         Args:
             rates: (robots,) rate of each clock, relative to real time.
-            step_ms: milliseconds of a control step.
+            step_ms: Milliseconds of a control step.
             elapsed_ms: (robots,) ms that pass on each clock in a control step; written.
         """
         self._step_ms = step_ms * rates
@@ -63,8 +63,8 @@ class Stoppages:
         """Begin with all robots free.
 
         Args:
-            section: how often robots get stuck, and for how long.
-            step_s: seconds of a control step.
+            section: How often robots get stuck, and for how long.
+            step_s: Seconds of a control step.
             streams: (robots, 4) random streams.
             wheel_gain: (robots, 2) factor of each wheel's speed when free; written: 0 while a robot is stuck.
         """

@@ -35,16 +35,16 @@ def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None)
     """Draw the figure of a tracked film, and write its evaluations into a table; neither contains the time of writing.
 
     Args:
-        png: the figure, FILE.png; the table is FILE.csv.
-        track: the tracked film.
-        snapshot: a frame to show with its rings, if any.
+        png: The figure, FILE.png; the table is FILE.csv.
+        track: The tracked film.
+        snapshot: A frame to show with its rings, if any.
 
     Returns:
         The two files.
 
     Raises:
-        FilmError: the name does not end in .png.
-        EpuckSimError: one of the files cannot be written.
+        FilmError: The name does not end in .png.
+        EpuckSimError: One of the files cannot be written.
     """
     if png.suffix != ".png":
         raise FilmError(f"{png}: ends in {png.suffix!r}; allowed: .png, the figure; its table is written as .csv")

@@ -28,7 +28,7 @@ NO_TABLES: Mapping[str, Table] = MappingProxyType({})
 
 
 class Target(NamedTuple):
-    """Where a figure is written."""
+    """Files of a figure."""
 
     stem: Path
     """Name of all its files without their endings."""
@@ -81,7 +81,7 @@ def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str,
 
 def _check_files(stem: Path, endings: tuple[str, ...] | Mapping[str, Table]) -> list[Path]:
     if stem.name in ("", ".."):
-        raise EpuckSimError(f"{stem}: is no name of a file; give FOLDER/NAME, to which .png and so on are added")
+        raise EpuckSimError(f"{stem}: is not a name of a file; give FOLDER/NAME, to which .png and so on are added")
     files = [stem.with_name(f"{stem.name}{ending}") for ending in endings]
     for file in files:
         check_target(file)

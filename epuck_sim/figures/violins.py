@@ -30,8 +30,11 @@ HEIGHTS = 100
 HALF_WIDTH = 0.4
 """Half the largest width of a violin, relative to the smallest distance between two."""
 
-VIOLIN, LINE = "#6baed6", "#b2182b"
-"""Colours of violins and of the estimates' line."""
+VIOLIN = "#6baed6"
+"""Colour of violins."""
+
+LINE = "#b2182b"
+"""Colour of the line through the estimates."""
 
 
 class Violins(NamedTuple):

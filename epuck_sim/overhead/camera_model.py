@@ -79,7 +79,7 @@ class CameraModel(NamedTuple):
 
         Args:
             pixels: (n, 2) px: column and row of each; n > 0.
-            z_cm: height of the plane above the floor.
+            z_cm: Height of the plane above the floor.
 
         Returns:
             (n, 2) cm: x and y of each. A pixel above the horizon shows no such point and gets the one behind the camera
@@ -107,12 +107,12 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
     """Return the camera of a scenario, which looks straight down at the middle of the arena.
 
     Args:
-        section: the section `overhead` of the scenario.
-        width_cm: width of the arena.
-        height_cm: height of the arena, along y.
+        section: The section `overhead` of the scenario.
+        width_cm: Width of the arena.
+        height_cm: Height of the arena, along y.
 
     Raises:
-        EpuckSimError: the camera would hang between the walls, or its distortion would fold the picture.
+        EpuckSimError: The camera would hang between the walls, or its distortion would fold the picture.
     """
     above_cm = section.height_cm or REFERENCE_HEIGHT_CM / REFERENCE_SIDE_CM * max(width_cm, height_cm)
     if above_cm <= 2 * WALL_HEIGHT_CM:

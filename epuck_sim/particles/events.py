@@ -46,8 +46,17 @@ from epuck_sim.util.jit import jit_inline, jit_no_alloc
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
 
-INSTANTS, CYCLES, FIRINGS, SYNCHRONISED = range(4)
-"""Indices of counters: instants; firings of the reference, of all; 1 if the last instant brought synchrony, else 0."""
+INSTANTS = 0
+"""Index of the counter of instants at which agents fired."""
+
+CYCLES = 1
+"""Index of the counter of the reference's firings."""
+
+FIRINGS = 2
+"""Index of the counter of all agents' firings."""
+
+SYNCHRONISED = 3
+"""Index of the flag that is 1 if the last instant brought synchrony, else 0."""
 
 
 class Rules(NamedTuple):

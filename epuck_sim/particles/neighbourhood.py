@@ -14,8 +14,14 @@ from epuck_sim.particles.cell_list import CellList, make_cell_list, rebase_cell_
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, Range
 from epuck_sim.util.jit import jit_inline
 
-NEAREST, VISION_CONE, EMISSION_CONE = range(3)
-"""Kinds: the k nearest agents; those whose cones contain the firing agent; those inside its own cone, or range."""
+NEAREST = 0
+"""Kind of neighbourhood: the k agents nearest to the firing agent receive its pulse."""
+
+VISION_CONE = 1
+"""Kind of neighbourhood: the agents whose cones contain the firing agent receive its pulse."""
+
+EMISSION_CONE = 2
+"""Kind of neighbourhood: the agents inside the cone, or range, of the firing agent receive its pulse."""
 
 UNLIMITED_CM = 1e30
 """An unlimited radius: farther than any agent, but finite, as an agent's distance to itself is set to inf."""
@@ -104,7 +110,7 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
     side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)
     cell_cm = spacing_cm if kind == NEAREST else max(spacing_cm, radius_cm / 2)
     search_cm = spacing_cm * (k + 1) ** (1 / dimensions) if kind == NEAREST else radius_cm + cell_cm / 4
-    share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents which are candidates
+    share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # candidates, as a share of all agents
     uses_cell_list = agents >= MIN_CELL_LIST_AGENTS and share < 1 / 3
     return Neighbourhood(
         kind,
@@ -132,7 +138,7 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
 
 @jit_inline
 def should_cache(neighbourhood: Neighbourhood, agent: int) -> bool:
-    """Whether caching this agent's neighbours is likely to pay off; counts the pulses for which it is skipped."""
+    """Return whether caching an agent's neighbours is likely to pay off; count the pulses for which it is skipped."""
     if neighbourhood.skip_count[agent] > 0:
         neighbourhood.skip_count[agent] -= 1
         return False

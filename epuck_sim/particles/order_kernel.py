@@ -8,8 +8,11 @@ from epuck_sim.util.jit import jit_inline
 ROUNDING_MARGIN = 1e-12
 """Upper bound, with a wide margin, of the rounding error of an order parameter."""
 
-COMPLEX, REFERENCE = range(2)
-"""Metrics: eq. 5.7 (the modulus of the mean phasor) and eq. 3.4 (relative to the reference)."""
+COMPLEX = 0
+"""Metric of eq. 5.7: the modulus of the mean phasor."""
+
+REFERENCE = 1
+"""Metric of eq. 3.4: the mean cosine of the phases relative to the reference."""
 
 METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
 """Codes of the metrics that a scenario's `stop.metric` names; the same metrics as `order_parameter.METRICS`."""
@@ -17,7 +20,7 @@ METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
 
 @jit_inline
 def are_phases_within(oscillators: Oscillators, max_offset: float, time: float) -> bool:
-    """Whether all phases at `time` are within `max_offset` cycles of 0, the phase of the reference when it fires."""
+    """Return whether all phases at `time` are within `max_offset` cycles of 0, the reference's phase when it fires."""
     for agent in range(len(oscillators.next_firing)):
         phase = phase_at(oscillators, agent, time)
         if min(phase, 1 - phase) > max_offset:

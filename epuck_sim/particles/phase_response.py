@@ -12,8 +12,14 @@ from epuck_sim.util.jit import jit_inline
 CURVES = ("multiplicative", "sawtooth", "sine")
 """Names of the response curves; the index of a name is the number of its curve."""
 
-MULTIPLICATIVE, SAWTOOTH, SINE = range(len(CURVES))
-"""Numbers of the response curves."""
+MULTIPLICATIVE = 0
+"""Number of the multiplicative response curve."""
+
+SAWTOOTH = 1
+"""Number of the sawtooth response curve."""
+
+SINE = 2
+"""Number of the sine response curve."""
 
 
 class Response(NamedTuple):

@@ -52,13 +52,13 @@ class Parts(NamedTuple):
     """What a recording of one model is made of."""
 
     population: Callable[[Any], Population]
-    """Called with the scenario."""
+    """Returns the population; takes the scenario."""
     layout: Callable[[Level, float, float], rrb.Blueprint]
-    """Called with the level and the arena's width and height, cm."""
+    """Returns the layout of the viewer; takes the level and the arena's width and height, cm."""
     buffer: Callable[[Any, int, Level, int], Buffer]
-    """Called with the scenario, the seed, the level and the capacity in rows."""
+    """Returns an empty buffer; takes the scenario, the seed, the level and the capacity in rows."""
     layers: Callable[[Any, Population], Layers]
-    """Called with the scenario and its population, for full recordings."""
+    """Returns the layers of a full recording; takes the scenario and its population."""
 
 
 PARTS = {

@@ -40,9 +40,9 @@ class Population(NamedTuple):
     radius_cm: float
     """Radius of the disc that is drawn for each, cm."""
     arena: Arena
-    """Where they move; of agents: their square, the side on which a cube stands, or a segment of no height."""
+    """Arena of the robots; for agents their square, the base of their cube, or a segment of height 0."""
     is_cyclic: bool
-    """Whether what leaves on one side comes in on the other."""
+    """Whether the space is cyclic."""
     period_ms: FloatArray
     """(size,) nominal periods of the oscillators, ms; NaN for a robot that is none."""
     reference: int

@@ -36,7 +36,7 @@ class Recorded(NamedTuple):
     """
 
     scenario: Scenario
-    """With all defaults written out."""
+    """The scenario, with all defaults written out."""
     seed: int
     """Seed of the trial."""
     level: Level
@@ -95,13 +95,13 @@ def read_recording(path: Path | str) -> Recorded:
     """Read a recording of any level into arrays.
 
     Args:
-        path: the file, whose name ends in `.rrd`.
+        path: The file, whose name ends in `.rrd`.
 
     Returns:
         The trial's scenario, seed and outcome, and a row for each recorded moment.
 
     Raises:
-        RecordingError: the file is no complete recording, or one of another program or version.
+        RecordingError: The file is no complete recording, or one of another program or version.
     """
     path = Path(path)
     entities = _Entities(path, *_SERIES, ROBOTS, HEADINGS)
@@ -112,11 +112,11 @@ def read_recording(path: Path | str) -> Recorded:
     except ScenarioError as error:
         raise RecordingError(f"{path}: holds a scenario that this version cannot read: {error}") from error
     except (KeyError, ValueError) as error:
-        raise RecordingError(f"{path}: is no whole recording: {error}") from error
+        raise RecordingError(f"{path}: is not a whole recording: {error}") from error
     rows = len(recorded.time_s)
     for name in ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ():
         if len(getattr(recorded, name)) != rows:
-            raise RecordingError(f"{path}: is no whole recording: {name} is missing in some of {rows} rows")
+            raise RecordingError(f"{path}: is not a whole recording: {name} is missing in some of {rows} rows")
     return recorded
 
 
@@ -198,7 +198,7 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
         raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
     if path.suffix != ENDING:  # which the viewer requires, too
-        raise RecordingError(f"{path}: is no recording: the name must end in {ENDING}")
+        raise RecordingError(f"{path}: is not a recording: the name must end in {ENDING}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a truncated file, which is refused below
         try:
@@ -208,9 +208,9 @@ def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
                 return reader.store().stream().filter(content=entities).to_chunks()
         except (RuntimeError, ValueError) as error:
             if "Not an RRD file" in str(error):
-                raise RecordingError(f"{path}: is no recording, though its name ends in {ENDING}") from error
+                raise RecordingError(f"{path}: is not a recording, though its name ends in {ENDING}") from error
             reason = "its end is missing" if "footer" in str(error) else error
-            raise RecordingError(f"{path}: is no whole recording: {reason}; record the trial again") from error
+            raise RecordingError(f"{path}: is not a whole recording: {reason}; record the trial again") from error
     programs = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
     raise RecordingError(
         f"{path}: holds {len(found)} recordings, made by {programs}; allowed: one made by {APPLICATION}"

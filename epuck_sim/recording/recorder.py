@@ -44,14 +44,14 @@ def record(path: Path | str, scenario: Scenario, seed: int, level: Level = Level
     """Yield an observer of a trial (see `run_trial`) that records it into a file for rerun's viewer.
 
     Args:
-        path: the file, whose name must end in `.rrd`. It gets its name when the block ends; if the block ends with an
+        path: The file, whose name must end in `.rrd`. It gets its name when the block ends; if the block ends with an
             error, an older file stays, and nothing else is left.
-        scenario: the trial's scenario.
-        seed: the trial's seed.
-        level: how much is recorded.
+        scenario: The trial's scenario.
+        seed: The trial's seed.
+        level: How much is recorded.
 
     Raises:
-        EpuckSimError: the file cannot be written, or the scenario cannot be recorded.
+        EpuckSimError: The file cannot be written, or the scenario cannot be recorded.
     """
     scenario = load_scenario(scenario)  # with every default written out
     parts = parts_of(scenario)
@@ -77,11 +77,11 @@ class Recorder:
         """Write what does not change; the simulation need not exist yet.
 
         Args:
-            scenario: the trial's scenario.
-            seed: the trial's seed.
-            level: how much is recorded.
-            buffer_s: longest simulated time that is held back, in seconds.
-            write: called with chunks.
+            scenario: The trial's scenario.
+            seed: The trial's seed.
+            level: How much is recorded.
+            buffer_s: Longest simulated time that is held back, in seconds.
+            write: Called with chunks.
         """
         self._level = level
         self._send = write

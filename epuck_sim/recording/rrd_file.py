@@ -25,12 +25,12 @@ def rrd_file(path: Path, recording_id: str, layout: bytes) -> Iterator["ChunkWri
     """Yield a writer of chunks into a recording, which gets its name when the block ends without an error.
 
     Args:
-        path: the recording; an older one stays, and nothing else is left, if the block ends with an error.
-        recording_id: the recording's name in the viewer.
-        layout: contents of a layout's file, which becomes a part of the recording.
+        path: The recording; an older one stays, and nothing else is left, if the block ends with an error.
+        recording_id: The recording's name in the viewer.
+        layout: Contents of a layout's file, which becomes a part of the recording.
 
     Raises:
-        EpuckSimError: the file cannot be written.
+        EpuckSimError: The file cannot be written.
     """
     check_recording_target(path)
     path = path.resolve()

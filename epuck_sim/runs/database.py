@@ -82,7 +82,7 @@ def check_database(path: Path) -> None:
     except OSError as error:
         raise StoreError(f"{path}: cannot be read: {error.strerror}") from error
     if not header.startswith(b"SQLite format 3\0") or int.from_bytes(header[68:72]) != APPLICATION_ID:
-        raise StoreError(f"{path}: is no database of epuck-sim; give another folder")
+        raise StoreError(f"{path}: is not a database of epuck-sim; give another folder")
     found = int.from_bytes(header[60:64])
     if found != FORMAT:
         raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}")
@@ -145,7 +145,7 @@ def sqlite_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.OperationalError as error:  # a full disk, no permission, locked by another program
-        raise StoreError(f"{path}: {error}; what is stored is whole: go on once mended") from error
+        raise StoreError(f"{path}: {error}; stored results are intact; fix this and run the command again") from error
     except sqlite3.DatabaseError as error:
         raise StoreError(f"{path}: is damaged: {error}") from error
 

@@ -45,7 +45,7 @@ def export(folder: Path, target: Path) -> int:
         The number of trials that have failed, which are left out.
 
     Raises:
-        StoreError: The folder is no run folder, or its database is damaged.
+        StoreError: The folder is not a run folder, or its database is damaged.
         EpuckSimError: The file cannot be written, or its suffix is unknown.
     """
     if target.suffix not in WRITERS:

@@ -88,7 +88,7 @@ def read_points(folder: Path | str) -> list[PointTrials]:
     """Return the results of each point, in the sweep's order.
 
     Raises:
-        StoreError: The folder is no run folder, or its database is damaged.
+        StoreError: The folder is not a run folder, or its database is damaged.
     """
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
@@ -126,7 +126,7 @@ def read_status(folder: Path) -> Status:
     """Return how far the sweep is.
 
     Raises:
-        StoreError: The folder is no run folder, or its database is damaged.
+        StoreError: The folder is not a run folder, or its database is damaged.
     """
     origin = ", ".join(PROVENANCE)
     with reading(database_of(folder)) as connection:
@@ -156,5 +156,5 @@ def read_status(folder: Path) -> Status:
 def database_of(folder: Path | str) -> Path:
     """Return the run folder's database; raise StoreError if there is none."""
     if not (Path(folder) / DATABASE).is_file():
-        raise StoreError(f"{folder}: is no run folder: there is no {DATABASE} in it")
+        raise StoreError(f"{folder}: is not a run folder: there is no {DATABASE} in it")
     return Path(folder) / DATABASE

@@ -29,7 +29,7 @@ def acquire(folder: Path) -> Iterator[None]:
     """Make the folder if it does not exist, and hold its lock while the block lasts.
 
     Raises:
-        StoreError: The folder cannot be made, is no run folder, or is locked by another process.
+        StoreError: The folder cannot be made, is not a run folder, or is locked by another process.
     """
     from filelock import FileLock, Timeout  # noqa: PLC0415 it loads asyncio, and results are read without locks
 
@@ -56,7 +56,7 @@ def _check_no_foreign_files(folder: Path) -> None:
     foreign = sorted(path.name for path in folder.iterdir() if not _may_be_left(path.name))
     if foreign:
         raise StoreError(
-            f"{folder}: is no run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
+            f"{folder}: is not a run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
         )
 
 

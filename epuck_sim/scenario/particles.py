@@ -18,19 +18,19 @@ _ELSEWHERE = {
     "arena": "space",
     "robots": "agents, clocks, response and neighbourhood",
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
-    "spread": "nothing, for agents are all alike",
-    "stuck": "nothing, for agents are points",
-    "contact": "nothing, for agents are points",
-    "timing": "nothing, for time has no steps",
+    "spread": "no counterpart, because agents are all alike",
+    "stuck": "no counterpart, because agents are points",
+    "contact": "no counterpart, because agents are points",
+    "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",
     "stop.max_time_s": "stop.max_cycles",
-    "stop.further_cycles": "nothing, for its trials end with synchrony",
+    "stop.further_cycles": "no counterpart, because its trials end with synchrony",
 }
 """Keys of embodied scenarios, and the keys of particle scenarios that correspond to them."""
 
 
 class SpaceSection(ConfigModel):
-    """Where agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
+    """The space in which agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
 
     dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
     side_cm: Positive = 100.0
@@ -172,7 +172,7 @@ class ParticleScenario(Scenario):
             )
         if isinstance(self.neighbourhood, Nearest) and self.neighbourhood.k > max(others, 1):
             raise ValueError(
-                f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {max(others, 1)}, for agents.count is "
+                f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {max(others, 1)}, because agents.count is "
                 f"{others + 1}"
             )
         if self.stop.reference > others:

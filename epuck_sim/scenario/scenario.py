@@ -108,7 +108,7 @@ def require_model(scenario: Scenario, kind: type[Kind], why: str, origin: str | 
     """Return `scenario`, which must be of class `kind`.
 
     Raises:
-        ScenarioError: it is of another class; the message begins with `origin`, or else the scenario's name, and ends
+        ScenarioError: It is of another class; the message begins with `origin`, or else the scenario's name, and ends
             with `why`.
     """
     if not isinstance(scenario, kind):
@@ -120,7 +120,7 @@ def seed_of_trial(scenario: Scenario, seed: int | None) -> int:
     """Return the seed with which to simulate one trial: `seed`, or the scenario's own if that is None.
 
     Raises:
-        ScenarioError: the scenario holds a sweep, which is not one trial, or the seed is negative.
+        ScenarioError: The scenario holds a sweep, which is not one trial, or the seed is negative.
     """
     if scenario.sweep is not None:
         raise ScenarioError(f"{scenario.name}: is a sweep; simulate one of its points: `points(scenario)[0].scenario`")

@@ -20,16 +20,24 @@ MAX_UNDETERMINED = 0.05
 GRID_POINTS = 300
 """Number of speeds at which a smoothed curve is evaluated."""
 
-MIN_VARIANCE = 1e-8  # of log T; keeps curves without noise solvable, and no experiment knows T_sync to 0.01 %
+MIN_VARIANCE = 1e-8
+"""Smallest variance of log T; keeps curves without noise solvable, and no experiment knows T_sync to 0.01 %."""
 
-# How rough log T may be: the variance of its third derivative's white noise, per decade of speed. From almost a
-# parabola to a curve through every point.
 ROUGHNESSES = 10.0 ** np.arange(-1, 6.5, 0.5)
-# The likeliest curve has too flat peaks, and intervals about them miss the truth too often; three times as rough,
-# they cover it, and the estimates are as good.
+"""Roughnesses of log T to choose from: from that of almost a parabola to that of a curve through every point.
+
+Roughness is the variance of the white noise that is the third derivative of log T, per decade of speed.
+"""
+
 UNDERSMOOTHING = 3.0
-# The covariance of a threefold integral of white noise is, up to parabolas, -|distance| ^ 5 over this.
+"""Factor from the likeliest roughness to the one used.
+
+The likeliest curve has too flat peaks, and intervals about them miss the truth too often. With three times the
+roughness the intervals cover the truth, and the estimates are as good.
+"""
+
 QUINTIC_SCALE = 240
+"""Divisor of -|distance| ^ 5 in the covariance of a threefold integral of white noise, up to parabolas."""
 
 
 class SmoothCurve(NamedTuple):

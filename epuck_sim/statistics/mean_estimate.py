@@ -103,7 +103,7 @@ def _means(curves: SurvivalCurves, trials: int, starts: FloatArray) -> FloatArra
     at_one_time, column = np.nonzero(curves.events == trials)
     means[at_one_time] = curves.times[column]
     uncensored = curves.events.sum(axis=1)
-    # a quotient, for 0.1 times the trials may be rounded up
+    # divide, because 0.1 * trials may round up
     is_undetermined = np.isnan(means) | (uncensored / trials < MIN_UNCENSORED)
     means[is_undetermined & (uncensored < trials)] = math.inf
     return means

@@ -101,7 +101,8 @@ def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     except ValueError as error:
         return Laws(len(alike), [], {}, str(error))
     if not exponents:
-        return Laws(len(alike), [], {}, f"{len(alike)} curves with both, none of which differ in epsilon, L, N or tau")
+        several = f"{len(alike)} curves with a minimum and a peak"
+        return Laws(len(alike), [], {}, f"{several}, none of which differ in epsilon, L, N or tau")
     return Laws(len(alike), exponents, _offset_laws(parameters, extrema), "", len(found) - len(alike))
 
 

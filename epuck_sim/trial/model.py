@@ -22,11 +22,11 @@ class Simulated(Protocol):
 
     @property
     def scenario(self) -> Scenario:
-        """What is simulated."""
+        """The simulated scenario."""
 
     @property
     def seed(self) -> int:
-        """With the scenario, all that the simulation depends on."""
+        """Seed with which the same scenario is simulated again to the same outcome."""
 
 
 class Model(NamedTuple):
@@ -34,9 +34,9 @@ class Model(NamedTuple):
 
     scenario: type[Scenario]
     simulate: Callable[[Any, int, bool], Simulated]
-    """From the scenario, a seed, and whether to interpret controllers, to a fresh simulation."""
+    """Returns a fresh simulation; takes the scenario, a seed, and whether to interpret controllers."""
     run: Callable[[Any, Sequence[Observer], Progress | None], TrialResult]
-    """From a fresh simulation, observers, and what shows progress, to the outcome of its trial."""
+    """Returns the outcome of a trial; takes a fresh simulation, observers, and what shows progress."""
     check_room: Callable[[Any], None]
     """Raises ScenarioError for a scenario whose population finds no room."""
 
@@ -114,16 +114,16 @@ def run_trial(
     The trial ends when the swarm is synchronised, or at the scenario's limits: then it is censored.
 
     Args:
-        simulation: a `Simulation`, a `ParticleSimulation`, or one of a registered model.
-        observers: each is called as `observer(event, state)` after every event; they cannot change the outcome.
-        progress: called with the state of the trial now and then.
+        simulation: A `Simulation`, a `ParticleSimulation`, or one of a registered model.
+        observers: Each is called as `observer(event, state)` after every event; they cannot change the outcome.
+        progress: Called with the state of the trial now and then.
 
     Returns:
         The outcome, which the scenario and the seed alone decide.
 
     Raises:
-        TypeError: `simulation` is none.
-        ValueError: the simulation is under way; its cycles before would go uncounted.
+        TypeError: `simulation` is something else.
+        ValueError: The simulation is under way; its cycles before would go uncounted.
 
     >>> from epuck_sim import Simulation
     >>> run_trial(Simulation("thesis", seed=1)).t_sync_cycles

@@ -19,7 +19,7 @@ class TrialState(Protocol):
 
     @property
     def order_parameter(self) -> float | None:
-        """Order parameter at the last of them; None before the first."""
+        """Order parameter at the reference's last firing; None before the first."""
 
     @property
     def is_synchronised(self) -> bool:

@@ -9,7 +9,7 @@ class TrialResult(NamedTuple):
     scenario: str
     """The scenario's name."""
     seed: int
-    """With it the trial can be run again, alone."""
+    """Seed with which the trial can be run again, alone."""
     t_sync_cycles: int | None
     """Firings of the reference robot until the swarm was synchronised; None if it never was."""
     censored: bool
@@ -17,11 +17,13 @@ class TrialResult(NamedTuple):
     cycles: int
     """Firings of the reference robot, until synchrony if there was any."""
     order_parameter: float | None
-    """At the last of them; None if there was none."""
+    """Order parameter at the last firing counted in `cycles`; None if there was none."""
     steps: int
     """Control steps; of point-like agents, instants at which some fired."""
     simulated_s: float
+    """Simulated time in seconds."""
     wall_s: float
+    """Time that the trial took, in seconds on the wall."""
 
     @property
     def real_time_factor(self) -> float:

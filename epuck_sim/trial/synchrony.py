@@ -1,4 +1,4 @@
-"""When is a swarm synchronised? Order parameters, and the watch on the reference robot's firings."""
+"""When a swarm of robots is synchronised: the watch on the reference robot's firings."""
 
 import math
 
@@ -11,7 +11,7 @@ from epuck_sim.errors import ControllerError
 from epuck_sim.order_parameter import METRICS, Firing
 
 NOMINAL_PERIOD_S = 5.0
-"""Where there is no oscillator to count cycles, one lasts as long as in thesis 4.2.1."""
+"""Length of a cycle, in seconds, if the reference is no oscillator (4.2.1)."""
 
 
 class SynchronyWatch:
@@ -25,7 +25,7 @@ class SynchronyWatch:
     cycles: int
     """Firings of the reference so far."""
     order_parameter: float | None
-    """As measured at the last one; None before the first."""
+    """Order parameter at the reference's last firing; None before the first."""
 
     def __init__(self, simulation: Simulation) -> None:
         stop = simulation.scenario.stop

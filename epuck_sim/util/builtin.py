@@ -9,8 +9,14 @@ import epuck_sim
 
 _PACKAGE = Path(epuck_sim.__file__).parent
 
-ARENAS, SWEEPS, CONTROLLERS = "arenas", "arenas/sweeps", "controllers"
-"""The kinds of files that come with the package, each named by its folder."""
+ARENAS = "arenas"
+"""Kind of file, and its folder: arenas with one scenario each."""
+
+SWEEPS = "arenas/sweeps"
+"""Kind of file, and its folder: sweeps of scenarios."""
+
+CONTROLLERS = "controllers"
+"""Kind of file, and its folder: controllers of robots."""
 
 _SUFFIX = {ARENAS: ".yaml", SWEEPS: ".yaml", CONTROLLERS: ".py"}
 

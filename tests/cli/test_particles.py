@@ -283,8 +283,8 @@ def test_export_has_a_column_for_each_axis_with_lists_as_json_and_null_as_nothin
         for point in points(load_scenario(folder))
         for trial in range(3)
     ]
-    told = [(row[REORIENT], row[RADIUS] if row[RADIUS] != nothing else None, row[SPEED], row["trial"]) for row in found]
-    assert told == expected
+    read = [(row[REORIENT], row[RADIUS] if row[RADIUS] != nothing else None, row[SPEED], row["trial"]) for row in found]
+    assert read == expected
     assert {row[REORIENT] for row in found} == {"[]", '["emitting"]', '["emitting", "receiving"]'}
     cycles = [int(row["cycles"]) for row in found]
     assert cycles == [int(time) for point in read_points(folder) for time in point.times]
@@ -433,6 +433,6 @@ def test_ctrl_c_ends_a_long_trial_soon(tmp_path, speed: int, signalled: signal.S
     process.send_signal(signalled)
     stdout, _ = process.communicate(timeout=20)  # the trial itself would take hours
     assert (process.returncode, stdout) == (130, "")
-    told = errors.read_text().splitlines()
-    assert told[-1] == "interrupted"
-    assert all(line.startswith("trial 1 of 1: ") for line in told[:-1])
+    lines = errors.read_text().splitlines()
+    assert lines[-1] == "interrupted"
+    assert all(line.startswith("trial 1 of 1: ") for line in lines[:-1])

@@ -369,7 +369,7 @@ def test_a_screenshot_is_drawn_of_the_end_or_the_moment_that_is_given(pair, view
     assert views == Views([], [], [(pair, end if at is None else at, Path("p.png"))])
 
 
-def test_a_moment_beyond_the_end_is_refused_and_the_end_told_which_is_not(pair, views) -> None:
+def test_a_moment_beyond_the_end_is_refused_with_the_end_which_is_not_refused(pair, views) -> None:
     end = read_recording(pair).time_s[-1]
     message = refused("replay", pair, "--screenshot", "p.png", "--at", "11.25")
     assert f"--at is 11.25; allowed: 0 to {end:g}" in message
@@ -505,8 +505,8 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         ("replay RUN --point 0 --trial 0 --screenshot gone/p.png", "there is no directory gone"),
         ("replay gone --point 0 --trial 0", "run folder"),
         ("replay folder.rrd --point 0 --trial 0", "folder.rrd: is no"),
-        ("replay without --point 0 --trial 0", f"without: is no run folder: there is no {DATABASE} in it"),
-        ("replay foreign --point 0 --trial 0", "is no database of epuck-sim"),
+        ("replay without --point 0 --trial 0", f"without: is not a run folder: there is no {DATABASE} in it"),
+        ("replay foreign --point 0 --trial 0", "is not a database of epuck-sim"),
     ],
 )
 def test_a_mistake_is_one_line_and_exit_code_2_before_anything_runs(
@@ -590,8 +590,8 @@ def of_another_version(path: Path, _: bytes) -> None:
     [
         (of_another_program, "holds 1 recordings, made by somebody; allowed: one made by epuck-sim"),
         (of_another_version, "format 99"),
-        (lambda path, whole: path.write_bytes(whole[: len(whole) // 2]), "is no whole recording"),
-        (lambda path, whole: path.write_bytes(whole[:-1]), "is no whole recording"),
+        (lambda path, whole: path.write_bytes(whole[: len(whole) // 2]), "is not a whole recording"),
+        (lambda path, whole: path.write_bytes(whole[:-1]), "is not a whole recording"),
         (lambda path, _: path.write_text("mine"), "is no "),
         (lambda path, _: path.touch(), "is no "),
     ],
@@ -622,8 +622,8 @@ def test_rerun_is_loaded_only_for_recordings() -> None:
         "    print('loaded', sorted(heavy & sys.modules.keys()))"
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    told = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
-    assert told == ["loaded []"] * 5
+    loads = [line for line in result.stdout.splitlines() if line.startswith("loaded")]
+    assert loads == ["loaded []"] * 5
 
 
 @pytest.mark.parametrize("signalled", [signal.SIGINT, signal.SIGTERM])

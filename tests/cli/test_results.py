@@ -468,14 +468,14 @@ def a_directory(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("harm", "message"),
     [
-        (text_file, "is no database of epuck-sim"),
-        (foreign, "is no database of epuck-sim"),
-        (emptied, "is no database of epuck-sim"),
+        (text_file, "is not a database of epuck-sim"),
+        (foreign, "is not a database of epuck-sim"),
+        (emptied, "is not a database of epuck-sim"),
         (cut_off, "is damaged"),
         (scratched, "is damaged"),
         (newer, "has format 99"),
-        (without_database, f"is no run folder: there is no {DATABASE} in it"),
-        (a_directory, f"is no run folder: there is no {DATABASE} in it"),
+        (without_database, f"is not a run folder: there is no {DATABASE} in it"),
+        (a_directory, f"is not a run folder: there is no {DATABASE} in it"),
     ],
 )
 def test_what_is_no_run_folder_or_damaged_is_refused_by_every_command_and_untouched(

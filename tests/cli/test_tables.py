@@ -70,7 +70,7 @@ def test_one_trial_is_no_measure_of_the_others(clock, capsys) -> None:
     assert shown(clock, capsys, [(20, tally(1))]) == ["1 of 1000 trials, 0 censored; starting workers"]
 
 
-def test_failed_trials_are_told_and_not_waited_for(clock, capsys) -> None:
+def test_failed_trials_are_reported_and_not_waited_for(clock, capsys) -> None:
     (*_, last) = shown(clock, capsys, [(0, tally(1)), (60, tally(501, failed=100))])
     assert last == "401 of 1000 trials, 0 censored, 100 failed, 500 a minute, 60 s left"
 
@@ -99,13 +99,13 @@ def test_the_pause_is_a_constant_of_the_module(clock, capsys, monkeypatch, pause
     assert len(lines) == (12 if pause_s == 0 else 4)
 
 
-def test_the_last_trial_is_always_told(clock, capsys) -> None:
+def test_the_last_trial_is_always_reported(clock, capsys) -> None:
     lines = shown(clock, capsys, [(0, tally(998)), (0.1, tally(999)), (0.2, tally(1000))])
     assert [line.split()[0] for line in lines] == ["998", "1000"]
     assert lines[-1].endswith(" 0 s left")
 
 
-def test_the_last_trial_is_told_too_where_some_have_failed(clock, capsys) -> None:
+def test_the_last_trial_is_reported_even_if_some_have_failed(clock, capsys) -> None:
     lines = shown(clock, capsys, [(0, tally(998, failed=1)), (0.2, tally(1000, failed=2))])
     assert lines[-1].startswith("998 of 1000 trials, 0 censored, 2 failed")
 
@@ -227,7 +227,7 @@ def test_after_ctrl_c_the_terminal_has_its_cursor_again(monkeypatch) -> None:
         (1e6, "277.8 h"),
     ],
 )
-def test_times_are_told_as_people_do(seconds: float, words: str) -> None:
+def test_times_are_written_as_people_do(seconds: float, words: str) -> None:
     assert in_words(seconds) == words
 
 
@@ -267,7 +267,7 @@ def test_the_status_tells_points_trials_time_and_what_made_them(capsys) -> None:
     )
 
 
-def test_the_status_tells_who_is_at_work_and_what_has_failed(capsys) -> None:
+def test_the_status_names_the_process_at_work_and_the_failures(capsys) -> None:
     print_status(status(at_work="process 5 on here", failed=failures(2)), as_json=False)
     assert capsys.readouterr().out.splitlines()[1:] == [
         "  censored: 56; failed: 2; computing time: 2.0 h",

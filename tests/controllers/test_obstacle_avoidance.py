@@ -14,7 +14,7 @@ AHEAD, TURN_LEFT, TURN_RIGHT = (12.8, 12.8), (-12.8, 12.8), (12.8, -12.8)
 
 
 class Robot(Bench):
-    """One robot that is told what is near, step by step."""
+    """One robot whose infrared readings are given step by step."""
 
     def wheels(self, **distance_mm):
         """Return the wheels' speeds after a step with e.g. `front_left=10`, and nothing else near."""

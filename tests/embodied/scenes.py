@@ -32,15 +32,15 @@ class Scene(NamedTuple):
     arena: Arena
 
 
-class Lens(NamedTuple):
-    """A camera as a scenario describes it."""
+class CameraSettings(NamedTuple):
+    """Settings of a camera, as a scenario gives them."""
 
     pixels: int = 60
     field_of_view_deg: float = 56.0
     central_pixels: int = 60
     range_cm: float = math.inf
 
-    def camera(self) -> Camera:
+    def make(self) -> Camera:
         return make_camera(self.pixels, math.radians(self.field_of_view_deg), self.central_pixels, self.range_cm)
 
     def angles(self) -> FloatArray:
@@ -66,12 +66,12 @@ def readings(scene: Scene, observer: int = 0) -> FloatArray:
     return written
 
 
-def rows(scene: Scene, lens: Lens, observer: int = 0) -> IntArray:
+def rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
     """Return the rows of pixels of the robots from `observer` on."""
     arena = scene.arena
-    written = np.full((len(scene.poses) - observer, lens.pixels), 77, np.int64)
+    written = np.full((len(scene.poses) - observer, camera.pixels), 77, np.int64)
     cells = sorted_cells(scene)
-    see(scene.poses, scene.lit, arena.circles, arena.edges, cells, lens.camera(), observer, written)
+    see(scene.poses, scene.lit, arena.circles, arena.edges, cells, camera.make(), observer, written)
     return written
 
 
@@ -151,10 +151,10 @@ def _candidate(arena: Arena, placed: FloatArray, random: np.random.Generator) ->
 
 
 @st.composite
-def lenses(draw: st.DrawFn) -> Lens:
-    """Cameras from narrow to all round, with all pixels or a central window, with and without a limit of range."""
+def camera_settings(draw: st.DrawFn) -> CameraSettings:
+    """Settings of cameras from narrow to all round, with all or only central pixels, with or without limited range."""
     pixels = draw(st.sampled_from([60, 1, 2, 20, 61, 150]))
-    return Lens(
+    return CameraSettings(
         pixels,
         draw(st.sampled_from([56.0, 360.0]) | st.floats(10, 360)),
         draw(st.just(pixels) | st.integers(1, pixels).filter(lambda central: (pixels - central) % 2 == 0)),
@@ -261,14 +261,14 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
 # --- the camera's twin ------------------------------------------------------------------------------
 
 
-def slow_rows(scene: Scene, lens: Lens) -> tuple[BoolArray, BoolArray]:
+def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArray]:
     """Return (robots, pixels) whether red, and for which of them two answers lie within rounding."""
-    written, doubtful = np.zeros((2, len(scene.poses), lens.pixels), bool)
+    written, doubtful = np.zeros((2, len(scene.poses), camera.pixels), bool)
     bodies = _bodies(scene)
-    outside = (lens.pixels - lens.central_pixels) // 2
-    window = slice(outside, lens.pixels - outside)
+    outside = (camera.pixels - camera.central_pixels) // 2
+    window = slice(outside, camera.pixels - outside)
     for robot, (x, y, heading) in enumerate(scene.poses):
-        directions = _towards(heading + lens.angles()[window])
+        directions = _towards(heading + camera.angles()[window])
         rays = np.tile((x, y) + RADIUS_CM * _towards(heading), (len(directions), 1)), directions
         lit = scene.lit & (np.arange(len(bodies)) != robot)
         dark = ~scene.lit & (np.arange(len(bodies)) != robot)
@@ -277,9 +277,9 @@ def slow_rows(scene: Scene, lens: Lens) -> tuple[BoolArray, BoolArray]:
         flats, by_flat = cast_on_segments(*rays, scene.arena.edges)
         red = reds.min(axis=1, initial=np.inf)
         other = np.minimum(discs.min(axis=1, initial=np.inf), flats.min(axis=1, initial=np.inf))
-        written[robot, window] = (red < np.inf) & (red <= other) & (red <= lens.range_cm)
+        written[robot, window] = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
         by_edge = np.hstack([by_red, by_disc, by_flat]).any(axis=1)
         seen = np.where(red < np.inf, red, -1)
-        ties = (np.abs(seen - other) < EDGE_CM) | (np.abs(seen - lens.range_cm) < EDGE_CM)
+        ties = (np.abs(seen - other) < EDGE_CM) | (np.abs(seen - camera.range_cm) < EDGE_CM)
         doubtful[robot, window] = by_edge | ties
     return written, doubtful

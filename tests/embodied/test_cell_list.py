@@ -66,7 +66,7 @@ def test_a_large_arena_has_about_one_cell_a_robot():
 
 
 @given(scenes(robots=(2, 10, 60)))
-def test_who_is_within_the_reach_of_infrared_is_in_a_cell_next_door(scene: Scene):
+def test_robots_within_the_reach_of_infrared_are_in_neighbouring_cells(scene: Scene):
     cells = sorted_cells(scene)
     place = np.empty((len(scene.poses), 2), int)
     for cell in range(cells.columns * cells.rows):

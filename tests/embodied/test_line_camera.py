@@ -16,10 +16,10 @@ from epuck_sim.embodied.sensing import SensingArrays, sense
 from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import (
     RADIUS_CM,
-    Lens,
+    CameraSettings,
     Scene,
+    camera_settings,
     empty_arena,
-    lenses,
     readings,
     rows,
     scenes,
@@ -28,7 +28,7 @@ from tests.embodied.scenes import (
 )
 
 ME = (100.0, 100.0)
-ALL_ROUND = Lens(60, 360.0, 60)
+ALL_ROUND = CameraSettings(60, 360.0, 60)
 headings = st.floats(-10, 10)
 bearings = st.floats(-math.pi, math.pi)
 
@@ -40,16 +40,16 @@ def _at(heading, distance, bearing=0.0):
     return x, y, 0.0
 
 
-def _row(heading, others, lit, lens=None, obstacles=((), ())):
+def _row(heading, others, lit, camera=None, obstacles=((), ())):
     """Return the row of pixels that ME sees; its own ring is off."""
     poses = np.array([(*ME, heading), *others])
     arena = make_arena(200, 200, *obstacles)
-    return rows(Scene(poses, np.array([False, *lit]), arena), lens or Lens())[0].tolist()
+    return rows(Scene(poses, np.array([False, *lit]), arena), camera or CameraSettings())[0].tolist()
 
 
-def _covered(distance, bearing, lens):
+def _covered(distance, bearing, camera):
     """Return the row of a robot that nothing hides: pixels within asin(r / d) of its bearing, by the shorter way."""
-    off = np.abs(np.remainder(lens.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
+    off = np.abs(np.remainder(camera.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
     half_width = math.asin(RADIUS_CM / distance)
     assume((np.abs(off - half_width) > 1e-9).all())
     return (off < half_width).astype(int).tolist()
@@ -60,7 +60,7 @@ def _covered(distance, bearing, lens):
 
 @given(headings, st.floats(3.8, 90), st.floats(-0.6, 0.6))
 def test_a_lit_robot_covers_the_pixels_within_its_half_width(heading, distance, bearing):
-    assert _row(heading, [_at(heading, distance, bearing)], [True]) == _covered(distance, bearing, Lens())
+    assert _row(heading, [_at(heading, distance, bearing)], [True]) == _covered(distance, bearing, CameraSettings())
 
 
 def test_the_camera_sits_at_the_nose():
@@ -88,10 +88,10 @@ def test_a_robot_s_own_ring_is_not_seen():
 @given(headings, st.sampled_from([56.0, 120.0, 170.0]))
 def test_a_robot_that_touches_the_nose_fills_the_row(heading, field_of_view_deg):
     x, y = ME[0] + 2 * RADIUS_CM * math.cos(heading), ME[1] + 2 * RADIUS_CM * math.sin(heading)
-    lens = Lens(60, field_of_view_deg, 60)
-    assert _row(heading, [(x, y, 1.0)], [True], lens) == [1] * 60
+    camera = CameraSettings(60, field_of_view_deg, 60)
+    assert _row(heading, [(x, y, 1.0)], [True], camera) == [1] * 60
     behind_it = _at(heading, 30)
-    assert _row(heading, [(x, y, 1.0), behind_it], [False, True], lens) == [0] * 60
+    assert _row(heading, [(x, y, 1.0), behind_it], [False, True], camera) == [0] * 60
 
 
 # --- what hides what --------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ def test_of_two_robots_as_near_the_lit_one_is_seen():
     # either side of the middle pixel's ray, and overlapping by a hair, as robots that push each other do
     pair = [(130, 100 + 3.6875, 0.0), (130, 100 - 3.6875, 0.0)]
     for lit in ([True, False], [False, True]):
-        assert _row(0.0, pair, lit, Lens(1, 56.0, 1)) == [1]
+        assert _row(0.0, pair, lit, CameraSettings(1, 56.0, 1)) == [1]
 
 
 @pytest.mark.parametrize("quarter", range(4))
@@ -140,7 +140,7 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
     nothing, row = empty_arena(), np.zeros((1, 1), np.int64)
     for near_is_lit in (False, True):
         lit = np.array([False, not near_is_lit, near_is_lit])
-        see(poses, lit, nothing.circles, nothing.edges, cells, Lens(1, 56.0, 1).camera(), 0, row)
+        see(poses, lit, nothing.circles, nothing.edges, cells, CameraSettings(1, 56.0, 1).make(), 0, row)
         assert row[0, 0] == near_is_lit
 
 
@@ -177,23 +177,23 @@ def test_an_obstacle_beyond_a_robot_or_behind_the_camera_hides_nothing(kind, ahe
 
 @given(scenes())
 def test_a_central_window_is_the_full_row_with_the_rest_darkened(scene):
-    full = rows(scene, Lens())
+    full = rows(scene, CameraSettings())
     for central in range(4, 62, 2):
         outside = (60 - central) // 2
         darkened = full.copy()
         darkened[:, :outside] = darkened[:, 60 - outside :] = 0
-        np.testing.assert_array_equal(rows(scene, Lens(central_pixels=central)), darkened)
+        np.testing.assert_array_equal(rows(scene, CameraSettings(central_pixels=central)), darkened)
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.0])
 def test_surfaces_beyond_the_range_are_not_seen(heading):
     distance = 40.0
     robot = _at(heading, distance)
-    angles = Lens().angles()
+    angles = CameraSettings().angles()
     cut = np.sqrt(np.maximum(RADIUS_CM**2 - (distance * np.sin(angles)) ** 2, 0))
     surface = np.where(cut > 0, distance * np.cos(angles) - cut, np.inf)
     for range_cm in (36.0, 36.32, 37.0, 39.0, 41.0):
-        seen = _row(heading, [robot], [True], Lens(range_cm=range_cm))
+        seen = _row(heading, [robot], [True], CameraSettings(range_cm=range_cm))
         assert seen == (surface <= range_cm).astype(int).tolist()
     assert 0 < (surface <= 36.32).sum() < (surface <= 41.0).sum()
 
@@ -214,7 +214,7 @@ def test_all_round_a_robot_behind_lights_both_ends_of_the_row():
 )
 def test_pixels_share_the_field_of_view(pixels, degrees, lit):
     distance = RADIUS_CM / math.sin(math.radians(10))
-    row = _row(0.0, [_at(0.0, distance)], [True], Lens(pixels, degrees, pixels))
+    row = _row(0.0, [_at(0.0, distance)], [True], CameraSettings(pixels, degrees, pixels))
     assert len(row) == pixels
     assert sum(row) == lit
 
@@ -225,10 +225,10 @@ def test_pixels_share_the_field_of_view(pixels, degrees, lit):
 def test_rows_are_those_of_the_slow_twin():
     tally = Counter()
 
-    @given(scenes(robots=(2, 3, 10, 60, 300)), lenses())
-    def compare(scene, lens):
-        expected, doubtful = slow_rows(scene, lens)
-        np.testing.assert_array_equal(rows(scene, lens)[~doubtful], expected[~doubtful])
+    @given(scenes(robots=(2, 3, 10, 60, 300)), camera_settings())
+    def compare(scene, camera):
+        expected, doubtful = slow_rows(scene, camera)
+        np.testing.assert_array_equal(rows(scene, camera)[~doubtful], expected[~doubtful])
         tally.update(pixels=doubtful.size, doubtful=doubtful.sum(), red=expected.sum())
 
     compare()
@@ -237,15 +237,15 @@ def test_rows_are_those_of_the_slow_twin():
     assert tally["doubtful"] < 1e-2 * tally["pixels"]
 
 
-@given(scenes(robots=(10, 60)), lenses(), st.integers(0, 2**32 - 1))
-def test_rows_do_not_depend_on_the_order_of_robots(scene, lens, seed):
+@given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+def test_rows_do_not_depend_on_the_order_of_robots(scene, camera, seed):
     order = np.random.default_rng(seed).permutation(len(scene.poses))
     shuffled = Scene(scene.poses[order], scene.lit[order], scene.arena)
-    np.testing.assert_array_equal(rows(shuffled, lens), rows(scene, lens)[order])
+    np.testing.assert_array_equal(rows(shuffled, camera), rows(scene, camera)[order])
 
 
-@given(scenes(robots=(2, 10, 60)), lenses(), st.booleans(), st.integers(0, 2**32 - 1))
-def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, lens, by_table, seed):
+@given(scenes(robots=(2, 10, 60)), camera_settings(), st.booleans(), st.integers(0, 2**32 - 1))
+def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by_table, seed):
     random = np.random.default_rng(seed)
     observer = random.integers(len(scene.poses))
     observers = random.integers(1, len(scene.poses) - observer + 1)
@@ -253,7 +253,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, lens, by_t
     cells = sorted_cells(Scene(scene.poses[::-1].copy(), scene.lit, scene.arena))  # of an earlier instant
     gain, noise = random.uniform(0.5, 1.5, (observers, 8)), random.standard_normal((3, len(scene.poses), 8))
     counts, distance_mm = np.full((observers, 8), np.nan), np.zeros((observers, 8), np.int64)
-    seen = np.full((observers, lens.pixels), 77, np.int64)
+    seen = np.full((observers, camera.pixels), 77, np.int64)
     arrays = SensingArrays(
         poses=scene.poses,
         ring_on=scene.lit,
@@ -262,7 +262,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, lens, by_t
         circles=scene.arena.circles,
         edges=scene.arena.edges,
         cells=cells,
-        camera=lens.camera(),
+        camera=camera.make(),
         first_robot=observer,
         infrared_gain=gain,
         infrared_noise=noise,
@@ -278,7 +278,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, lens, by_t
     to_distances(expected, gain, noise[noise_step, group].copy(), 10.0, by_table, expected_mm)
     np.testing.assert_array_equal(counts, expected)
     np.testing.assert_array_equal(distance_mm, expected_mm)
-    np.testing.assert_array_equal(seen, rows(scene, lens)[group])
+    np.testing.assert_array_equal(seen, rows(scene, camera)[group])
 
 
 def test_sensing_arrays_are_refused_unless_each_has_its_name():

@@ -137,7 +137,7 @@ def test_more_robots_than_free_points_of_the_grid_are_refused(count, obstacles, 
 # --- poses ------------------------------------------------------------------------------------------
 
 
-def test_poses_are_taken_as_told_and_may_touch():
+def test_poses_are_taken_as_given_and_may_touch():
     poses = [[3.7, 3.7, 1.0], [11.1, 3.7, -20.0], [3.7, 11.1, 0.0], [56.3, 56.3, 7.0]]
     np.testing.assert_array_equal(placed({"poses": poses}), poses)
 

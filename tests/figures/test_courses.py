@@ -184,7 +184,7 @@ def test_one_course_alone_needs_no_legend() -> None:
     assert draw_courses("title", READ[:1]).axes[0].get_legend() is None
 
 
-def test_the_axis_that_all_courses_share_is_not_told() -> None:
+def test_the_axis_that_all_courses_share_is_not_named() -> None:
     both = [course_of([1, 1], [0.1, 0.1], **{SPEED: speed, COUPLING: 0.1}) for speed in (1, 2)]
     texts = draw_courses("title", both).axes[0].get_legend().get_texts()
     assert [text.get_text() for text in texts] == ["V = 1 cm/s", "V = 2 cm/s"]

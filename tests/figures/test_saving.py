@@ -119,7 +119,7 @@ def test_another_file_type_is_refused_with_what_is_allowed(ending: str) -> None:
 @pytest.mark.parametrize("stem", [".", "/", ".."])
 def test_a_stem_without_a_name_is_refused(monkeypatch, tmp_path, stem: str) -> None:
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(EpuckSimError, match="is no name of a file"):
+    with pytest.raises(EpuckSimError, match="is not a name of a file"):
         save_figure(Target(Path(stem)), draw, tables())
     assert names(tmp_path) == []
 

@@ -76,7 +76,7 @@ def ignore(_: str) -> None:
 
 
 class Shown(NamedTuple):
-    """A trial that has been shown, and what the viewer tells and shows of it in the end."""
+    """A trial that has been shown, and what the viewer prints and shows of it in the end."""
 
     watched: Watched
     state: Any
@@ -257,16 +257,16 @@ def no_display(monkeypatch) -> None:
 
 
 def test_a_browser_on_this_machine_only_finds_the_viewer_at_the_port(tmp_path) -> None:
-    port, told = free_port(), []
-    with live_viewer(port, told.append) as (_, intake):
-        (address,) = told
+    port, addresses = free_port(), []
+    with live_viewer(port, addresses.append) as (_, intake):
+        (address,) = addresses
         assert address.startswith(f"http://127.0.0.1:{port}?url=")
         assert answer(address)
         assert listening(processes_marked(str(tmp_path))) == {("127.0.0.1", port), ("127.0.0.1", intake)}
 
 
 @pytest.mark.usefixtures("no_display")
-def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatch) -> None:
+def test_without_a_display_nothing_starts_and_the_error_names_the_other_ways(monkeypatch) -> None:
     monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
     with (
         pytest.raises(RecordingError, match=r"^there is no display here; give --web .* --record"),
@@ -276,7 +276,7 @@ def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatc
 
 
 @pytest.mark.usefixtures("no_display")
-def test_a_display_that_is_not_there_is_told_of(monkeypatch) -> None:
+def test_a_display_that_is_not_there_is_reported(monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":9876")
     with (
         pytest.raises(RecordingError, match=r"^the viewer (does not work|was closed)"),
@@ -286,7 +286,7 @@ def test_a_display_that_is_not_there_is_told_of(monkeypatch) -> None:
         ran(look)
 
 
-def test_a_window_that_breaks_down_soon_is_told_of_with_what_it_said(tmp_path, monkeypatch) -> None:
+def test_a_window_that_breaks_down_soon_is_reported_with_its_output(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("DISPLAY", ":0")
     replace_rerun(tmp_path / "stand", monkeypatch).answers_and_says("no place for a window")
     with (
@@ -298,7 +298,7 @@ def test_a_window_that_breaks_down_soon_is_told_of_with_what_it_said(tmp_path, m
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, RecursionError, KeyboardInterrupt])
-def test_what_ends_the_trial_is_told_as_it_is(error: type[BaseException]) -> None:
+def test_an_error_that_ends_the_trial_is_raised_unchanged(error: type[BaseException]) -> None:
     with (
         pytest.raises(error),
         live_viewer(free_port(), ignore) as (browsers, intake),
@@ -327,7 +327,7 @@ def close():
         process.kill()
     time.sleep(0.2)
 
-def look_on(step, _):
+def watch(step, _):
     if step.number == 100 and not ended:
         close()
 
@@ -335,7 +335,7 @@ scenario = load_scenario("thesis")
 try:
     with live_viewer(free_port(), lambda _: None) as (viewer, intake):
         with live(viewer, intake, scenario, 3, Level.FULL, 1000) as look:
-            run_trial(Simulation(scenario, 3), [look, look_on])
+            run_trial(Simulation(scenario, 3), [look, watch])
             if ended:
                 close()
 except RecordingError as error:
@@ -345,7 +345,7 @@ except RecordingError as error:
 
 
 @pytest.mark.parametrize("moment", ["in the middle", "in the end"])
-def test_a_viewer_that_is_closed_too_early_is_told_of_at_once(moment: str) -> None:
+def test_a_viewer_that_is_closed_too_early_is_reported_at_once(moment: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", CLOSED, moment], capture_output=True, text=True, timeout=120, check=False
     )

@@ -238,7 +238,7 @@ def test_between_instants_agents_fly_straight_and_phases_rise(trial: Trial) -> N
         np.testing.assert_allclose(np.angle(np.exp(1j * turned)), 0, atol=1e-5)
 
 
-def test_who_has_fired_just_before_is_lit(trial: Trial) -> None:
+def test_agents_that_have_just_fired_are_lit(trial: Trial) -> None:
     expected = np.zeros_like(trial.recorded.ring_on)
     glow_ns = 1e9 * GLOW * trial.scenario.clocks.period_s
     for each in trial.instants:
@@ -257,7 +257,7 @@ def test_rerun_finds_no_fault(trial: Trial) -> None:
 # --- pulse links ------------------------------------------------------------------------------------
 
 
-def hearers(scenario: ParticleScenario, positions: FloatArray, headings: FloatArray, agent: int) -> set[int]:
+def receivers(scenario: ParticleScenario, positions: FloatArray, headings: FloatArray, agent: int) -> set[int]:
     """Return the agents that receive an agent's pulse, found slowly."""
     rule, away = scenario.neighbourhood, positions - positions[agent]
     if scenario.space.boundary == "cyclic":
@@ -277,7 +277,7 @@ def hearers(scenario: ParticleScenario, positions: FloatArray, headings: FloatAr
     return {other for other in near if cosines[other] >= math.cos(math.radians(rule.angle_deg / 2))}
 
 
-def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
+def test_arrows_lead_from_agents_that_fire_to_those_that_receive_the_pulse(trial: Trial) -> None:
     found, side_cm = Found(trial.path), trial.scenario.space.side_cm
     parts = [found.lists("/arena/links", f"Arrows2D:{part}") for part in ("origins", "vectors", "class_ids")]
     assert np.round(np.array(found.times("/arena/links"))).tolist() == trial.time_ns.tolist()
@@ -288,13 +288,13 @@ def test_arrows_lead_from_who_fires_to_who_hears_it(trial: Trial) -> None:
     for row, each in zip(trial.places, trial.instants, strict=True):
         waits, expected = {*each.event.received.tolist()}, []
         for agent in each.event.fired.tolist():
-            heard = hearers(trial.scenario, each.positions, headings[each.time_ns], agent)
-            for other in heard if trial.scenario.agents.count < pulses.SHIFTS_ONLY else heard & waits:
+            reached = receivers(trial.scenario, each.positions, headings[each.time_ns], agent)
+            for other in reached if trial.scenario.agents.count < pulses.SHIFTS_ONLY else reached & waits:
                 way = each.positions[other] - each.positions[agent]
                 if trial.scenario.space.boundary == "cyclic":
                     way -= side_cm * np.round(way / side_cm)
                 expected.append((*flat(each.positions[agent]), *flat(way), other in waits))
-            waits -= heard
+            waits -= reached
         assert not waits
         shifts += len(each.event.received)
         drawn = [(*origin, *way, kind) for origin, way, kind in zip(*(part[row] for part in parts), strict=True)]
@@ -512,7 +512,7 @@ def test_a_trial_of_a_sweep_is_recorded_again(tmp_path, monkeypatch) -> None:
     assert read.synchronised
 
 
-def test_a_screenshot_shows_who_is_lit(tmp_path) -> None:
+def test_a_screenshot_shows_which_agents_are_lit(tmp_path) -> None:
     recorded(tmp_path / "t.rrd", load("synchronises"))
     done = call("replay", tmp_path / "t.rrd", "--screenshot", tmp_path / "s.png")
     if NO_GRAPHICS in done.stderr:

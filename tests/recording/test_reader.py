@@ -1,4 +1,4 @@
-"""What was recorded is read back as the simulation had it, and what is no recording is refused."""
+"""What was recorded is read back as the simulation had it, and what is not a recording is refused."""
 
 from importlib.metadata import version
 from pathlib import Path
@@ -159,7 +159,7 @@ def test_a_trial_of_no_steps_has_no_steps(tmp_path, level: Level) -> None:
     assert {len(value) for value in read if isinstance(value, np.ndarray)} == {0}
 
 
-# --- what is no recording of ours -------------------------------------------------------------------
+# --- what is not a recording of ours -------------------------------------------------------------------
 
 
 def refusal(path: Path, capfd: pytest.CaptureFixture[str]) -> str:
@@ -189,20 +189,20 @@ def test_there_must_be_a_file(tmp_path, capfd) -> None:
 @pytest.mark.parametrize("content", [b"Not a recording, but a text.\n" * 50, bytes(range(256)) * 50, b"PAR1" * 50])
 def test_another_kind_of_file_is_no_recording(tmp_path, capfd, content: bytes) -> None:
     (tmp_path / "t.rrd").write_bytes(content)
-    assert "is no recording" in refusal(tmp_path / "t.rrd", capfd)
+    assert "is not a recording" in refusal(tmp_path / "t.rrd", capfd)
 
 
 @pytest.mark.parametrize("share", [0, 1e-5, 0.01, 0.1, 0.3, 0.6, 0.9, 0.999])
 def test_a_recording_that_was_cut_short_is_refused(tmp_path, capfd, whole: bytes, share: float) -> None:
     (tmp_path / "t.rrd").write_bytes(whole[: int(share * len(whole))])
     said = refusal(tmp_path / "t.rrd", capfd)
-    assert said.startswith("is no whole recording: ") or "holds 0 recordings" in said  # but a part of its layout
+    assert said.startswith("is not a whole recording: ") or "holds 0 recordings" in said  # but a part of its layout
 
 
 @pytest.mark.parametrize("missing", [1, 10, 100, 1000])
 def test_a_recording_without_its_last_bytes_is_refused(tmp_path, capfd, whole: bytes, missing: int) -> None:
     (tmp_path / "t.rrd").write_bytes(whole[:-missing])
-    assert "is no whole recording: " in refusal(tmp_path / "t.rrd", capfd)
+    assert "is not a whole recording: " in refusal(tmp_path / "t.rrd", capfd)
     (tmp_path / "t.rrd").write_bytes(whole)
     assert len(read_recording(tmp_path / "t.rrd").time_s) == 300
 
@@ -256,7 +256,7 @@ def test_a_recording_that_does_not_say_how_it_ended_is_refused(tmp_path, capfd, 
     assert refusal(tmp_path / "t.rrd", capfd)
 
 
-def test_a_recording_of_another_format_is_refused_and_told_who_made_it(tmp_path, capfd, monkeypatch) -> None:
+def test_a_recording_of_another_format_is_refused_with_the_version_that_made_it(tmp_path, capfd, monkeypatch) -> None:
     monkeypatch.setattr(recorder, "FORMAT", 7)
     recorded(tmp_path / "t.rrd", level=Level.SUMMARY)
     said = refusal(tmp_path / "t.rrd", capfd)

@@ -333,7 +333,7 @@ def test_infrared_distances_are_those_of_the_robots(trial: Trial) -> None:
 
 
 def arrows(trial: Trial) -> tuple[Array, Array, Array, Array]:
-    """Return step, observer, robot seen and class of each; where an arrow begins and ends tells whose it is."""
+    """Return step, observer, robot seen and class of each; the ends of an arrow show which robots it belongs to."""
     parts = [trial.found.lists("/arena/sightings", f"Arrows2D:{part}") for part in ("origins", "vectors", "class_ids")]
     lengths = [[len(row) for row in part] for part in parts]
     assert lengths[0] == lengths[1] == lengths[2]
@@ -356,7 +356,7 @@ def test_an_arrow_is_of_class_1_where_the_ring_was_lit_a_step_before(trial: Tria
         assert set(classes) == {0, 1}
 
 
-def test_who_has_an_arrow_of_class_1_sees_red(trial: Trial) -> None:
+def test_robots_with_an_arrow_of_class_1_see_red(trial: Trial) -> None:
     steps, observers, _, classes = arrows(trial)
     sees_lit = np.zeros(trial.watched["ring_on"].shape, bool)
     sees_lit[steps[classes == 1], observers[classes == 1]] = True

@@ -224,7 +224,7 @@ def test_a_summary_is_drawn_without_an_arena(tmp_path) -> None:
     assert len(discs(picture, LIT)) == len(discs(picture, DARK)) == 0
 
 
-def test_without_a_graphics_driver_an_error_tells_what_to_install(thesis, tmp_path, monkeypatch) -> None:
+def test_without_a_graphics_driver_an_error_says_what_to_install(thesis, tmp_path, monkeypatch) -> None:
     for name in NO_DRIVER:
         monkeypatch.setenv(name, "/nonexistent")
     (tmp_path / "p.png").write_text("older")
@@ -266,19 +266,19 @@ def stand(tmp_path, monkeypatch) -> Stand:
 
 @pytest.fixture
 def display(monkeypatch) -> Callable[[dict[str, str]], None]:
-    """Return how to tell of displays; at first there is none."""
+    """Return a function that announces displays; at first there is none."""
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
 
-    def tell(names: dict[str, str]) -> None:
+    def announce(names: dict[str, str]) -> None:
         for name, value in names.items():
             monkeypatch.setenv(name, value)
 
-    return tell
+    return announce
 
 
-def test_a_viewer_that_never_answers_is_ended_and_told_of(stand: Stand, monkeypatch) -> None:
+def test_a_viewer_that_never_answers_is_ended_and_reported(stand: Stand, monkeypatch) -> None:
     monkeypatch.setattr(process, "START_S", 0.5)
     stand.acts(SLEEP)
     with pytest.raises(RecordingError, match="the viewer does not work: it does not answer"), web_viewer(free_port()):
@@ -296,7 +296,7 @@ def test_a_viewer_that_ends_at_once_is_not_waited_for(stand: Stand) -> None:
     assert time.monotonic() - began < process.START_S / 2
 
 
-def test_a_viewer_that_is_deaf_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
+def test_a_viewer_that_ignores_signals_is_ended_all_the_same(stand: Stand, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(process, "END_S", 0.2)
     deaf = tmp_path / "deaf"
     stand.acts(
@@ -308,7 +308,7 @@ def test_a_viewer_that_is_deaf_is_ended_all_the_same(stand: Stand, tmp_path, mon
     assert window.has_ended
 
 
-def test_of_what_a_viewer_says_at_length_the_end_is_told(stand: Stand) -> None:
+def test_the_end_of_a_long_output_of_the_viewer_is_reported(stand: Stand) -> None:
     stand.acts(fails("".join(f"line {line}\n" for line in range(5000)) + "and here it broke"))
     with pytest.raises(RecordingError, match=r"and here it broke$") as caught, web_viewer(free_port()):
         pytest.fail("it answered")
@@ -330,7 +330,7 @@ def test_where_the_viewer_breaks_down_nothing_is_left_of_a_picture(
 
 @pytest.mark.parametrize(("wish", "analytics"), [(None, "0"), ("1", "1")])
 @pytest.mark.parametrize("command", ["viewer", "program"])
-def test_nobody_is_told_of_its_use_unless_the_user_wants_so(
+def test_no_use_is_reported_to_rerun_unless_the_user_allows_it(
     stand: Stand, display, monkeypatch, command: str, wish: str | None, analytics: str
 ) -> None:
     display({"DISPLAY": ":0"})
@@ -341,17 +341,17 @@ def test_nobody_is_told_of_its_use_unless_the_user_wants_so(
         show(Path("t.rrd"))
     else:
         run_rerun("rrd", "verify", "t.rrd")
-    assert stand.told["analytics"] == analytics
+    assert stand.received["analytics"] == analytics
 
 
-def test_a_command_that_fails_is_told_of(stand: Stand) -> None:
+def test_a_command_that_fails_is_reported(stand: Stand) -> None:
     run_rerun("rrd", "verify", "t.rrd")
-    stand.acts(fails("is no recording"))
-    with pytest.raises(RecordingError, match=r"^rerun rrd verify failed: is no recording$"):
+    stand.acts(fails("is not a recording"))
+    with pytest.raises(RecordingError, match=r"^rerun rrd verify failed: is not a recording$"):
         run_rerun("rrd", "verify", "t.rrd")
 
 
-def test_the_real_program_tells_when_it_fails(tmp_path) -> None:
+def test_the_real_program_reports_its_failure(tmp_path) -> None:
     with pytest.raises(RecordingError, match=r"rerun rrd verify failed: .*gone\.rrd"):
         run_rerun("rrd", "verify", str(tmp_path / "gone.rrd"))
 
@@ -378,7 +378,7 @@ def test_a_display_is_known_by_its_name(
 
 
 @pytest.mark.usefixtures("display")
-def test_without_a_display_nothing_starts_and_the_other_ways_are_told(monkeypatch) -> None:
+def test_without_a_display_nothing_starts_and_the_error_names_the_other_ways(monkeypatch) -> None:
     monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
     with pytest.raises(RecordingError, match=r"^t\.rrd: there is no display here; give --web .* --screenshot"):
         show(Path("t.rrd"))
@@ -391,20 +391,20 @@ def test_a_buffer_shows_the_recording_until_it_is_closed(
     monkeypatch.chdir(tmp_path)
     display({name: "0"})
     show(Path("--t.rrd"))
-    file, *options = stand.told["arguments"]
+    file, *options = stand.received["arguments"]
     assert file == str(tmp_path / "--t.rrd")
     assert options[options.index("--bind") + 1] == "127.0.0.1"
     assert options[options.index("--port") + 1] == "auto"
 
 
-def test_a_window_that_fails_is_told_of(stand: Stand, display) -> None:
+def test_a_window_that_fails_is_reported(stand: Stand, display) -> None:
     display({"DISPLAY": ":0"})
     stand.acts("print('no window for you', file=sys.stderr)", "sys.exit(3)")
     with pytest.raises(RecordingError, match=r"^the viewer does not work: no window for you$"):
         show(Path("t.rrd"))
 
 
-def test_a_display_that_is_not_there_is_told_of(thesis, display) -> None:
+def test_a_display_that_is_not_there_is_reported(thesis, display) -> None:
     display({"DISPLAY": ":9876"})
     with pytest.raises(RecordingError, match="the viewer does not work: "):
         show(thesis[0])
@@ -453,7 +453,7 @@ def test_the_viewer_ends_also_if_the_block_fails(tmp_path) -> None:
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.0"])
-def test_a_port_in_use_is_told_before_anything_starts(monkeypatch, address: str) -> None:
+def test_a_port_in_use_is_reported_before_anything_starts(monkeypatch, address: str) -> None:
     monkeypatch.setattr(process, "PROGRAM", NOTHING_STARTS)
     with socket.socket() as taken:
         taken.bind((address, 0))
@@ -472,9 +472,9 @@ class Serving(NamedTuple):
 
 @contextmanager
 def serving(recording: Path, folder: Path, prepare: Callable[[], None] = heed_signals) -> Iterator[Serving]:
-    port, told = free_port(), folder / "told"
+    port, address = free_port(), folder / "address"
     process = subprocess.Popen(
-        [sys.executable, "-c", SERVE, str(recording), str(port), str(told)],
+        [sys.executable, "-c", SERVE, str(recording), str(port), str(address)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -482,10 +482,10 @@ def serving(recording: Path, folder: Path, prepare: Callable[[], None] = heed_si
         preexec_fn=prepare,  # noqa: PLW1509 signals must be ignored before Python starts
     )
     try:
-        wait_until(lambda: process.poll() is not None or (told.exists() and told.read_text()))
-        assert told.exists(), process.communicate()
-        assert told.read_text().startswith(f"http://127.0.0.1:{port}?url=")
-        yield Serving(process, told.read_text())
+        wait_until(lambda: process.poll() is not None or (address.exists() and address.read_text()))
+        assert address.exists(), process.communicate()
+        assert address.read_text().startswith(f"http://127.0.0.1:{port}?url=")
+        yield Serving(process, address.read_text())
     finally:
         process.kill()
         process.communicate()
@@ -595,10 +595,12 @@ def test_a_viewer_can_be_opened_in_another_thread(stand: Stand, display) -> None
     display({"DISPLAY": ":0"})
     with ThreadPoolExecutor(1) as pool:
         pool.submit(show, Path("t.rrd")).result()
-    assert stand.told["arguments"]
+    assert stand.received["arguments"]
 
 
-def test_a_second_ctrl_c_while_a_deaf_viewer_is_ended_leaves_none_behind(stand: Stand, tmp_path) -> None:
+def test_a_second_ctrl_c_while_a_viewer_that_ignores_signals_is_ended_leaves_none_behind(
+    stand: Stand, tmp_path
+) -> None:
     deaf = tmp_path / "deaf"
     stand.acts(
         "import signal", "signal.signal(signal.SIGTERM, signal.SIG_IGN)", f"open({str(deaf)!r}, 'w').close()", SLEEP
@@ -622,13 +624,13 @@ def test_a_viewer_that_breaks_down_before_it_has_the_recording_is_reported(thesi
 
 
 def test_a_viewer_that_breaks_down_later_is_reported(thesis, tmp_path) -> None:
-    told: list[str] = []
+    addresses: list[str] = []
 
     def end_it(address: str) -> None:
-        told.append(address)
+        addresses.append(address)
         for each in processes_marked(str(tmp_path)):
             os.kill(each, signal.SIGKILL)
 
     with pytest.raises(RecordingError, match=r"^the viewer does not work: it does not answer$"):
         serve(thesis[0], free_port(), end_it)
-    assert len(told) == 1
+    assert len(addresses) == 1

@@ -13,20 +13,30 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.cell_list import make_cell_list
 from epuck_sim.geometry import box_corners
 from epuck_sim.recording.relations.visibility import find_sightings
-from tests.embodied.scenes import EDGE_CM, RADIUS_CM, Lens, Scene, cast_on_discs, cast_on_segments, lenses, rows, scenes
+from tests.embodied.scenes import (
+    EDGE_CM,
+    RADIUS_CM,
+    CameraSettings,
+    Scene,
+    camera_settings,
+    cast_on_discs,
+    cast_on_segments,
+    rows,
+    scenes,
+)
 
 ME = (100.0, 100.0, 0.0)
-ALL_ROUND = Lens(60, 360.0, 60)
+ALL_ROUND = CameraSettings(60, 360.0, 60)
 
 
 def sightings(
-    poses: FloatArray, arena: Arena, lens: Lens, first: int = 0, observers: int | None = None
+    poses: FloatArray, arena: Arena, camera: CameraSettings, first: int = 0, observers: int | None = None
 ) -> list[list[int]]:
     """Return what `find_sightings` does of (steps, robots, 3) poses; of all robots from `first` on by default."""
     robots = poses.shape[1]
     cells = make_cell_list(arena.width_cm, arena.height_cm, robots)
     number = robots - first if observers is None else observers
-    return find_sightings(poses, arena, cells, lens.camera(), first, number).tolist()
+    return find_sightings(poses, arena, cells, camera.make(), first, number).tolist()
 
 
 def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
@@ -42,9 +52,11 @@ def at(distance: float, bearing_deg: float = 0.0) -> tuple[float, float, float]:
     return ME[0] + RADIUS_CM + distance * math.cos(bearing), ME[1] + distance * math.sin(bearing), 1.0
 
 
-def seen_by_me(others: list[tuple[float, float, float]], lens: Lens | None = None, obstacles=((), ())) -> list[int]:
+def seen_by_me(
+    others: list[tuple[float, float, float]], camera: CameraSettings | None = None, obstacles=((), ())
+) -> list[int]:
     """Return the robots that robot 0, at ME, sees; the others count from 1."""
-    found = sightings(np.array([[ME, *others]]), make_arena(200, 200, *obstacles), lens or Lens(), 0, 1)
+    found = sightings(np.array([[ME, *others]]), make_arena(200, 200, *obstacles), camera or CameraSettings(), 0, 1)
     assert all((step, observer) == (0, 0) for step, observer, _ in found)
     return [seen for _, _, seen in found]
 
@@ -52,21 +64,21 @@ def seen_by_me(others: list[tuple[float, float, float]], lens: Lens | None = Non
 # --- a slow twin ------------------------------------------------------------------------------------
 
 
-def slow_pixels(scene: Scene, lens: Lens) -> tuple[list[list[int]], BoolArray]:
+def slow_pixels(scene: Scene, camera: CameraSettings) -> tuple[list[list[int]], BoolArray]:
     """Return the robot that each pixel of each robot's central window shows, -1 if none, and whose row is doubtful."""
     arena, robots = scene.arena, len(scene.poses)
     bodies = np.column_stack([scene.poses[:, :2], np.full(robots, RADIUS_CM)])
-    outside = (lens.pixels - lens.central_pixels) // 2
+    outside = (camera.pixels - camera.central_pixels) // 2
     shown, doubtful = [], np.zeros(robots, bool)
     for robot, (x, y, heading) in enumerate(scene.poses):
-        angles = heading + lens.angles()[outside : lens.pixels - outside]
+        angles = heading + camera.angles()[outside : camera.pixels - outside]
         nose = x + RADIUS_CM * math.cos(heading), y + RADIUS_CM * math.sin(heading)
         rays = np.tile(nose, (len(angles), 1)), np.column_stack([np.cos(angles), np.sin(angles)])
         to_bodies, by_body = cast_on_discs(*rays, bodies)
         to_bodies[:, robot], by_body[:, robot] = np.inf, False
         to_circles, by_circle = cast_on_discs(*rays, arena.circles)
         to_edges, by_edge = cast_on_segments(*rays, arena.edges)
-        limit = np.full((len(angles), 1), lens.range_cm)
+        limit = np.full((len(angles), 1), camera.range_cm)
         reach = np.hstack([to_bodies, to_circles, to_edges, limit])
         nearest = reach.argmin(axis=1)
         shown.append(np.where((nearest < robots) & (reach.min(axis=1) < np.inf), nearest, -1).tolist())
@@ -84,10 +96,10 @@ def test_sightings_are_those_of_the_slow_twin() -> None:
     tally = Counter()
 
     @settings(max_examples=250)
-    @given(scenes(robots=(2, 3, 10, 60)), lenses())
-    def compare(scene: Scene, lens: Lens) -> None:
-        shown, doubtful = slow_pixels(scene, lens)
-        found = by_observer(sightings(scene.poses[None], scene.arena, lens), len(scene.poses))
+    @given(scenes(robots=(2, 3, 10, 60)), camera_settings())
+    def compare(scene: Scene, camera: CameraSettings) -> None:
+        shown, doubtful = slow_pixels(scene, camera)
+        found = by_observer(sightings(scene.poses[None], scene.arena, camera), len(scene.poses))
         for robot in np.flatnonzero(~doubtful):
             expected = from_left_to_right(shown[robot])
             assert found[robot] == expected
@@ -102,12 +114,12 @@ def test_sightings_are_those_of_the_slow_twin() -> None:
 def test_a_camera_sees_red_where_a_robot_in_view_is_lit() -> None:
     tally = Counter()
 
-    @given(scenes(robots=(2, 10, 60)), lenses(), st.integers(0, 2**32 - 1))
-    def compare(scene: Scene, lens: Lens, seed: int) -> None:
+    @given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+    def compare(scene: Scene, camera: CameraSettings, seed: int) -> None:
         lit = np.random.default_rng(seed).random(len(scene.poses)) < 0.3
-        red = rows(Scene(scene.poses, lit, scene.arena), lens).any(axis=1)
-        seen = by_observer(sightings(scene.poses[None], scene.arena, lens), len(scene.poses))
-        _, doubtful = slow_pixels(scene, lens)
+        red = rows(Scene(scene.poses, lit, scene.arena), camera).any(axis=1)
+        seen = by_observer(sightings(scene.poses[None], scene.arena, camera), len(scene.poses))
+        _, doubtful = slow_pixels(scene, camera)
         for robot in np.flatnonzero(~doubtful):
             assert red[robot] == lit[seen[robot]].any()
             tally.update(compared=1, red=int(red[robot]), dark=bool(seen[robot]) and not red[robot])
@@ -162,16 +174,16 @@ def test_an_obstacle_hides(obstacles) -> None:
 
 @pytest.mark.parametrize(("range_cm", "seen"), [(25.0, []), (26.2, []), (26.4, [1]), (math.inf, [1])])
 def test_a_robot_whose_surface_is_out_of_range_is_not_listed(range_cm: float, seen: list[int]) -> None:
-    assert seen_by_me([at(30)], Lens(61, 56.0, 61, range_cm)) == seen
+    assert seen_by_me([at(30)], CameraSettings(61, 56.0, 61, range_cm)) == seen
 
 
 @pytest.mark.parametrize(("central", "seen"), [(60, [1, 2, 3]), (40, [2, 3]), (10, [2])])
 def test_only_the_central_window_is_looked_at(central: int, seen: list[int]) -> None:
-    assert seen_by_me([at(40, 27), at(40), at(40, -18)], Lens(60, 56.0, central)) == seen
+    assert seen_by_me([at(40, 27), at(40), at(40, -18)], CameraSettings(60, 56.0, central)) == seen
 
 
 def test_a_robot_between_two_rays_is_not_listed() -> None:
-    assert seen_by_me([at(30), at(30, 90)], Lens(2, 360.0, 2)) == [2]
+    assert seen_by_me([at(30), at(30, 90)], CameraSettings(2, 360.0, 2)) == [2]
 
 
 def test_what_a_robot_faces_does_not_matter_but_to_itself() -> None:
@@ -179,33 +191,33 @@ def test_what_a_robot_faces_does_not_matter_but_to_itself() -> None:
     beside, behind, ahead = (x, y + 20, 3.0), (x - 40, y, 0.1), (x + 40, y, -2.0)
     assert seen_by_me([beside, behind, ahead]) == [3]
     turned = np.array([[(*ME[:2], math.pi / 2), beside, behind, ahead]])
-    assert sightings(turned, make_arena(200, 200, [], []), Lens(), 0, 1) == [[0, 0, 1]]
+    assert sightings(turned, make_arena(200, 200, [], []), CameraSettings(), 0, 1) == [[0, 0, 1]]
 
 
 # --- several steps, some observers, many sightings --------------------------------------------------
 
 
-@given(scenes(robots=(2, 10, 60)), lenses(), st.integers(0, 2**32 - 1))
-def test_several_steps_at_once_are_one_after_the_other(scene: Scene, lens: Lens, seed: int) -> None:
+@given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+def test_several_steps_at_once_are_one_after_the_other(scene: Scene, camera: CameraSettings, seed: int) -> None:
     random = np.random.default_rng(seed)
     poses = np.array([random.permutation(scene.poses) for _ in range(5)])
     one_by_one = [
         [step, observer, seen]
         for step in range(5)
-        for _, observer, seen in sightings(poses[step : step + 1], scene.arena, lens)
+        for _, observer, seen in sightings(poses[step : step + 1], scene.arena, camera)
     ]
-    assert sightings(poses, scene.arena, lens) == one_by_one
+    assert sightings(poses, scene.arena, camera) == one_by_one
 
 
-@given(scenes(robots=(2, 10, 60)), lenses(), st.integers(0, 2**32 - 1))
-def test_only_the_observers_that_are_asked_for_are_listed(scene: Scene, lens: Lens, seed: int) -> None:
+@given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+def test_only_the_observers_that_are_asked_for_are_listed(scene: Scene, camera: CameraSettings, seed: int) -> None:
     random = np.random.default_rng(seed)
     first = int(random.integers(len(scene.poses)))
     observers = int(random.integers(1, len(scene.poses) - first + 1))
     poses = np.array([random.permutation(scene.poses) for _ in range(2)])
-    everybody = sightings(poses, scene.arena, lens)
+    everybody = sightings(poses, scene.arena, camera)
     wanted = [sighting for sighting in everybody if first <= sighting[1] < first + observers]
-    assert sightings(poses, scene.arena, lens, first, observers) == wanted
+    assert sightings(poses, scene.arena, camera, first, observers) == wanted
 
 
 @pytest.mark.parametrize("steps", [1, 3])

@@ -32,8 +32,8 @@ NOTHING_STARTS = ("/nonexistent/rerun",)
 
 TELL = """
 import json, os, pathlib, socket, sys, time
-told = {"arguments": sys.argv[1:], "analytics": os.environ.get("RERUN_ANALYTICS")}
-pathlib.Path(__file__).with_suffix(".json").write_text(json.dumps(told))
+received = {"arguments": sys.argv[1:], "analytics": os.environ.get("RERUN_ANALYTICS")}
+pathlib.Path(__file__).with_suffix(".json").write_text(json.dumps(received))
 """
 
 ANSWER_AND_BREAK_DOWN = """
@@ -113,12 +113,12 @@ class Stand(NamedTuple):
         self.acts(f"SAID = {said!r}", ANSWER_AND_BREAK_DOWN)
 
     @property
-    def told(self) -> dict[str, Any]:
+    def received(self) -> dict[str, Any]:
         return json.loads(self.script.with_suffix(".json").read_text())
 
 
 def replace_rerun(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Stand:
-    """Return a program that stands for rerun's, and ends at once if it is not told otherwise."""
+    """Return a program that stands for rerun's, and ends at once unless `acts` says otherwise."""
     folder.mkdir()
     monkeypatch.setattr(process, "PROGRAM", (sys.executable, str(folder / "rerun.py")))
     stand = Stand(folder / "rerun.py")

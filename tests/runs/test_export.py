@@ -270,7 +270,7 @@ def test_a_path_that_cannot_be_written_is_refused(folder, tmp_path, name: str, r
 def test_what_is_no_run_folder_is_refused(tmp_path, name: str) -> None:
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(StoreError, match=f"{name}: is no run folder: there is no {DATABASE} in it"):
+    with pytest.raises(StoreError, match=f"{name}: is not a run folder: there is no {DATABASE} in it"):
         export(tmp_path / name, tmp_path / "results.csv")
     assert not (tmp_path / "results.csv").exists()
 

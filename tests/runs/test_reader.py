@@ -230,7 +230,7 @@ def test_what_is_no_run_folder_is_refused(tmp_path, read, name: str) -> None:
     (tmp_path / "file").write_text("mine")
     with pytest.raises(StoreError) as caught:
         read(tmp_path / name)
-    assert str(caught.value) == f"{tmp_path / name}: is no run folder: there is no {DATABASE} in it"
+    assert str(caught.value) == f"{tmp_path / name}: is not a run folder: there is no {DATABASE} in it"
     assert {path.name for path in tmp_path.iterdir()} == {"empty", "file"}
     assert list((tmp_path / "empty").iterdir()) == []
 

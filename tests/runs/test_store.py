@@ -496,7 +496,7 @@ def test_an_axis_value_beyond_64_bits_is_stored(tmp_path) -> None:
 # One at a time
 
 
-def test_a_second_command_is_refused_and_told_who_is_at_work(tmp_path) -> None:
+def test_a_second_command_is_refused_with_the_process_at_work(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
         with pytest.raises(StoreError) as caught:
@@ -553,13 +553,13 @@ def test_a_sweep_of_which_nothing_was_run_gives_its_folder_up(tmp_path) -> None:
     assert [point.axes for point in read_points(tmp_path)] == [point.axes for point in points(mended)]
 
 
-def test_a_database_that_another_program_has_locked_is_told_and_stays_whole(tmp_path) -> None:
+def test_a_database_that_another_program_has_locked_is_reported_and_stays_intact(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store, closing(sqlite3.connect(tmp_path / DATABASE)) as other:
         store.add(outcome(found[0], 0))
         store._connection.execute("PRAGMA busy_timeout = 1")
         other.execute("BEGIN IMMEDIATE")
-        with pytest.raises(StoreError, match="database is locked; what is stored is whole"):
+        with pytest.raises(StoreError, match="database is locked; stored results are intact"):
             store.add(outcome(found[0], 1))
         other.rollback()
         store.add(outcome(found[0], 2))
@@ -595,10 +595,10 @@ def foreign_database(_: bytes) -> bytes:
 
 
 SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
-    "empty": (lambda _: b"", "is no database of epuck-sim"),
-    "text": (lambda _: b"seed,t_sync_cycles\n" * 1000, "is no database of epuck-sim"),
-    "foreign": (foreign_database, "is no database of epuck-sim"),
-    "cut within its header": (lambda whole: whole[:50], "is no database of epuck-sim"),
+    "empty": (lambda _: b"", "is not a database of epuck-sim"),
+    "text": (lambda _: b"seed,t_sync_cycles\n" * 1000, "is not a database of epuck-sim"),
+    "foreign": (foreign_database, "is not a database of epuck-sim"),
+    "cut within its header": (lambda whole: whole[:50], "is not a database of epuck-sim"),
     "cut after its header": (lambda whole: whole[:100], "is damaged"),
     "cut in half": (lambda whole: whole[: len(whole) // 2], "is damaged"),
     "cut within its last page": (lambda whole: whole[:-2000], "is damaged"),
@@ -657,13 +657,13 @@ def test_garbage_in_any_page_is_found(tmp_path) -> None:
 def test_a_folder_with_other_files_is_refused(tmp_path, name: str) -> None:
     (tmp_path / name).write_text("mine")
     message = refused(tmp_path, DEMO)
-    assert f"is no run folder: it holds {name!r} but no {DATABASE}; give a new or empty one" in message
+    assert f"is not a run folder: it holds {name!r} but no {DATABASE}; give a new or empty one" in message
     assert set(contents(tmp_path)) == {name}
 
 
 def test_a_folder_with_another_folder_in_it_is_refused(tmp_path) -> None:
     fill(tmp_path / "fig-4-2a")
-    with pytest.raises(StoreError, match="is no run folder: it holds 'fig-4-2a'"):
+    with pytest.raises(StoreError, match="is not a run folder: it holds 'fig-4-2a'"):
         Store(tmp_path, DEMO, points(DEMO))
     assert [path.name for path in tmp_path.iterdir()] == ["fig-4-2a"]
 
@@ -692,8 +692,8 @@ def test_where_the_disk_is_full_what_is_stored_stays_whole_and_the_next_run_goes
             for trial in range(1, 500):
                 store.add(outcome(found[0], trial))
                 kept += 1
-        expected = f"{tmp_path / DATABASE}: database or disk is full; what is stored is whole: go on once mended"
-        assert str(caught.value) == expected
+        full = f"{tmp_path / DATABASE}: database or disk is full"
+        assert str(caught.value) == f"{full}; stored results are intact; fix this and run the command again"
         assert kept > 10
     assert [(row["number"], row["trial"]) for row in stored(tmp_path)] == [(0, trial) for trial in range(kept)]
     with Store(tmp_path, scenario, found) as store:
@@ -729,7 +729,7 @@ def test_where_a_write_fails_in_mid_run_what_is_stored_stays_whole(tmp_path) -> 
         for trial in range(5):
             store.add(outcome(found[1], trial))
         size = (tmp_path / f"{DATABASE}-wal").stat().st_size
-        with no_file_larger_than(size + 100), pytest.raises(StoreError, match="what is stored is whole"):
+        with no_file_larger_than(size + 100), pytest.raises(StoreError, match="stored results are intact"):
             store.add(outcome(found[1], 5))
         assert len(store.finished()) == 5
         store.add(outcome(found[1], 6))

@@ -73,7 +73,7 @@ def test_what_is_just_allowed_is_read(sections):
 REFUSED = [
     (
         {"neighbourhood": {"kind": "nearest", "k": 20}},
-        "neighbourhood.k is 20; allowed: 1 to 19, for agents.count is 20",
+        "neighbourhood.k is 20; allowed: 1 to 19, because agents.count is 20",
     ),
     ({"neighbourhood": {"kind": "nearest", "k": 0}}, "neighbourhood.k: is 0; allowed: at least 1"),
     ({"neighbourhood": {"kind": "nearest", "k": 1.5}}, "neighbourhood.k: is 1.5; allowed: a whole number"),
@@ -177,21 +177,25 @@ def test_a_mistake_is_named_with_key_value_and_what_is_allowed(sections, message
         ({"arena": {"width_cm": 60}}, "arena", "space"),
         ({"robots": [{"count": 3}]}, "robots", "agents, clocks, response and neighbourhood"),
         ({"noise": "off"}, "noise", "clocks.jitter for clocks; agents neither sense nor drive"),
-        ({"contact": {}}, "contact", "nothing, for agents are points"),
-        ({"spread": {"clock_rate": 0.01}}, "spread", "nothing, for agents are all alike"),
-        ({"stuck": {"per_hour": 1}}, "stuck", "nothing, for agents are points"),
-        ({"timing": {"control_hz": 10}}, "timing", "nothing, for time has no steps"),
+        ({"contact": {}}, "contact", "no counterpart, because agents are points"),
+        ({"spread": {"clock_rate": 0.01}}, "spread", "no counterpart, because agents are all alike"),
+        ({"stuck": {"per_hour": 1}}, "stuck", "no counterpart, because agents are points"),
+        ({"timing": {"control_hz": 10}}, "timing", "no counterpart, because time has no steps"),
         ({"stop": {"reference_robot": 1}}, "stop.reference_robot", "stop.reference"),
         ({"stop": {"max_time_s": 1}}, "stop.max_time_s", "stop.max_cycles"),
-        ({"stop": {"further_cycles": 1}}, "stop.further_cycles", "nothing, for its trials end with synchrony"),
+        (
+            {"stop": {"further_cycles": 1}},
+            "stop.further_cycles",
+            "no counterpart, because its trials end with synchrony",
+        ),
     ],
 )
-def test_a_key_of_embodied_scenarios_is_told_where_it_belongs(sections, key, place):
+def test_a_key_of_embodied_scenarios_is_rejected_with_where_it_belongs(sections, key, place):
     assert message_of(**sections) == f"{key}: belongs to model: embodied; model: particles has {place}"
 
 
 @pytest.mark.parametrize("key", ["space", "agents", "neighbourhood", "response", "clocks", "start"])
-def test_a_key_of_particle_scenarios_is_told_where_it_belongs(key):
+def test_a_key_of_particle_scenarios_is_rejected_with_where_it_belongs(key):
     with pytest.raises(ScenarioError) as caught:
         load_scenario({key: {}})
     assert str(caught.value) == f"scenario: {key}: belongs to model: particles; give that model, or leave it out"
@@ -230,10 +234,10 @@ def test_a_displacement_out_of_place_is_named_with_its_value():
     assert "0.001" in message_of(start={"displacement": 0.001})
 
 
-def test_a_neighbourhood_that_is_but_a_word_is_told_the_kinds():
+def test_a_neighbourhood_that_is_only_a_word_is_rejected_with_the_kinds():
     assert "cone_of_vision" in message_of(neighbourhood="nearest")
 
 
-def test_a_key_of_particle_scenarios_in_stop_is_told_where_it_belongs():
+def test_a_key_of_particle_scenarios_in_stop_is_rejected_with_where_it_belongs():
     with pytest.raises(ScenarioError, match="belongs to model: particles"):
         load_scenario({"stop": {"reference": 1}})

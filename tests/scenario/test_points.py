@@ -263,7 +263,7 @@ def two_of_one_name(folder: Path, first: str, second: str) -> Scenario:
         ("a/firefly.py", "b/firefly.py", ["a/firefly.py", "b/firefly.py", "firefly"]),
     ],
 )
-def test_controllers_of_one_file_name_are_told_apart_by_their_folders(tmp_path, first, second, names) -> None:
+def test_controllers_of_one_file_name_are_distinguished_by_their_folders(tmp_path, first, second, names) -> None:
     one, other, _ = found = points(two_of_one_name(tmp_path / "here", first, second))
     assert [point.axes[CONTROLLER] for point in found] == names
     assert [one.scenario.robots[0].parameters["pace"], other.scenario.robots[0].parameters["pace"]] == [0.5, 1.5]

@@ -178,7 +178,7 @@ def test_a_falling_curve_has_no_extrema_and_there_are_no_laws(tmp_path, capsys) 
     assert not curves[0].extrema.is_found
     stdout = printed(capsys, curves)
     assert "No laws: no curve has a local minimum and a peak." in stdout
-    assert "-: no rise beyond noise" in stdout
+    assert "-: no minimum and peak that noise could not explain" in stdout
     read = json_of(capsys, curves)
     assert read["laws"] == fit_laws(curves)._asdict()
     assert [read["curves"][0][name] for name in NAMES] == [None] * 4
@@ -209,7 +209,7 @@ def test_a_folder_without_a_speed_axis_is_refused_by_name(tmp_path) -> None:
     with pytest.raises(EpuckSimError) as caught:
         fit_curves(tmp_path / "count")
     assert str(caught.value).startswith(f"{tmp_path / 'count'}: no axis ends in .speed_cm_s")
-    with pytest.raises(StoreError, match="is no run folder"):
+    with pytest.raises(StoreError, match="is not a run folder"):
         fit_curves(tmp_path)
 
 
@@ -312,7 +312,7 @@ def test_what_a_law_does_not_account_for_tells_scenarios_apart(tmp_path, changes
 @pytest.mark.parametrize(
     "changes",
     [
-        {"name": "mine", "trials": 5, "seed": 3, "description": "told"},
+        {"name": "mine", "trials": 5, "seed": 3, "description": "mine"},
         {"arena": {"width_cm": 50, "height_cm": 60}},
         {"robots": [{"count": 4, "parameters": {"coupling": 0.3, "period_s": 3}}]},
     ],
@@ -392,7 +392,7 @@ def test_no_number_is_cut_where_the_folder_s_name_is_long(capsys) -> None:
     assert table[0][5].endswith(")")
 
 
-def test_folders_whose_long_names_differ_at_the_end_are_told_apart(capsys) -> None:
+def test_folders_whose_long_names_differ_at_the_end_are_distinguished(capsys) -> None:
     runs = [f"/{'long' * 30}/{name}" for name in ("fig-4-2a", "fig-4-2b")]
     table = [row for row in cells(printed(capsys, [lawful(run=run) for run in runs])) if len(row) == 7]
     assert "".join(row[0] for row in table) == "".join(runs)

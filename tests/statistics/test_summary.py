@@ -1,4 +1,4 @@
-"""Claims about the statistics of a sweep's points: whose numbers they are, and what is told where there are none."""
+"""Claims about the statistics of a sweep's points: whose numbers they are, and the reports where there are none."""
 
 import json
 import math

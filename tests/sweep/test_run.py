@@ -262,7 +262,7 @@ def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
     assert resident_kb() <= 1.05 * before
 
 
-def test_other_versions_that_made_trials_are_told(tmp_path) -> None:
+def test_other_versions_that_made_trials_are_reported(tmp_path) -> None:
     path, folder = short_sweep(tmp_path, 2), tmp_path / "run"
     run_sweep(load_scenario(path), folder, partial(local_pool, 1))
     quiet = CliRunner().invoke(app, ["run", str(folder)])

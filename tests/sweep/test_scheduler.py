@@ -98,7 +98,7 @@ def test_a_queue_counts_what_waits_and_hands_out_what_was_lost_first_and_alone()
     assert not waiting
 
 
-def test_a_queue_with_fewer_tasks_than_it_was_told_ends() -> None:
+def test_a_queue_with_fewer_tasks_than_announced_ends() -> None:
     waiting = TaskQueue([task(0)], 3)
     assert [each.trial for each in schedule(waiting, [], opened(set(), 2))] == [0]
 

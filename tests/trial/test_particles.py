@@ -81,7 +81,7 @@ def test_a_firing_of_the_reference_that_others_have_followed_is_measured_too(sto
     assert swarm.order_parameter == pytest.approx(of_phases("complex", [0, 0.6, 0.4]))
 
 
-def test_the_order_parameter_at_any_time_is_the_one_that_is_told_event_by_event():
+def test_the_order_parameter_at_any_time_is_the_one_reported_event_by_event():
     swarm, by_event = (
         make_simulation(1, response={"coupling": 0}, clocks={"jitter": 0.2}, agents={"count": 5}) for _ in range(2)
     )
@@ -235,8 +235,8 @@ def test_a_trial_is_the_same_with_observers_and_at_any_pace(data, seed, kind):
         make_simulation(seed, **sections), [lambda event, swarm: seen.append((swarm.cycles, len(event.fired)))]
     )
     shown = []
-    told = run_trial(make_simulation(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
-    assert without_wall(told) == without_wall(alone)
+    watched = run_trial(make_simulation(seed, **sections), progress=lambda swarm: shown.append(swarm.cycles))
+    assert without_wall(watched) == without_wall(alone)
     assert without_wall(watched) == without_wall(alone)
     assert sum(fired > 0 for _, fired in seen) == alone.steps
     assert seen[-1][0] == shown[-1] == alone.cycles

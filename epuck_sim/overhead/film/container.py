@@ -29,7 +29,7 @@ def resolve_file(path: str) -> str:
     """Return the absolute path for FFmpeg, which would take the relative path `film:2.mp4` for an address.
 
     Raises:
-        FilmError: the name is empty, or names a pipe, a directory or an empty file.
+        FilmError: The name is empty, or names a pipe, a directory or an empty file.
     """
     file = Path(path).absolute()
     if not path.strip():
@@ -80,7 +80,7 @@ def picture_stream(name: str, container: InputContainer) -> VideoStream:
     """Return the first video stream that is not a cover picture.
 
     Raises:
-        FilmError: the container holds no moving pictures, or none that can be decoded.
+        FilmError: The container holds no moving pictures, or none that can be decoded.
     """
     for stream in container.streams.video:
         if stream.disposition & Disposition.attached_pic:

@@ -31,7 +31,7 @@ class LiveCamera:
             number: 0 for the first camera, 1 for the second, and so on.
 
         Raises:
-            FilmError: the camera cannot be opened, or delivers no picture.
+            FilmError: The camera cannot be opened, or delivers no picture.
         """
         self.name = f"camera {number}"
         if number < 0:
@@ -71,7 +71,7 @@ class LiveCamera:
         A later call continues with the next frame.
 
         Raises:
-            FilmError: the camera delivers no more pictures.
+            FilmError: The camera delivers no more pictures.
         """
         return self._frames
 

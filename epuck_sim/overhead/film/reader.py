@@ -29,10 +29,10 @@ from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.timestamps import FilmClock
 
 EARLY_S = 1.0
-"""A film that ends this long before its declared end was cut off; sound may end slightly later than the pictures."""
+"""Seconds before its declared end from which a film counts as cut off; sound may outlast the pictures slightly."""
 
 TIMEOUT_S = 15.0
-"""Seconds that an address on the network may take to answer."""
+"""Longest time, in seconds, that an address on the network may take to answer."""
 
 UNSTAMPED_RATE = 25
 """Frame rate assumed where neither time stamps nor the file give one; FFmpeg assumes the same for numbered pictures."""
@@ -43,10 +43,10 @@ def open_film(path_or_url: str) -> Iterator["Film"]:
     """Open a film for the duration of a `with` block.
 
     Args:
-        path_or_url: a file, numbered pictures (`frames_%04d.png`), or an address (`http://...`).
+        path_or_url: A file, numbered pictures (`frames_%04d.png`), or an address (`http://...`).
 
     Raises:
-        FilmError: there is no such film, it is damaged beyond use, or none of its pictures can be decoded.
+        FilmError: There is no such film, it is damaged beyond use, or none of its pictures can be decoded.
     """
     source = path_or_url if "://" in path_or_url else resolve_file(path_or_url)
     timeout = TIMEOUT_S if "://" in path_or_url else None
@@ -97,7 +97,7 @@ class Film:
         Only the first of several frames with the same time stamp is kept. A later call continues with the next frame.
 
         Raises:
-            FilmError: the size of the pictures changes.
+            FilmError: The size of the pictures changes.
         """
         return self._frames
 

@@ -5,10 +5,10 @@ from fractions import Fraction
 from statistics import median
 
 GAP = 1.5
-"""An interval between frames longer than this many median intervals is a gap: halfway to one dropped frame."""
+"""Shortest gap between frames, in median intervals: halfway to one dropped frame."""
 
 RESTART_S = 1.0
-"""A time stamp this far before the previous one belongs to a clock that restarted, not to a frame out of order."""
+"""Seconds before the previous time stamp from which a clock counts as restarted, not a frame as out of order."""
 
 
 class FilmClock:

@@ -61,7 +61,7 @@ class FilmWriter:
         """Add a frame whose time is after those of all frames before.
 
         Raises:
-            FilmError: the frame cannot be written, or has another size than the film.
+            FilmError: The frame cannot be written, or has another size than the film.
         """
         if frame.picture.shape != self._shape:
             raise FilmError(f"{self._path}: a picture of shape {frame.picture.shape}; allowed: {self._shape}")
@@ -103,15 +103,15 @@ def film_file(
     """Yield a writer of a film, which gets the name `path` when the block ends without an error.
 
     Args:
-        path: the film, whose name ends in .mp4.
-        width_px: width of all pictures; even, as H.264 requires.
-        height_px: height of all pictures; even.
-        description: stored with the film, as JSON in the `comment` of its metadata.
-        title: stored with the film.
+        path: The film, whose name ends in .mp4.
+        width_px: Width of all pictures; even, as H.264 requires.
+        height_px: Height of all pictures; even.
+        description: Stored with the film, as JSON in the `comment` of its metadata.
+        title: Stored with the film.
 
     Raises:
-        FilmError: the name does not end in .mp4, or a side is odd.
-        EpuckSimError: the file cannot be written.
+        FilmError: The name does not end in .mp4, or a side is odd.
+        EpuckSimError: The file cannot be written.
     """
     if path.suffix != SUFFIX:
         raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")

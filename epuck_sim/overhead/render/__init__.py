@@ -1,1 +1,1 @@
-"""From a trial to the pictures that a camera above the arena takes."""
+"""Rendering of a trial as the pictures that a camera above the arena takes."""

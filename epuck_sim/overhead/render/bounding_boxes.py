@@ -17,10 +17,10 @@ def bounding_boxes(
     """Return the pixels within which each of some upright cylinders is seen.
 
     Args:
-        camera: the camera that sees them.
+        camera: The camera that sees them.
         centres_cm: (n, 2) cm: x and y of their axes.
-        radius_cm: radius of all of them.
-        heights_cm: heights above the floor that they cover; the lowest and the highest are enough.
+        radius_cm: Radius of all of them.
+        heights_cm: Heights above the floor that they cover; the lowest and the highest are enough.
 
     Returns:
         (n, 4) px: first row, row after the last, first column, column after the last; an empty box for what is outside

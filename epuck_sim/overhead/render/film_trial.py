@@ -34,17 +34,17 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
     ...     result = run_trial(Simulation(scenario, seed=1), [observer])
 
     Args:
-        path: the film, whose name ends in .mp4.
-        scenario: scenario of the trial, as `load_scenario` returns it; its model must be `embodied`.
-        seed: seed of the trial; the camera's noise is drawn from it, too.
+        path: The film, whose name ends in .mp4.
+        scenario: Scenario of the trial, as `load_scenario` returns it; its model must be `embodied`.
+        seed: Seed of the trial; the camera's noise is drawn from it, too.
 
     Yields:
         An observer for `run_trial`.
 
     Raises:
-        ScenarioError: the scenario is of another model.
-        FilmError: its camera cannot see the arena, or the name does not end in .mp4.
-        EpuckSimError: the file cannot be written.
+        ScenarioError: The scenario is of another model.
+        FilmError: Its camera cannot see the arena, or the name does not end in .mp4.
+        EpuckSimError: The file cannot be written.
     """
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
         yield lambda step, _: observe(step.time_s, step.poses, step.ring_on)
@@ -54,13 +54,13 @@ def film_recording(recording: Path, overrides: Sequence[str], path: Path, progre
     """Film a recorded trial with the overhead camera of its scenario.
 
     Args:
-        recording: the recording (.rrd) of an embodied trial, of any level but `summary`.
-        overrides: changes to the camera, each `overhead.KEY=VALUE` as `--set` takes it.
-        path: the film, whose name ends in .mp4.
-        progress: shows how far the film is.
+        recording: The recording (.rrd) of an embodied trial, of any level but `summary`.
+        overrides: Changes to the camera, each `overhead.KEY=VALUE` as `--set` takes it.
+        path: The film, whose name ends in .mp4.
+        progress: Shows how far the film is.
 
     Raises:
-        EpuckSimError: the recording cannot be filmed, an override is not of the camera, or the film cannot be written.
+        EpuckSimError: The recording cannot be filmed, an override is not of the camera, or the film cannot be written.
     """
     recorded = read_recording(recording)
     recorded_scenario = _require_rings(recorded.scenario, str(recording))

@@ -37,10 +37,10 @@ class Renderer:
         """Prepare what all pictures share.
 
         Args:
-            section: the section `overhead` of a scenario: light and optics.
-            camera: geometry of the camera.
-            arena: the arena below it.
-            seed: seed of the noise.
+            section: The section `overhead` of a scenario: light and optics.
+            camera: Geometry of the camera.
+            arena: The arena below it.
+            seed: Seed of the noise.
         """
         self._camera = camera
         self._light = section.exposure_ms / NOMINAL_EXPOSURE_MS

@@ -57,9 +57,9 @@ def add_rings(
         eye_cm: (3,) cm: position of the camera.
         poses: (rings, 3) cm, cm, rad: x, y, heading of the robots whose rings are on.
         boxes: (rings, 4) px, as `bounding_boxes` returns them.
-        light: light of an LED.
-        bloom: brightness of the haze at the ring, relative to the LED's.
-        reach: distance from a ring, in cm, beyond which nothing is added.
+        light: Light of an LED.
+        bloom: Brightness of the haze at the ring, relative to the LED's.
+        reach: Distance from a ring, in cm, beyond which nothing is added.
     """
     rise = epuck.RING_HEIGHT_CM / eye_cm[2]
     for ring in range(len(poses)):

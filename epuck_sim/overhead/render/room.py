@@ -55,7 +55,7 @@ def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Flo
     Args:
         floor_cm: (rows, columns, 2) cm: the point of the floor that each pixel shows.
         eye_cm: (3,) cm: position of the camera.
-        arena: the arena below it.
+        arena: The arena below it.
 
     Returns:
         (rows, columns) levels.

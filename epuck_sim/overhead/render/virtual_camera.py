@@ -45,12 +45,12 @@ class VirtualCamera:
         """Place the camera above an arena.
 
         Args:
-            section: the section `overhead` of a scenario.
-            arena: the arena below the camera.
-            seed: seed of the noise.
+            section: The section `overhead` of a scenario.
+            arena: The arena below the camera.
+            seed: Seed of the noise.
 
         Raises:
-            EpuckSimError: the camera cannot see the arena (see `overhead_camera`).
+            EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
         """
         camera = overhead_camera(section, arena.width_cm, arena.height_cm)
         self._renderer = Renderer(section, camera, arena, seed)
@@ -64,7 +64,7 @@ class VirtualCamera:
         """Add a control step; yield the frames whose exposures have ended by then.
 
         Args:
-            time_s: time of the step; later than that of all steps before.
+            time_s: Time of the step; later than that of all steps before.
             poses: (robots, 3) cm, cm, rad: x, y, heading; headings may be wrapped. Robots move evenly between steps.
             ring_on: (robots,) which rings are on from now until the next step.
         """

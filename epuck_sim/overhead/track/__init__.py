@@ -1,1 +1,1 @@
-"""From a film to rings, their counts, and the time of synchrony."""
+"""Tracking of rings in a film, their counts, and the time of synchrony."""

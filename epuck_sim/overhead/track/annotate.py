@@ -54,9 +54,9 @@ class Annotator:
         """Begin a film.
 
         Args:
-            width_px: width of the film's pictures.
-            height_px: height of the film's pictures.
-            period_s: period of the oscillators.
+            width_px: Width of the film's pictures.
+            height_px: Height of the film's pictures.
+            period_s: Period of the oscillators.
         """
         self._period_s = period_s
         self._line_px = max(MIN_LINE_PX, round(min(width_px / 28, height_px / 24)))
@@ -80,11 +80,11 @@ class Annotator:
         """Annotate the next frame with what is known by then.
 
         Args:
-            frame: the frame.
-            rings: rings found in it.
-            start_s: beginning of the trial on the film's clock; counts before it are discarded.
-            evaluation: the evaluation that this frame completed, if any.
-            t_sync_s: time of synchrony on the film's clock; None before that.
+            frame: The frame.
+            rings: Rings found in it.
+            start_s: Beginning of the trial on the film's clock; counts before it are discarded.
+            evaluation: The evaluation that this frame completed, if any.
+            t_sync_s: Time of synchrony on the film's clock; None before that.
 
         Returns:
             (height_px, width_px, 3) levels.
@@ -144,10 +144,10 @@ def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window
     mode may last for a single frame.
 
     Args:
-        history: times and counts of frames.
-        now_s: end of the window.
-        window_s: length of the window.
-        width: number of columns.
+        history: Times and counts of frames.
+        now_s: End of the window.
+        window_s: Length of the window.
+        width: Number of columns.
     """
     times = np.array([time_s for time_s, _ in history])
     counts = np.array([count for _, count in history], np.int64)

@@ -53,14 +53,14 @@ def camera_from_corners(
     Args:
         corners_px: (4, 2) px: columns and rows in any order; the corner nearest to the picture's lower left corner is
             the arena's origin.
-        width_px: width of the picture.
-        height_px: height of the picture.
-        arena_width_cm: width of the floor.
-        arena_height_cm: height of the floor, along y.
-        above_cm: height of the camera above the floor, which corners seen from straight above do not determine.
+        width_px: Width of the picture.
+        height_px: Height of the picture.
+        arena_width_cm: Width of the floor.
+        arena_height_cm: Height of the floor, along y.
+        above_cm: Height of the camera above the floor, which corners seen from straight above do not determine.
 
     Raises:
-        FilmError: the corners are not a convex quadrilateral, too close together, or outside of the picture.
+        FilmError: The corners are not a convex quadrilateral, too close together, or outside of the picture.
     """
     # loading it takes half a second, and most films do without it
     from scipy.optimize import least_squares  # noqa: PLC0415
@@ -95,15 +95,15 @@ def camera_from_rings(
     """Return the camera straight above the arena's middle in whose pictures rings have these radii.
 
     Args:
-        radii_px: radius of one ring or more, as `measure_radius` returns it; their median is used.
-        width_px: width of the picture.
-        height_px: height of the picture.
-        arena_width_cm: width of the floor.
-        arena_height_cm: height of the floor, along y.
-        above_cm: height of the camera above the floor.
+        radii_px: Radius of one ring or more, as `measure_radius` returns it; their median is used.
+        width_px: Width of the picture.
+        height_px: Height of the picture.
+        arena_width_cm: Width of the floor.
+        arena_height_cm: Height of the floor, along y.
+        above_cm: Height of the camera above the floor.
 
     Raises:
-        FilmError: a radius is not a positive number.
+        FilmError: A radius is not a positive number.
     """
     radii = np.atleast_1d(np.asarray(radii_px, float))
     if not radii.size or not (np.isfinite(radii) & (radii > 0)).all():
@@ -117,7 +117,7 @@ def measure_radius(pictures: Iterable[Picture]) -> float | None:
     """Return the median radius, in px, of rings that touch no other; None if there are none.
 
     Args:
-        pictures: pictures of the dark room; lit ones are skipped. Reading ends after `MAX_RINGS` rings.
+        pictures: Pictures of the dark room; lit ones are skipped. Reading ends after `MAX_RINGS` rings.
     """
     radii: list[float] = []
     for picture in pictures:

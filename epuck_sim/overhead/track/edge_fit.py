@@ -60,7 +60,7 @@ def fit_side(
         start: (2,) px: beginning of the line.
         end: (2,) px: end of the line.
         middle: (2,) px: a point on the floor's side of the line.
-        reach_px: largest distance of the edge from the line.
+        reach_px: Largest distance of the edge from the line.
     """
     along = end - start
     outward = np.array([along[1], -along[0]]) / np.hypot(*along)

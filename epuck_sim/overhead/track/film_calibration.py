@@ -89,8 +89,8 @@ class TrackOptions(NamedTuple):
         """Return the spread at which a swarm counts as synchronised: the one given, or the bound of Appendix C.
 
         Args:
-            period_s: period of the oscillators.
-            flash_s: duration of a flash.
+            period_s: Period of the oscillators.
+            flash_s: Duration of a flash.
         """
         if self.threshold_ms is not None:
             return self.threshold_ms / 1000
@@ -120,14 +120,14 @@ def calibrate(source: FrameSource, options: TrackOptions) -> tuple[CameraModel, 
     light; or else from the size of the rings.
 
     Args:
-        source: the film or camera; its next frames are read.
-        options: what is known of it.
+        source: The film or camera; its next frames are read.
+        options: What is known of it.
 
     Returns:
         The camera, and what it was determined from.
 
     Raises:
-        FilmError: the options make no sense, or the film shows neither a floor nor a ring.
+        FilmError: The options make no sense, or the film shows neither a floor nor a ring.
     """
     size = source.width_px, source.height_px
     floor_cm = options.arena_cm or (REFERENCE_SIDE_CM, REFERENCE_SIDE_CM)

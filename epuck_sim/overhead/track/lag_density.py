@@ -18,10 +18,10 @@ def common_lags_s(causes: Events, effects: Events, range_s: tuple[float, float],
     """Return the commonest lags from some events to others, ascending, to a fraction of a frame.
 
     Args:
-        causes: events from which lags are measured.
-        effects: events to which lags are measured.
-        range_s: shortest lag that counts, and the shortest beyond it that does not.
-        frame_s: time from one frame to the next.
+        causes: Events from which lags are measured.
+        effects: Events to which lags are measured.
+        range_s: Shortest lag that counts, and the shortest beyond it that does not.
+        frame_s: Time from one frame to the next.
     """
     lags_s, weights = lags(causes, effects, range_s)
     peaks_s = _peaks_s(lags_s, weights, frame_s) if len(lags_s) else ()
@@ -62,8 +62,8 @@ def mean_shift(lags_s: FloatArray, weights: FloatArray, start_s: float, frame_s:
     Args:
         lags_s: (pairs,) lags.
         weights: (pairs,) their weights.
-        start_s: lag from which to climb, within a few frames of some lag.
-        frame_s: time from one frame to the next.
+        start_s: Lag from which to climb, within a few frames of some lag.
+        frame_s: Time from one frame to the next.
 
     Returns:
         The peak and the density there; `start_s` and 0 if no lag is near.

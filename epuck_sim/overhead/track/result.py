@@ -94,14 +94,14 @@ def analyse(
     """Analyse the counts of a whole film.
 
     Args:
-        film: name of the film.
-        counter: a counter that has processed all frames.
-        calibration: what the camera was determined from.
-        options: what is known and need not be estimated.
-        warnings: warnings about the film so far.
+        film: Name of the film.
+        counter: A counter that has processed all frames.
+        calibration: What the camera was determined from.
+        options: What is known and need not be estimated.
+        warnings: Warnings about the film so far.
 
     Raises:
-        FilmError: there is no light in the film, its trial is a single frame, or its period is neither given nor clear.
+        FilmError: There is no light in the film, its trial is a single frame, or its period is neither given nor clear.
     """
     frames, start_s, times_s, counts = counter.frames, counter.start_s, counter.times_s, counter.counts
     if not counts.any():

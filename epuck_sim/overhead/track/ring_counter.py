@@ -83,10 +83,10 @@ def track_frames(
     """Process frames one by one as they are asked for.
 
     Args:
-        frames: the frames in their order.
-        counter: counts their rings.
-        period_s: period of the oscillators.
-        threshold_s: returns the standard deviation of the histogram at which the swarm counts as synchronised, as far
+        frames: The frames in their order.
+        counter: Counts their rings.
+        period_s: Period of the oscillators.
+        threshold_s: Returns the standard deviation of the histogram at which the swarm counts as synchronised, as far
             as it can be estimated by then.
     """
     detector: SynchronyDetector | None = None

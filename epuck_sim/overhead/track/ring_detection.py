@@ -110,7 +110,7 @@ class RingFinder:
             picture: (height_px, width_px, 3) levels.
 
         Raises:
-            ValueError: the picture's size is not the camera's.
+            ValueError: The picture's size is not the camera's.
         """
         camera = self._camera
         if picture.shape != (camera.height_px, camera.width_px, 3):

@@ -80,10 +80,10 @@ def fit_ring(view: npt.NDArray[np.uint8], cells_per_cm: int, column: float, row:
 
     Args:
         view: (rows, columns) light on the plane of the rings (see `rectified_view`).
-        cells_per_cm: resolution of the view.
-        column: column of the cell.
-        row: row of the cell.
-        least: minimum median level of a ring.
+        cells_per_cm: Resolution of the view.
+        column: Column of the cell.
+        row: Row of the cell.
+        least: Minimum median level of a ring.
 
     Returns:
         The circle; None if half of the ring is missing or it is too faint.

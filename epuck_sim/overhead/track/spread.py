@@ -51,8 +51,8 @@ class SynchronyDetector:
         """Begin before the first frame.
 
         Args:
-            period_s: period of the oscillators.
-            start_s: time at which the robots start; earlier frames are ignored.
+            period_s: Period of the oscillators.
+            start_s: Time at which the robots start; earlier frames are ignored.
         """
         self._period_s = period_s
         self._start_s = start_s
@@ -70,8 +70,8 @@ class SynchronyDetector:
         is not after that of the previous frame is ignored.
 
         Args:
-            time_s: time of the frame.
-            count: number of rings lit in it.
+            time_s: Time of the frame.
+            count: Number of rings lit in it.
         """
         if not self._times:
             if time_s < self._start_s:
@@ -128,8 +128,8 @@ def evaluate_around(middle_s: float, period_s: float, times_s: FloatArray, count
     """Return the evaluation of the period around a time.
 
     Args:
-        middle_s: middle of the period.
-        period_s: its length.
+        middle_s: Middle of the period.
+        period_s: Its length.
         times_s: (n,) times of the frames within it, and of the frame before, which stands for its beginning; n >= 2.
         counts: (n,) rings lit in them, not all 0.
     """
@@ -146,7 +146,7 @@ def frame_ends(times_s: FloatArray, end_s: float) -> FloatArray:
 
     Args:
         times_s: (n,) times of the frames, ascending; n >= 2.
-        end_s: time until which the last one stands.
+        end_s: Time until which the last one stands.
     """
     longest_s = MAX_HOLD_INTERVALS * np.median(np.diff(times_s))
     ends_s: FloatArray = np.minimum(np.append(times_s[1:], end_s), times_s + longest_s)

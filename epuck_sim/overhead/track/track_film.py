@@ -36,14 +36,14 @@ def track_film(name: str, options: TrackOptions, rings: Path | None, progress: P
     """Track a film.
 
     Args:
-        name: a path or an address.
-        options: what is known of the film.
-        rings: a CSV table to write with all rings in all frames.
-        progress: shows how far the film has been read.
+        name: A path or an address.
+        options: What is known of the film.
+        rings: A CSV table to write with all rings in all frames.
+        progress: Shows how far the film has been read.
 
     Raises:
-        FilmError: the film cannot be read, or shows no swarm.
-        EpuckSimError: the table cannot be written.
+        FilmError: The film cannot be read, or shows no swarm.
+        EpuckSimError: The table cannot be written.
     """
     with open_film(name) as film:
         metadata = parse_metadata(film.description)
@@ -94,15 +94,15 @@ def track_camera(
 
     Args:
         number: 0 for the first camera.
-        options: what is known of the scene.
-        period_s: period of the oscillators, which must be known while the camera films.
-        rings: a CSV table to write with all rings in all frames.
-        annotated: a film to write with the rings found and the histogram drawn.
-        progress: shows how long the camera has filmed.
+        options: What is known of the scene.
+        period_s: Period of the oscillators, which must be known while the camera films.
+        rings: A CSV table to write with all rings in all frames.
+        annotated: A film to write with the rings found and the histogram drawn.
+        progress: Shows how long the camera has filmed.
 
     Raises:
-        FilmError: there is no such camera, or it saw no light.
-        EpuckSimError: a file cannot be written.
+        FilmError: There is no such camera, or it saw no light.
+        EpuckSimError: A file cannot be written.
     """
     options = options._replace(period_s=period_s)
     warnings: list[str] = []
@@ -174,13 +174,13 @@ def annotated_film(
     """Yield a function that annotates a frame and writes it into a film; it writes nothing if `path` is None.
 
     Args:
-        path: the film.
-        width_px: width of the pictures without annotation.
-        height_px: height of the pictures without annotation.
-        period_s: period of the oscillators.
+        path: The film.
+        width_px: Width of the pictures without annotation.
+        height_px: Height of the pictures without annotation.
+        period_s: Period of the oscillators.
 
     Raises:
-        EpuckSimError: as `film_file` does.
+        EpuckSimError: As `film_file` does.
     """
     if path is None:
         yield lambda _: None

@@ -1,4 +1,4 @@
-"""What a full recording shows of point-like agents: how far each sees or is received, and which pulses reach which."""
+"""What a full recording shows of point-like agents: their cones or ranges, and the pulses between them."""
 
 import math
 from collections.abc import Iterator
@@ -29,7 +29,8 @@ UNBOUNDED_SHARE = 1 / 8
 ARC_STEP_RAD = math.radians(12)
 """Largest angle between two corners of an arc, rad."""
 
-PULSES = rr.AnnotationContext([(0, "hears", (95, 105, 135)), (1, "is shifted", (240, 200, 40))])
+PULSES = rr.AnnotationContext([(0, "receives", (95, 105, 135)), (1, "is shifted", (240, 200, 40))])
+"""Names and colours of the classes of links: a pulse that is received, and one that shifts the phase as well."""
 
 
 class AgentLayers:

@@ -95,8 +95,8 @@ def ray_ends(origins: FloatArray, rays: FloatArray, longest_cm: float, arena: Ar
     Args:
         origins: (..., 2) cm, within the walls.
         rays: (..., 2) unit vectors.
-        longest_cm: longest ray, cm.
-        arena: its obstacles stop no rays.
+        longest_cm: Longest ray, cm.
+        arena: Its obstacles stop no rays.
     """
     walls = np.array([arena.width_cm, arena.height_cm])
     ahead = np.where(rays > 0, walls - origins, origins)  # distance to the next wall, along each axis

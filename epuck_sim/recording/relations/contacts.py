@@ -25,8 +25,8 @@ def find_contacts(poses: FloatArray, arena: Arena, cells: CellList) -> tuple[Int
 
     Args:
         poses: (steps, robots, 3) cm, cm, rad: x, y, heading.
-        arena: walls and obstacles.
-        cells: a cell list of the arena, which is overwritten.
+        arena: Walls and obstacles.
+        cells: A cell list of the arena, which is overwritten.
 
     Returns:
         (contacts,) steps, in their order, and (contacts, 2) cm: points of contact. Two robots have one, midway between

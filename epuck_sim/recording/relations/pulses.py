@@ -42,7 +42,7 @@ class PulseLinks:
             positions: (agents, dimensions) cm.
             headings: (agents, dimensions) unit vectors, before any agent reorients.
             fired: (firing,) agents that fire, in the order of the cascade.
-            received: agents whose phase was shifted.
+            received: Agents whose phase was shifted.
 
         Returns:
             (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase.

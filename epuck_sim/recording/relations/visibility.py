@@ -21,11 +21,11 @@ def find_sightings(
 
     Args:
         poses: (steps, robots, 3) cm, cm, rad: x, y, heading.
-        arena: its obstacles hide robots.
-        cells: a cell list of the arena, which is overwritten.
-        camera: the observers' camera.
-        first: number of the first observer.
-        observers: number of observers, which are numbered consecutively.
+        arena: Its obstacles hide robots.
+        cells: A cell list of the arena, which is overwritten.
+        camera: The observers' camera.
+        first: Number of the first observer.
+        observers: Number of observers, which are numbered consecutively.
 
     Returns:
         (sightings, 3) step, observer, robot seen: in the order of steps, observers, and from left to right.

@@ -30,11 +30,11 @@ def live_viewer(port: int | None, announce: Callable[[str], None]) -> Iterator[t
     """Yield a viewer without a recording, and the port at which it takes chunks.
 
     Args:
-        port: where browsers find the viewer; a window is opened if it is None.
-        announce: called with the address for browsers.
+        port: Where browsers find the viewer; a window is opened if it is None.
+        announce: Called with the address for browsers.
 
     Raises:
-        RecordingError: there is no display for a window, or the port is in use.
+        RecordingError: There is no display for a window, or the port is in use.
     """
     if port is not None:
         with web_viewer(port) as (server, address, intake):
@@ -56,15 +56,15 @@ def live(
     """Yield an observer that shows a trial in a viewer, and makes it last as long as it would, divided by `speed`.
 
     Args:
-        viewer: a running viewer.
-        intake: the port at which it takes chunks.
-        scenario: the trial's scenario.
-        seed: the trial's seed.
-        level: how much is shown.
-        speed: times as fast as real robots.
+        viewer: A running viewer.
+        intake: The port at which it takes chunks.
+        scenario: The trial's scenario.
+        seed: The trial's seed.
+        level: How much is shown.
+        speed: How many times as fast as real robots.
 
     Raises:
-        RecordingError: the viewer was closed before the trial ended.
+        RecordingError: The viewer was closed before the trial ended.
     """
     with chunk_stream(intake, str(uuid.uuid4()), layout_of(scenario, level)) as stream:
         recorder = Recorder(

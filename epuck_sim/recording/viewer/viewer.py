@@ -47,12 +47,12 @@ def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
     """Serve a recording to browsers on this machine, until Ctrl-C or SIGTERM.
 
     Args:
-        path: the recording.
-        port: where browsers find the viewer.
-        announce: called with the address when browsers can open it.
+        path: The recording.
+        port: Where browsers find the viewer.
+        announce: Called with the address when browsers can open it.
 
     Raises:
-        RecordingError: the port is in use, or the file holds no recording.
+        RecordingError: The port is in use, or the file holds no recording.
     """
     check_port(port)
     layout = read_layout(path)
@@ -86,12 +86,12 @@ def chunk_stream(intake: int, recording_id: str, layout: rrb.Blueprint | None) -
     """Yield a stream of chunks to a viewer; at the end of the block, wait until the viewer has all of them.
 
     Args:
-        intake: the port at which the viewer takes chunks.
-        recording_id: the recording's name in the viewer.
-        layout: how the viewer lays the recording out; it decides itself if this is None.
+        intake: The port at which the viewer takes chunks.
+        recording_id: The recording's name in the viewer.
+        layout: How the viewer lays the recording out; it decides itself if this is None.
 
     Raises:
-        RecordingError: the viewer has ended before it has taken everything.
+        RecordingError: The viewer has ended before it has taken everything.
     """
     stream = rr.RecordingStream(APPLICATION, recording_id=recording_id, send_properties=False)
     stream.connect_grpc(proxy_url(intake), default_blueprint=layout)
@@ -109,14 +109,14 @@ def draw_screenshot(path: Path, at_s: float, picture: Path, size: str = "1600x90
     """Draw what the viewer shows of a recording into a PNG file; this needs no display.
 
     Args:
-        path: the recording.
-        at_s: the moment that is drawn, in seconds of simulated time.
-        picture: the file to write.
-        size: width and height in pixels.
+        path: The recording.
+        at_s: The moment that is drawn, in seconds of simulated time.
+        picture: The file to write.
+        size: Width and height in pixels.
 
     Raises:
-        RecordingError: there is no graphics driver (a software one such as Mesa's will do), or the viewer fails.
-        EpuckSimError: the picture cannot be written.
+        RecordingError: There is no graphics driver (a software one such as Mesa's will do), or the viewer fails.
+        EpuckSimError: The picture cannot be written.
     """
     from rerun.experimental import ViewerClient  # noqa: PLC0415 changes to this unstable module must break nothing else
 
