@@ -592,8 +592,8 @@ def of_another_version(path: Path, _: bytes) -> None:
         (of_another_version, "format 99"),
         (lambda path, whole: path.write_bytes(whole[: len(whole) // 2]), "is not a whole recording"),
         (lambda path, whole: path.write_bytes(whole[:-1]), "is not a whole recording"),
-        (lambda path, _: path.write_text("mine"), "is no "),
-        (lambda path, _: path.touch(), "is no "),
+        (lambda path, _: path.write_text("mine"), "is not a "),
+        (lambda path, _: path.touch(), "is not a "),
     ],
     ids=["program", "version", "half", "a byte less", "text", "empty"],
 )
