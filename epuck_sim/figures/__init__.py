@@ -1,4 +1,4 @@
 """The figures, and the table beside each.
 
-May import: statistics, runs, recording.reader, overhead.track and what they may import.
+May import: statistics, runs, recording, overhead.track and what they may import.
 """
