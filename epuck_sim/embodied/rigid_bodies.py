@@ -5,14 +5,20 @@ bodies' velocities at the beginning of each control step, and changes made by co
 robot that pushes one that holds still moves both at half its speed.
 """
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 import pymunk
 import pymunk.batch
+from pymunk._chipmunk_cffi import ffi, lib
 from pymunk.batch import BodyFields
 
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.chipmunk import CALLS, advance_space
+from epuck_sim.errors import EpuckSimError
 
 WALL_CM = 50.0
 """Thickness of the walls in cm: far more than a robot can cover in one physics step."""
@@ -71,15 +77,57 @@ class World:
         self.velocities = commands[:robots]
         self._commands = pymunk.batch.Buffer()
         self._commands.set_float_buf(commands)
+        self._batches = _batch(_VELOCITIES, self._commands), _batch(_POSES, self._poses)
+        self._calls = _calls(space, *self._batches)
 
     def advance(self, steps: int) -> None:
-        """Set the bodies' velocities and move the bodies for this number of physics steps."""
-        space, step, step_s = self._space, self._space.step, self._step_s
-        pymunk.batch.set_space_bodies(space, _VELOCITIES, self._commands)
-        for _ in range(steps):
-            step(step_s)
-        self._poses.clear()
-        pymunk.batch.get_space_bodies(space, _POSES, self._poses)
+        """Set the bodies' velocities and move the bodies for this number of physics steps.
+
+        pymunk's `Space.step` would do no more than this: it also carries out what callbacks have asked for, and there
+        are none.
+        """
+        advance_space(self._calls, steps, self._step_s)
+
+
+def _batch(fields: BodyFields, buffer: pymunk.batch.Buffer) -> Any:
+    """Return what pymunk's functions of one body take: which fields, and the buffer for them."""
+    batch = ffi.new("pmBatchedData *")
+    batch.fields, batch.floatArray, batch.intArray = fields.value, buffer._float_arr, buffer._int_arr
+    return batch
+
+
+def _calls(space: pymunk.Space, commands: Any, poses: Any) -> npt.NDArray[np.void]:
+    """Return (1,) the record that `advance_space` takes, for batches of velocities and of poses."""
+    calls = np.zeros(1, CALLS)
+    calls["space"] = _pointer(space._space)
+    calls["step"] = function_address("cpSpaceStep", "void(*)(cpSpace *, cpFloat)")
+    calls["each_body"] = function_address("cpSpaceEachBody", "void(*)(cpSpace *, cpSpaceBodyIteratorFunc, void *)")
+    calls["set_body"] = function_address("pmSpaceBodySetIteratorFuncBatched", "cpSpaceBodyIteratorFunc")
+    calls["get_body"] = function_address("pmSpaceBodyGetIteratorFuncBatched", "cpSpaceBodyIteratorFunc")
+    for name, read_or_written, batch in (("commands", "commands_read", commands), ("poses", "poses_written", poses)):
+        calls[name] = _pointer(batch)
+        calls[read_or_written] = _pointer(ffi.addressof(batch.floatArray, "num"))
+    return calls
+
+
+def _pointer(pointer: Any) -> int:
+    """Return the address that a pointer of cffi holds."""
+    return int(ffi.cast("uintptr_t", pointer))
+
+
+def function_address(name: str, kind: str) -> int:
+    """Return the address of one of Chipmunk's functions.
+
+    Raises:
+        EpuckSimError: this pymunk's function is of another kind than compiled code takes it for.
+    """
+    function = ffi.addressof(lib, name)
+    if ffi.typeof(function) is not ffi.typeof(kind):
+        raise EpuckSimError(
+            f"pymunk {pymunk.version}: its function {name} is {ffi.typeof(function).cname}, not {kind}; "
+            f"install pymunk 7.3"
+        )
+    return _pointer(function)
 
 
 def _walls(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:

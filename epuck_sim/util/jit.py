@@ -138,6 +138,11 @@ def jit_no_alloc(function: Function) -> Function:
     return compile_cached(function, kernel_digest(), careful=False, _nrt=False)
 
 
+def jit_nogil(function: Function) -> Function:
+    """Compile a kernel as `jit_no_alloc` does, and let other threads run while it does."""
+    return compile_cached(function, kernel_digest(), careful=False, _nrt=False, nogil=True)
+
+
 def jit_inline(function: Function) -> Function:
     """Compile a kernel as `jit_no_alloc` does, and inline it wherever it is called: passing many arrays takes time."""
     return compile_cached(function, kernel_digest(), careful=False, _nrt=False, forceinline=True)

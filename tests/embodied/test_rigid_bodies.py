@@ -1,11 +1,18 @@
 """Claims about the rigid bodies: nothing overlaps or tunnels, a push shares momentum, contacts slide."""
 
 import math
+import sys
+import threading
 
 import numpy as np
+import pymunk.batch
 import pytest
 
+from epuck_sim.arena import make_arena
+from epuck_sim.embodied import rigid_bodies
+from epuck_sim.embodied.rigid_bodies import World, function_address
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.geometry import box_corners
 
 RADIUS_CM = 3.7
@@ -241,3 +248,60 @@ def test_in_scene_wall_the_robot_turns_away_from_the_wall_and_gets_further_from_
     assert path[:, 0].max() <= 60 - RADIUS_CM + 2 * TOUCH_CM
     assert np.abs(heading[10]) > math.pi / 4  # one second later it looks elsewhere
     assert x.min() < x[0] - 1  # and within five seconds it has left
+
+
+# --- Chipmunk called by address -----------------------------------------------------------------------
+
+
+class SteppedByPymunk(World):
+    """A world that calls pymunk's own methods."""
+
+    def advance(self, steps: int) -> None:
+        pymunk.batch.set_space_bodies(self._space, rigid_bodies._VELOCITIES, self._commands)
+        for _ in range(steps):
+            self._space.step(self._step_s)
+        self._poses.clear()
+        pymunk.batch.get_space_bodies(self._space, rigid_bodies._POSES, self._poses)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+@pytest.mark.parametrize("obstacles", [([], []), ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])])
+def test_worlds_move_as_pymunk_s_own_steps_move_them_to_the_bit(friction, obstacles):
+    random = np.random.default_rng(3)
+    places = [(x, y) for x in (6, 14, 30, 50) for y in (6, 50, 30, 42) if (x, y) not in {(14, 14), (30, 42)}]
+    poses = np.column_stack([places, random.uniform(-math.pi, math.pi, len(places))])
+    worlds = [kind(make_arena(60, 60, *obstacles), poses, friction, 100) for kind in (World, SteppedByPymunk)]
+    for steps in (10, 0, 1, *[10] * 200):
+        velocities = random.uniform(-FULL_CM_S, FULL_CM_S, (len(places), 3))
+        for world in worlds:
+            world.velocities[:] = velocities
+            world.advance(steps)
+        np.testing.assert_array_equal(worlds[0].poses, worlds[1].poses)
+    assert (np.abs(worlds[0].poses[:, :2] - poses[:, :2]) > 1).any()
+
+
+def test_other_threads_run_while_bodies_move():
+    world = World(make_arena(60, 60, [], []), np.array([[30.0, 30.0, 0.0]]), 0.0, 100)
+    world.advance(1)
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1000)  # this thread gives way where it must, and nowhere else
+    try:
+        begun, other = threading.Event(), threading.Event()
+        thread = threading.Thread(target=lambda: begun.wait() and other.set())
+        thread.start()
+        begun.set()
+        calls = 0
+        while not other.is_set() and calls < 10_000:
+            world.advance(1000)
+            calls += 1
+    finally:
+        sys.setswitchinterval(interval)
+    assert other.is_set()
+    thread.join()
+
+
+def test_a_function_of_another_kind_is_refused():
+    with pytest.raises(
+        EpuckSimError, match=r"function cpSpaceStep is void\(\*\)\(struct cpSpace \*, double\), not void"
+    ):
+        function_address("cpSpaceStep", "void(*)(cpSpace *)")
