@@ -3,8 +3,6 @@
 All in whole milliseconds, as the e-puck has no floating-point unit; results are truncated.
 """
 
-import numpy as np
-
 from epuck_sim.util.rng import randint
 
 PARAMETERS = {
@@ -59,7 +57,7 @@ def start(memory, parameters, random):
 
 def is_flash(sensors, parameters):
     """Return whether enough pixels are red."""
-    return np.count_nonzero(sensors.camera) >= parameters.flash_pixels
+    return sensors.camera.sum() >= parameters.flash_pixels
 
 
 def updated(phase, parameters):
