@@ -1,13 +1,12 @@
 """The cost of a control step, compared with the bare physics of the same world. Run by `make bench`.
 
-Machines are noisy, so that speeds are compared within one run only: two simulations of one seed take turns, one timed
-as a whole, the other around its ten calls of `Space.step`.
+Machines are noisy, so that speeds are compared within one run only: two simulations of one seed take turns, one as it
+is, the other with bodies moved by pymunk's own methods, which is timed around its ten calls of `Space.step`, too.
 """
 
 import subprocess
 import sys
 import time
-from itertools import islice
 
 import pymunk.batch
 import pytest
@@ -20,75 +19,77 @@ from epuck_sim.util.seeds import trial_seed
 
 pytestmark = pytest.mark.benchmark
 
-SWARMS = {10: 60, 20: 60, 100: 221, 1000: 700}
-"""Robots and the side of their arena in cm; from 100 on, as dense as 1,000 in 7 x 7 m."""
+SWARMS = [
+    (10, 60, 3.0),
+    (10, 60, 12.8),
+    (20, 100, 3.0),
+    (100, 200, 3.0),
+    (300, 400, 3.0),
+    (1000, 700, 3.0),
+]
+"""Robots, the side of their arena in cm, and their speed in cm/s."""
 
-TARGETS = {10: 2.0, 1000: 6.0}
 CURVE_TARGET_S = 40
 START_TARGET_S = 2
 
 BLOCK = 20
 
 
-class TimedWorld(rigid_bodies.World):
-    """A world that adds up how long its bare physics takes."""
+class SteppedByPymunk(rigid_bodies.World):
+    """A world that calls pymunk's own methods, and adds up how long its bare physics takes."""
 
     bare_s: float
 
     def advance(self, steps: int) -> None:
         space, step, step_s = self._space, self._space.step, self._step_s
         pymunk.batch.set_space_bodies(space, rigid_bodies._VELOCITIES, self._commands)
-        began = time.perf_counter()
+        began = time.thread_time()
         for _ in range(steps):
             step(step_s)
-        self.bare_s += time.perf_counter() - began
+        self.bare_s += time.thread_time() - began
         self._poses.clear()
         pymunk.batch.get_space_bodies(space, rigid_bodies._POSES, self._poses)
 
 
 @pytest.fixture(scope="module")
 def costs():
-    """Robots -> (us a step, us of bare physics); printed as a table at the end."""
-    found: dict[int, tuple[float, float]] = {}
+    """(robots, side, speed) -> us a step, the same with pymunk's methods, bare physics; printed as a table."""
+    found: dict[tuple[int, int, float], tuple[float, float, float]] = {}
     yield found
-    print("\n\nrobots  us a step  bare physics  ratio  us a robot  target")
-    for robots, (step_us, bare_us) in found.items():
-        target = f"<= {TARGETS[robots]} x bare" if robots in TARGETS else ""
+    print("\n\nCPU time of a control step in us, beside bare physics and beside a step with pymunk's own methods")
+    print("robots  side cm   cm/s     step   a robot  bare physics  ratio  with pymunk's methods  ratio")
+    for (robots, side, speed), (step, by_pymunk, bare) in found.items():
         print(
-            f"{robots:6}  {step_us:9.1f}  {bare_us:12.1f}  {step_us / bare_us:5.2f}  {step_us / robots:10.2f}  {target}"
+            f"{robots:6}  {side:7}  {speed:5}  {step:7.1f}  {step / robots:8.2f}  {bare:12.1f}  {step / bare:5.2f}"
+            f"  {by_pymunk:21.1f}  {by_pymunk / step:5.2f}"
         )
-    if {100, 1000} <= found.keys():
-        growth = (found[1000][0] / 1000) / (found[100][0] / 100)
-        print(f"a robot among 1000 costs {growth:.2f} x one among 100 (target <= 2)")
 
 
-@pytest.mark.parametrize("robots", SWARMS)
-def test_a_control_step_beside_its_bare_physics(benchmark, costs, robots: int) -> None:
-    side = SWARMS[robots]
-    scenario = load_scenario(
-        "thesis", [f"robots.0.count={robots}", f"arena.width_cm={side}", f"arena.height_cm={side}"]
-    )
-    plain, timed = Simulation(scenario, 1), Simulation(scenario, 1)
-    timed._world.__class__ = TimedWorld
-    timed._world.bare_s = 0.0
-    for simulation in (plain, timed):
-        list(islice(simulation, BLOCK))
-    timed._world.bare_s = 0.0
+@pytest.mark.parametrize(("robots", "side", "speed"), SWARMS)
+def test_a_control_step_beside_its_bare_physics(benchmark, costs, robots: int, side: int, speed: float) -> None:
+    settings = [f"robots.0.count={robots}", f"arena.width_cm={side}", f"arena.height_cm={side}"]
+    scenario = load_scenario("thesis", [*settings, f"robots.0.parameters.speed_cm_s={speed}"])
+    plain, by_pymunk = Simulation(scenario, 1), Simulation(scenario, 1)
+    by_pymunk._world.__class__ = SteppedByPymunk
+    by_pymunk._world.bare_s = 0.0
+    spent_s = {plain: 0.0, by_pymunk: 0.0}
 
-    def block() -> None:
+    def take_steps(simulation: Simulation) -> None:
+        began = time.thread_time()
         for _ in range(BLOCK):
-            next(plain)
+            next(simulation)
+        spent_s[simulation] += time.thread_time() - began
 
-    def beside() -> None:
-        for _ in range(BLOCK):
-            next(timed)
-
-    benchmark.pedantic(block, setup=beside, rounds=max(10, 4000 // robots), iterations=1)
-    steps = BLOCK * benchmark.stats.stats.rounds
-    step_us = benchmark.stats.stats.total / steps * 1e6
-    bare_us = timed._world.bare_s / steps * 1e6
-    costs[robots] = (step_us, bare_us)
-    benchmark.extra_info.update(step_us=step_us, bare_us=bare_us, ratio=step_us / bare_us)
+    for simulation in spent_s:
+        take_steps(simulation)
+    by_pymunk._world.bare_s = 0.0
+    spent_s.update(dict.fromkeys(spent_s, 0.0))
+    rounds = max(10, 4000 // robots)
+    benchmark.pedantic(take_steps, (plain,), setup=lambda: take_steps(by_pymunk), rounds=rounds, iterations=1)
+    steps = BLOCK * rounds
+    found = [seconds / steps * 1e6 for seconds in (*spent_s.values(), by_pymunk._world.bare_s)]
+    costs[robots, side, speed] = tuple(found)
+    benchmark.extra_info.update(zip(("step_us", "by_pymunk_us", "bare_us"), found, strict=True))
 
 
 def test_the_base_curve_in_cpu_seconds(benchmark) -> None:
