@@ -46,8 +46,9 @@ from epuck_sim.util.jit import jit_inline, jit_no_alloc
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
 
-INSTANTS, CYCLES, FIRINGS, SYNCHRONISED = range(4)
-"""Indices of counters: instants; firings of the reference, of all; 1 if the last instant brought synchrony, else 0."""
+INSTANTS, CYCLES, FIRINGS, PULSES, SYNCHRONISED = range(5)
+"""Indices of counters: instants; firings of the reference, of all; pulses whose receivers were looked for, and 1 for an
+instant without any; 1 if the last instant brought synchrony, else 0."""
 
 
 class Rules(NamedTuple):
@@ -83,7 +84,7 @@ class Instant(NamedTuple):
     order_parameter: FloatArray
     """(1,) the order parameter at the last firing of the reference; NaN before it is measured."""
     counters: IntArray
-    """(4,) counts at the indices `INSTANTS`, `CYCLES`, `FIRINGS` and `SYNCHRONISED`."""
+    """(5,) counts at the indices `INSTANTS`, `CYCLES`, `FIRINGS`, `PULSES` and `SYNCHRONISED`."""
 
 
 def make_rules(scenario: ParticleScenario) -> Rules:
@@ -105,7 +106,7 @@ def make_rules(scenario: ParticleScenario) -> Rules:
 def make_instant(agents: int) -> Instant:
     """Return an instant at which nothing has happened yet."""
     fired, received = np.zeros((2, agents + 1), np.int64)
-    counts, counters = np.zeros(2, np.int64), np.zeros(4, np.int64)
+    counts, counters = np.zeros(2, np.int64), np.zeros(5, np.int64)
     return Instant(fired, received, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), counters)
 
 
@@ -140,7 +141,7 @@ def advance(
     oscillators: Oscillators,
     rules: Rules,
     instant: Instant,
-    instants: int,
+    pulses: int,
     cycles: int,
     last_cycle: int,
     last_time: float,
@@ -153,7 +154,7 @@ def advance(
         oscillators: Firing times.
         rules: Responses to pulses, and the threshold of synchrony.
         instant: Receives what happened, and counts it.
-        instants: Limit of instants, counted from the beginning of the trial.
+        pulses: Limit of pulses, counted from the beginning of the trial; the instant that reaches it is completed.
         cycles: Limit of firings of the reference, counted from the beginning of the trial.
         last_cycle: Nothing happens after `last_time` of this cycle.
         last_time: Cycles since the start of that cycle.
@@ -161,7 +162,7 @@ def advance(
     counters = instant.counters
     counters[SYNCHRONISED] = 0
     is_measured = True
-    while counters[INSTANTS] < instants and counters[CYCLES] < cycles and not counters[SYNCHRONISED]:
+    while counters[PULSES] < pulses and counters[CYCLES] < cycles and not counters[SYNCHRONISED]:
         time = earliest_firing(oscillators)
         while time >= 1.0 and oscillators.cycle[0] < last_cycle:
             start_next_cycle(trajectories, neighbourhood, oscillators)
@@ -232,6 +233,7 @@ def fire(
     oscillators.now[0] = time
     instant.counts[0] = fired_count
     instant.counts[1] = received_count
+    instant.counters[PULSES] += max(sent, 1)
 
 
 @jit_inline
