@@ -1,14 +1,15 @@
 """Selection of the smallest of some values, in ascending order; no pass over all values for each of them.
 
 Values are sorted into buckets by size, and only those in the first buckets are compared with each other. Squared
-distances of agents in a square are nearly uniform, so that few share a bucket.
+distances of agents in a square are nearly uniform, so that few share a bucket. The buckets are not inlined: that would
+slow down the search for one neighbour, which does without them.
 """
 
 import math
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.oscillators import argmin
-from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 FEW = 6
 """Largest number of values that are found one by one: faster than buckets where there are few."""
@@ -49,7 +50,7 @@ def select_smallest(
     return largest
 
 
-@jit_inline
+@jit_no_alloc
 def fill_buckets(
     values: FloatArray, count: int, k: int, bucket_of: IntArray, bucket_end: IntArray, found: IntArray
 ) -> int:
@@ -79,7 +80,7 @@ def fill_buckets(
     return total
 
 
-@jit_inline
+@jit_no_alloc
 def sort_first_buckets(found: IntArray, values: FloatArray, count: int) -> None:
     """Sort the first `count` indices by their values; they are nearly sorted, and equal values keep their order."""
     for last in range(1, count):
