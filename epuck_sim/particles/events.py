@@ -55,7 +55,10 @@ CYCLES = 1
 FIRINGS = 2
 """Index of the counter of all agents' firings."""
 
-SYNCHRONISED = 3
+PULSES = 3
+"""Index of the counter of pulses whose receivers were looked for; an instant without any pulse counts as one."""
+
+SYNCHRONISED = 4
 """Index of the flag that is 1 if the last instant brought synchrony, else 0."""
 
 
@@ -92,7 +95,7 @@ class Instant(NamedTuple):
     order_parameter: FloatArray
     """(1,) the order parameter at the last firing of the reference; NaN before it is measured."""
     counters: IntArray
-    """(4,) counts at the indices `INSTANTS`, `CYCLES`, `FIRINGS` and `SYNCHRONISED`."""
+    """(5,) counts at the indices `INSTANTS`, `CYCLES`, `FIRINGS`, `PULSES` and `SYNCHRONISED`."""
 
 
 def make_rules(scenario: ParticleScenario) -> Rules:
@@ -114,7 +117,7 @@ def make_rules(scenario: ParticleScenario) -> Rules:
 def make_instant(agents: int) -> Instant:
     """Return an instant at which nothing has happened yet."""
     fired, received = np.zeros((2, agents + 1), np.int64)
-    counts, counters = np.zeros(2, np.int64), np.zeros(4, np.int64)
+    counts, counters = np.zeros(2, np.int64), np.zeros(5, np.int64)
     return Instant(fired, received, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), counters)
 
 
@@ -149,7 +152,7 @@ def advance(
     oscillators: Oscillators,
     rules: Rules,
     instant: Instant,
-    instants: int,
+    pulses: int,
     cycles: int,
     last_cycle: int,
     last_time: float,
@@ -162,7 +165,7 @@ def advance(
         oscillators: Firing times.
         rules: Responses to pulses, and the threshold of synchrony.
         instant: Receives what happened, and counts it.
-        instants: Limit of instants, counted from the beginning of the trial.
+        pulses: Limit of pulses, counted from the beginning of the trial; the instant that reaches it is completed.
         cycles: Limit of firings of the reference, counted from the beginning of the trial.
         last_cycle: Nothing happens after `last_time` of this cycle.
         last_time: Cycles since the start of that cycle.
@@ -170,7 +173,7 @@ def advance(
     counters = instant.counters
     counters[SYNCHRONISED] = 0
     is_measured = True
-    while counters[INSTANTS] < instants and counters[CYCLES] < cycles and not counters[SYNCHRONISED]:
+    while counters[PULSES] < pulses and counters[CYCLES] < cycles and not counters[SYNCHRONISED]:
         time = earliest_firing(oscillators)
         while time >= 1.0 and oscillators.cycle[0] < last_cycle:
             start_next_cycle(trajectories, neighbourhood, oscillators)
@@ -241,6 +244,7 @@ def fire(
     oscillators.now[0] = time
     instant.counts[0] = fired_count
     instant.counts[1] = received_count
+    instant.counters[PULSES] += max(sent, 1)
 
 
 @jit_inline

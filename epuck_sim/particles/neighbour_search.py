@@ -6,7 +6,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.cell_list import find_candidates
-from epuck_sim.particles.motion import Trajectories, compute_positions, coordinate_at, wall_hit_time
+from epuck_sim.particles.motion import Trajectories, compute_positions, distance_travelled, wall_hit_time
 from epuck_sim.particles.neighbourhood import (
     EMISSION_CONE,
     FULL_CIRCLE_COS,
@@ -16,7 +16,8 @@ from epuck_sim.particles.neighbourhood import (
     cache_until,
     should_cache,
 )
-from epuck_sim.particles.oscillators import argmin, minimum
+from epuck_sim.particles.oscillators import minimum
+from epuck_sim.particles.selection import select_smallest
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 RADIUS_GROWTH = 1.5
@@ -64,13 +65,7 @@ def search_cell_list(
     is_found = False
     while not is_found:
         count = find_candidates(neighbourhood.cell_list, trajectories, agent, time, radius_cm, candidates)
-        own = 0
-        for index in range(count):
-            other = candidates[index]
-            own = index if other == agent else own
-            for axis in range(len(neighbourhood.positions)):
-                neighbourhood.headings[axis, index] = trajectories.heading[axis, other]
-                neighbourhood.positions[axis, index] = coordinate_at(trajectories, other, axis, time)
+        own = gather_candidates(neighbourhood, trajectories, agent, time, count)
         measure_distances(neighbourhood, trajectories, neighbourhood.headings, own, count)
         if count == len(trajectories.speed):
             radius_cm = math.inf  # all agents are candidates
@@ -82,6 +77,27 @@ def search_cell_list(
             is_found = True
     for rank in range(neighbourhood.counts[agent]):
         members[rank] = candidates[members[rank]]
+
+
+@jit_inline
+def gather_candidates(
+    neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, count: int
+) -> int:
+    """Compute the candidates' positions, and their headings for a cone; return the firing agent's index among them."""
+    candidates, travelled_cm = neighbourhood.candidates, neighbourhood.end_times
+    own = 0
+    for index in range(count):
+        own = index if candidates[index] == agent else own
+        travelled_cm[index] = distance_travelled(trajectories, candidates[index], time)
+    for axis in range(len(neighbourhood.positions)):
+        origin, heading = trajectories.origin[axis], trajectories.heading[axis]
+        positions, headings = neighbourhood.positions[axis], neighbourhood.headings[axis]
+        for index in range(count):
+            positions[index] = origin[candidates[index]] + heading[candidates[index]] * travelled_cm[index]
+        if neighbourhood.cos != FULL_CIRCLE_COS:
+            for index in range(count):
+                headings[index] = heading[candidates[index]]
+    return own
 
 
 @jit_inline
@@ -133,7 +149,7 @@ def measure_distances(
 def select_nearest(
     neighbourhood: Neighbourhood, agent: int, time: float, count: int, radius_cm: float, members: IntArray
 ) -> bool:
-    """Write the indices of the k nearest candidates to `members`.
+    """Write the indices of the k nearest candidates to `members`: the nearest first, equally near ones as they come.
 
     Args:
         neighbourhood: Holds the distances.
@@ -147,12 +163,8 @@ def select_nearest(
         Whether these are the nearest for certain: no agent beyond the radius may be nearer.
     """
     square = neighbourhood.square_distance
-    farthest = 0.0
-    for rank in range(neighbourhood.k):
-        index = argmin(square, count)
-        members[rank] = index
-        farthest = square[index]
-        square[index] = math.inf
+    bucket_of, bucket_end = neighbourhood.bucket_of, neighbourhood.bucket_end
+    farthest = select_smallest(square, count, neighbourhood.k, bucket_of, bucket_end, members)
     if farthest > radius_cm * radius_cm:
         return False
     neighbourhood.counts[agent] = neighbourhood.k

@@ -38,6 +38,12 @@ MAX_CACHED_AGENTS = 2000
 MIN_CELL_LIST_AGENTS = 400
 """Smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster."""
 
+MAX_SHARE, MAX_SHARE_NEAREST = 1 / 3, 1 / 6
+"""Largest share of all agents that a search in the cell list looks at; otherwise a search over all pairs is faster."""
+
+BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}
+"""Length, area or volume of a ball of radius 1, by dimensions."""
+
 
 class Neighbourhood(NamedTuple):
     """The rule, the cache of neighbours, and scratch arrays of the search.
@@ -90,6 +96,10 @@ class Neighbourhood(NamedTuple):
     """(agents,) cm: components of these distances along the axis of the cone."""
     angle_margin: FloatArray
     """(agents,) cm^2: not negative within the cone's angle; overwritten by times of validity when these are needed."""
+    bucket_of: IntArray
+    """(agents,) scratch of the selection of the k nearest."""
+    bucket_end: IntArray
+    """(agents,) scratch of the selection of the k nearest."""
 
 
 def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbourhood:
@@ -109,9 +119,11 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
     is_cached = agents <= MAX_CACHED_AGENTS and not jumps
     side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)
     cell_cm = spacing_cm if kind == NEAREST else max(spacing_cm, radius_cm / 2)
-    search_cm = spacing_cm * (k + 1) ** (1 / dimensions) if kind == NEAREST else radius_cm + cell_cm / 4
-    share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # candidates, as a share of all agents
-    uses_cell_list = agents >= MIN_CELL_LIST_AGENTS and share < 1 / 3
+    expected = k + 1 + 3 * math.sqrt(k + 1)  # agents in the radius: far from walls hardly ever too few
+    reach_cm = spacing_cm * (expected / BALL_VOLUME[dimensions]) ** (1 / dimensions)
+    search_cm = reach_cm if kind == NEAREST else radius_cm + cell_cm / 4
+    share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents which are candidates
+    uses_cell_list = agents >= MIN_CELL_LIST_AGENTS and share < (MAX_SHARE_NEAREST if kind == NEAREST else MAX_SHARE)
     return Neighbourhood(
         kind,
         k,
@@ -132,7 +144,11 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
         np.zeros((dimensions, agents)),
         np.zeros(agents),
         np.full(1, np.nan),
-        *(np.zeros(agents) for _ in range(3)),
+        np.zeros(agents),
+        np.zeros(agents),
+        np.zeros(agents),
+        np.zeros(agents, np.int64),
+        np.zeros(agents, np.int64),
     )
 
 

@@ -13,6 +13,7 @@ from epuck_sim.particles.events import (
     CYCLES,
     FIRINGS,
     INSTANTS,
+    PULSES,
     SYNCHRONISED,
     UNLIMITED,
     advance,
@@ -88,20 +89,23 @@ class ParticleSimulation:
         if turned >= 0:
             no_agents = np.empty(0, np.int64)
             return Event(self.time_s, turned, no_agents, no_agents)
-        advance(*self._state, self.instants + 1, UNLIMITED, UNLIMITED, 0.0)
+        advance(*self._state, int(instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED, 0.0)
         fired, received = instant.counts
         return Event(self.time_s, None, instant.fired[:fired].copy(), instant.received[:received].copy())
 
-    def run(self, cycles: int, periods: int | None = None) -> None:
+    def run(self, cycles: int, periods: int | None = None, pulses: int | None = None) -> None:
         """Simulate until the reference has fired `cycles` times since the beginning, or until synchrony.
 
         Args:
             cycles: Limit of firings of the reference, counted from the beginning of the trial.
             periods: Limit in nominal periods, 1 or more, counted from the start of the present one; None for no
                 limit, with which the call never returns if other agents hold the reference back for ever.
+            pulses: Limit of pulses whose receivers are looked for, 1 or more, counted from now: a measure of the time
+                that the call takes. The instant that reaches it is completed. None for no limit.
         """
         last_cycle = UNLIMITED if periods is None else int(self._oscillators.cycle[0]) + periods
-        advance(*self._state, UNLIMITED, cycles, last_cycle, 0.0)
+        last_pulse = UNLIMITED if pulses is None else int(self._instant.counters[PULSES]) + pulses
+        advance(*self._state, last_pulse, cycles, last_cycle, 0.0)
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -157,7 +161,7 @@ class ParticleSimulation:
     def order_parameter(self) -> float | None:
         """Order parameter at the last firing of the reference.
 
-        None before its first firing; it may also be None after `run` has reached its limit of periods.
+        None before its first firing; it may also be None after `run` has reached its limit of periods or pulses.
         """
         return None if math.isnan(self._instant.order_parameter[0]) else float(self._instant.order_parameter[0])
 

@@ -98,3 +98,25 @@ def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, growth, ag
     found = [1e9 / firings_s, 1e9 / measure([all_pairs], cycles)[1]]
     growth.append((agents, *found))
     assert agents < 1000 or found[0] < found[1]
+
+
+NEIGHBOURS = (1, 5, 20, 100, 300, 999)
+"""Numbers of neighbours in a swarm of 1,000."""
+
+
+@pytest.fixture(scope="module")
+def by_neighbours():
+    """Collect rows and print them as a table at the end."""
+    rows: list[tuple[int, float]] = []
+    yield rows
+    print("\n\nneighbours    ns/firing  times that of one")
+    for k, spent_ns in rows:
+        print(f"{k:10}  {spent_ns:11.0f}  {spent_ns / rows[0][1]:17.1f}")
+    assert max(spent_ns for _, spent_ns in rows) < 100 * rows[0][1]  # with a pass for each neighbour: 400
+
+
+@pytest.mark.parametrize("k", NEIGHBOURS)
+def test_the_cost_of_a_firing_against_the_number_of_neighbours(benchmark, by_neighbours, k: int) -> None:
+    swarm = make_simulation(1000, {"kind": "nearest", "k": k}, 707, 1.0, 0)
+    _, firings_s = benchmark.pedantic(measure, ([swarm], 3), rounds=1)
+    by_neighbours.append((k, 1e9 / firings_s))

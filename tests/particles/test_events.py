@@ -89,7 +89,7 @@ def with_positions(swarm, cycles):
 @settings(max_examples=25)
 def test_in_one_go_in_slices_looked_at_or_event_by_event_a_swarm_is_the_same_bit_for_bit(kind, data, seed, cycles):
     sections = data.draw(any_sections(kind, most_agents=12))
-    at_once, sliced, looked, by_event = (make_simulation(seed, **sections) for _ in range(4))
+    at_once, sliced, by_pulse, looked, by_event = (make_simulation(seed, **sections) for _ in range(5))
     at_once.run(cycles, 200)  # a reference that others hold back may never get there
     if at_once.period >= 200:
         return
@@ -97,9 +97,12 @@ def test_in_one_go_in_slices_looked_at_or_event_by_event_a_swarm_is_the_same_bit
     for periods in [*slices, *[1, 3] * 200]:
         if sliced.cycles < cycles and not sliced.is_synchronised:
             sliced.run(cycles, periods)
+    pulses = data.draw(st.integers(1, 30))
+    while by_pulse.cycles < cycles and not by_pulse.is_synchronised:
+        by_pulse.run(cycles, pulses=pulses)
     with_positions(looked, cycles)
     by_events(by_event, cycles)
-    for other in (sliced, looked, by_event):
+    for other in (sliced, by_pulse, looked, by_event):
         assert state_of(other) == state_of(at_once)
         assert other.time_s == at_once.time_s
         assert (other.positions() == at_once.positions()).all()

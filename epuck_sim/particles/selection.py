@@ -1,0 +1,93 @@
+"""Selection of the smallest of some values, in ascending order; no pass over all values for each of them.
+
+Values are sorted into buckets by size, and only those in the first buckets are compared with each other. Squared
+distances of agents in a square are nearly uniform, so that few share a bucket. The buckets are not inlined: that would
+slow down the search for one neighbour, which does without them.
+"""
+
+import math
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.particles.oscillators import argmin
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+
+FEW = 6
+"""Largest number of values that are found one by one: faster than buckets where there are few."""
+
+SMALLEST_RANGE = 1e-300
+"""Lower limit of the range of values that is divided into buckets; keeps its inverse finite."""
+
+
+@jit_inline
+def select_smallest(
+    values: FloatArray, count: int, k: int, bucket_of: IntArray, bucket_end: IntArray, found: IntArray
+) -> float:
+    """Write the indices of the k smallest values to `found`: ascending, equal values in the order of their indices.
+
+    Args:
+        values: Not negative; the first `count` count. Those that are found are overwritten with inf.
+        count: Number of values, at most one of which is inf.
+        k: Number of values to find, 1 to `count`.
+        bucket_of: (count,) scratch.
+        bucket_end: (count,) scratch.
+        found: (count,) output; only the first k entries are of use afterwards.
+
+    Returns:
+        The largest of the k values.
+    """
+    largest: float = 0.0
+    if k <= FEW:
+        for rank in range(k):
+            index = argmin(values, count)
+            found[rank] = index
+            largest = values[index]
+            values[index] = math.inf
+        return largest
+    sort_first_buckets(found, values, fill_buckets(values, count, k, bucket_of, bucket_end, found))
+    largest = values[found[k - 1]]
+    for rank in range(k):
+        values[found[rank]] = math.inf
+    return largest
+
+
+@jit_no_alloc
+def fill_buckets(
+    values: FloatArray, count: int, k: int, bucket_of: IntArray, bucket_end: IntArray, found: IntArray
+) -> int:
+    """Write the indices of the first buckets' values, at least k, to `found`, bucket by bucket; return their number."""
+    highest = 0.0
+    for index in range(count):
+        highest = max(highest, values[index] if values[index] < math.inf else 0.0)
+        bucket_end[index] = 0
+    per_unit = count / max(highest, SMALLEST_RANGE)
+    for index in range(count):
+        bucket = min(int(min(values[index], highest) * per_unit), count - 1)
+        bucket_of[index] = bucket
+        bucket_end[bucket] += 1
+    last = 0
+    total: int = bucket_end[0]
+    bucket_end[0] = 0
+    while total < k:  # from here on `bucket_end` is where the next value of each bucket goes
+        last += 1
+        size = bucket_end[last]
+        bucket_end[last] = total
+        total += size
+    for index in range(count):
+        bucket = bucket_of[index]
+        if bucket <= last:
+            found[bucket_end[bucket]] = index
+            bucket_end[bucket] += 1
+    return total
+
+
+@jit_no_alloc
+def sort_first_buckets(found: IntArray, values: FloatArray, count: int) -> None:
+    """Sort the first `count` indices by their values; they are nearly sorted, and equal values keep their order."""
+    for last in range(1, count):
+        index = found[last]
+        value = values[index]
+        place = last
+        while place > 0 and values[found[place - 1]] > value:
+            found[place] = found[place - 1]
+            place -= 1
+        found[place] = index
