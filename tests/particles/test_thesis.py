@@ -95,7 +95,7 @@ def test_the_bump_of_a_cone_of_vision_is_the_more_prominent_one() -> None:
     assert seen > emitted
 
 
-@pytest.mark.parametrize("count", [10, 20, 40])
+@pytest.mark.parametrize("count", [10, 20, pytest.param(40, marks=pytest.mark.slow)])
 def test_the_fast_regime_begins_near_l_over_the_root_of_n(count: int) -> None:
     begins = 100 / count**0.5
     slower, at_it, faster, fastest = medians([begins / 5, begins, 2 * begins, 5 * begins], count=count)
@@ -141,11 +141,11 @@ def test_jitter_is_catastrophic_at_intermediate_speed_and_harmless_at_high_speed
 @pytest.mark.parametrize(
     ("sections", "speeds"),
     [
-        ({"agents": {"reorient_on": ["emitting"]}}, (0.3, 3, 20)),
+        pytest.param({"agents": {"reorient_on": ["emitting"]}}, (0.3, 3, 20), marks=pytest.mark.slow),
         ({"agents": {"reorient_on": ["receiving"]}}, (0.3, 3, 20)),
-        ({"agents": {"reorient_on": ["emitting", "receiving"]}}, (0.3, 3, 20)),
+        pytest.param({"agents": {"reorient_on": ["emitting", "receiving"]}}, (0.3, 3, 20), marks=pytest.mark.slow),
         ({"space": {"boundary": "cyclic"}}, (0.1, 2, 50)),
-        ({"space": {"dimensions": 3}}, (0.1, 3, 50)),
+        pytest.param({"space": {"dimensions": 3}}, (0.1, 3, 50), marks=pytest.mark.slow),
     ],
 )
 def test_motion_that_is_coupled_to_pulses_and_other_spaces_show_the_three_regimes_too(sections, speeds) -> None:

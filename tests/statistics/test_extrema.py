@@ -199,7 +199,15 @@ NEVER_FALLS_AGAIN = base_case(np.minimum(SPEEDS, 1.029))
 RISES_FROM_THE_START = base_case(np.maximum(SPEEDS, 0.3))
 
 
-@pytest.mark.parametrize("logs", [NEVER_FALLS_AGAIN, RISES_FROM_THE_START, 4 + 0.5 * X**2, 4 - 0.5 * X**2])
+@pytest.mark.parametrize(
+    "logs",
+    [
+        NEVER_FALLS_AGAIN,
+        pytest.param(RISES_FROM_THE_START, marks=pytest.mark.slow),
+        4 + 0.5 * X**2,
+        pytest.param(4 - 0.5 * X**2, marks=pytest.mark.slow),
+    ],
+)
 def test_a_rise_is_no_pair_without_a_fall_before_it_and_after_it(logs):
     assert share_found(logs, 200) <= 2 * SIGNIFICANCE
 

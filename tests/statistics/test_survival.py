@@ -436,7 +436,12 @@ def test_an_interval_leaves_out_what_is_not_a_number():
 
 @pytest.mark.parametrize(
     ("censored", "whole", "bias", "spread"),
-    [(0, False, -0.007, 0.064), (0, True, 0.0, 0.064), (0.3, False, -0.001, 0.085), (0.8, False, 0.122, 0.457)],
+    [
+        pytest.param(0, False, -0.007, 0.064, marks=pytest.mark.slow),
+        (0, True, 0.0, 0.064),
+        pytest.param(0.3, False, -0.001, 0.085, marks=pytest.mark.slow),
+        (0.8, False, 0.122, 0.457),
+    ],
 )
 def test_the_mean_of_known_distributions_and_its_interval_are_as_in_the_table(censored, whole, bias, spread):
     truth, samples = 50 * math.gamma(1 + 1 / 1.2), 400
