@@ -177,7 +177,7 @@ def test_there_is_nothing_to_interpret_in_a_sweep_either(tmp_path) -> None:
         ("robots.0.count=3", "robots: belongs to model: embodied; model: particles has agents, clocks, response"),
         ("arena.width_cm=3", "arena: belongs to model: embodied; model: particles has space"),
         ("agents.count=0", "agents.count: is 0; allowed: at least 1"),
-        ("neighbourhood.k=20", "neighbourhood.k is 20; allowed: 1 to 19, for agents.count is 20"),
+        ("neighbourhood.k=20", "neighbourhood.k is 20; allowed: 1 to 19, because agents.count is 20"),
         ("neighbourhood.kind=near", "neighbourhood: is "),
         ("model=embodied", "belongs to model: particles"),
     ],
