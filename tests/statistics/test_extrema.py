@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim.statistics import extrema
 from epuck_sim.statistics.extrema import (
     GRID_POINTS,
     MIN_SPEEDS,
@@ -236,3 +237,20 @@ def test_intervals_are_percentiles_of_the_resamples_that_have_a_pair():
     assert pair.intervals == pytest.approx(np.column_stack([low, high]))
     slow, fast = pair.resampled[~without, 0], pair.resampled[~without, 2]
     assert (slow < fast).all()
+
+
+def test_uncertain_means_count_less_in_the_falling_curve_that_fits_best(monkeypatch):
+    seen, fit = [], extrema.isotonic_regression
+
+    def spy(logs, *, weights=None, increasing):
+        seen.append(weights)
+        return fit(logs, weights=weights, increasing=increasing)
+
+    monkeypatch.setattr(extrema, "isotonic_regression", spy)
+    means, resampled = trials(cubic(X), 200, 3)
+    resampled[:, 7] = means[7] * np.exp(3 * (np.log(resampled[:, 7]) - np.log(means[7])))
+    find_minimum_and_peak(SPEEDS, means, resampled)
+    (weights,) = seen
+    variances = np.log(resampled).var(axis=0)
+    np.testing.assert_allclose(weights * variances, weights[0] * variances[0], rtol=0.02)
+    assert weights.argmin() == 7
