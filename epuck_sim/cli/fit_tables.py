@@ -15,6 +15,7 @@ from epuck_sim.figures.labels import distinguishing_labels
 from epuck_sim.statistics.extrema import SpeedExtrema
 from epuck_sim.statistics.scaling_fit import FittedCurve, Laws
 from epuck_sim.statistics.scaling_laws import Estimate
+from epuck_sim.statistics.summary import finite_or_none
 
 EXTREMA_HEADINGS = ("V_m [cm/s]", "T_m [cycles]", "V_p [cm/s]", "T_p [cycles]")
 
@@ -96,19 +97,15 @@ def _curve_object(curve: FittedCurve) -> dict[str, Any]:
 
 def _laws_object(laws: Laws) -> dict[str, Any]:
     exponents = [
-        {**row._asdict(), "exponent": row.exponent._asdict(), "misfit": _finite_or_none(row.misfit)}
+        {**row._asdict(), "exponent": row.exponent._asdict(), "misfit": finite_or_none(row.misfit)}
         for row in laws.exponents
     ]
     offset_laws = {
         name: {
             "factor": law.factor._asdict(),
             "offset": law.offset._asdict(),
-            "r_squared": _finite_or_none(law.r_squared),
+            "r_squared": finite_or_none(law.r_squared),
         }
         for name, law in laws.offset_laws.items()
     }
     return {**laws._asdict(), "exponents": exponents, "offset_laws": offset_laws}
-
-
-def _finite_or_none(number: float) -> float | None:
-    return number if math.isfinite(number) else None

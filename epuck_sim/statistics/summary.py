@@ -55,16 +55,17 @@ def _summarize_point(point: PointTrials) -> PointSummary:
         axes=point.axes,
         trials=len(times),
         censored=1 - float(observed.mean()),
-        mean=_finite_or_none(mean.mean),
-        mean_low=_finite_or_none(mean.low),
-        mean_high=_finite_or_none(mean.high),
-        median=_finite_or_none(median),
-        median_low=_finite_or_none(median_low),
-        median_high=_finite_or_none(median_high),
-        restricted_mean=_finite_or_none(restricted_mean(times, observed, horizon)),
+        mean=finite_or_none(mean.mean),
+        mean_low=finite_or_none(mean.low),
+        mean_high=finite_or_none(mean.high),
+        median=finite_or_none(median),
+        median_low=finite_or_none(median_low),
+        median_high=finite_or_none(median_high),
+        restricted_mean=finite_or_none(restricted_mean(times, observed, horizon)),
         horizon=horizon,
     )
 
 
-def _finite_or_none(number: float) -> float | None:
+def finite_or_none(number: float) -> float | None:
+    """Return a number as JSON can hold it: None if it is NaN or infinite."""
     return number if math.isfinite(number) else None
