@@ -1,7 +1,5 @@
 """Groups of robots at work: their controllers, and the arrays with which they sense and act."""
 
-from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +10,11 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.interface import ACTUATORS
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.runner import ControllerRunner, SensorArrays
-from epuck_sim.embodied.camera_clock import CameraClock
-from epuck_sim.embodied.cell_list import CellList, make_cell_list
+from epuck_sim.embodied.camera_clock import CameraClock, start_camera_clock
+from epuck_sim.embodied.cell_list import CellList
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.sensing import SensingArrays, build_camera, sense
+from epuck_sim.embodied.sensing import SensingArrays, build_camera
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
 
@@ -56,7 +54,7 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
         velocities=world.velocities,
         wheels_cm_s=np.zeros((robots, 2)),
         ring_on=np.zeros(robots, np.bool_),
-        cells=make_cell_list(arena.width_cm, arena.height_cm, robots),
+        cells=world.bodies.cells,
         sensors=SensorArrays(
             step_ms=np.full(robots, scenario.timing.step_ms),
             infrared=np.zeros((robots, SENSORS)),
@@ -79,10 +77,10 @@ class RobotGroupState(NamedTuple):
     """Period of its oscillators in ms; NaN if it has none."""
     runner: ControllerRunner
     """Its controllers."""
-    sense: Callable[[int], None]
-    """Writes what the group senses, with the infrared noise of the given one of the `NOISE_STEPS` steps."""
-    camera_clock: CameraClock | None
-    """Decides when its controllers receive which picture; None if they receive one in each step."""
+    sensing: SensingArrays
+    """What it senses."""
+    camera_clock: CameraClock
+    """Decides when its controllers receive which picture; of no robots if they receive one in each step."""
 
 
 def start_group(
@@ -121,18 +119,18 @@ def start_group(
         controller, parameters, controller_streams[rows], sensors, swarm.actuators[rows], interpret
     )
     clock = _start_camera_clock(scenario, group, camera_streams[rows], sensors)
-    pixels = sensors.camera if clock is None else clock.in_view
+    pixels = clock.in_view if len(clock.in_view) else sensors.camera
     arrays = _sensing_arrays(scenario, group, first_robot, swarm, sensors, infrared_gain[rows], pixels)
-    return RobotGroupState(first_robot, period_ms, runner, partial(sense, arrays), clock)
+    return RobotGroupState(first_robot, period_ms, runner, arrays, clock)
 
 
 def _start_camera_clock(
     scenario: EmbodiedScenario, group: RobotGroup, streams: StreamArray, sensors: SensorArrays
-) -> CameraClock | None:
-    """Return the clock of the group's cameras; None for cameras that take a picture in each control step."""
+) -> CameraClock:
+    """Return the clock of the group's cameras; of no robots for cameras that take a picture in each control step."""
     if group.camera.frames_per_s is None:
-        return None
-    return CameraClock(
+        return start_camera_clock(1.0, 0.0, streams[:0], sensors.camera[:0], sensors.new_picture[:0])
+    return start_camera_clock(
         interval=scenario.timing.control_hz / group.camera.frames_per_s,
         latency=group.camera.latency_ms * scenario.timing.control_hz / 1000,
         streams=streams,

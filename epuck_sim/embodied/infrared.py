@@ -110,6 +110,9 @@ def sense_infrared(
             _meet_edge(ax * cos + ay * sin, ay * cos - ax * sin, bx * cos + by * sin, by * cos - bx * sin, distances)
         for sensor in range(SENSORS):
             left, centre, right = distances[sensor, 0], distances[sensor, 1], distances[sensor, 2]
+            if min(left, centre, right) > _RANGE:
+                readings[row, sensor] = 0.0
+                continue
             total = response(left) + response(centre) + response(right) - 2.0 * response(centre * _STRETCH)
             readings[row, sensor] = min(max(total, 0.0), _PEAK)
 

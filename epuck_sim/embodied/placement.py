@@ -100,11 +100,11 @@ def _at_random(
 ) -> FloatArray:
     """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
     poses = np.vstack([placed, np.empty((group.count, 3))])
-    low = epuck.RADIUS_CM
-    high = (arena.width_cm - low, arena.height_cm - low)
+    width, height = arena.width_cm - 2 * epuck.RADIUS_CM, arena.height_cm - 2 * epuck.RADIUS_CM
     for robot in range(len(placed), len(poses)):
         for _ in range(MAX_DRAWS):
-            x, y = random.uniform(low, high)
+            x = epuck.RADIUS_CM + width * random.random()
+            y = epuck.RADIUS_CM + height * random.random()
             if _is_free(arena, poses[:robot], x, y):
                 break
         else:
@@ -113,11 +113,13 @@ def _at_random(
                 f"{MAX_DRAWS} draws: random placement fills at most about half of the floor; give fewer robots, a "
                 "larger arena, or poses"
             )
-        poses[robot] = x, y, random.uniform(0, 2 * math.pi)
+        poses[robot] = x, y, 2 * math.pi * random.random()
     return poses[len(placed) :]
 
 
 def _is_free(arena: Arena, placed: FloatArray, x: float, y: float) -> bool:
     """Return whether a robot at (x, y) touches no robot that is placed, no wall and no obstacle."""
-    apart = (placed[:, 0] - x) ** 2 + (placed[:, 1] - y) ** 2 >= _TOUCH_CM**2
-    return bool(apart.all()) and clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM
+    dx, dy = placed[:, 0] - x, placed[:, 1] - y
+    return (
+        bool((dx * dx + dy * dy >= _TOUCH_CM**2).all()) and clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM
+    )

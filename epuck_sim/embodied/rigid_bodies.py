@@ -17,22 +17,17 @@ from pymunk.batch import BodyFields
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.chipmunk import CALLS, advance_space
+from epuck_sim.embodied.bodies import Bodies
+from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
+from epuck_sim.embodied.chipmunk import CALLS, move_bodies
+from epuck_sim.embodied.contact_candidates import MARGIN_CM
 from epuck_sim.errors import EpuckSimError
 
 WALL_CM = 50.0
 """Thickness of the walls in cm: far more than a robot can cover in one physics step."""
 
-MARGIN_CM = 0.08
-"""Margin in cm by which bodies are enlarged; overlaps of up to twice the margin are not corrected.
-
-pymunk detects a contact only after bodies overlap, and two robots that meet head-on at full speed approach by 2.56 mm
-in a physics step. Margins make it detect contacts 1.6 mm earlier, so that real bodies overlap by less than 1 mm, and
-robots that press on something come to rest where their real surfaces touch.
-"""
-
-_POSES = BodyFields.POSITION | BodyFields.ANGLE
-_VELOCITIES = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
+_POSE = BodyFields.POSITION | BodyFields.ANGLE
+_VELOCITY = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
 
 
 class World:
@@ -42,6 +37,8 @@ class World:
     """(robots, 3) cm, cm, rad: x, y, heading; updated by `advance`. Headings count full turns."""
     velocities: FloatArray
     """(robots, 3) cm/s, cm/s, rad/s: to be written before `advance`."""
+    bodies: Bodies
+    """What compiled code moves; it holds `poses` and `velocities`."""
 
     def __init__(self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int) -> None:
         """Put robots at (robots, 3) `poses` into the arena.
@@ -55,58 +52,88 @@ class World:
         self._space = space = pymunk.Space()
         space.collision_slop = 2 * MARGIN_CM
         space.collision_bias = 0.0  # an overlap is gone after one physics step
-        self._step_s = 1.0 / physics_hz
+        root = friction**0.5  # pymunk multiplies the friction of the two that touch
         for shape in _walls(space.static_body, arena) + _obstacles(space.static_body, arena):
-            shape.friction = friction**0.5  # pymunk multiplies the friction of the two that touch
+            shape.friction = root
             space.add(shape)
-        for x, y, heading in poses.tolist():
-            body = pymunk.Body(epuck.MASS_G, pymunk.moment_for_circle(epuck.MASS_G, 0, epuck.RADIUS_CM))
-            body.position = x, y
-            body.angle = heading
-            disc = pymunk.Circle(body, epuck.RADIUS_CM + MARGIN_CM)
-            disc.friction = friction**0.5
-            space.add(body, disc)
-        robots = len(poses)
-        self._poses = pymunk.batch.Buffer()
-        pymunk.batch.get_space_bodies(space, _POSES, self._poses)
-        # The buffer keeps its place as long as the number of bodies does. Bodies come in the order they were added;
-        # the static body, where it is listed, comes last.
-        bodies = np.frombuffer(self._poses.float_buf()).reshape(-1, 3)
-        self.poses = bodies[:robots]
-        commands = np.zeros_like(bodies)
-        self.velocities = commands[:robots]
-        self._commands = pymunk.batch.Buffer()
-        self._commands.set_float_buf(commands)
-        self._batches = _batch(_VELOCITIES, self._commands), _batch(_POSES, self._poses)
-        self._calls = _calls(space, *self._batches)
+        self._discs = [_disc(root) for _ in poses]  # in the space while they may touch something
+        self.poses = poses.copy()
+        self.velocities = np.zeros_like(poses)
+        # compiled code refers to both by their addresses only
+        self._batches = _Batch(_POSE, self.poses), _Batch(_VELOCITY, self.velocities)
+        self.bodies = Bodies(
+            poses=self.poses,
+            velocities=self.velocities,
+            width_cm=arena.width_cm,
+            height_cm=arena.height_cm,
+            circles=arena.circles,
+            edges=arena.edges,
+            cells=make_cell_list(arena.width_cm, arena.height_cm, len(poses)),
+            step_s=1.0 / physics_hz,
+            calls=_calls(space, *self._batches),
+            pointers=np.array([[_pointer(body._body), _pointer(disc._shape)] for body, disc in self._discs]),
+            is_candidate=np.zeros(len(poses), np.bool_),
+            reached=np.zeros(len(poses), np.int64),
+            is_in_space=np.zeros(len(poses), np.bool_),
+        )
+        sort_into_cells(self.poses, self.bodies.cells)
 
     def advance(self, steps: int) -> None:
-        """Set the bodies' velocities and move the bodies for this number of physics steps.
-
-        pymunk's `Space.step` would do no more than this: it also carries out what callbacks have asked for, and there
-        are none.
-        """
-        advance_space(self._calls, steps, self._step_s)
+        """Move the bodies for this number of physics steps with the velocities that were written."""
+        move_bodies(self.bodies, steps)
 
 
-def _batch(fields: BodyFields, buffer: pymunk.batch.Buffer) -> Any:
-    """Return what pymunk's functions of one body take: which fields, and the buffer for them."""
-    batch = ffi.new("pmBatchedData *")
-    batch.fields, batch.floatArray, batch.intArray = fields.value, buffer._float_arr, buffer._int_arr
-    return batch
+def _disc(friction: float) -> tuple[pymunk.Body, pymunk.Circle]:
+    """Return the body of a robot, and its shape."""
+    body = pymunk.Body(epuck.MASS_G, pymunk.moment_for_circle(epuck.MASS_G, 0, epuck.RADIUS_CM))
+    disc = pymunk.Circle(body, epuck.RADIUS_CM + MARGIN_CM)
+    disc.friction = friction
+    return body, disc
 
 
-def _calls(space: pymunk.Space, commands: Any, poses: Any) -> npt.NDArray[np.void]:
-    """Return (1,) the record that `advance_space` takes, for batches of velocities and of poses."""
+class _Batch:
+    """An array from which pymunk's functions of one body read, or to which they write."""
+
+    def __init__(self, fields: BodyFields, array: FloatArray) -> None:
+        """Refer to (robots, 3) `array`, which holds these fields of each body."""
+        self._buffer = pymunk.batch.Buffer()
+        self._buffer.set_float_buf(array)
+        self._buffer._float_arr.max = np.iinfo(np.int32).max  # pymunk frees an array that it finds full, and grows it
+        self._data = ffi.new("pmBatchedData *")
+        self._data.fields = fields.value
+        self._data.floatArray, self._data.intArray = self._buffer._float_arr, self._buffer._int_arr
+
+    @property
+    def pointer(self) -> int:
+        """Address of the batch."""
+        return _pointer(self._data)
+
+    @property
+    def index_pointer(self) -> int:
+        """Address of the index of the next float to read or to write."""
+        return _pointer(ffi.addressof(self._data.floatArray, "num"))
+
+
+_FUNCTIONS = {
+    "step": ("cpSpaceStep", "void(*)(cpSpace *, cpFloat)"),
+    "add_body": ("cpSpaceAddBody", "cpBody *(*)(cpSpace *, cpBody *)"),
+    "add_shape": ("cpSpaceAddShape", "cpShape *(*)(cpSpace *, cpShape *)"),
+    "remove_body": ("cpSpaceRemoveBody", "void(*)(cpSpace *, cpBody *)"),
+    "remove_shape": ("cpSpaceRemoveShape", "void(*)(cpSpace *, cpShape *)"),
+    "set_body": ("pmSpaceBodySetIteratorFuncBatched", "cpSpaceBodyIteratorFunc"),
+    "get_body": ("pmSpaceBodyGetIteratorFuncBatched", "cpSpaceBodyIteratorFunc"),
+}
+"""Name and kind of each of Chipmunk's functions that `CALLS` names."""
+
+
+def _calls(space: pymunk.Space, poses: _Batch, velocities: _Batch) -> npt.NDArray[np.void]:
+    """Return (1,) the record of addresses that `move_bodies` takes."""
     calls = np.zeros(1, CALLS)
     calls["space"] = _pointer(space._space)
-    calls["step"] = function_address("cpSpaceStep", "void(*)(cpSpace *, cpFloat)")
-    calls["each_body"] = function_address("cpSpaceEachBody", "void(*)(cpSpace *, cpSpaceBodyIteratorFunc, void *)")
-    calls["set_body"] = function_address("pmSpaceBodySetIteratorFuncBatched", "cpSpaceBodyIteratorFunc")
-    calls["get_body"] = function_address("pmSpaceBodyGetIteratorFuncBatched", "cpSpaceBodyIteratorFunc")
-    for name, read_or_written, batch in (("commands", "commands_read", commands), ("poses", "poses_written", poses)):
-        calls[name] = _pointer(batch)
-        calls[read_or_written] = _pointer(ffi.addressof(batch.floatArray, "num"))
+    for name, (function, kind) in _FUNCTIONS.items():
+        calls[name] = function_address(function, kind)
+    calls["poses"], calls["poses_index"] = poses.pointer, poses.index_pointer
+    calls["velocities"], calls["velocities_index"] = velocities.pointer, velocities.index_pointer
     return calls
 
 

@@ -4,8 +4,7 @@ Within a step all robots sense the same instant, then every controller runs, the
 bodies move. What a controller commands in one step is seen by the other robots in the next.
 """
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,12 +13,18 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, StreamArray
 from epuck_sim.control.runner import RobotError, SensorArrays
-from epuck_sim.embodied.differential_drive import apply_commands
+from epuck_sim.embodied.control_loop import (
+    CompiledLoop,
+    ControlLoop,
+    Drive,
+    GroupSensing,
+    interpreted_loop,
+)
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, make_swarm_arrays, start_group
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.step import Step
-from epuck_sim.embodied.variation import RobotClocks, RobotVariation, Stoppages, draw_variation
+from epuck_sim.embodied.variation import RobotClocks, RobotVariation, begin_stoppages, draw_variation
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -74,8 +79,6 @@ class Simulation:
         self.seed = seed_of_trial(scenario, seed)
         self.step_s = scenario.timing.step_ms / 1000
         self._step_ms = scenario.timing.step_ms
-        self._step_number = -1  # of the last step taken
-        self._physics_steps = scenario.timing.physics_hz // scenario.timing.control_hz
         for_placement, for_infrared, for_wheels, *for_robots = np.random.SeedSequence(self.seed).spawn(6)
         self._infrared_random = np.random.Generator(np.random.SFC64(for_infrared))
         self._wheel_random = np.random.Generator(np.random.SFC64(for_wheels))
@@ -88,22 +91,14 @@ class Simulation:
         self._world = World(arena, poses, scenario.contact.friction, scenario.timing.physics_hz)
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
         variation = draw_variation(scenario.spread, variation_streams)
-        ticks = self._start_clocks(variation, variation_streams)
+        self._step = np.full(1, -1)  # the number of the last step taken
         self._groups = self._start_groups(variation, controller_streams, camera_streams, interpret)
-        self._ticks = ticks + [group.camera_clock.tick for group in self._groups if group.camera_clock is not None]
         self.period_ms = np.concatenate([np.full(len(group.runner.memory), group.period_ms) for group in self._groups])
-        self._apply_commands = self._prepare_commands(variation.wheel_gain)
+        loop = self._control_loop(variation, variation_streams)
+        make_loop = interpreted_loop if interpret else CompiledLoop
+        groups = [GroupSensing(self._step, group.sensing, group.camera_clock) for group in self._groups]
+        self._take_steps = make_loop(loop, groups, [group.runner for group in self._groups])
         self._step_arrays: tuple[Any, ...] = self._show(self._swarm.sensors)[2:]
-        self._warm_up()
-
-    def _start_clocks(self, variation: RobotVariation, streams: StreamArray) -> list[Callable[[int], None]]:
-        """Return what takes each step's number before controllers run: robots' clocks and stoppages, if any."""
-        ticks: list[Callable[[int], None]] = []
-        if self.scenario.spread.clock_rate > 0:
-            ticks.append(RobotClocks(variation.clock_rate, self._step_ms, self._swarm.sensors.step_ms).tick)
-        if self.scenario.stuck.per_hour > 0:
-            ticks.append(Stoppages(self.scenario.stuck, self.step_s, streams, variation.wheel_gain).tick)
-        return ticks
 
     def _start_groups(
         self,
@@ -133,20 +128,26 @@ class Simulation:
             first_robot += section.count
         return groups
 
-    def _prepare_commands(self, wheel_gain: FloatArray) -> Callable[[int], int]:
-        """Return `apply_commands` with all its arguments but the last; (robots, 2) wheel_gain is read in each step."""
-        swarm = self._swarm
-        return partial(
-            apply_commands,
-            swarm.actuators,
-            swarm.wheels_cm_s,
-            swarm.ring_on,
-            swarm.poses,
-            wheel_gain,
-            self.scenario.noise.wheel_speed,
-            self.step_s,
-            swarm.velocities,
-            swarm.wheel_noise,
+    def _control_loop(self, variation: RobotVariation, variation_streams: StreamArray) -> ControlLoop:
+        """Return the arrays that change in each control step."""
+        swarm, clock_rate = self._swarm, variation.clock_rate
+        rates = clock_rate if self.scenario.spread.clock_rate > 0 else clock_rate[:0]
+        return ControlLoop(
+            step=self._step,
+            physics_steps=self.scenario.timing.physics_hz // self.scenario.timing.control_hz,
+            bodies=self._world.bodies,
+            calls=np.zeros((2 * len(self._groups), 2), np.int64),
+            clocks=RobotClocks(self._step_ms * rates, swarm.sensors.step_ms),
+            stoppages=begin_stoppages(self.scenario.stuck, variation_streams, variation.wheel_gain),
+            drive=Drive(
+                actuators=swarm.actuators,
+                wheels_cm_s=swarm.wheels_cm_s,
+                ring_on=swarm.ring_on,
+                wheel_gain=variation.wheel_gain,
+                slip=self.scenario.noise.wheel_speed,
+                step_s=self.step_s,
+                wheel_noise=swarm.wheel_noise,
+            ),
         )
 
     def _show(self, sensors: SensorArrays) -> Step:
@@ -163,18 +164,10 @@ class Simulation:
             memories=tuple(_read_only(group.runner.memory) for group in self._groups),
         )
 
-    def _warm_up(self) -> None:
-        """Have compiled what the steps call, before any clock runs; there is no noise and no command yet."""
-        for group in self._groups:
-            group.sense(0)
-        for tick in self._ticks:
-            tick(-1)
-        self._apply_commands(0)
-
     @property
     def steps(self) -> int:
         """Control steps taken so far."""
-        return self._step_number + 1
+        return int(self._step[0]) + 1
 
     def __iter__(self) -> Self:
         """Return the simulation itself: a further loop continues where the last one stopped."""
@@ -191,25 +184,56 @@ class Simulation:
         Raises:
             ControllerError: A controller raises, or sets a wheel speed that is not a number.
         """
-        self._step_number += 1
-        noise_step = self._step_number % NOISE_STEPS
-        if self._step_number > 0:
-            self._world.advance(self._physics_steps)
-        if noise_step == 0:
-            self._draw_noise()
+        return self.advance(1)
+
+    def advance(self, steps: int, until_lit: int | None = None) -> Step:
+        """Take several control steps, many times faster than one by one, and return the last of them.
+
+        Args:
+            steps: Number of steps to take, at least 1.
+            until_lit: Number of a robot; a step in which its ring is lit is the last one.
+
+        Returns:
+            The last step; its arrays are overwritten by the next one.
+
+        Raises:
+            ValueError: There is no step to take, or no such robot.
+            ControllerError: See `__next__`.
+        """
+        if steps < 1:
+            raise ValueError(f"steps is {steps}; allowed: 1 and above")
+        if until_lit is not None and not 0 <= until_lit < len(self.period_ms):
+            raise ValueError(f"until_lit is {until_lit}; allowed: 0 to {len(self.period_ms) - 1}")
+        end = self.steps + steps
+        while True:
+            noise_step = self.steps % NOISE_STEPS
+            if noise_step == 0:
+                self._draw_noise()
+            self._run(min(end - self.steps, NOISE_STEPS - noise_step), -1 if until_lit is None else until_lit)
+            if self.steps == end or (until_lit is not None and self._swarm.ring_on[until_lit]):
+                return self._last_step()
+
+    def _last_step(self) -> Step:
+        """Return the step that was taken last."""
         for group in self._groups:
-            group.sense(noise_step)
-        for tick in self._ticks:
-            tick(self._step_number)
-        for group in self._groups:
-            try:
-                group.runner.step()
-            except RobotError as error:
-                raise self._located(error, group.first_robot) from error
-        invalid = self._apply_commands(noise_step)
+            camera = group.runner.arrays.senses.camera
+            shown = self._swarm.sensors.camera
+            if camera.shape[1] != shown.shape[1]:
+                shown[group.first_robot : group.first_robot + len(camera), : camera.shape[1]] = camera
+        number = int(self._step[0])
+        return Step(number, number * self._step_ms / 1000, *self._step_arrays)
+
+    def _run(self, steps: int, until_lit: int) -> None:
+        """Take control steps for which noise is drawn; a robot whose controller fails is named."""
+        try:
+            invalid = self._take_steps(steps, until_lit)
+        except (Exception, SystemExit) as error:  # whatever a user's controller may raise
+            for group in self._groups:
+                if fault := group.runner.fault(error):
+                    raise self._located(fault, group.first_robot) from error
+            raise
         if invalid >= 0:
             raise ControllerError(f"{self._location(invalid)}: its controller sets a wheel speed that is not a number")
-        return Step(self._step_number, self._step_number * self._step_ms / 1000, *self._step_arrays)
 
     def _draw_noise(self) -> None:
         """Draw the noise of the next `NOISE_STEPS` steps."""
@@ -220,7 +244,7 @@ class Simulation:
 
     def _location(self, robot: int) -> str:
         """Return where a controller failed, for an error."""
-        return f"{self.scenario.name}: robot {robot}, step {max(self._step_number, 0)}, seed {self.seed}"
+        return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"
 
     def _located(self, error: RobotError, first_robot: int) -> ControllerError:
         """Return the error of a controller of the group that begins with `first_robot`, with its location."""

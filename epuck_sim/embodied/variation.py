@@ -11,7 +11,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.scenario.embodied import SpreadSection, StuckSection
-from epuck_sim.util.jit import jit
+from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
 _DRAWS = 4 + SENSORS
@@ -31,71 +31,81 @@ class RobotVariation(NamedTuple):
 
 def draw_variation(spread: SpreadSection, streams: StreamArray) -> RobotVariation:
     """Return factors drawn from the robots' streams, (robots, 4), which advance."""
-    drawn = np.array([[2 * uniform(stream) - 1 for _ in range(_DRAWS)] for stream in streams])
+    drawn = _draw(streams)
     both = 1 + spread.wheel_speed * drawn[:, :1]
     each = 1 + spread.wheel_imbalance * drawn[:, 1:3]
     return RobotVariation(both * each, 1 + spread.clock_rate * drawn[:, 3], 1 + spread.infrared_gain * drawn[:, 4:])
 
 
-class RobotClocks:
+@jit
+def _draw(streams: StreamArray) -> FloatArray:
+    """Return (robots, _DRAWS) numbers from [-1, 1), one row from each stream."""
+    drawn = np.empty((len(streams), _DRAWS))
+    for robot in range(len(streams)):
+        for draw in range(_DRAWS):
+            drawn[robot, draw] = 2 * uniform(streams[robot]) - 1
+    return drawn
+
+
+class RobotClocks(NamedTuple):
     """The robots' own clocks, which count whole milliseconds."""
 
-    def __init__(self, rates: FloatArray, step_ms: int, elapsed_ms: IntArray) -> None:
-        """Set the clocks' rates.
-
-        Args:
-            rates: (robots,) rate of each clock, relative to real time.
-            step_ms: Milliseconds of a control step.
-            elapsed_ms: (robots,) ms that pass on each clock in a control step; written.
-        """
-        self._step_ms = step_ms * rates
-        self._elapsed_ms = elapsed_ms
-
-    def tick(self, step: int) -> None:
-        """Write the ms until the next control step by each clock: 25, 25, 26 ...; fractions carry over."""
-        self._elapsed_ms[:] = np.floor((step + 1) * self._step_ms) - np.floor(step * self._step_ms)
+    step_ms: FloatArray
+    """(robots,) ms of a control step by each clock; empty where all clocks are right."""
+    elapsed_ms: IntArray
+    """(robots,) whole ms until the next control step by each clock."""
 
 
-class Stoppages:
+@jit_no_alloc
+def tick(clocks: RobotClocks, step: int) -> None:
+    """Write the ms from this control step until the next by each clock: 25, 25, 26 ...; fractions carry over."""
+    for robot in range(len(clocks.step_ms)):
+        step_ms = clocks.step_ms[robot]
+        clocks.elapsed_ms[robot] = int(math.floor((step + 1) * step_ms) - math.floor(step * step_ms))
+
+
+class Stoppages(NamedTuple):
     """Random stoppages: robots are free and stuck by turns for exponentially distributed times, free at first."""
 
-    def __init__(self, section: StuckSection, step_s: float, streams: StreamArray, wheel_gain: FloatArray) -> None:
-        """Begin with all robots free.
-
-        Args:
-            section: How often robots get stuck, and for how long.
-            step_s: Seconds of a control step.
-            streams: (robots, 4) random streams.
-            wheel_gain: (robots, 2) factor of each wheel's speed when free; written: 0 while a robot is stuck.
-        """
-        robots = len(streams)
-        self._step_s = step_s
-        mean_free_s, mean_stuck_s = 3600 / section.per_hour, section.mean_s
-        until_s, is_stuck = np.zeros(robots), np.ones(robots, np.bool_)  # at time 0 all are released
-        free_gain = wheel_gain.copy()
-        self._arguments = (mean_free_s, mean_stuck_s, streams, until_s, is_stuck, free_gain, wheel_gain)
-
-    def tick(self, step: int) -> None:
-        """Stop and release the robots whose turn has come by this control step."""
-        _stop_and_release(step * self._step_s, *self._arguments)
+    mean_free_s: float
+    """Mean time in seconds for which a robot is free."""
+    mean_stuck_s: float
+    """Mean time in seconds for which it is stuck."""
+    streams: StreamArray
+    """(robots, 4) random streams; no rows where robots never get stuck."""
+    until_s: FloatArray
+    """(robots,) times in seconds until which robots stay as they are."""
+    is_stuck: BoolArray
+    """(robots,) whether a robot is stuck."""
+    free_gain: FloatArray
+    """(robots, 2) factor of each wheel's speed when free."""
+    wheel_gain: FloatArray
+    """(robots, 2) factor of each wheel's speed: 0 while a robot is stuck."""
 
 
-@jit
-def _stop_and_release(
-    time_s: float,
-    mean_free_s: float,
-    mean_stuck_s: float,
-    streams: StreamArray,
-    until_s: FloatArray,
-    is_stuck: BoolArray,
-    free_gain: FloatArray,
-    wheel_gain: FloatArray,
-) -> None:
-    """Update (robots, 2) wheel_gain and (robots,) is_stuck, whose values hold until the times (robots,) until_s."""
-    for robot in range(len(until_s)):
-        while until_s[robot] <= time_s:
-            is_stuck[robot] = not is_stuck[robot]
-            mean_s = mean_stuck_s if is_stuck[robot] else mean_free_s
-            until_s[robot] -= mean_s * math.log(1.0 - uniform(streams[robot]))
+def begin_stoppages(section: StuckSection, streams: StreamArray, wheel_gain: FloatArray) -> Stoppages:
+    """Return stoppages that free all robots at time 0; none for a section without any."""
+    robots = len(streams) if section.per_hour > 0 else 0
+    return Stoppages(
+        mean_free_s=3600 / section.per_hour if robots else math.inf,
+        mean_stuck_s=float(section.mean_s),
+        streams=streams[:robots],
+        until_s=np.zeros(robots),
+        is_stuck=np.ones(robots, np.bool_),
+        free_gain=wheel_gain.copy(),
+        wheel_gain=wheel_gain,
+    )
+
+
+@jit_no_alloc
+def stop_and_release(stoppages: Stoppages, time_s: float) -> None:
+    """Stop and release the robots whose turn has come by this time."""
+    for robot in range(len(stoppages.until_s)):
+        while stoppages.until_s[robot] <= time_s:
+            is_stuck = not stoppages.is_stuck[robot]
+            stoppages.is_stuck[robot] = is_stuck
+            mean_s = stoppages.mean_stuck_s if is_stuck else stoppages.mean_free_s
+            stoppages.until_s[robot] -= mean_s * math.log(1.0 - uniform(stoppages.streams[robot]))
         for wheel in range(2):
-            wheel_gain[robot, wheel] = 0.0 if is_stuck[robot] else free_gain[robot, wheel]
+            stuck = stoppages.is_stuck[robot]
+            stoppages.wheel_gain[robot, wheel] = 0.0 if stuck else stoppages.free_gain[robot, wheel]

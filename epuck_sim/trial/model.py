@@ -53,8 +53,7 @@ def _simulate_robots(scenario: EmbodiedScenario, seed: int, interpret: bool) -> 
 def _run_robots(simulation: Any, observers: Sequence[Observer], progress: Progress | None) -> TrialResult:
     from epuck_sim.trial.embodied import run_robots
 
-    shown = [] if progress is None else [lambda _, state: progress(state)]
-    return run_robots(simulation, [*shown, *observers])
+    return run_robots(simulation, observers, progress)
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:

@@ -26,6 +26,8 @@ class SynchronyWatch:
     """Firings of the reference so far."""
     order_parameter: float | None
     """Order parameter at the reference's last firing; None before the first."""
+    lit_robot: int | None
+    """The reference, if it is an oscillator: steps in which its ring is dark may go unseen."""
 
     def __init__(self, simulation: Simulation) -> None:
         stop = simulation.scenario.stop
@@ -37,6 +39,7 @@ class SynchronyWatch:
         self._oscillators = ~np.isnan(simulation.period_ms)
         self._periods = simulation.period_ms[self._oscillators]
         self._measures = bool(self._oscillators[self._reference])
+        self.lit_robot = self._reference if self._measures else None
         step_ms = simulation.scenario.timing.step_ms
         self._step_s = step_ms / 1000
         period_ms = simulation.period_ms[self._reference] if self._measures else NOMINAL_PERIOD_S * 1000
@@ -45,6 +48,8 @@ class SynchronyWatch:
         self._max_steps = math.ceil(2 * stop.max_cycles * (period_ms / step_ms + 1))
         if stop.max_time_s is not None:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
+        if not self._measures:
+            self._max_steps = min(self._max_steps, math.ceil(stop.max_cycles * self._steps_a_cycle))
         self._steps = 0
         self._lit_phase: float | None = None  # of the reference, while its ring is lit
         self._synchrony: Firing | None = None
@@ -52,8 +57,10 @@ class SynchronyWatch:
         self.order_parameter = None
 
     def look(self, step: Step) -> None:
-        """Take note of a step."""
+        """Take note of a step; in the steps since the last one that was seen, the ring of `lit_robot` was dark."""
         if self._measures:
+            if step.number > self._steps:
+                self._lit_phase = None
             if step.ring_on[self._reference]:
                 self._look_at_firing(step)
             else:
@@ -84,6 +91,11 @@ class SynchronyWatch:
     def time_s(self) -> float:
         """Simulated time of the last step."""
         return max(self._steps - 1, 0) * self._step_s
+
+    @property
+    def steps_left(self) -> int:
+        """Steps until the trial ends at its limits, unless the reference fires before; at least 1."""
+        return max(self._max_steps - self._steps, 1)
 
     @property
     def is_synchronised(self) -> bool:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
 
 import platformdirs
@@ -101,6 +102,11 @@ def _is_cache(folder: Path) -> bool:
     if not re.fullmatch("[0-9a-f]{16}", folder.name) or folder.is_symlink() or not folder.is_dir():
         return False
     return all(path.is_dir() or ".nbi" in path.name or ".nbc" in path.name for path in folder.rglob("*"))
+
+
+def bind(function: Any, **names: object) -> Any:
+    """Return a copy of a function in which these global names have these values."""
+    return FunctionType(function.__code__, {**function.__globals__, **names})
 
 
 def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:

@@ -1,95 +1,87 @@
-"""The cost of a control step, compared with the bare physics of the same world. Run by `make bench`.
+"""The cost of a control step, compared with a loop that has Python between its parts. Run by `make bench`.
 
-Machines are noisy, so that speeds are compared within one run only: two simulations of one seed take turns, one as it
-is, the other with bodies moved by pymunk's own methods, which is timed around its ten calls of `Space.step`, too.
+Machines are noisy, so that speeds are compared within one run only: two simulations of one seed take turns.
 """
 
+import statistics
 import subprocess
 import sys
 import time
 
-import pymunk.batch
 import pytest
 
-from epuck_sim.embodied import rigid_bodies
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.seeds import trial_seed
+from tests.benchmarks.python_steps import PythonSteps
 
 pytestmark = pytest.mark.benchmark
 
-SWARMS = [
-    (10, 60, 3.0),
-    (10, 60, 12.8),
-    (20, 100, 3.0),
-    (100, 200, 3.0),
-    (300, 400, 3.0),
-    (1000, 700, 3.0),
-]
-"""Robots, the side of their arena in cm, and their speed in cm/s."""
+SWARMS = {
+    (10, 60, 3.0): 2.8,
+    (10, 60, 12.8): 1.85,
+    (20, 100, 3.0): 1.8,
+    (100, 200, 3.0): 1.6,
+    (300, 400, 3.0): 1.5,
+    (1000, 700, 3.0): 1.25,
+}
+"""Robots, the side of their arena in cm, and their speed in cm/s: least gain over Python."""
 
-CURVE_TARGET_S = 40
+CURVE_TARGET_S = 14
 START_TARGET_S = 2
+SETUP_TARGET_MS = 0.4
 
-BLOCK = 20
-
-
-class SteppedByPymunk(rigid_bodies.World):
-    """A world that calls pymunk's own methods, and adds up how long its bare physics takes."""
-
-    bare_s: float
-
-    def advance(self, steps: int) -> None:
-        space, step, step_s = self._space, self._space.step, self._step_s
-        pymunk.batch.set_space_bodies(space, rigid_bodies._VELOCITIES, self._commands)
-        began = time.thread_time()
-        for _ in range(steps):
-            step(step_s)
-        self.bare_s += time.thread_time() - began
-        self._poses.clear()
-        pymunk.batch.get_space_bodies(space, rigid_bodies._POSES, self._poses)
+BLOCK = 50
 
 
 @pytest.fixture(scope="module")
 def costs():
-    """(robots, side, speed) -> us a step, the same with pymunk's methods, bare physics; printed as a table."""
-    found: dict[tuple[int, int, float], tuple[float, float, float]] = {}
+    """(robots, side, speed) -> us a step taken at once, one by one, and with Python in between; printed as a table."""
+    found: dict[tuple[int, int, float], tuple[float, ...]] = {}
     yield found
-    print("\n\nCPU time of a control step in us, beside bare physics and beside a step with pymunk's own methods")
-    print("robots  side cm   cm/s     step   a robot  bare physics  ratio  with pymunk's methods  ratio")
-    for (robots, side, speed), (step, by_pymunk, bare) in found.items():
+    print("\n\nCPU time of a control step in us, median of blocks that took turns")
+    print("robots  side cm   cm/s  at once   a robot  one by one  in Python  ratio  target")
+    for (robots, side, speed), (at_once, one_by_one, in_python, ratio) in found.items():
         print(
-            f"{robots:6}  {side:7}  {speed:5}  {step:7.1f}  {step / robots:8.2f}  {bare:12.1f}  {step / bare:5.2f}"
-            f"  {by_pymunk:21.1f}  {by_pymunk / step:5.2f}"
+            f"{robots:6}  {side:7}  {speed:5}  {at_once:7.1f}  {at_once / robots:8.2f}  {one_by_one:10.1f}"
+            f"  {in_python:9.1f}  {ratio:5.2f}  {SWARMS[robots, side, speed]:6}"
         )
 
 
 @pytest.mark.parametrize(("robots", "side", "speed"), SWARMS)
-def test_a_control_step_beside_its_bare_physics(benchmark, costs, robots: int, side: int, speed: float) -> None:
+def test_a_control_step_beside_one_with_python_in_between(
+    benchmark, costs, robots: int, side: int, speed: float
+) -> None:
     settings = [f"robots.0.count={robots}", f"arena.width_cm={side}", f"arena.height_cm={side}"]
     scenario = load_scenario("thesis", [*settings, f"robots.0.parameters.speed_cm_s={speed}"])
-    plain, by_pymunk = Simulation(scenario, 1), Simulation(scenario, 1)
-    by_pymunk._world.__class__ = SteppedByPymunk
-    by_pymunk._world.bare_s = 0.0
-    spent_s = {plain: 0.0, by_pymunk: 0.0}
+    at_once, one_by_one = Simulation(scenario, 1), Simulation(scenario, 1)
+    in_python = PythonSteps(Simulation(scenario, 1))
+    ways = {
+        "at_once": lambda: at_once.advance(BLOCK),
+        "one_by_one": lambda: [next(one_by_one) for _ in range(BLOCK)],
+        "in_python": lambda: in_python.advance(BLOCK),
+    }
+    spent_us: dict[str, list[float]] = {name: [] for name in ways}
 
-    def take_steps(simulation: Simulation) -> None:
-        began = time.thread_time()
-        for _ in range(BLOCK):
-            next(simulation)
-        spent_s[simulation] += time.thread_time() - began
+    def take_turns() -> None:
+        for name, take_steps in ways.items():
+            began = time.thread_time()
+            take_steps()
+            spent_us[name].append((time.thread_time() - began) / BLOCK * 1e6)
 
-    for simulation in spent_s:
-        take_steps(simulation)
-    by_pymunk._world.bare_s = 0.0
-    spent_s.update(dict.fromkeys(spent_s, 0.0))
-    rounds = max(10, 4000 // robots)
-    benchmark.pedantic(take_steps, (plain,), setup=lambda: take_steps(by_pymunk), rounds=rounds, iterations=1)
-    steps = BLOCK * rounds
-    found = [seconds / steps * 1e6 for seconds in (*spent_s.values(), by_pymunk._world.bare_s)]
-    costs[robots, side, speed] = tuple(found)
-    benchmark.extra_info.update(zip(("step_us", "by_pymunk_us", "bare_us"), found, strict=True))
+    benchmark.pedantic(take_turns, rounds=max(6, 2000 // robots), warmup_rounds=1)
+    found = [statistics.median(spent) for spent in spent_us.values()]
+    ratio = statistics.median(a / b for a, b in zip(spent_us["in_python"], spent_us["at_once"], strict=True))
+    costs[robots, side, speed] = (*found, ratio)
+    benchmark.extra_info.update(zip((*ways, "ratio"), (*found, ratio), strict=True))
+
+
+def test_the_time_to_set_up_a_trial(benchmark) -> None:
+    """Of a scenario that was seen before."""
+    scenario = load_scenario("thesis")
+    benchmark.pedantic(Simulation, (scenario, 1), rounds=200, warmup_rounds=5)
+    print(f"\nsetting up a trial: {benchmark.stats.stats.median * 1e3:.2f} ms (target <= {SETUP_TARGET_MS})")
 
 
 def test_the_base_curve_in_cpu_seconds(benchmark) -> None:

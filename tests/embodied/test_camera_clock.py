@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.camera_clock import CameraClock
+from epuck_sim.embodied.camera_clock import start_camera_clock, take_pictures
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.rng import uniform
@@ -25,12 +25,12 @@ def paces(draw):
 def filmed(interval, latency, steps, robots=1, seed=4):
     """Return (steps, robots) the step whose picture each controller has, -1 for none, and whether it is new."""
     camera, new = np.zeros((robots, 3), np.int64), np.ones(robots, bool)
-    clock = CameraClock(interval, latency, robot_streams(np.random.SeedSequence(seed), robots), camera, new)
+    clock = start_camera_clock(interval, latency, robot_streams(np.random.SeedSequence(seed), robots), camera, new)
     shown, is_new = np.empty((steps, robots), np.int64), np.empty((steps, robots), bool)
-    clock.tick(-1)
+    take_pictures(clock, -1)
     for step in range(steps):
         clock.in_view[:] = step + 1
-        clock.tick(step)
+        take_pictures(clock, step)
         assert (camera == camera[:, :1]).all()
         shown[step], is_new[step] = camera[:, 0] - 1, new
     return shown, is_new

@@ -250,7 +250,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by
     observer = random.integers(len(scene.poses))
     observers = random.integers(1, len(scene.poses) - observer + 1)
     group = slice(observer, observer + observers)
-    cells = sorted_cells(Scene(scene.poses[::-1].copy(), scene.lit, scene.arena))  # of an earlier instant
+    cells = sorted_cells(scene)
     gain, noise = random.uniform(0.5, 1.5, (observers, 8)), random.standard_normal((3, len(scene.poses), 8))
     counts, distance_mm = np.full((observers, 8), np.nan), np.zeros((observers, 8), np.int64)
     seen = np.full((observers, camera.pixels), 77, np.int64)
@@ -279,8 +279,3 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by
     np.testing.assert_array_equal(counts, expected)
     np.testing.assert_array_equal(distance_mm, expected_mm)
     np.testing.assert_array_equal(seen, rows(scene, camera)[group])
-
-
-def test_sensing_arrays_are_refused_unless_each_has_its_name():
-    with pytest.raises(TypeError, match=r"takes poses, ring_on, .*; given: poses, gain"):
-        SensingArrays(poses=np.zeros((1, 3)), gain=np.ones((1, 8)))

@@ -5,15 +5,14 @@ import sys
 import threading
 
 import numpy as np
-import pymunk.batch
 import pytest
 
-from epuck_sim.arena import make_arena
-from epuck_sim.embodied import rigid_bodies
+from epuck_sim.arena import clearance_cm, make_arena
 from epuck_sim.embodied.rigid_bodies import World, function_address
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.geometry import box_corners
+from tests.embodied.full_space import FullSpaceWorld
 
 RADIUS_CM = 3.7
 FULL_CM_S = 12.8
@@ -250,34 +249,100 @@ def test_in_scene_wall_the_robot_turns_away_from_the_wall_and_gets_further_from_
     assert x.min() < x[0] - 1  # and within five seconds it has left
 
 
-# --- Chipmunk called by address -----------------------------------------------------------------------
+# --- only robots that may touch something are in the space --------------------------------------------
+
+OBSTACLES = [([], []), ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])]
 
 
-class SteppedByPymunk(World):
-    """A world that calls pymunk's own methods."""
-
-    def advance(self, steps: int) -> None:
-        pymunk.batch.set_space_bodies(self._space, rigid_bodies._VELOCITIES, self._commands)
-        for _ in range(steps):
-            self._space.step(self._step_s)
-        self._poses.clear()
-        pymunk.batch.get_space_bodies(self._space, rigid_bodies._POSES, self._poses)
+def crowded_worlds(random, obstacles, friction, kinds=(World, FullSpaceWorld)):
+    """Return worlds of each kind with the same robots, some at rest, some slow, some quick."""
+    side = random.uniform(46, 80)
+    arena = make_arena(side, side, *obstacles)
+    placed: list[list[float]] = []
+    for x, y, heading in random.uniform([3.7, 3.7, -3], [side - 3.7, side - 3.7, 3], (60, 3)):
+        if clearance_cm(arena, x, y) >= 3.7 and all(math.hypot(x - other[0], y - other[1]) >= 7.4 for other in placed):
+            placed.append([x, y, heading])
+    velocities = random.uniform(-9, 9, (len(placed), 3)) * random.choice([0, 0.1, 1], (len(placed), 1))
+    worlds = [kind(arena, np.array(placed), friction, 100) for kind in kinds]
+    for world in worlds:
+        world.velocities[:] = velocities
+    return worlds
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.5])
-@pytest.mark.parametrize("obstacles", [([], []), ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])])
-def test_worlds_move_as_pymunk_s_own_steps_move_them_to_the_bit(friction, obstacles):
+@pytest.mark.parametrize("obstacles", OBSTACLES)
+def test_robots_move_as_pymunk_moves_them_when_all_are_in_its_space(friction, obstacles):
     random = np.random.default_rng(3)
-    places = [(x, y) for x in (6, 14, 30, 50) for y in (6, 50, 30, 42) if (x, y) not in {(14, 14), (30, 42)}]
-    poses = np.column_stack([places, random.uniform(-math.pi, math.pi, len(places))])
-    worlds = [kind(make_arena(60, 60, *obstacles), poses, friction, 100) for kind in (World, SteppedByPymunk)]
-    for steps in (10, 0, 1, *[10] * 200):
-        velocities = random.uniform(-FULL_CM_S, FULL_CM_S, (len(places), 3))
-        for world in worlds:
-            world.velocities[:] = velocities
-            world.advance(steps)
-        np.testing.assert_array_equal(worlds[0].poses, worlds[1].poses)
-    assert (np.abs(worlds[0].poses[:, :2] - poses[:, :2]) > 1).any()
+    differences, free = [], 0
+    for _ in range(200):
+        world, twin = crowded_worlds(random, obstacles, friction)
+        start = world.poses.copy()
+        for each in (world, twin):
+            each.advance(10)
+        apart = ~world.bodies.is_in_space
+        free += apart.sum()
+        np.testing.assert_allclose(world.poses[apart], twin.poses[apart], rtol=0, atol=1e-9)
+        straight = start + 0.1 * world.velocities
+        np.testing.assert_allclose(world.poses[apart], straight[apart], rtol=0, atol=1e-12)
+        differences.append(np.abs(world.poses - twin.poses).max())
+    assert free > 1000
+    # several contacts at once may be settled in another order
+    assert np.quantile(differences, 0.9) < 1e-9
+    assert max(differences) < 0.3
+
+
+def test_who_is_pushed_is_in_the_space_with_who_pushes_it_and_nobody_else():
+    row = [[20 + 7.4 * place, 30, 0] for place in range(5)]
+    world = World(make_arena(100, 60, [], []), np.array([*row, [80, 10, 0], [80, 50, 0]], float), 0.0, 100)
+    world.velocities[0, 0] = FULL_CM_S
+    world.velocities[5, 1] = FULL_CM_S
+    world.advance(10)
+    assert world.bodies.is_in_space.tolist() == [True] * 5 + [False] * 2
+    world.velocities[0, 0] = -FULL_CM_S
+    for _ in range(5):
+        world.advance(10)
+    assert not world.bodies.is_in_space[0]
+
+
+def test_robots_take_their_turns_in_the_space_without_a_trace():
+    """A robot that was in the space, left it and met something again moves as one that is new there."""
+    arena = make_arena(60, 60, [], [])
+    used = World(arena, np.array([[30.0, 30, 0], [40, 30, 0]]), 0.0, 100)
+    for speed in (*[FULL_CM_S] * 4, *[-FULL_CM_S] * 4):
+        used.velocities[0, 0] = speed
+        used.advance(10)
+    assert not used.bodies.is_in_space.any()
+    fresh = World(arena, used.poses, 0.0, 100)
+    for world in (used, fresh):
+        world.velocities[:] = 0
+        world.velocities[0, 0] = FULL_CM_S
+        for _ in range(5):
+            world.advance(10)
+    np.testing.assert_array_equal(used.poses, fresh.poses)
+
+
+def test_steps_too_long_for_the_cell_list_leave_no_robot_out():
+    world, twin = (
+        kind(make_arena(200, 200, [], []), np.array([[20.0, 100, 0], [180, 100, 0]]), 0.0, 100)
+        for kind in (World, FullSpaceWorld)
+    )
+    for each in (world, twin):
+        each.velocities[:, 0] = FULL_CM_S, -FULL_CM_S
+        each.advance(1000)
+    np.testing.assert_array_equal(world.poses, twin.poses)
+    assert world.poses[1, 0] - world.poses[0, 0] == pytest.approx(2 * RADIUS_CM, abs=2 * MILLIMETRE)
+
+
+@pytest.mark.parametrize("robots", [1, 2, 7])
+def test_poses_are_where_they_were_given_however_many_bodies_have_been_read(robots):
+    """pymunk replaces an array that it takes to be full by one of its own."""
+    places = np.array([[4.0 + 7.5 * place, 4.0, 0.5] for place in range(robots)])
+    world = World(make_arena(60, 60, [], []), places, 0.0, 100)
+    for _ in range(100):
+        world.velocities[:, 1] = -1.0
+        world.advance(1)
+    assert world.bodies.is_in_space.all()
+    np.testing.assert_allclose(world.poses[:, 0], places[:, 0], rtol=0, atol=2 * MILLIMETRE)
 
 
 def test_other_threads_run_while_bodies_move():

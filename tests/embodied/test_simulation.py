@@ -208,6 +208,21 @@ def step(sensors, memory, actuators, parameters, random):
 """
 
 
+FAIL_LATE = """
+PARAMETERS = {}
+MEMORY = {"left": int}
+
+
+def start(memory, parameters, random):
+    memory.left = 50
+
+
+def step(sensors, memory, actuators, parameters, random):
+    memory.left -= 1
+    actuators.left_cm_s = 1 / memory.left
+"""
+
+
 @pytest.fixture
 def controller(tmp_path):
     """Return a function that writes a controller's file."""
@@ -377,6 +392,65 @@ def test_iterating_again_goes_on_where_the_simulation_stands():
                 break
     assert [number for number, _ in again] == list(range(40))
     np.testing.assert_array_equal([poses for _, poses in again], [step.poses for step in straight])
+
+
+# --- several steps at once ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+@pytest.mark.parametrize("arena", ["crowded", "physical", "push"])
+def test_steps_taken_at_once_are_the_steps_taken_one_by_one(arena, interpret):
+    expected = kept(Simulation(arena, 3), 120)
+    simulation = Simulation(arena, 3, interpret=interpret)
+    for count in (1, 2, 15, 16, 17, 33):
+        step = simulation.advance(count)
+        assert step.number == simulation.steps - 1
+        assert step.time_s == expected[step.number].time_s
+        for field, array in zip(step._fields, step, strict=True):
+            if isinstance(array, np.ndarray):
+                np.testing.assert_array_equal(array, getattr(expected[step.number], field), err_msg=field)
+        for memory, other in zip(step.memories, expected[step.number].memories, strict=True):
+            assert memory.tobytes() == other.tobytes()
+    assert simulation.steps == 84
+
+
+def test_steps_taken_at_once_end_where_the_ring_of_the_given_robot_is_lit():
+    lit = np.array([step.ring_on for step in kept(Simulation("thesis", 3), 200)])
+    for robot in (0, 4):
+        simulation, seen = Simulation("thesis", 3), []
+        while simulation.steps < 200:
+            step = simulation.advance(min(40, 200 - simulation.steps), until_lit=robot)
+            seen.append(step.number)
+        dark = set(range(200)) - set(seen)
+        assert not lit[sorted(dark), robot].any()
+        assert lit[seen, robot].sum() == lit[:, robot].sum() > 2
+        assert len(seen) < 30
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0,), "steps is 0; allowed: 1 and above"),
+        ((5, 10), "until_lit is 10; allowed: 0 to 9"),
+        ((5, -1), "until_lit is -1"),
+    ],
+)
+def test_no_step_and_no_such_robot_are_refused(arguments, message):
+    simulation = Simulation("thesis", 3)
+    with pytest.raises(ValueError, match=message):
+        simulation.advance(*arguments)
+    assert simulation.steps == 0
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_a_controller_that_fails_within_many_steps_is_blamed_with_its_own_step(controller, interpret):
+    group, other = {"count": 1, "controller": "constant"}, {"count": 2, "controller": controller(FAIL_LATE)}
+    simulation = Simulation({"robots": [group, other]}, 3, interpret=interpret)
+    with pytest.raises(ControllerError, match=r"robot 1, step 49, seed 3: .*(ZeroDivisionError|FloatingPointError)"):
+        simulation.advance(100)
+
+
+# --- phases and flashes ---------------------------------------------------------------------------------
 
 
 def test_robots_that_are_no_oscillators_have_no_phase_and_judge_a_flash_by_any_red_pixel():

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.variation import RobotClocks, Stoppages, draw_variation
+from epuck_sim.embodied.variation import RobotClocks, begin_stoppages, draw_variation, stop_and_release, tick
 from epuck_sim.scenario.embodied import SpreadSection, StuckSection
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -155,10 +155,10 @@ def test_each_sensor_s_gain_multiplies_its_reading():
 @given(st.lists(st.floats(0.9, 1.1), min_size=1, max_size=5), st.sampled_from([1, 25, 100]))
 def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
     passed = np.zeros(len(rates), np.int64)
-    clocks = RobotClocks(np.array(rates), step_ms, passed)
+    clocks = RobotClocks(step_ms * np.array(rates), passed)
     total = np.zeros(len(rates), np.int64)
     for step in range(1000):
-        clocks.tick(step)
+        tick(clocks, step)
         assert (np.abs(passed - step_ms * np.array(rates)) < 1).all()
         total += passed
     assert total.tolist() == [math.floor(1000 * (step_ms * rate)) for rate in rates]
@@ -166,9 +166,9 @@ def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
 
 def test_a_clock_that_is_right_always_counts_the_control_step():
     passed = np.zeros(1, np.int64)
-    clocks = RobotClocks(np.ones(1), 25, passed)
+    clocks = RobotClocks(np.full(1, 25.0), passed)
     for step in (0, 1, 7, 10**6, 10**12):
-        clocks.tick(step)
+        tick(clocks, step)
         assert passed == 25
 
 
@@ -191,10 +191,10 @@ def test_phases_run_by_the_robots_own_clocks():
 def stuck_over(per_hour, mean_s, steps, robots=1, step_s=0.1):
     """Return (steps, robots) whether stuck."""
     gain = np.full((robots, 2), 0.75)
-    stoppages = Stoppages(StuckSection(per_hour=per_hour, mean_s=mean_s), step_s, streams_of(robots), gain)
+    stoppages = begin_stoppages(StuckSection(per_hour=per_hour, mean_s=mean_s), streams_of(robots), gain)
     found = np.empty((steps, robots), bool)
     for step in range(steps):
-        stoppages.tick(step)
+        stop_and_release(stoppages, step * step_s)
         assert ((gain == 0.75) | (gain == 0)).all()
         found[step] = gain[:, 0] == 0
         np.testing.assert_array_equal(gain[:, 0], gain[:, 1])

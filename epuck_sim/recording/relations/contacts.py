@@ -11,7 +11,7 @@ from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.cell_list import CellList, cell_index, sort_into_cells
-from epuck_sim.embodied.rigid_bodies import MARGIN_CM
+from epuck_sim.embodied.contact_candidates import MARGIN_CM
 from epuck_sim.util.jit import jit
 
 GAP_CM = 2 * MARGIN_CM

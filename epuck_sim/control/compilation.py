@@ -1,0 +1,124 @@
+"""Compiles a controller's functions, and the loops that call them, into a cache that no edit leaves stale."""
+
+import warnings
+from collections.abc import Hashable, Iterable
+from functools import lru_cache
+from types import CellType, FunctionType, ModuleType
+from typing import Any
+
+import numba
+import numpy as np
+
+from epuck_sim.control.interface import Controller
+from epuck_sim.control.loader import fingerprint
+from epuck_sim.errors import ControllerError
+from epuck_sim.util.addresses import compile_at, layout
+from epuck_sim.util.jit import bind, digest, kernel_digest
+
+_compiled: dict[Hashable, Any] = {}
+
+
+def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object) -> Any:
+    """Return functions compiled that call the controller's `start` and `step`.
+
+    They are cached under the sources and the global values that they are made from.
+
+    Args:
+        controller: The controller.
+        loops: Functions of the address of `arrays`, see `util.addresses.compile_at`.
+        arrays: What they work on.
+
+    Raises:
+        ControllerError: The controller cannot be compiled.
+    """
+    contents_digest = _contents_digest(controller)
+    key = controller, contents_digest, loops, layout(arrays)
+    if key not in _compiled:
+        start, step = _jitted(controller)
+        bound = [bind(loop, start=start, step=step) for loop in loops]
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
+                _compiled[key] = tuple(compile_at(loop, arrays, contents_digest, careful=True) for loop in bound)
+        except Exception as error:  # numba's own errors, and what escapes it
+            raise ControllerError(
+                f"{controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{_reason(error)}"
+            ) from error
+    return _compiled[key]
+
+
+def _contents_digest(controller: Controller) -> str:
+    """Return the digest of the sources and the global values from which a controller is compiled."""
+    return digest([_static_digest(controller).encode(), *_frozen_values(controller.modules.values())])
+
+
+@lru_cache
+def _static_digest(controller: Controller) -> str:
+    """Return the digest of the sources, and of the values in modules that the controller imports from elsewhere."""
+    own = controller.modules.values()
+    imported = {value: None for module in own for value in vars(module).values() if isinstance(value, ModuleType)}
+    return digest([kernel_digest().encode(), *controller.sources.values(), *_frozen_values(imported)])
+
+
+def _frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
+    """Return names and contents of the global values that numba may copy into compiled code."""
+    return [
+        repr((module.__name__, name, fingerprint(value))).encode()
+        for module in modules
+        for name, named in vars(module).items()
+        if not name.startswith("__")
+        for value in (_bound_values(named) if isinstance(named, FunctionType) else [named])
+        if _can_be_frozen(value)
+    ]
+
+
+def _bound_values(function: FunctionType) -> list[object]:
+    """Return the defaults of a function, and the values that it has taken from a function around it."""
+    cells = [cell.cell_contents for cell in function.__closure__ or () if cell != CellType()]
+    return [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values(), *cells]
+
+
+def _can_be_frozen(value: object) -> bool:
+    """Return whether numba copies a global value into compiled code."""
+    if isinstance(value, tuple):
+        return all(map(_can_be_frozen, value))
+    return isinstance(value, bool | int | float | complex | str | bytes | np.ndarray | np.generic)
+
+
+def _jitted(controller: Controller) -> tuple[Any, Any]:
+    """Return `start` and `step` as numba's dispatchers.
+
+    Each module of the controller gets a twin, in which dispatchers stand in for functions and twins for modules, so
+    that the two find compiled helpers under the names that their sources use. The modules themselves do not change.
+    """
+    twins = {id(vars(module)): ModuleType(module.__name__) for module in controller.modules.values()}
+    dispatchers: dict[FunctionType, Any] = {}
+
+    def twin(value: Any) -> Any:
+        if isinstance(value, ModuleType):
+            return twins.get(id(vars(value)), value)
+        if not isinstance(value, FunctionType) or id(value.__globals__) not in twins:
+            return value
+        if value not in dispatchers:
+            namespace = vars(twins[id(value.__globals__)])
+            copy = FunctionType(value.__code__, namespace, value.__name__, value.__defaults__, value.__closure__)
+            copy.__kwdefaults__ = value.__kwdefaults__
+            copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
+            dispatchers[value] = numba.njit(boundscheck=True, forceinline=True)(copy)
+        return dispatchers[value]
+
+    for module in controller.modules.values():
+        vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})
+    return twin(controller.start), twin(controller.step)
+
+
+INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from")
+"""Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
+
+
+def _reason(error: Exception) -> str:
+    """Return the essence of numba's long message: the innermost reason, and its place in the source."""
+    _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
+    lines = [line.strip() for line in innermost.splitlines()]
+    kept = [line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)]
+    return "\n".join(f"  {line}" for line in kept[:6])
