@@ -26,6 +26,8 @@ class CellList(NamedTuple):
     """(cells + 1,) index in `members` at which each cell's robots begin; the last is the number of robots."""
     members: IntArray
     """(robots,) numbers of the robots, cell by cell."""
+    positions: FloatArray
+    """(robots, 2) cm: x, y of the robots, in the order of `members`."""
 
 
 def make_cell_list(width_cm: float, height_cm: float, robots: int) -> CellList:
@@ -40,6 +42,7 @@ def make_cell_list(width_cm: float, height_cm: float, robots: int) -> CellList:
         height_cm / rows,
         np.zeros(columns * rows + 1, np.int64),
         np.zeros(robots, np.int64),
+        np.zeros((robots, 2)),
     )
 
 
@@ -68,3 +71,5 @@ def sort_into_cells(poses: FloatArray, cells: CellList) -> None:
         cell = row * cells.columns + column
         first[cell] -= 1
         cells.members[first[cell]] = robot
+        cells.positions[first[cell], 0] = poses[robot, 0]
+        cells.positions[first[cell], 1] = poses[robot, 1]

@@ -8,10 +8,20 @@ import math
 from typing import NamedTuple
 
 from epuck_sim import epuck
-from epuck_sim.embodied.cell_list import CellList
-from epuck_sim.util.jit import jit
+from epuck_sim.embodied.cell_list import CellList, cell_index
+from epuck_sim.util.jit import jit_inline
+
+SECTOR_RAD = 1.0
+"""Largest angle of a view that is searched strip by strip: all its rays must run ahead, at most 74 degrees aside."""
+
+ATAN2_ERROR_RAD = 1.2e-5
+"""Bound of the error of `fast_atan2` in rad: at most 1.15e-5, near the diagonals (Abramowitz and Stegun 4.4.49)."""
+
+SLACK_CM = 1e-6
+"""What is added to a robot's radius in cm, so that rounding never rules out a robot that a ray just meets."""
 
 _RADIUS = epuck.RADIUS_CM
+_REACH = _RADIUS + SLACK_CM
 
 
 class FieldOfView(NamedTuple):
@@ -29,49 +39,108 @@ class FieldOfView(NamedTuple):
     """Whether the two rays are half a turn apart or more; then nothing is ruled out."""
 
 
-@jit
-def may_contain_disc(view: FieldOfView, dx: float, dy: float, radius: float) -> bool:
-    """Return whether a disc at (dx, dy) from the camera may reach into the view; never False for one that does."""
+class Strips(NamedTuple):
+    """Columns or rows of cells, whichever lie more across a view; numbered as in the cell list."""
+
+    are_columns: bool
+    """Whether the strips are columns; else they are rows."""
+    first: int
+    """Nearest strip in which the centre of a robot that is seen may be."""
+    step: int
+    """1 or -1: from a strip to the next one ahead."""
+    total: int
+    """Number of strips in the arena."""
+    width_cm: float
+    """Width of a strip."""
+    ahead_cm: float
+    """How far ahead of the camera the near side of strip 0 is, at right angles to the strips."""
+
+
+class Wedge(NamedTuple):
+    """Where along the strips the centres of robots that reach into a view may be: between two lines."""
+
+    low: float
+    """Slope of the line below: towards larger x (or y), along the strips, for each cm ahead."""
+    low_cm: float
+    """Where the line below meets the camera's strip line, seen from the camera."""
+    high: float
+    """Slope of the line above."""
+    high_cm: float
+    """Where the line above meets the camera's strip line, seen from the camera."""
+    stretch: float
+    """Length of the view's shortest ray for each cm ahead, at least 1."""
+
+
+@jit_inline
+def may_contain_robot(view: FieldOfView, dx: float, dy: float) -> bool:
+    """Return whether a robot at (dx, dy) from the camera may reach into the view; never False for one that does."""
     beyond_left = dy * view.left_x - dx * view.left_y
     beyond_right = dx * view.right_y - dy * view.right_x
-    return view.wide or max(beyond_left, beyond_right) <= radius
+    return view.wide or max(beyond_left, beyond_right) <= _REACH
 
 
-@jit
-def visible_cells(left: float, right: float, wide: bool, own: int, ring: int, count: int) -> tuple[int, int]:
-    """Return the first column (or row) up to `ring` away that the view may contain, and the one after the last.
+@jit_inline
+def make_strips(view: FieldOfView, cells: CellList) -> Strips:
+    """Return the strips of cells that lie across a view of at most `SECTOR_RAD`."""
+    ahead_x, ahead_y = view.left_x + view.right_x, view.left_y + view.right_y
+    are_columns = abs(ahead_x) >= abs(ahead_y)
+    if are_columns:
+        position, ahead, width, count = view.x, ahead_x, cells.width_cm, cells.columns
+    else:
+        position, ahead, width, count = view.y, ahead_y, cells.height_cm, cells.rows
+    step = 1 if ahead > 0.0 else -1
+    first = cell_index(position - step * _REACH, width, count)
+    return Strips(are_columns, first, step, count, width, -position if step > 0 else position - width)
 
-    Where no ray points backwards, a robot that is seen may still have its centre in the previous column.
 
-    Args:
-        left: Component of the view's leftmost ray along the columns.
-        right: Component of the view's rightmost ray along the columns.
-        wide: Whether the two rays are half a turn apart or more.
-        own: Column of the camera.
-        ring: Largest difference to the camera's column.
-        count: Number of columns.
+@jit_inline
+def make_wedge(view: FieldOfView, strips: Strips) -> Wedge:
+    """Return the wedge of a view, or of a part of the view, for which the strips were made."""
+    if strips.are_columns:
+        left, left_along, right, right_along = view.left_x, view.left_y, view.right_x, view.right_y
+    else:
+        left, left_along, right, right_along = view.left_y, view.left_x, view.right_y, view.right_x
+    left_stretch, right_stretch = 1.0 / abs(left), 1.0 / abs(right)
+    low, low_stretch = left_along * left_stretch, left_stretch
+    high, high_stretch = right_along * right_stretch, right_stretch
+    if low > high:
+        low, low_stretch, high, high_stretch = high, high_stretch, low, low_stretch
+    stretch = 1.0 if low <= 0.0 <= high else min(low_stretch, high_stretch)
+    return Wedge(low, -_REACH * low_stretch, high, _REACH * high_stretch, stretch)
+
+
+@jit_inline
+def cells_in_strip(
+    view: FieldOfView, wedge: Wedge, strips: Strips, strip: int, cells: CellList
+) -> tuple[int, int, int]:
+    """Return the cells of a strip in which robots that reach into the view may be.
+
+    Returns:
+        The first cell, and how many spans of how many cells with consecutive numbers there are. A span begins one row
+        of cells after the previous one.
     """
-    low = own - (ring if wide or min(left, right) < 0.0 else min(ring, 1))
-    high = own + (ring if wide or max(left, right) > 0.0 else min(ring, 1))
-    return max(low, 0), min(high + 1, count)
+    near = strips.ahead_cm + strips.step * strip * strips.width_cm
+    far = near + strips.width_cm
+    near = max(near, -_REACH)
+    low = wedge.low_cm + min(wedge.low * near, wedge.low * far)
+    high = wedge.high_cm + max(wedge.high * near, wedge.high * far)
+    if strips.are_columns:
+        south = cell_index(view.y + low, cells.height_cm, cells.rows)
+        north = cell_index(view.y + high, cells.height_cm, cells.rows)
+        return south * cells.columns + strip, north - south + 1, 1
+    west = cell_index(view.x + low, cells.width_cm, cells.columns)
+    east = cell_index(view.x + high, cells.width_cm, cells.columns)
+    return strip * cells.columns + west, 1, east - west + 1
 
 
-@jit
-def distance_outside(x: float, y: float, column: int, cell_row: int, ring: int, cells: CellList) -> float:
-    """Return the distance from (x, y) to the nearest point of the arena outside the square of cells up to `ring`."""
-    distance = math.inf
-    if column - ring > 0:
-        distance = min(distance, x - (column - ring) * cells.width_cm)
-    if column + ring < cells.columns - 1:
-        distance = min(distance, (column + ring + 1) * cells.width_cm - x)
-    if cell_row - ring > 0:
-        distance = min(distance, y - (cell_row - ring) * cells.height_cm)
-    if cell_row + ring < cells.rows - 1:
-        distance = min(distance, (cell_row + ring + 1) * cells.height_cm - y)
-    return distance
+@jit_inline
+def distance_beyond(wedge: Wedge, strips: Strips, strip: int) -> float:
+    """Return a distance at which no ray of the view has met a robot beyond a strip yet; it may be negative."""
+    far = strips.ahead_cm + (strips.step * strip + 1) * strips.width_cm
+    return (far - _REACH) * wedge.stretch - SLACK_CM
 
 
-@jit
+@jit_inline
 def angular_radius_bound(distance: float) -> float:
     """Return an upper bound of a robot's angular radius at `distance`, asin(radius / distance)."""
     if distance <= _RADIUS:
@@ -80,9 +149,9 @@ def angular_radius_bound(distance: float) -> float:
     return share + (0.5 * math.pi - 1.0) * share * share * share
 
 
-@jit
+@jit_inline
 def fast_atan2(ahead: float, aside: float) -> float:
-    """Return atan2(aside, ahead) with an error below 1e-5, five times as fast (Abramowitz and Stegun 4.4.49)."""
+    """Return atan2(aside, ahead) with an error below `ATAN2_ERROR_RAD`, five times as fast."""
     x, y = abs(ahead), abs(aside)
     longer = max(x, y)
     if longer == 0.0:

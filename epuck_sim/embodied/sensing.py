@@ -7,9 +7,10 @@ import math
 from typing import NamedTuple
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.camera_pixels import Camera, make_camera
 from epuck_sim.embodied.cell_list import CellList
 from epuck_sim.embodied.infrared import sense_infrared, to_distances
-from epuck_sim.embodied.line_camera import Camera, make_camera, see
+from epuck_sim.embodied.line_camera import see
 from epuck_sim.scenario.robots import CameraSection
 from epuck_sim.util.jit import jit
 

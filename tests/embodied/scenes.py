@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.camera_pixels import Camera, make_camera
 from epuck_sim.embodied.cell_list import CellList, make_cell_list, sort_into_cells
 from epuck_sim.embodied.infrared import sense_infrared
-from epuck_sim.embodied.line_camera import Camera, make_camera, see
+from epuck_sim.embodied.line_camera import see
 from epuck_sim.geometry import box_corners
 
 RADIUS_CM = 3.7

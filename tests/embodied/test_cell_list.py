@@ -38,6 +38,7 @@ def test_every_robot_is_in_the_cell_that_its_pose_says_by_number(crowd):
         twin[_cell(x, y, cells)].append(robot)
     bounds = zip(cells.first[:-1], cells.first[1:], strict=True)
     assert [cells.members[start:end].tolist() for start, end in bounds] == twin
+    np.testing.assert_array_equal(cells.positions, np.array(poses)[cells.members, :2])
 
 
 @given(crowds())

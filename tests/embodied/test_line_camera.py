@@ -20,6 +20,7 @@ from tests.embodied.scenes import (
     Scene,
     camera_settings,
     empty_arena,
+    random_poses,
     readings,
     rows,
     scenes,
@@ -235,6 +236,37 @@ def test_rows_are_those_of_the_slow_twin():
     assert tally["pixels"] > 50_000
     assert tally["red"] > 0.01 * tally["pixels"]
     assert tally["doubtful"] < 1e-2 * tally["pixels"]
+
+
+@given(scenes(robots=(10, 60, 300)), camera_settings(), st.sampled_from([0.02, 0.1, 0.4]), st.integers(0, 2**32 - 1))
+def test_it_does_not_matter_whether_lit_rings_are_few_or_robots_are_told_by_numbers(scene, camera, share, seed):
+    lit = np.random.default_rng(seed).random(len(scene.poses)) < share
+    numbers = np.arange(1, len(scene.poses) + 1)
+    shown = rows(Scene(scene.poses, numbers, scene.arena), camera)
+    expected = np.concatenate([[False], lit])[shown]
+    np.testing.assert_array_equal(rows(Scene(scene.poses, lit, scene.arena), camera), expected)
+
+
+@given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+def test_rows_are_those_of_the_slow_twin_where_robots_overlap(scene, camera, seed):
+    random = np.random.default_rng(seed)
+    poses = scene.poses + random.uniform(-0.05, 0.05, scene.poses.shape)  # cm, as robots that push each other
+    pushed = Scene(poses, random.random(len(poses)) < random.choice([0.1, 0.5]), scene.arena)
+    expected, doubtful = slow_rows(pushed, camera)
+    np.testing.assert_array_equal(rows(pushed, camera)[~doubtful], expected[~doubtful])
+
+
+@pytest.mark.parametrize("share", [0.02, 0.08, 0.5])
+def test_far_lit_rings_among_many_robots_are_seen_as_by_the_slow_twin(share):
+    random = np.random.default_rng(5)
+    arena = empty_arena(300, 300)
+    poses = random_poses(arena, 150, random)
+    scene = Scene(poses, random.random(len(poses)) < share, arena)
+    camera = CameraSettings(150, 100.0, 150)
+    expected, doubtful = slow_rows(scene, camera)
+    np.testing.assert_array_equal(rows(scene, camera)[~doubtful], expected[~doubtful])
+    assert expected.sum() > 100
+    assert doubtful.mean() < 1e-3
 
 
 @given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))

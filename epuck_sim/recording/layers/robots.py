@@ -9,8 +9,8 @@ from rerun.chunk import Chunk
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.camera_pixels import Camera
 from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.line_camera import Camera
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk

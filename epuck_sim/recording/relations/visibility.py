@@ -7,8 +7,9 @@ import numpy as np
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.embodied.camera_pixels import Camera
 from epuck_sim.embodied.cell_list import CellList, sort_into_cells
-from epuck_sim.embodied.line_camera import Camera, see
+from epuck_sim.embodied.line_camera import see
 from epuck_sim.util.jit import jit
 
 

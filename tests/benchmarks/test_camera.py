@@ -1,0 +1,90 @@
+"""The cost of the line cameras' pictures, beside sorting the robots into cells. Run by `make bench`.
+
+States are those of a simulated swarm, taken some steps apart; rings are lit as they were then, or all at once.
+"""
+
+import time
+
+import numpy as np
+import pytest
+
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.cell_list import CellList, make_cell_list, sort_into_cells
+from epuck_sim.embodied.line_camera import see
+from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.robots import CameraSection
+from epuck_sim.util.jit import jit
+
+pytestmark = pytest.mark.benchmark
+
+SWARMS = [(10, 60), (20, 100), (100, 200), (300, 400), (1000, 700)]
+"""Robots, and the side of their arena in cm."""
+
+FIRST_STEP, LAST_STEP, APART = 100, 250, 10
+"""Steps whose states are taken: from 10 s on, once a second."""
+
+ROUNDS = 30
+
+
+@pytest.fixture(scope="module")
+def costs():
+    """(robots, which rings are lit) -> us a step, us to sort robots into cells, share lit; printed as a table."""
+    found: dict[tuple[int, str], tuple[float, float, float]] = {}
+    yield found
+    print("\n\nCPU time of all pictures of a step in us, beside sorting the robots into cells")
+    print("robots  lit           share       step  a robot  sorting")
+    for (robots, rings), (seeing, sorting, share) in found.items():
+        print(f"{robots:6}  {rings:12}  {share:5.1%}  {seeing:9.1f}  {seeing / robots:7.3f}  {sorting:7.1f}")
+
+
+@jit
+def _sort_states(poses: FloatArray, cells: CellList, times: int) -> None:
+    for _ in range(times):
+        for state in range(len(poses)):
+            sort_into_cells(poses[state], cells)
+
+
+@jit
+def _see_states(poses, lit, nothing, cells, camera, rows, times) -> None:
+    for _ in range(times):
+        for state in range(len(poses)):
+            sort_into_cells(poses[state], cells)
+            see(poses[state], lit[state], nothing[:, :3], nothing, cells, camera, 0, rows)
+
+
+def _states(robots: int, side: int) -> tuple[FloatArray, BoolArray]:
+    settings = [f"robots.0.count={robots}", f"arena.width_cm={side}", f"arena.height_cm={side}"]
+    simulation = Simulation(load_scenario("thesis", [*settings, "robots.0.parameters.speed_cm_s=3.0"]), 1)
+    poses, lit = [], []
+    for _ in range(LAST_STEP):
+        step = next(simulation)
+        poses.append(np.array(step.poses))
+        lit.append(np.array(step.ring_on))
+    return np.array(poses[FIRST_STEP::APART]), np.array(lit[FIRST_STEP::APART])
+
+
+@pytest.mark.parametrize(("robots", "side"), SWARMS)
+def test_the_pictures_of_a_step(benchmark, costs, robots: int, side: int) -> None:
+    poses, as_simulated = _states(robots, side)
+    cells, camera = make_cell_list(side, side, robots), build_camera(CameraSection())
+    rows, nothing = np.zeros((robots, 60), np.int64), np.empty((0, 4))
+    times = max(1, 300 // robots)
+    lit = {"as simulated": as_simulated, "all": np.ones_like(as_simulated)}
+    spent_s: dict[str, list[float]] = {rings: [] for rings in ("sorting", *lit)}
+
+    def in_turn() -> None:
+        for rings, found in spent_s.items():
+            began = time.thread_time()
+            if rings == "sorting":
+                _sort_states(poses, cells, times)
+            else:
+                _see_states(poses, lit[rings], nothing, cells, camera, rows, times)
+            found.append(time.thread_time() - began)
+
+    benchmark.pedantic(in_turn, rounds=ROUNDS, warmup_rounds=1)
+    steps = times * len(poses)
+    sorting, *seeing = (np.median(found[1:]) / steps * 1e6 for found in spent_s.values())
+    for (rings, on), both in zip(lit.items(), seeing, strict=True):
+        costs[robots, rings] = both - sorting, sorting, on.mean()
