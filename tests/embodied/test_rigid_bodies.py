@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from epuck_sim.arena import clearance_cm, make_arena
 from epuck_sim.embodied.rigid_bodies import World, function_address
@@ -94,6 +95,25 @@ def test_two_that_meet_head_on_overlap_by_less_than_a_millimetre_and_no_longer_t
         overlap = 2 * RADIUS_CM - np.diff(moved(robots, 8)[:, :, 0], axis=1)
         assert overlap.max() <= MILLIMETRE
         assert overlap[-4:].max() <= TOUCH_CM + 1e-9
+
+
+@pytest.mark.parametrize("robots", [100, pytest.param(1000, marks=pytest.mark.slow)])
+def test_a_jam_of_robots_that_all_push_is_neither_squeezed_nor_set_in_motion(robots):
+    side = 7.6 * math.ceil(math.sqrt(robots))
+    headings = np.random.default_rng(1).uniform(0, 2 * math.pi, robots)
+    places = [3.8 + 7.6 * np.array(divmod(robot, round(side / 7.6))) for robot in range(robots)]
+    poses = [[x, y, heading] for (x, y), heading in zip(places, headings.tolist(), strict=True)]
+    arena = {"width_cm": side, "height_cm": side}
+    simulation = Simulation({"arena": arena, "robots": [constant(poses, FULL_CM_S)]}, 1)
+    path = np.array([step.poses[:, :2].copy() for step, _ in zip(simulation, range(150), strict=False)])
+    for positions in path:
+        pairs = cKDTree(positions).query_pairs(2 * RADIUS_CM, output_type="ndarray")
+        apart = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
+        assert apart.min(initial=2 * RADIUS_CM) >= 2 * RADIUS_CM - MILLIMETRE
+        assert min(positions.min(), (side - positions).min()) >= RADIUS_CM - MILLIMETRE
+    energy = ((np.diff(path, axis=0) / 0.1) ** 2).sum(axis=2).mean(axis=1)
+    assert energy.max() < FULL_CM_S**2 / 4
+    assert energy[-50:].mean() < energy[:50].mean()
 
 
 # --- nothing tunnels --------------------------------------------------------------------------------
