@@ -11,15 +11,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.control.runner import ControllerRunner
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
 from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.differential_drive import apply_commands
-from epuck_sim.embodied.group import NOISE_STEPS
+from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SwarmArrays
 from epuck_sim.embodied.sensing import SensingArrays, sense
-from epuck_sim.embodied.variation import RobotClocks, Stoppages, stop_and_release, tick
+from epuck_sim.embodied.variation import (
+    RobotClocks,
+    RobotVariation,
+    Stoppages,
+    begin_stoppages,
+    stop_and_release,
+    tick,
+)
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.addresses import call_at, compile_at, function_address, hold, layout
 from epuck_sim.util.jit import bind, jit, kernel_digest
 
@@ -58,6 +65,45 @@ class ControlLoop(NamedTuple):
     clocks: RobotClocks
     stoppages: Stoppages
     drive: Drive
+
+
+def make_control_loop(
+    scenario: EmbodiedScenario,
+    step: IntArray,
+    bodies: Bodies,
+    swarm: SwarmArrays,
+    variation: RobotVariation,
+    variation_streams: StreamArray,
+) -> ControlLoop:
+    """Return the loop of a swarm before its first step.
+
+    Args:
+        scenario: The scenario with timing and noise.
+        step: (1,) number of the last control step.
+        bodies: The robots' bodies.
+        swarm: Arrays of all robots.
+        variation: How robots differ.
+        variation_streams: (robots, 4) random streams.
+    """
+    timing, clock_rate = scenario.timing, variation.clock_rate
+    rates = clock_rate if scenario.spread.clock_rate > 0 else clock_rate[:0]
+    return ControlLoop(
+        step=step,
+        physics_steps=timing.physics_hz // timing.control_hz,
+        bodies=bodies,
+        calls=np.zeros((2 * len(scenario.robots), 2), np.int64),
+        clocks=RobotClocks(timing.step_ms * rates, swarm.sensors.step_ms),
+        stoppages=begin_stoppages(scenario.stuck, variation_streams, variation.wheel_gain),
+        drive=Drive(
+            actuators=swarm.actuators,
+            wheels_cm_s=swarm.wheels_cm_s,
+            ring_on=swarm.ring_on,
+            wheel_gain=variation.wheel_gain,
+            slip=scenario.noise.wheel_speed,
+            step_s=timing.step_ms / 1000,
+            wheel_noise=swarm.wheel_noise,
+        ),
+    )
 
 
 if TYPE_CHECKING:  # `bind` provides it
@@ -116,17 +162,16 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
     return -1
 
 
-def interpreted_loop(
-    loop: ControlLoop, groups: Sequence[GroupSensing], runners: Sequence[ControllerRunner]
-) -> Callable[[int, int], int]:
+def interpreted_loop(loop: ControlLoop, groups: Sequence[RobotGroupState]) -> Callable[[int, int], int]:
     """Return `_take_steps` of this loop as a function of its other arguments, as plain Python."""
-    sensing = [bind(_sense, value_at=lambda _, group=group: group) for group in groups]
+    sensing = [_sensing(loop, group) for group in groups]
+    sense_groups = [bind(_sense, value_at=lambda _, group=group: group) for group in sensing]
 
     def run_calls(_: IntArray) -> None:
-        for sense_group in sensing:
+        for sense_group in sense_groups:
             sense_group(0)
-        for runner in runners:
-            runner.step_all(runner.address)
+        for group in groups:
+            group.runner.step_all(group.runner.address)
 
     return partial(bind(_take_steps, value_at=lambda _: loop, run_calls=run_calls), 0)
 
@@ -134,21 +179,24 @@ def interpreted_loop(
 class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
-    def __init__(self, loop: ControlLoop, groups: Sequence[GroupSensing], runners: Sequence[ControllerRunner]) -> None:
+    def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
         self._take_steps = _compiled_for(_take_steps, loop)
+        self._owner, self._address = hold(loop)
         self._owners = []
-        sense_groups = []
-        for group in groups:
-            owner, address = hold(group)
+        for number, group in enumerate(groups):
+            sensing = _sensing(loop, group)
+            owner, address = hold(sensing)
             self._owners.append(owner)
-            sense_groups.append((function_address(_compiled_for(_sense, group)), address))
-        loop.calls[:] = [*sense_groups, *((runner.step_address, runner.address) for runner in runners)]
-        owner, self._address = hold(loop)
-        self._owners.append(owner)
+            loop.calls[number] = function_address(_compiled_for(_sense, sensing)), address
+            loop.calls[len(groups) + number] = group.runner.step_address, group.runner.address
 
     def __call__(self, steps: int, until_lit: int) -> int:
         """Carry out `_take_steps`."""
         return int(self._take_steps(self._address, steps, until_lit))
+
+
+def _sensing(loop: ControlLoop, group: RobotGroupState) -> GroupSensing:
+    return GroupSensing(loop.step, group.sensing, group.camera_clock)
 
 
 _compiled: dict[Hashable, Any] = {}

@@ -9,22 +9,15 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.arrays import FloatArray, StreamArray
-from epuck_sim.control.runner import RobotError, SensorArrays
-from epuck_sim.embodied.control_loop import (
-    CompiledLoop,
-    ControlLoop,
-    Drive,
-    GroupSensing,
-    interpreted_loop,
-)
+from epuck_sim.arrays import FloatArray, IntArray, StreamArray
+from epuck_sim.control.runner import RobotError
+from epuck_sim.embodied.control_loop import CompiledLoop, interpreted_loop, make_control_loop
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, make_swarm_arrays, start_group
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.step import Step
-from epuck_sim.embodied.variation import RobotClocks, RobotVariation, begin_stoppages, draw_variation
+from epuck_sim.embodied.step import Step, shown_arrays
+from epuck_sim.embodied.variation import RobotVariation, draw_variation
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -94,11 +87,11 @@ class Simulation:
         self._step = np.full(1, -1)  # the number of the last step taken
         self._groups = self._start_groups(variation, controller_streams, camera_streams, interpret)
         self.period_ms = np.concatenate([np.full(len(group.runner.memory), group.period_ms) for group in self._groups])
-        loop = self._control_loop(variation, variation_streams)
-        make_loop = interpreted_loop if interpret else CompiledLoop
-        groups = [GroupSensing(self._step, group.sensing, group.camera_clock) for group in self._groups]
-        self._take_steps = make_loop(loop, groups, [group.runner for group in self._groups])
-        self._step_arrays: tuple[Any, ...] = self._show(self._swarm.sensors)[2:]
+        loop = make_control_loop(scenario, self._step, self._world.bodies, self._swarm, variation, variation_streams)
+        start_loop = interpreted_loop if interpret else CompiledLoop
+        self._take_steps = start_loop(loop, self._groups)
+        self._step_arrays: tuple[Any, ...] = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        self._short_rows = self._find_short_rows()
 
     def _start_groups(
         self,
@@ -128,41 +121,15 @@ class Simulation:
             first_robot += section.count
         return groups
 
-    def _control_loop(self, variation: RobotVariation, variation_streams: StreamArray) -> ControlLoop:
-        """Return the arrays that change in each control step."""
-        swarm, clock_rate = self._swarm, variation.clock_rate
-        rates = clock_rate if self.scenario.spread.clock_rate > 0 else clock_rate[:0]
-        return ControlLoop(
-            step=self._step,
-            physics_steps=self.scenario.timing.physics_hz // self.scenario.timing.control_hz,
-            bodies=self._world.bodies,
-            calls=np.zeros((2 * len(self._groups), 2), np.int64),
-            clocks=RobotClocks(self._step_ms * rates, swarm.sensors.step_ms),
-            stoppages=begin_stoppages(self.scenario.stuck, variation_streams, variation.wheel_gain),
-            drive=Drive(
-                actuators=swarm.actuators,
-                wheels_cm_s=swarm.wheels_cm_s,
-                ring_on=swarm.ring_on,
-                wheel_gain=variation.wheel_gain,
-                slip=self.scenario.noise.wheel_speed,
-                step_s=self.step_s,
-                wheel_noise=swarm.wheel_noise,
-            ),
-        )
-
-    def _show(self, sensors: SensorArrays) -> Step:
-        """Return a step that has no number yet, and the arrays of every step."""
-        return Step(
-            number=-1,
-            time_s=0.0,
-            poses=_read_only(self._swarm.poses),
-            infrared=_read_only(sensors.infrared),
-            distance_mm=_read_only(sensors.distance_mm),
-            camera=_read_only(sensors.camera),
-            wheels_cm_s=_read_only(self._swarm.wheels_cm_s),
-            ring_on=_read_only(self._swarm.ring_on),
-            memories=tuple(_read_only(group.runner.memory) for group in self._groups),
-        )
+    def _find_short_rows(self) -> list[tuple[IntArray, IntArray]]:
+        """Return, for each group with fewer pixels than others, the rows that are shown and those of its cameras."""
+        shown, short_rows = self._swarm.sensors.camera, []
+        for group in self._groups:
+            camera = group.runner.arrays.senses.camera
+            robots, pixels = camera.shape
+            if pixels < shown.shape[1]:
+                short_rows.append((shown[group.first_robot : group.first_robot + robots, :pixels], camera))
+        return short_rows
 
     @property
     def steps(self) -> int:
@@ -187,7 +154,7 @@ class Simulation:
         return self.advance(1)
 
     def advance(self, steps: int, until_lit: int | None = None) -> Step:
-        """Take several control steps, many times faster than one by one, and return the last of them.
+        """Take several control steps, faster than one by one, and return the last of them.
 
         Args:
             steps: Number of steps to take, at least 1.
@@ -215,11 +182,8 @@ class Simulation:
 
     def _last_step(self) -> Step:
         """Return the step that was taken last."""
-        for group in self._groups:
-            camera = group.runner.arrays.senses.camera
-            shown = self._swarm.sensors.camera
-            if camera.shape[1] != shown.shape[1]:
-                shown[group.first_robot : group.first_robot + len(camera), : camera.shape[1]] = camera
+        for shown, camera in self._short_rows:
+            shown[:] = camera
         number = int(self._step[0])
         return Step(number, number * self._step_ms / 1000, *self._step_arrays)
 
@@ -249,10 +213,3 @@ class Simulation:
     def _located(self, error: RobotError, first_robot: int) -> ControllerError:
         """Return the error of a controller of the group that begins with `first_robot`, with its location."""
         return ControllerError(f"{self._location(first_robot + error.robot)}: {error}")
-
-
-def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return a view of an array that refuses to be written to."""
-    view = array.view()
-    view.flags.writeable = False
-    return view

@@ -1,11 +1,13 @@
 """One control step of a simulation, as observers see it."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.group import SwarmArrays
 
 
 class Step(NamedTuple):
@@ -46,6 +48,25 @@ class Step(NamedTuple):
         """(robots,): whether a robot sees a flash, as its controller decides, or else if any pixel is red."""
         decided = np.concatenate([memory_field(memory, "flash_seen", np.nan) for memory in self.memories])
         return np.where(np.isnan(decided), self.camera.any(axis=1), decided > 0)
+
+
+def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tuple[Any, ...]:
+    """Return the fields of every `Step` of a simulation after the first two, as views that refuse to be written to."""
+    return (
+        _read_only(swarm.poses),
+        _read_only(swarm.sensors.infrared),
+        _read_only(swarm.sensors.distance_mm),
+        _read_only(swarm.sensors.camera),
+        _read_only(swarm.wheels_cm_s),
+        _read_only(swarm.ring_on),
+        tuple(map(_read_only, memories)),
+    )
+
+
+def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 def memory_field(memory: npt.NDArray[Any], field: str, default: float) -> FloatArray:
