@@ -49,8 +49,8 @@ def make_cell_list(dimensions: int, side_cm: float, agents: int, cell_cm: float,
         max_speed,
         np.full(1, -math.inf),
         np.zeros(along**dimensions + 1, np.int64),
-        np.zeros(agents, np.int64),
-        np.zeros(agents, np.int64),
+        np.zeros(agents, np.uint32),
+        np.zeros(agents, np.uint32),
         np.zeros((dimensions, agents)),
     )
 

@@ -116,7 +116,7 @@ def make_rules(scenario: ParticleScenario) -> Rules:
 
 def make_instant(agents: int) -> Instant:
     """Return an instant at which nothing has happened yet."""
-    fired, received = np.zeros((2, agents + 1), np.int64)
+    fired, received = np.zeros((2, agents + 1), np.uint32)
     counts, counters = np.zeros(2, np.int64), np.zeros(5, np.int64)
     return Instant(fired, received, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), counters)
 

@@ -17,7 +17,7 @@ from epuck_sim.particles.neighbourhood import (
     should_cache,
 )
 from epuck_sim.particles.oscillators import minimum
-from epuck_sim.particles.selection import select_smallest
+from epuck_sim.particles.selection import find_two_smallest, select_smallest
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 RADIUS_GROWTH = 1.5
@@ -117,32 +117,32 @@ def measure_distances(
     """
     square, along = neighbourhood.square_distance, neighbourhood.axial_distance
     is_round = neighbourhood.kind == NEAREST or neighbourhood.cos == FULL_CIRCLE_COS
-    # in a cyclic space the nearest image counts; otherwise nothing is subtracted
-    cycle_cm, per_cycle = (trajectories.side_cm, 1 / trajectories.side_cm) if trajectories.is_cyclic else (0.0, 0.0)
-    for index in range(count):
-        square[index] = 0.0
-        along[index] = 0.0
     for axis in range(len(neighbourhood.positions)):
         positions, directions = neighbourhood.positions[axis], headings[axis]
         own_position, own_direction = positions[own], directions[own]
         if is_round:
             for index in range(count):
-                offset = positions[index] - own_position
-                offset -= cycle_cm * np.rint(offset * per_cycle)
-                square[index] += offset * offset
+                offset = nearest_image(trajectories, positions[index] - own_position)
+                square[index] = offset * offset + (square[index] if axis else 0.0)
         elif neighbourhood.kind == VISION_CONE:
             for index in range(count):
-                offset = positions[index] - own_position
-                offset -= cycle_cm * np.rint(offset * per_cycle)
-                square[index] += offset * offset
-                along[index] -= offset * directions[index]
+                offset = nearest_image(trajectories, positions[index] - own_position)
+                square[index] = offset * offset + (square[index] if axis else 0.0)
+                along[index] = (along[index] if axis else 0.0) - offset * directions[index]
         else:
             for index in range(count):
-                offset = positions[index] - own_position
-                offset -= cycle_cm * np.rint(offset * per_cycle)
-                square[index] += offset * offset
-                along[index] += offset * own_direction
+                offset = nearest_image(trajectories, positions[index] - own_position)
+                square[index] = offset * offset + (square[index] if axis else 0.0)
+                along[index] = (along[index] if axis else 0.0) + offset * own_direction
     square[own] = math.inf
+
+
+@jit_inline
+def nearest_image(trajectories: Trajectories, offset_cm: float) -> float:
+    """Return the distance along an axis to the nearest image of an agent, in a cyclic space; else `offset_cm`."""
+    if trajectories.is_cyclic:
+        return offset_cm - trajectories.side_cm * np.rint(offset_cm * (1 / trajectories.side_cm))
+    return offset_cm
 
 
 @jit_inline
@@ -164,13 +164,18 @@ def select_nearest(
     """
     square = neighbourhood.square_distance
     bucket_of, bucket_end = neighbourhood.bucket_of, neighbourhood.bucket_end
-    farthest = select_smallest(square, count, neighbourhood.k, bucket_of, bucket_end, members)
+    if neighbourhood.k == 1:
+        nearest, farthest, next_square = find_two_smallest(square, count)
+        members[0] = nearest
+    else:
+        farthest = select_smallest(square, count, neighbourhood.k, bucket_of, bucket_end, members)
+        next_square = minimum(square, 0, count)
     if farthest > radius_cm * radius_cm:
         return False
     neighbourhood.counts[agent] = neighbourhood.k
     if should_cache(neighbourhood, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
-        gap_cm = min(math.sqrt(minimum(square, 0, count)), radius_cm) - math.sqrt(farthest)
+        gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)
         cache_until(neighbourhood, agent, time, time + gap_cm / 2 * neighbourhood.inverse_closing_speed)
     return True
 

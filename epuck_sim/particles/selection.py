@@ -91,3 +91,35 @@ def sort_first_buckets(found: IntArray, values: FloatArray, count: int) -> None:
             found[place] = found[place - 1]
             place -= 1
         found[place] = index
+
+
+@jit_inline
+def find_two_smallest(values: FloatArray, count: int) -> tuple[int, float, float]:
+    """Return the index of the first minimum of `values[:count]`, the minimum, and the next smallest value or inf.
+
+    Branch-free, with four minima side by side, as in `oscillators.minimum`.
+    """
+    a = b = c = d = (0, math.inf, math.inf)
+    whole = count - count % 4
+    for index in range(0, whole, 4):
+        a = update_two(a, index, values[index])
+        b = update_two(b, index + 1, values[index + 1])
+        c = update_two(c, index + 2, values[index + 2])
+        d = update_two(d, index + 3, values[index + 3])
+    for index in range(whole, count):
+        a = update_two(a, index, values[index])
+    return merge_two(merge_two(a, b), merge_two(c, d))
+
+
+@jit_inline
+def update_two(two: tuple[int, float, float], index: int, value: float) -> tuple[int, float, float]:
+    """Return the two smallest."""
+    where, lowest, second = two
+    return index if value < lowest else where, min(lowest, value), min(second, max(lowest, value))
+
+
+@jit_inline
+def merge_two(one: tuple[int, float, float], two: tuple[int, float, float]) -> tuple[int, float, float]:
+    """Return the two smallest."""
+    takes_two = (two[1] < one[1]) | ((two[1] == one[1]) & (two[0] < one[0]))
+    return two[0] if takes_two else one[0], min(one[1], two[1]), min(one[2], two[2], max(one[1], two[1]))

@@ -76,7 +76,8 @@ class ParticleSimulation:
         self._instant = make_instant(loaded.agents.count)
         neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()))
         self._state = self._trajectories, neighbourhood, self._oscillators, make_rules(loaded), self._instant
-        self.run(0)  # compiles the kernel now, so that no measured time includes it
+        if not advance.signatures:
+            self.run(0)  # compiles the kernel now, so that no measured time includes it
 
     def __iter__(self) -> Iterator[Event]:
         """Return the simulation itself, which continues from its present state."""
@@ -91,7 +92,7 @@ class ParticleSimulation:
             return Event(self.time_s, turned, no_agents, no_agents)
         advance(*self._state, int(instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED, 0.0)
         fired, received = instant.counts
-        return Event(self.time_s, None, instant.fired[:fired].copy(), instant.received[:received].copy())
+        return Event(self.time_s, None, instant.fired[:fired].astype(np.int64), instant.received[:received].astype(np.int64))
 
     def run(self, cycles: int, periods: int | None = None, pulses: int | None = None) -> None:
         """Simulate until the reference has fired `cycles` times since the beginning, or until synchrony.
