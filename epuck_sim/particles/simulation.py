@@ -76,7 +76,7 @@ class ParticleSimulation:
         self._instant = make_instant(loaded.agents.count)
         neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()))
         self._state = self._trajectories, neighbourhood, self._oscillators, make_rules(loaded), self._instant
-        if not advance.signatures:
+        if not advance.overloads:
             self.run(0)  # compiles the kernel now, so that no measured time includes it
 
     def __iter__(self) -> Iterator[Event]:
