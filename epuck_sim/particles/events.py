@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from epuck_sim.particles.motion import (
     Trajectories,
     advance_all,
@@ -84,9 +84,9 @@ class Rules(NamedTuple):
 class Instant(NamedTuple):
     """What happened at the last instant, and the counters of the trial."""
 
-    fired: IntArray
+    fired: IndexArray
     """(agents + 1,) the agents that fired, in the order of the cascade: the first `counts[0]` entries."""
-    received: IntArray
+    received: IndexArray
     """(agents + 1,) the agents whose phases were shifted, even to 1: the first `counts[1]` entries."""
     counts: IntArray
     """(2,) numbers of agents in `fired` and `received`."""

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.particles.cell_list import find_candidates
 from epuck_sim.particles.motion import Trajectories, compute_positions, distance_travelled, wall_hit_time
 from epuck_sim.particles.neighbourhood import (
@@ -57,7 +57,7 @@ def find_neighbours(neighbourhood: Neighbourhood, trajectories: Trajectories, ag
 
 @jit_no_alloc
 def search_cell_list(
-    neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, members: IntArray
+    neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, members: IndexArray
 ) -> None:
     """Write an agent's neighbours to `members`, with candidates from the cell list."""
     candidates = neighbourhood.candidates
@@ -141,13 +141,13 @@ def measure_distances(
 def nearest_image(trajectories: Trajectories, offset_cm: float) -> float:
     """Return the distance along an axis to the nearest image of an agent, in a cyclic space; else `offset_cm`."""
     if trajectories.is_cyclic:
-        return offset_cm - trajectories.side_cm * np.rint(offset_cm * (1 / trajectories.side_cm))
+        offset_cm -= trajectories.side_cm * float(np.rint(offset_cm * (1 / trajectories.side_cm)))
     return offset_cm
 
 
 @jit_inline
 def select_nearest(
-    neighbourhood: Neighbourhood, agent: int, time: float, count: int, radius_cm: float, members: IntArray
+    neighbourhood: Neighbourhood, agent: int, time: float, count: int, radius_cm: float, members: IndexArray
 ) -> bool:
     """Write the indices of the k nearest candidates to `members`: the nearest first, equally near ones as they come.
 
@@ -188,7 +188,7 @@ def select_in_cone(
     time: float,
     count: int,
     radius_cm: float,
-    members: IntArray,
+    members: IndexArray,
 ) -> None:
     """Write the indices of all candidates inside the cone to `members`; coincident agents count as inside.
 
@@ -203,19 +203,20 @@ def select_in_cone(
     """
     square, along, margin = neighbourhood.square_distance, neighbourhood.axial_distance, neighbourhood.angle_margin
     is_round, limit = neighbourhood.cos == FULL_CIRCLE_COS, neighbourhood.radius_cm * neighbourhood.radius_cm
-    found = 0
+    found = np.uint64(0)  # unsigned: see `IndexArray`
     if is_round:
         for index in range(count):
             members[found] = index  # overwritten by the next one if this one is out of reach: no branch
-            found += square[index] <= limit
+            found += np.uint64(square[index] <= limit)
     else:
-        for index in range(count):  # along >= cos * distance, without a root
-            margin[index] = (
-                along[index] * abs(along[index]) - neighbourhood.cos * abs(neighbourhood.cos) * square[index]
+        for index in range(count):  # along >= cos * distance, without a root, and within the radius
+            margin[index] = min(
+                along[index] * abs(along[index]) - neighbourhood.cos * abs(neighbourhood.cos) * square[index],
+                limit - square[index],
             )
         for index in range(count):
             members[found] = index
-            found += (square[index] <= limit) & (margin[index] >= 0)
+            found += np.uint64(margin[index] >= 0)
     neighbourhood.counts[agent] = found
     if should_cache(neighbourhood, agent):
         per_cm = neighbourhood.inverse_closing_speed
@@ -246,7 +247,7 @@ def bound_crossing_times(neighbourhood: Neighbourhood, time: float, count: int) 
         # distance from the cone's edge, or from its extension beyond the apex
         across = math.sqrt(max(square[index] - along[index] * along[index], 0.0))
         edge = abs(across * neighbourhood.cos - along[index] * neighbourhood.sin)
-        within = min(edge, -beyond) if margin[index] >= 0 else edge
+        within = min(edge, -beyond) if margin[index] >= 0 or beyond == 0 else edge
         crossing = time + neighbourhood.inverse_closing_speed * (beyond if beyond > 0 else within)
         turning = math.inf if is_own_cone or beyond > 0 else neighbourhood.end_times[index]
         margin[index] = min(crossing, turning)

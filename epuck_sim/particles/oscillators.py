@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from epuck_sim.util.jit import jit_inline
 
 BLOCK_SIZE = 32
@@ -70,7 +70,7 @@ def earliest_firing(oscillators: Oscillators) -> float:
 
 
 @jit_inline
-def firing_now(oscillators: Oscillators, time: float, found: IntArray) -> int:
+def firing_now(oscillators: Oscillators, time: float, found: IndexArray) -> int:
     """Write the indices of all oscillators that fire at `time` to `found`, (agents + 1,); return their number."""
     limit = time + SIMULTANEITY_CYCLES
     count = 0
@@ -78,12 +78,12 @@ def firing_now(oscillators: Oscillators, time: float, found: IntArray) -> int:
         if oscillators.block_earliest[block] <= limit:
             first = block * BLOCK_SIZE
             times = oscillators.next_firing[first : first + BLOCK_SIZE]
-            fires, last = 0, 0
+            firing, sum_of_indices = 0, 0
             for index in range(len(times)):
-                fires += times[index] <= limit
-                last += index * (times[index] <= limit)
-            if fires == 1:
-                found[count] = first + last
+                firing += times[index] <= limit
+                sum_of_indices += index * (times[index] <= limit)
+            if firing == 1:  # as a rule; the two sums vectorise
+                found[count] = first + sum_of_indices
                 count += 1
             else:
                 for index in range(len(times)):
