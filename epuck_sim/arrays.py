@@ -6,6 +6,8 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 Float32Array = npt.NDArray[np.float32]
 IntArray = npt.NDArray[np.int64]
+IndexArray = npt.NDArray[np.uint32]
+"""Indices in compiled loops; unsigned, as compiled code tests a signed index for counting from the end."""
 BoolArray = npt.NDArray[np.bool_]
 StreamArray = npt.NDArray[np.uint64]
 """(n, 4) states of random number generators, one a row; see `util.rng`."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import FloatArray, IndexArray, IntArray
 from epuck_sim.particles.motion import Trajectories, advance_one, compute_positions, coordinate_at
 from epuck_sim.util.jit import jit_inline
 
@@ -29,9 +29,9 @@ class CellList(NamedTuple):
     """(1,) time of the last sorting, in cycles since the start of the present cycle; -inf before the first."""
     cell_start: IntArray
     """(cells + 1,) index in `agents_by_cell` at which each cell begins."""
-    agents_by_cell: IntArray
+    agents_by_cell: IndexArray
     """(agents,) agents, sorted by cell."""
-    cell_of_agent: IntArray
+    cell_of_agent: IndexArray
     """(agents,) scratch: the cell of each agent."""
     positions: FloatArray
     """(dimensions, agents) cm: scratch: positions at the last sorting."""
@@ -49,8 +49,8 @@ def make_cell_list(dimensions: int, side_cm: float, agents: int, cell_cm: float,
         max_speed,
         np.full(1, -math.inf),
         np.zeros(along**dimensions + 1, np.int64),
-        np.zeros(agents, np.int64),
-        np.zeros(agents, np.int64),
+        np.zeros(agents, np.uint32),
+        np.zeros(agents, np.uint32),
         np.zeros((dimensions, agents)),
     )
 
@@ -89,7 +89,7 @@ def cell_index(cell_list: CellList, coordinate_cm: float, axis: int) -> int:
 
 @jit_inline
 def find_candidates(
-    cell_list: CellList, trajectories: Trajectories, agent: int, time: float, radius_cm: float, found: IntArray
+    cell_list: CellList, trajectories: Trajectories, agent: int, time: float, radius_cm: float, found: IndexArray
 ) -> int:
     """Find all agents that may be within a radius of an agent, and the agent itself; advance them to `time`.
 

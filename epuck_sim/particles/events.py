@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from epuck_sim.particles.motion import (
     Trajectories,
     advance_all,
@@ -84,9 +84,9 @@ class Rules(NamedTuple):
 class Instant(NamedTuple):
     """What happened at the last instant, and the counters of the trial."""
 
-    fired: IntArray
+    fired: IndexArray
     """(agents + 1,) the agents that fired, in the order of the cascade: the first `counts[0]` entries."""
-    received: IntArray
+    received: IndexArray
     """(agents + 1,) the agents whose phases were shifted, even to 1: the first `counts[1]` entries."""
     counts: IntArray
     """(2,) numbers of agents in `fired` and `received`."""
@@ -116,7 +116,7 @@ def make_rules(scenario: ParticleScenario) -> Rules:
 
 def make_instant(agents: int) -> Instant:
     """Return an instant at which nothing has happened yet."""
-    fired, received = np.zeros((2, agents + 1), np.int64)
+    fired, received = np.zeros((2, agents + 1), np.uint32)
     counts, counters = np.zeros(2, np.int64), np.zeros(5, np.int64)
     return Instant(fired, received, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), counters)
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray, StreamArray
-from epuck_sim.particles.oscillators import argmin
+from epuck_sim.particles.oscillators import argmin, minimum
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.rng import uniform
 
@@ -88,20 +88,16 @@ def find_wall_hits(trajectories: Trajectories) -> None:
 @jit_inline
 def find_wall_hit(trajectories: Trajectories, agent: int) -> None:
     """Compute when and where an agent's trajectory reaches a wall."""
-    duration = math.inf
-    for axis in range(len(trajectories.origin)):
+    duration, wall = math.inf, trajectories.wall[agent]
+    for axis in range(len(trajectories.origin)):  # directions are random: conditions that are no branches
         velocity = trajectories.heading[axis, agent] * trajectories.speed[agent]
-        if velocity > 0:
-            until = (trajectories.side_cm - trajectories.origin[axis, agent]) / velocity
-        elif velocity < 0:
-            until = -trajectories.origin[axis, agent] / velocity
-        else:
-            continue
-        if until < duration:
-            duration = until
-            trajectories.wall[agent] = 2 * axis + (velocity > 0)
+        distance_cm = (trajectories.side_cm if velocity > 0 else 0.0) - trajectories.origin[axis, agent]
+        until = distance_cm / velocity if velocity != 0 else math.inf
+        wall = 2 * axis + (velocity > 0) if until < duration else wall
+        duration = min(duration, until)
+    trajectories.wall[agent] = wall
     start = trajectories.start_time[agent]
-    whole = math.floor(start + duration) if duration < math.inf else math.inf
+    whole = int(start + duration) if duration < math.inf else math.inf
     trajectories.end_cycle[agent] = trajectories.start_cycle[agent] + whole
     trajectories.end_time[agent] = start + duration - whole if duration < math.inf else 0.0
 
@@ -114,10 +110,16 @@ def wall_hit_time(trajectories: Trajectories, agent: int) -> float:
 
 
 @jit_inline
-def first_to_hit_wall(trajectories: Trajectories) -> int:
-    """Return the agent that reaches a wall first."""
+def compute_wall_hit_times(trajectories: Trajectories) -> None:
+    """Write the time of each wall hit to `end_times`."""
     for agent in range(len(trajectories.end_times)):
         trajectories.end_times[agent] = wall_hit_time(trajectories, agent)
+
+
+@jit_inline
+def first_to_hit_wall(trajectories: Trajectories) -> int:
+    """Return the agent that reaches a wall first."""
+    compute_wall_hit_times(trajectories)
     return argmin(trajectories.end_times, len(trajectories.end_times))
 
 
@@ -186,9 +188,12 @@ def advance_all(trajectories: Trajectories, time: float) -> None:
     """Continue all trajectories that end by `time`, over as many walls as are reached."""
     if time < trajectories.earliest_end[0]:
         return
+    compute_wall_hit_times(trajectories)
     for agent in range(len(trajectories.speed)):
-        advance_one(trajectories, agent, time)
-    trajectories.earliest_end[0] = wall_hit_time(trajectories, first_to_hit_wall(trajectories))
+        if trajectories.end_times[agent] <= time:
+            advance_one(trajectories, agent, time)
+            trajectories.end_times[agent] = wall_hit_time(trajectories, agent)
+    trajectories.earliest_end[0] = minimum(trajectories.end_times, 0, len(trajectories.end_times))
 
 
 @jit_inline

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.particles.cell_list import find_candidates
 from epuck_sim.particles.motion import Trajectories, compute_positions, distance_travelled, wall_hit_time
 from epuck_sim.particles.neighbourhood import (
@@ -17,7 +17,7 @@ from epuck_sim.particles.neighbourhood import (
     should_cache,
 )
 from epuck_sim.particles.oscillators import minimum
-from epuck_sim.particles.selection import select_smallest
+from epuck_sim.particles.selection import find_two_smallest, select_smallest
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 RADIUS_GROWTH = 1.5
@@ -57,7 +57,7 @@ def find_neighbours(neighbourhood: Neighbourhood, trajectories: Trajectories, ag
 
 @jit_no_alloc
 def search_cell_list(
-    neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, members: IntArray
+    neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, members: IndexArray
 ) -> None:
     """Write an agent's neighbours to `members`, with candidates from the cell list."""
     candidates = neighbourhood.candidates
@@ -117,37 +117,37 @@ def measure_distances(
     """
     square, along = neighbourhood.square_distance, neighbourhood.axial_distance
     is_round = neighbourhood.kind == NEAREST or neighbourhood.cos == FULL_CIRCLE_COS
-    # in a cyclic space the nearest image counts; otherwise nothing is subtracted
-    cycle_cm, per_cycle = (trajectories.side_cm, 1 / trajectories.side_cm) if trajectories.is_cyclic else (0.0, 0.0)
-    for index in range(count):
-        square[index] = 0.0
-        along[index] = 0.0
     for axis in range(len(neighbourhood.positions)):
         positions, directions = neighbourhood.positions[axis], headings[axis]
         own_position, own_direction = positions[own], directions[own]
         if is_round:
             for index in range(count):
-                offset = positions[index] - own_position
-                offset -= cycle_cm * np.rint(offset * per_cycle)
-                square[index] += offset * offset
+                offset = nearest_image(trajectories, positions[index] - own_position)
+                square[index] = offset * offset + (square[index] if axis else 0.0)
         elif neighbourhood.kind == VISION_CONE:
             for index in range(count):
-                offset = positions[index] - own_position
-                offset -= cycle_cm * np.rint(offset * per_cycle)
-                square[index] += offset * offset
-                along[index] -= offset * directions[index]
+                offset = nearest_image(trajectories, positions[index] - own_position)
+                square[index] = offset * offset + (square[index] if axis else 0.0)
+                along[index] = (along[index] if axis else 0.0) - offset * directions[index]
         else:
             for index in range(count):
-                offset = positions[index] - own_position
-                offset -= cycle_cm * np.rint(offset * per_cycle)
-                square[index] += offset * offset
-                along[index] += offset * own_direction
+                offset = nearest_image(trajectories, positions[index] - own_position)
+                square[index] = offset * offset + (square[index] if axis else 0.0)
+                along[index] = (along[index] if axis else 0.0) + offset * own_direction
     square[own] = math.inf
 
 
 @jit_inline
+def nearest_image(trajectories: Trajectories, offset_cm: float) -> float:
+    """Return the distance along an axis to the nearest image of an agent, in a cyclic space; else `offset_cm`."""
+    if trajectories.is_cyclic:
+        offset_cm -= trajectories.side_cm * float(np.rint(offset_cm * (1 / trajectories.side_cm)))
+    return offset_cm
+
+
+@jit_inline
 def select_nearest(
-    neighbourhood: Neighbourhood, agent: int, time: float, count: int, radius_cm: float, members: IntArray
+    neighbourhood: Neighbourhood, agent: int, time: float, count: int, radius_cm: float, members: IndexArray
 ) -> bool:
     """Write the indices of the k nearest candidates to `members`: the nearest first, equally near ones as they come.
 
@@ -164,13 +164,18 @@ def select_nearest(
     """
     square = neighbourhood.square_distance
     bucket_of, bucket_end = neighbourhood.bucket_of, neighbourhood.bucket_end
-    farthest = select_smallest(square, count, neighbourhood.k, bucket_of, bucket_end, members)
+    if neighbourhood.k == 1:
+        nearest, farthest, next_square = find_two_smallest(square, count)
+        members[0] = nearest
+    else:
+        farthest = select_smallest(square, count, neighbourhood.k, bucket_of, bucket_end, members)
+        next_square = minimum(square, 0, count)
     if farthest > radius_cm * radius_cm:
         return False
     neighbourhood.counts[agent] = neighbourhood.k
     if should_cache(neighbourhood, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
-        gap_cm = min(math.sqrt(minimum(square, 0, count)), radius_cm) - math.sqrt(farthest)
+        gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)
         cache_until(neighbourhood, agent, time, time + gap_cm / 2 * neighbourhood.inverse_closing_speed)
     return True
 
@@ -183,7 +188,7 @@ def select_in_cone(
     time: float,
     count: int,
     radius_cm: float,
-    members: IntArray,
+    members: IndexArray,
 ) -> None:
     """Write the indices of all candidates inside the cone to `members`; coincident agents count as inside.
 
@@ -198,19 +203,20 @@ def select_in_cone(
     """
     square, along, margin = neighbourhood.square_distance, neighbourhood.axial_distance, neighbourhood.angle_margin
     is_round, limit = neighbourhood.cos == FULL_CIRCLE_COS, neighbourhood.radius_cm * neighbourhood.radius_cm
-    found = 0
+    found = np.uint64(0)  # unsigned: see `IndexArray`
     if is_round:
         for index in range(count):
             members[found] = index  # overwritten by the next one if this one is out of reach: no branch
-            found += square[index] <= limit
+            found += np.uint64(square[index] <= limit)
     else:
-        for index in range(count):  # along >= cos * distance, without a root
-            margin[index] = (
-                along[index] * abs(along[index]) - neighbourhood.cos * abs(neighbourhood.cos) * square[index]
+        for index in range(count):  # along >= cos * distance, without a root, and within the radius
+            margin[index] = min(
+                along[index] * abs(along[index]) - neighbourhood.cos * abs(neighbourhood.cos) * square[index],
+                limit - square[index],
             )
         for index in range(count):
             members[found] = index
-            found += (square[index] <= limit) & (margin[index] >= 0)
+            found += np.uint64(margin[index] >= 0)
     neighbourhood.counts[agent] = found
     if should_cache(neighbourhood, agent):
         per_cm = neighbourhood.inverse_closing_speed
@@ -241,7 +247,7 @@ def bound_crossing_times(neighbourhood: Neighbourhood, time: float, count: int) 
         # distance from the cone's edge, or from its extension beyond the apex
         across = math.sqrt(max(square[index] - along[index] * along[index], 0.0))
         edge = abs(across * neighbourhood.cos - along[index] * neighbourhood.sin)
-        within = min(edge, -beyond) if margin[index] >= 0 else edge
+        within = min(edge, -beyond) if margin[index] >= 0 or beyond == 0 else edge
         crossing = time + neighbourhood.inverse_closing_speed * (beyond if beyond > 0 else within)
         turning = math.inf if is_own_cone or beyond > 0 else neighbourhood.end_times[index]
         margin[index] = min(crossing, turning)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import FloatArray, IndexArray, IntArray
 from epuck_sim.particles.cell_list import CellList, make_cell_list, rebase_cell_list
 from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, Range
 from epuck_sim.util.jit import jit_inline
@@ -32,8 +32,11 @@ FULL_CIRCLE_COS = -2.0
 SKIPPED_PULSES = 8
 """Number of pulses for which caching is skipped after a cached neighbourhood expired within a cycle."""
 
+SKIPPED_PULSES_CONE = 32
+"""The same for a cone or range, whose validity takes longer to compute."""
+
 MAX_CACHED_AGENTS = 2000
-"""Largest swarm whose neighbours are cached; the cache of a larger one would take more than 32 MB."""
+"""Largest swarm whose neighbours are cached; the cache of a larger one would take more than 16 MB."""
 
 MIN_CELL_LIST_AGENTS = 400
 """Smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster."""
@@ -66,7 +69,7 @@ class Neighbourhood(NamedTuple):
     """Whether neighbours are cached at all."""
     inverse_closing_speed: float
     """Cycles in which the two fastest agents can approach each other by 1 cm."""
-    members: IntArray
+    members: IndexArray
     """(agents, agents) each agent's neighbours; (1, agents), those of the last search, if they are not cached."""
     counts: IntArray
     """(agents,) number of neighbours of each agent."""
@@ -80,7 +83,7 @@ class Neighbourhood(NamedTuple):
     """Agents sorted by cell; a single cell if it is not used."""
     search_radius_cm: float
     """Radius of the first search in the cell list."""
-    candidates: IntArray
+    candidates: IndexArray
     """(agents,) indices of the candidates."""
     positions: FloatArray
     """(dimensions, agents) cm: positions of the candidates."""
@@ -95,10 +98,10 @@ class Neighbourhood(NamedTuple):
     axial_distance: FloatArray
     """(agents,) cm: components of these distances along the axis of the cone."""
     angle_margin: FloatArray
-    """(agents,) cm^2: not negative within the cone's angle; overwritten by times of validity when these are needed."""
-    bucket_of: IntArray
+    """(agents,) cm^2: not negative within the cone; overwritten by times of validity when these are needed."""
+    bucket_of: IndexArray
     """(agents,) scratch of the selection of the k nearest."""
-    bucket_end: IntArray
+    bucket_end: IndexArray
     """(agents,) scratch of the selection of the k nearest."""
 
 
@@ -132,14 +135,14 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
         math.sin(math.radians(angle_deg / 2)),
         is_cached,
         1 / max(2 * max_speed, 1e-300),
-        np.zeros((agents if is_cached else 1, agents), np.int64),
+        np.zeros((agents if is_cached else 1, agents), np.uint32),
         np.zeros(agents, np.int64),
         np.full(agents, -math.inf),
         np.zeros(agents, np.int64),
         uses_cell_list,
         make_cell_list(dimensions, side_cm, agents, cell_cm if uses_cell_list else side_cm, max_speed),
         search_cm,
-        np.arange(agents),
+        np.arange(agents, dtype=np.uint32),
         np.zeros((dimensions, agents)),
         np.zeros((dimensions, agents)),
         np.zeros(agents),
@@ -147,8 +150,8 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
         np.zeros(agents),
         np.zeros(agents),
         np.zeros(agents),
-        np.zeros(agents, np.int64),
-        np.zeros(agents, np.int64),
+        np.zeros(agents, np.uint32),
+        np.zeros(agents, np.uint32),
     )
 
 
@@ -166,7 +169,7 @@ def cache_until(neighbourhood: Neighbourhood, agent: int, time: float, until: fl
     """Declare the neighbours of an agent, found at `time`, valid until a later time."""
     neighbourhood.cached_until[agent] = until
     if until < time + 1:
-        neighbourhood.skip_count[agent] = SKIPPED_PULSES
+        neighbourhood.skip_count[agent] = SKIPPED_PULSES if neighbourhood.kind == NEAREST else SKIPPED_PULSES_CONE
 
 
 @jit_inline

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from epuck_sim.util.jit import jit_inline
 
 BLOCK_SIZE = 32
@@ -70,14 +70,25 @@ def earliest_firing(oscillators: Oscillators) -> float:
 
 
 @jit_inline
-def firing_now(oscillators: Oscillators, time: float, found: IntArray) -> int:
+def firing_now(oscillators: Oscillators, time: float, found: IndexArray) -> int:
     """Write the indices of all oscillators that fire at `time` to `found`, (agents + 1,); return their number."""
+    limit = time + SIMULTANEITY_CYCLES
     count = 0
     for block in range(len(oscillators.block_earliest)):
-        if oscillators.block_earliest[block] <= time + SIMULTANEITY_CYCLES:
-            for agent in range(block * BLOCK_SIZE, min((block + 1) * BLOCK_SIZE, len(oscillators.next_firing))):
-                found[count] = agent  # overwritten by the next one if this one does not fire: no branch
-                count += oscillators.next_firing[agent] <= time + SIMULTANEITY_CYCLES
+        if oscillators.block_earliest[block] <= limit:
+            first = block * BLOCK_SIZE
+            times = oscillators.next_firing[first : first + BLOCK_SIZE]
+            firing, sum_of_indices = 0, 0
+            for index in range(len(times)):
+                firing += times[index] <= limit
+                sum_of_indices += index * (times[index] <= limit)
+            if firing == 1:  # as a rule; the two sums vectorise
+                found[count] = first + sum_of_indices
+                count += 1
+            else:
+                for index in range(len(times)):
+                    found[count] = first + index  # overwritten by the next one if this one does not fire: no branch
+                    count += times[index] <= limit
     return count
 
 
@@ -122,7 +133,7 @@ def minimum(values: FloatArray, first: int, last: int) -> float:
 def argmin(values: FloatArray, last: int) -> int:
     """Return the index of the first minimum of `values[:last]`, which must not be empty; branch-free."""
     lowest = minimum(values, 0, last)
-    found = 0
-    for index in range(last - 1, -1, -1):
-        found = index if values[index] == lowest else found
+    found = last
+    for index in range(last):
+        found = min(found, index if values[index] == lowest else last)
     return found

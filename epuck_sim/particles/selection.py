@@ -2,17 +2,20 @@
 
 Values are sorted into buckets by size, and only those in the first buckets are compared with each other. Squared
 distances of agents in a square are nearly uniform, so that few share a bucket. The buckets are not inlined: that would
-slow down the search for one neighbour, which does without them.
+slow down the search for one neighbour, for which one pass finds the smallest value and the next.
 """
 
 import math
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.particles.oscillators import argmin
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 FEW = 6
 """Largest number of values that are found one by one: faster than buckets where there are few."""
+
+SAMPLED = 8
+"""Every eighth value is looked at for the range that is divided into buckets; larger ones go to the last bucket."""
 
 SMALLEST_RANGE = 1e-300
 """Lower limit of the range of values that is divided into buckets; keeps its inverse finite."""
@@ -20,7 +23,7 @@ SMALLEST_RANGE = 1e-300
 
 @jit_inline
 def select_smallest(
-    values: FloatArray, count: int, k: int, bucket_of: IntArray, bucket_end: IntArray, found: IntArray
+    values: FloatArray, count: int, k: int, bucket_of: IndexArray, bucket_end: IndexArray, found: IndexArray
 ) -> float:
     """Write the indices of the k smallest values to `found`: ascending, equal values in the order of their indices.
 
@@ -52,36 +55,35 @@ def select_smallest(
 
 @jit_no_alloc
 def fill_buckets(
-    values: FloatArray, count: int, k: int, bucket_of: IntArray, bucket_end: IntArray, found: IntArray
+    values: FloatArray, count: int, k: int, bucket_of: IndexArray, bucket_end: IndexArray, found: IndexArray
 ) -> int:
-    """Write the indices of the first buckets' values, at least k, to `found`, bucket by bucket; return their number."""
+    """Write all indices to `found`, bucket by bucket; return how many are in the first buckets: at least k."""
     highest = 0.0
-    for index in range(count):
+    for index in range(0, count, SAMPLED):
         highest = max(highest, values[index] if values[index] < math.inf else 0.0)
-        bucket_end[index] = 0
+    for bucket in range(count):
+        bucket_end[bucket] = 0
     per_unit = count / max(highest, SMALLEST_RANGE)
     for index in range(count):
         bucket = min(int(min(values[index], highest) * per_unit), count - 1)
         bucket_of[index] = bucket
         bucket_end[bucket] += 1
-    last = 0
-    total: int = bucket_end[0]
-    bucket_end[0] = 0
-    while total < k:  # from here on `bucket_end` is where the next value of each bucket goes
-        last += 1
-        size = bucket_end[last]
-        bucket_end[last] = total
+    total = 0
+    selected: int = 0
+    for bucket in range(count):  # from here on `bucket_end` is where the next value of each bucket goes
+        size = bucket_end[bucket]
+        bucket_end[bucket] = total
         total += size
+        selected = total if selected < k else selected
     for index in range(count):
         bucket = bucket_of[index]
-        if bucket <= last:
-            found[bucket_end[bucket]] = index
-            bucket_end[bucket] += 1
-    return total
+        found[bucket_end[bucket]] = index
+        bucket_end[bucket] += 1
+    return selected
 
 
 @jit_no_alloc
-def sort_first_buckets(found: IntArray, values: FloatArray, count: int) -> None:
+def sort_first_buckets(found: IndexArray, values: FloatArray, count: int) -> None:
     """Sort the first `count` indices by their values; they are nearly sorted, and equal values keep their order."""
     for last in range(1, count):
         index = found[last]
@@ -91,3 +93,35 @@ def sort_first_buckets(found: IntArray, values: FloatArray, count: int) -> None:
             found[place] = found[place - 1]
             place -= 1
         found[place] = index
+
+
+@jit_inline
+def find_two_smallest(values: FloatArray, count: int) -> tuple[int, float, float]:
+    """Return the index of the first minimum of `values[:count]`, the minimum, and the next smallest value.
+
+    Values are inf where there are too few. Branch-free, with four minima side by side, as in `oscillators.minimum`.
+    """
+    a = b = c = d = (0, math.inf, math.inf)
+    whole = count - count % 4
+    for index in range(0, whole, 4):
+        a = include(a, index, values[index])
+        b = include(b, index + 1, values[index + 1])
+        c = include(c, index + 2, values[index + 2])
+        d = include(d, index + 3, values[index + 3])
+    for index in range(whole, count):
+        a = include(a, index, values[index])
+    return merge(merge(a, b), merge(c, d))
+
+
+@jit_inline
+def include(smallest: tuple[int, float, float], index: int, value: float) -> tuple[int, float, float]:
+    """Return the index of the minimum, the minimum and the next smallest value after one more value."""
+    place, lowest, second = smallest
+    return index if value < lowest else place, min(lowest, value), min(second, max(lowest, value))
+
+
+@jit_inline
+def merge(one: tuple[int, float, float], two: tuple[int, float, float]) -> tuple[int, float, float]:
+    """Return the index of the minimum, the minimum and the next smallest value of two sets of values."""
+    is_in_two = (two[1] < one[1]) | ((two[1] == one[1]) & (two[0] < one[0]))
+    return two[0] if is_in_two else one[0], min(one[1], two[1]), min(one[2], two[2], max(one[1], two[1]))

@@ -10,7 +10,7 @@ from epuck_sim.trial.result import TrialResult
 SLICE_S = 0.1
 """Wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress."""
 
-FIRST_SLICE = 20_000
+FIRST_SLICE = 100_000
 """Number of agents that pulses of the first slice may reach: milliseconds, in any swarm."""
 
 

@@ -9,6 +9,7 @@ import time
 import pytest
 
 from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.trial.model import run_trial
 
 pytestmark = pytest.mark.benchmark
 
@@ -75,6 +76,24 @@ def test_cycles_and_firings_per_second(benchmark, speeds, name: str, speed: floa
     cycles_s, firings_s = max(found)  # the fastest: other processes can only slow it down
     speeds.append((name, speed, cycles_s, firings_s, references[speed]))
     assert cycles_s > references[speed] / 4  # holds on any machine; the table shows the margin
+
+
+def test_the_cost_of_a_short_trial(benchmark) -> None:
+    scenario = make_simulation(20, {"kind": "nearest", "k": 1}, 100, 100, 0).scenario
+    spent_s: list[tuple[float, float]] = []
+
+    def once() -> None:
+        began = time.process_time()
+        simulations = [ParticleSimulation(scenario, seed) for seed in range(100)]
+        made = time.process_time()
+        for simulation in simulations:
+            run_trial(simulation)
+        spent_s.append((made - began, time.process_time() - made))
+
+    benchmark.pedantic(once, rounds=5)
+    making_s, running_s = min(spent_s, key=sum)
+    print(f"\n\na trial of 70 cycles: making it {1e4 * making_s:.0f} us, running it {1e4 * running_s:.0f} us")
+    assert making_s < 3 * running_s
 
 
 @pytest.fixture(scope="module")

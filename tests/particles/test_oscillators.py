@@ -55,6 +55,16 @@ def test_the_earliest_is_found_after_many_changes_at_once(given_phases, changes)
     assert earliest_firing(oscillators) == oscillators.next_firing.min()
 
 
+@given(st.integers(1, 2 * BLOCK_SIZE + 1), st.data())
+def test_groups_of_any_size_fire_together_in_any_block(agents, data):
+    group = sorted(data.draw(st.sets(st.integers(0, agents - 1), min_size=1)))
+    firing = np.full(agents, 0.75)
+    firing[group] = 0.5 + 1e-13 * np.arange(len(group)) / len(group)
+    oscillators = start_oscillators(1 - firing, np.ones(agents))
+    found = np.zeros(agents + 1, np.int64)
+    assert found[: firing_now(oscillators, earliest_firing(oscillators), found)].tolist() == group
+
+
 # --- no drift ---------------------------------------------------------------------------------------
 
 CYCLES = 1_000_000

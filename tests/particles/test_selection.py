@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import NEAREST
 from epuck_sim.particles.oscillators import argmin
-from epuck_sim.particles.selection import FEW, select_smallest
+from epuck_sim.particles.selection import FEW, SAMPLED, find_two_smallest, select_smallest
 from tests.particles.simulations import make_simulation, set_trajectories
 
 SIDE_CM = 60.0
@@ -53,6 +53,20 @@ def test_the_smallest_are_selected_in_order_and_of_equal_ones_the_first(given_di
     values = [*given_distances[:own], math.inf, *given_distances[own:]]
     ranks = range(1, len(values)) if data is None else [data.draw(st.integers(1, len(values) - 1))]
     for k in ranks:
+        check_selection(values, k)
+
+
+@given(st.lists(st.one_of(many_ties, st.just(math.inf), st.floats(0, 1e5)), min_size=1, max_size=30))
+def test_one_pass_finds_the_first_minimum_and_the_next_value(values):
+    lowest, second = sorted([*values, math.inf])[:2]
+    found = find_two_smallest(np.array(values), len(values))
+    assert found == (values.index(lowest) if lowest < math.inf else 0, lowest, second)
+    assert find_two_smallest(np.array([*values, 0.0]), len(values)) == found  # what is beyond `count` does not count
+
+
+def test_values_far_above_the_sampled_ones_are_selected_in_order_too():
+    values = [1.0 if index % SAMPLED == 0 else 1e6 - index for index in range(100)]
+    for k in (7, 13, 14, 50, 100):
         check_selection(values, k)
 
 

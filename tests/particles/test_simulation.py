@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
 from tests.particles.simulations import KINDS, any_sections, make_simulation
 
@@ -43,6 +44,15 @@ def test_equal_seeds_give_equal_bits(data, seed, kind):
         assert mine.received.tolist() == yours.received.tolist()
 
 
+def test_one_compiled_kernel_serves_all_simulations():
+    for kind, dimensions, boundary in itertools.product(KINDS, (1, 3), ("bounded", "cyclic")):
+        radius = {} if kind in ("nearest", "all") else {"radius_cm": 40}
+        cone = {"angle_deg": 60} if kind.startswith("cone") else {}
+        space = {"dimensions": dimensions, "boundary": boundary}
+        make_simulation(space=space, neighbourhood={"kind": kind, **radius, **cone}).run(1)
+    assert len(advance.signatures) == 1
+
+
 def test_other_seeds_give_other_swarms():
     assert len({digest(make_simulation(seed)) for seed in range(20)}) == 20
     assert (make_simulation(1).positions() != make_simulation(2).positions()).all()
@@ -50,6 +60,7 @@ def test_other_seeds_give_other_swarms():
 
 
 SCRIPT = """
+from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
 scene = {"model": "particles", "agents": {"speed_cm_s": 30, "reorient_on": ["receiving"]}, "clocks": {"jitter": 0.01}}
 swarm = ParticleSimulation(scene, seed=123456789)
