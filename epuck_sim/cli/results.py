@@ -9,17 +9,26 @@ import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
 from epuck_sim.errors import StoreError
+from epuck_sim.statistics.names import Statistic
 
 if TYPE_CHECKING:  # or --help would wait for numpy
     from matplotlib.figure import Figure
 
     from epuck_sim.figures.csv_tables import Table
     from epuck_sim.runs.reader import PointTrials
+    from epuck_sim.statistics.curve_extrema import ExtremaSearch
+    from epuck_sim.statistics.curves import Curve
 
 results = typer.Typer()
 
 FolderArgument = Annotated[Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+STATISTIC = typer.Option(
+    "--statistic",
+    help="What stands for the trials of a point: their mean (restricted to the limit of cycles where trials are "
+    "censored), by default; their median; or the mean of the nearest Weibull distribution (Appendix A).",
+)
 
 
 @results.command("export")
@@ -65,6 +74,7 @@ class FigureOptions(NamedTuple):
     y: str | None
     panels: str | None
     censored_at: int | None
+    statistic: Statistic | None
 
 
 class Sketch(NamedTuple):
@@ -75,6 +85,8 @@ class Sketch(NamedTuple):
     draw: "Callable[[], Figure]"
     tables: "Mapping[str, Table]"
     """Its numbers, by the endings of their files."""
+    note: str = ""
+    """What the figure does not show, and why; or nothing."""
 
 
 @results.command()
@@ -104,24 +116,32 @@ def plot(
         int | None,
         typer.Option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
     ] = None,
+    statistic: Annotated[Statistic | None, STATISTIC] = None,
 ) -> None:
     """Draw a sweep's T_sync as curves, a map or violins, or the course of its trials over time; or a recorded trial."""
     with exit_on_error():
         from epuck_sim.figures.saving import Target, parse_target, save_figure
 
         target = parse_target(to) if to else None
-        options = FigureOptions(form, x, y, panels, censored_at)
+        options = FigureOptions(form, x, y, panels, censored_at, statistic)
         sketch = _sketch_sweep(results, options) if results.is_dir() else _sketch_trial(results, options)
         for file in save_figure(target or Target(sketch.default_stem), sketch.draw, sketch.tables):
             typer.echo(file)
+        if sketch.note:
+            typer.echo(sketch.note, err=True)
 
 
 def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    given = zip(("--form", "--x", "--y", "--panels", "--censored-at"), options, strict=True)
-    reject_first(*((value is not None, f"{name} is for run folders; {recording} is none") for name, value in given))
+    names = ("--form", "--x", "--y", "--panels", "--censored-at", "--statistic")
+    reject_first(
+        *(
+            (value is not None, f"{name} is for run folders; {recording} is none")
+            for name, value in zip(names, options, strict=True)
+        )
+    )
     recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
     return Sketch(recording.with_suffix(""), lambda: draw_page(recorded), {})
@@ -141,6 +161,10 @@ def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
             options.censored_at is not None and form != Form.VIOLINS,
             f"--censored-at is for --form violins, but this is {form}",
         ),
+        (
+            options.statistic is not None and form not in (Form.CURVES, Form.MAP),
+            f"--statistic is for --form curves and map, but this is {form}",
+        ),
     )
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
@@ -154,14 +178,16 @@ def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", op
     from epuck_sim.figures.curves import check_panels, curves_tables, draw_curves, find_extrema
     from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
     from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
-    from epuck_sim.statistics.curves import choose_axis, choose_second_axis, read_curves
+    from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis
+    from epuck_sim.statistics.curves import read_curves
 
     stem, figure = folder / "T_sync", points[0].scenario.figure
-    x = choose_axis(points, *_option_or_key(options.x, "--x", figure.x, f"{folder}: figure.x"))
+    rows, statistic = [point.axes for point in points], options.statistic or Statistic.MEAN
+    x = choose_axis(rows, *_option_or_key(options.x, "--x", figure.x, f"{folder}: figure.x"))
     if options.form == Form.MAP:
         key = None if figure.y == x else figure.y  # --x may have taken it
-        y = choose_second_axis(points, x, *_option_or_key(options.y, "--y", key, f"{folder}: figure.y"))
-        maps = read_maps(points, x, y)
+        y = choose_second_axis(rows, x, *_option_or_key(options.y, "--y", key, f"{folder}: figure.y"))
+        maps = read_maps(points, x, y, statistic)
         return Sketch(stem, lambda: draw_maps(title, x, y, maps), {".csv": maps_table(x, maps)})
     if options.form == Form.VIOLINS:
         limit = options.censored_at or figure.censored_at_cycles
@@ -169,10 +195,26 @@ def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", op
         return Sketch(stem, lambda: draw_violins(title, x, violins, limit), {".csv": violins_table(x, violins)})
     key = None if figure.panels == x else figure.panels
     panels, origin = _option_or_key(options.panels, "--panels", key, f"{folder}: figure.panels")
-    curves = read_curves(points, x)
+    curves = read_curves(points, x, statistic)
     check_panels(panels, curves, origin)
     extrema = find_extrema(x, curves)
-    return Sketch(stem, lambda: draw_curves(title, x, curves, extrema, panels), curves_tables(x, curves, extrema))
+    tables = curves_tables(x, curves, extrema)
+    return Sketch(stem, lambda: draw_curves(title, x, curves, extrema, panels), tables, _note(curves, extrema))
+
+
+def _note(curves: "Sequence[Curve]", searches: "Sequence[ExtremaSearch]") -> str:
+    """Return why there are no bands or marks, where there cannot be any."""
+    from epuck_sim.figures.curves import NOT_A_SPEED
+    from epuck_sim.statistics.estimate import MIN_TRIALS
+    from epuck_sim.statistics.extrema import MIN_SPEEDS
+
+    # that there are few speeds is plain to see
+    many = (search.reason for curve, search in zip(curves, searches, strict=True) if len(curve.x) >= MIN_SPEEDS)
+    reasons = [reason for reason in dict.fromkeys(many) if reason not in ("", NOT_A_SPEED.reason)]
+    notes = [f"no minimum and peak are looked for: {reason}" for reason in reasons]
+    if any((curve.trials < MIN_TRIALS).any() for curve in curves):
+        notes.insert(0, f"no bands where a point has fewer than {MIN_TRIALS} trials")
+    return "\n".join(f"note: {note}" for note in notes)
 
 
 def _sketch_over_time(stem: Path, title: str, form: Form, points: "Sequence[PointTrials]") -> Sketch:
@@ -194,6 +236,7 @@ def _option_or_key(option: str | None, name: str, value: str | None, key: str) -
 @results.command()
 def fit(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
+    statistic: Annotated[Statistic, STATISTIC] = Statistic.MEAN,
     as_json: JsonOption = False,
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale."""
@@ -201,5 +244,5 @@ def fit(
         from epuck_sim.cli.fit_tables import print_fit
         from epuck_sim.statistics.scaling_fit import fit_curves, fit_laws
 
-        curves = [curve for folder in folders for curve in fit_curves(folder)]
+        curves = [curve for folder in folders for curve in fit_curves(folder, statistic)]
         print_fit(curves, fit_laws(curves), as_json)

@@ -8,6 +8,7 @@ shapes.
 """
 
 import math
+from collections.abc import Iterator
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
+_BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
 _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above
 
 
@@ -65,6 +67,34 @@ def make_curve(sample: Sample) -> SurvivalCurves:
     return make_curves(sample, np.bincount(sample.cell)[None])
 
 
+def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> Iterator[IntArray]:
+    """Yield how many trials of each kind are in as many trials drawn with replacement (Efron 1979), block by block.
+
+    Args:
+        cells: (n,) kind of each trial, from 0.
+        kinds: Number m of kinds.
+        resamples: Number of draws.
+        seed: Equal seeds give equal draws.
+
+    Yields:
+        (b, m) counts; the b of all blocks add up to `resamples`.
+    """
+    random, n = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed))), len(cells)
+    for block in np.array_split(np.arange(resamples), max(1, resamples * n // _BLOCK_SIZE)):
+        drawn = cells[random.integers(n, size=(len(block), n))]
+        places = drawn + kinds * np.arange(len(block))[:, None]
+        yield np.bincount(places.ravel(), minlength=kinds * len(block)).reshape(-1, kinds)
+
+
+def resampled_curves(
+    times: npt.ArrayLike, observed: npt.ArrayLike, resamples: int, seed: int
+) -> Iterator[SurvivalCurves]:
+    """Yield the estimates of as many trials drawn with replacement, block by block, whatever their order."""
+    sample = make_sample(times, observed)
+    for counts in resample_counts(sample.cell, len(sample.times), resamples, seed):
+        yield make_curves(sample, counts)
+
+
 def kaplan_meier(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,) (Appendix A, steps 1 to 5).
 
@@ -92,16 +122,17 @@ def median_time(times: npt.ArrayLike, observed: npt.ArrayLike, level: float = 0.
     return median, lower, upper
 
 
-def restricted_mean(times: npt.ArrayLike, observed: npt.ArrayLike, horizon: float) -> float:
-    """Return the mean of the lesser of T_sync and `horizon`, cycles: the area under R up to there (Irwin 1949).
+def medians(curves: SurvivalCurves) -> FloatArray:
+    """Return the medians, (B,) cycles: the first times with R <= 1/2; inf where R stays above."""
+    is_reached = curves.survival[:, 1:] <= _HALF
+    times = np.append(curves.times, math.inf)
+    return times[np.where(is_reached.any(axis=1), is_reached.argmax(axis=1), len(curves.times))]
 
-    It is NaN, undetermined, where R is unknown up to the horizon, because the longest trial is censored before it.
+
+def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
+    """Return the means, (B,) cycles, of the lesser of T_sync and `horizon`: the areas under R up to there (Irwin 1949).
+
+    Where the longest trial is censored before the horizon, R is taken to stay as it is there.
     """
-    if not 0 <= horizon < math.inf:
-        raise ValueError(f"the horizon must be finite and not negative, but is {horizon}")
-    sample = make_sample(times, observed)
-    if sample.times[-1] < horizon and not sample.observed[-1]:
-        return math.nan
-    curve = make_curve(sample)
-    edges = np.concatenate([[0.0], np.minimum(curve.times, horizon), [horizon]])
-    return float((curve.survival[0] * np.diff(edges)).sum())
+    edges = np.concatenate([[0.0], np.minimum(curves.times, horizon), [horizon]])
+    return curves.survival @ np.diff(edges)

@@ -1,0 +1,81 @@
+"""Which axes of a sweep a figure is drawn over: those requested, or else the speed and the others that differ."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.util.messages import comma_list, did_you_mean
+
+SPEED = ".speed_cm_s"
+"""Ending of the keys of speeds, against which T_sync is drawn by default."""
+
+Rows = Sequence[Mapping[str, Any]]
+"""Axis values of each point of a sweep, by dotted key."""
+
+
+def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -> str:
+    """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
+
+    Args:
+        rows: Axis values of each point of a sweep.
+        requested: Dotted key, or None.
+        origin: Option or key that requests it, for messages.
+
+    Raises:
+        EpuckSimError: The requested axis, or every axis, is without numbers.
+    """
+    numbers = _numeric_axes(rows)
+    if requested is not None:
+        return _check_axis(requested, numbers, origin)
+    if not numbers:
+        raise EpuckSimError("there is no axis with numbers to draw T_sync against")
+    return max(numbers, key=lambda key: (key.endswith(SPEED), len(numbers[key])))
+
+
+def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
+    """Choose the vertical axis of a map: the requested one, or the only other one whose numbers differ.
+
+    Args:
+        rows: Axis values of each point of a sweep.
+        x: Dotted key of the horizontal axis.
+        requested: Dotted key of the vertical axis, or None.
+        origin: Option or key that requests it, for messages.
+
+    Raises:
+        EpuckSimError: There is no such axis, there are several to choose from, or it is tied one-to-one to `x`.
+    """
+    numbers = _numeric_axes(rows)
+    others: list[str] = []
+    for key, values in numbers.items():
+        if len(values) > 1 and not any(is_tied_to(key, axis, rows) for axis in (x, *others)):
+            others.append(key)
+    choice = f"give --y one of {comma_list(others)}" if others else "there is no other axis whose numbers differ"
+    if requested is not None:
+        if _check_axis(requested, numbers, origin) == x or is_tied_to(requested, x, rows):
+            raise EpuckSimError(f"{origin}: {requested} varies together with {x}, the horizontal axis; {choice}")
+        return requested
+    if len(others) != 1:
+        raise EpuckSimError(f"a map needs a second axis, beside {x}: {choice}")
+    return others[0]
+
+
+def _check_axis(requested: str, numbers: Mapping[str, object], origin: str) -> str:
+    if requested not in numbers:
+        raise EpuckSimError(f"{origin}: {did_you_mean(requested, numbers)}; axes with numbers: {comma_list(numbers)}")
+    return requested
+
+
+def _numeric_axes(rows: Rows) -> dict[str, set[float]]:
+    """Return the distinct values of each axis all of whose values are numbers."""
+    columns = {key: [row[key] for row in rows] for key in rows[0]}
+    return {key: set(values) for key, values in columns.items() if _are_numbers(values)}
+
+
+def _are_numbers(values: Sequence[Any]) -> bool:
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
+
+
+def is_tied_to(key: str, axis: str, rows: Rows) -> bool:
+    """Return whether the values of `axis` and `key` correspond one-to-one, as in a zip."""
+    pairs = {(row[axis], repr(row[key])) for row in rows}
+    return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
