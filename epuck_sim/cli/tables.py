@@ -104,7 +104,7 @@ def in_digits(value: float) -> str:
     >>> in_digits(12345.6), in_digits(47.0271)
     ('12346', '47.03')
     """
-    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}"
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def print_trials(results: Sequence[TrialResult]) -> None:

@@ -91,14 +91,25 @@ def add_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
         ScenarioError: The axis is malformed, or the scenario's own sweep is.
     """
     option = f"--sweep {axis}"
-    key, equals, text = axis.partition("=")
-    if not equals or not key:
-        raise ScenarioError(f"{option}: give it as key=value,value,..., such as robots.0.count=5,10,20")
+    key, values = parse_axis(axis, "--sweep")
     sweep = given.get("sweep") or {}
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
     if not isinstance(grid, Mapping):
         raise ScenarioError(f"{option}: the scenario's own sweep is {short_repr(sweep)}; allowed: a mapping")
-    return {**given, "sweep": {**sweep, "grid": {**grid, key: parse_yaml(f"[{text}]", option)}}}
+    return {**given, "sweep": {**sweep, "grid": {**grid, key: values}}}
+
+
+def parse_axis(axis: str, option: str) -> tuple[str, list[Any]]:
+    """Return the dotted key and the values of an axis given as `key=value,value,...`.
+
+    Raises:
+        ScenarioError: The axis is malformed; the message begins with the option and the axis.
+    """
+    key, equals, text = axis.partition("=")
+    if not equals or not key:
+        raise ScenarioError(f"{option} {axis}: give it as key=value,value,..., such as robots.0.count=5,10,20")
+    values: list[Any] = parse_yaml(f"[{text}]", f"{option} {axis}")
+    return key, values
 
 
 def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:

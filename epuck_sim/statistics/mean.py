@@ -5,6 +5,7 @@ holds the truth in 89 to 98 % of all cases, where percentiles of the bootstrap d
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import stdtrit
@@ -22,18 +23,25 @@ from epuck_sim.statistics.survival import (
 )
 
 
+class MeanError(NamedTuple):
+    """A mean, and how far it may be from the truth."""
+
+    mean: float
+    error: float
+    """Standard error; 0 of one trial, and where all trials have one value."""
+    freedom: int
+    """Degrees of freedom of the error."""
+
+
 def estimate_mean(measured: Measured) -> Estimate:
     """Return the mean of the sample, or the mean restricted to the horizon where trials are censored.
 
     There is no interval with fewer than `MIN_TRIALS` trials, or where all trials have one value.
     """
-    mean, error = _mean_and_error(measured)
-    trials = len(measured.values)
-    if trials < MIN_TRIALS or error == 0:
+    mean, error, freedom = mean_and_error(measured)
+    if len(measured.values) < MIN_TRIALS or error == 0:
         return without_interval(mean)
-    # few uncensored trials carry all that is known of the spread
-    freedom = min(trials - 1, np.count_nonzero(measured.observed))
-    reach = float(stdtrit(freedom, (1 + LEVEL) / 2)) * error
+    reach = student_quantile(freedom) * error
     if (measured.values <= 0).any():
         return Estimate(mean, mean - reach, mean + reach)
     factor = math.exp(reach / mean)
@@ -41,12 +49,17 @@ def estimate_mean(measured: Measured) -> Estimate:
     return Estimate(mean, mean / factor, min(mean * factor, highest))
 
 
+def student_quantile(freedom: float) -> float:
+    """Return how many standard errors an interval reaches either way."""
+    return float(stdtrit(freedom, (1 + LEVEL) / 2))
+
+
 def resample_means(measured: Measured, resamples: int) -> FloatArray:
     """Return the means, (resamples,), of as many trials drawn with replacement, as widely spread as those of new ones.
 
     The variance of n trials about their own mean is too small by the factor (n - 1) / n, which matters if they are few.
     """
-    mean, _ = _mean_and_error(measured)
+    mean = mean_and_error(measured).mean
     trials = len(measured.values)
     widening = math.sqrt(trials / max(trials - 1, 1))
     if measured.observed.all():
@@ -61,15 +74,17 @@ def resample_means(measured: Measured, resamples: int) -> FloatArray:
     return mean * (drawn / mean) ** widening
 
 
-def _mean_and_error(measured: Measured) -> tuple[float, float]:
-    """Return the mean and its standard error."""
+def mean_and_error(measured: Measured) -> MeanError:
+    """Return the mean of the sample, or the restricted mean, and its standard error."""
     values, trials = measured.values, len(measured.values)
+    # few uncensored trials carry all that is known of the spread
+    freedom = min(trials - 1, int(np.count_nonzero(measured.observed)))
     if measured.observed.all():
         spread = float(values.std(ddof=1)) if trials > 1 else 0.0
-        return float(values.mean()), spread / math.sqrt(trials)
+        return MeanError(float(values.mean()), spread / math.sqrt(trials), freedom)
     curve = make_curve(make_sample(values, measured.observed))
     error = math.sqrt(_variance(curve, measured.horizon) * trials / max(trials - 1, 1))
-    return float(restricted_means(curve, measured.horizon)[0]), error
+    return MeanError(float(restricted_means(curve, measured.horizon)[0]), error, freedom)
 
 
 def _variance(curve: SurvivalCurves, horizon: float) -> float:

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.runs.reader import PointTrials
 
@@ -30,6 +32,12 @@ class Measured(NamedTuple):
         Trials that ran out of time before they ran out of cycles say nothing about what comes after them.
         """
         return self.limit if self.observed.all() else min(self.limit, float(self.values.max()))
+
+
+def cut(measured: Measured, limit: float) -> Measured:
+    """Return what would be known if trials were censored at a lower limit."""
+    observed = measured.observed & (measured.values <= limit)
+    return Measured(np.minimum(measured.values, limit), observed, min(limit, measured.limit), measured.seed)
 
 
 def measure_t_sync(point: PointTrials) -> Measured:

@@ -615,3 +615,64 @@ def test_fit_names_the_statistic_that_it_fits(made) -> None:
 def test_a_statistic_is_refused_where_a_figure_shows_none(small) -> None:
     message = "--statistic is for --form curves and map, but this is violins"
     assert message in refused("plot", small, "--form", "violins", "--statistic", "median")
+
+
+# compare
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory) -> tuple[Path, Path]:
+    """Return two folders, of which the second has T_sync half as long again."""
+    base = tmp_path_factory.mktemp("two")
+
+    def law(which: int):
+        return lambda point: weibull(point, (1 + which / 2) * 90 / point.axes[SPEED])
+
+    grid = {COUNT: [5, 10], SPEED: [1, 2]}
+    first, second = (store(base / "ab"[n], sweep(grid, trials=60, seed=n), law(n)) for n in (0, 1))
+    return first, second
+
+
+def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> None:
+    stdout = called("compare", *two)
+    found = json.loads(called("compare", *two, "--json"))
+    assert (found["a"], found["b"]) == (str(two[0]), str(two[1]))
+    lines = [line for line in stdout.splitlines() if line.startswith("│")]
+    assert len(lines) == len(found["points"]) == 4
+    for line, point in zip(lines, found["points"], strict=True):
+        cells = [cell.strip() for cell in line.split("│")[1:-1]]
+        assert cells[:2] == [str(point["axes"][COUNT]), str(point["axes"][SPEED])]
+        assert cells[2:4] == ["60, 60", "0%, 0%"]
+        assert cells[-2:] == [f"{point['p_value']:.4f}", f"{point['p_holm']:.4f}"]
+        assert cells[6].startswith(f"{point['difference']['value']:.4g} (")
+    low, high = found["ratio"]["low"], found["ratio"]["high"]
+    assert low < 1.5 < high
+    assert f"({low:.3g} to {high:.3g}), the geometric mean of 4 points; p = 0.0002" in stdout
+
+
+def test_compare_of_two_values_of_an_axis_names_them(two) -> None:
+    stdout = called("compare", two[0], "--axis", f"{COUNT}=5,10")
+    assert f"A: {COUNT} = 5" in stdout
+    assert f"B: {COUNT} = 10" in stdout
+    assert stdout.count("60, 60") == 2
+
+
+def test_compare_says_where_trials_are_too_few(few) -> None:
+    stdout = called("compare", few, few)
+    assert "-: 13 points have fewer than 5 trials on one side, or none that synchronised." in stdout
+    assert "Over all" not in stdout
+    assert json.loads(called("compare", few, few, "--json"))["p_value"] is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ((), "give a second run folder, or --axis KEY=A,B, and not both"),
+        (("--axis", f"{COUNT}=5"), f"--axis: {COUNT} is given 1 values; allowed: two"),
+        (("--axis", COUNT), f"--axis {COUNT}: give it as key=value,value"),
+        (("--axis", "speed=1,2"), "--axis: unknown 'speed'"),
+        (("nowhere",), "nowhere: is not a run folder"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(two, options, message: str) -> None:
+    assert message in refused("compare", two[0], *options)
