@@ -7,6 +7,7 @@ import typer
 from epuck_sim import __version__
 from epuck_sim.cli.film import films
 from epuck_sim.cli.interrupt import end_on_request
+from epuck_sim.cli.plan import plans
 from epuck_sim.cli.plot import plots
 from epuck_sim.cli.replay import replays
 from epuck_sim.cli.results import results
@@ -19,7 +20,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for commands in (runs, scenarios, replays, films, results, plots):
+for commands in (runs, scenarios, replays, films, results, plots, plans):
     app.add_typer(commands)
 
 

@@ -676,3 +676,54 @@ def test_compare_says_where_trials_are_too_few(few) -> None:
 )
 def test_what_cannot_be_compared_is_refused(two, options, message: str) -> None:
     assert message in refused("compare", two[0], *options)
+
+
+# plan
+
+
+def test_plan_of_a_folder_prints_the_trials_that_show_a_difference(two) -> None:
+    stdout = called("plan", two[0], "--difference", 50, "--power", 90)
+    found = json.loads(called("plan", two[0], "--difference", 50, "--power", 90, "--json"))
+    lines = [line for line in stdout.splitlines() if line.startswith("│")]
+    for line, point in zip(lines, found["points"], strict=True):
+        cells = [cell.strip() for cell in line.split("│")[1:-1]]
+        assert cells[3:5] == ["60", "mean"]
+        assert cells[-1] == str(point["trials"])
+    assert "that show a difference of 50 % in 90 % of all cases, with p < 0.05." in stdout
+    assert f"if all differ alike: {found['over_all']} at each." in stdout
+    assert "4 points, 60 trials each: all are stored." in stdout
+
+
+def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
+    stdout = called("plan", two[0], "--trials", 100_060, "--workers", 4)
+    assert "4 points, 100060 trials each: 400000 are left: 7 min of computing, 2 min with 4 workers." in stdout
+    duration = json.loads(called("plan", two[0], "--trials", 100_060, "--workers", 4, "--json"))["duration"]
+    assert duration["compute_s"]["value"] == pytest.approx(400)
+    assert (duration["wall_s"], duration["left"], duration["timed"]) == (pytest.approx(100), 400_000, 240)
+
+
+def test_plan_says_where_trials_are_too_few(few) -> None:
+    assert "No point has the 5 trials that its spread takes" in called("plan", few)
+
+
+def test_plan_of_a_scenario_times_some_of_its_trials() -> None:
+    options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
+    stdout = called("plan", "pair", *options)
+    assert stdout.startswith("pair: 6 points, 1000 trials each: 6000 are left: ")
+    assert "That follows from 6 trials." in stdout
+    duration = json.loads(called("plan", "pair", *options, "--json"))["duration"]
+    assert duration["compute_s"]["low"] < duration["compute_s"]["value"] < duration["compute_s"]["high"]
+    assert duration["wall_s"] == pytest.approx(duration["compute_s"]["value"] / 2)
+
+
+@pytest.mark.parametrize(
+    ("folder", "options", "message"),
+    [
+        (True, ("--set", "trials=5"), "--set, --sweep and --quick are for scenarios"),
+        (True, ("--seconds", 5), "--seconds is for scenarios"),
+        (False, ("--difference", 5), "--difference needs trials: give a run folder"),
+        (False, ("--set", "stop.max_cycles=0"), "stop.max_cycles"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(two, folder: bool, options, message: str) -> None:
+    assert message in refused("plan", two[0] if folder else "pair", *options)
