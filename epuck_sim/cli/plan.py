@@ -114,13 +114,13 @@ def _duration_of_scenario(
     from epuck_sim.statistics.estimate import Estimate
     from epuck_sim.statistics.mean import estimate_mean
     from epuck_sim.statistics.measured import Measured
-    from epuck_sim.sweep.checks import check_room
+    from epuck_sim.sweep.checks import check_sweep
     from epuck_sim.sweep.pilot import time_trials
 
     loaded = load_scenario(sweep, settings or (), axes or (), quick=quick)
     with prefix_scenario(sweep):
         found = points(loaded)
-        check_room(found)
+        check_sweep(found)
         timed = time_trials(found, budget_s)
     times = np.array([each.wall_s for each in timed])
     wanted = trials or loaded.trials

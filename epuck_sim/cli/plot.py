@@ -147,10 +147,10 @@ def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
 
 
 def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", options: FigureOptions) -> Sketch:
-    from epuck_sim.figures.curves import check_panels, curves_tables, draw_curves, find_extrema
+    from epuck_sim.figures.curves import curves_tables, draw_curves, find_extrema
     from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
     from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
-    from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis
+    from epuck_sim.scenario.figure_axes import check_panels, choose_axis, choose_second_axis
     from epuck_sim.statistics.curves import read_curves
 
     stem, figure = folder / "T_sync", points[0].scenario.figure
@@ -168,7 +168,7 @@ def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", op
     key = None if figure.panels == x else figure.panels
     panels, origin = _option_or_key(options.panels, "--panels", key, f"{folder}: figure.panels")
     curves = read_curves(points, x, statistic)
-    check_panels(panels, curves, origin)
+    check_panels(rows, x, panels, origin)
     extrema = find_extrema(x, curves)
     tables = curves_tables(x, curves, extrema)
     return Sketch(stem, lambda: draw_curves(title, x, curves, extrema, panels), tables, _note(curves, extrema))

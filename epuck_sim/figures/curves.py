@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.csv_tables import Table, curves_table, rounded
 from epuck_sim.figures.labels import axis_label, format_axis_values
 from epuck_sim.figures.style import (
@@ -23,7 +22,6 @@ from epuck_sim.scenario.figure_axes import SPEED
 from epuck_sim.statistics.curve_extrema import ExtremaSearch, search_extrema
 from epuck_sim.statistics.curves import Curve, distinguishing_axes
 from epuck_sim.statistics.extrema import SpeedExtrema
-from epuck_sim.util.messages import comma_list, did_you_mean
 
 EXTREMA_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
 """Columns of the minimum and the peak in the table of extrema, cm/s and cycles."""
@@ -32,13 +30,6 @@ MAX_EXTRAPOLATION = 100
 """Largest Weibull mean that is shown, as a multiple of the limit of cycles; larger ones are extrapolated too far."""
 
 NOT_A_SPEED = ExtremaSearch(None, "the axis is no speed")
-
-
-def check_panels(panels: str | None, curves: Sequence[Curve], origin: str = "--panels") -> None:
-    """Raise EpuckSimError if `panels` is not one of the curves' other axes; `origin` is what messages call it."""
-    axes = curves[0].axes
-    if panels is not None and panels not in axes:
-        raise EpuckSimError(f"{origin}: {did_you_mean(panels, axes)}; other axes: {comma_list(axes)}")
 
 
 def find_extrema(axis: str, curves: Sequence[Curve]) -> list[ExtremaSearch]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.scenario.scenario import FigureSection
 from epuck_sim.util.messages import comma_list, did_you_mean
 
 SPEED = ".speed_cm_s"
@@ -57,6 +58,32 @@ def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin:
     if len(others) != 1:
         raise EpuckSimError(f"a map needs a second axis, beside {x}: {choice}")
     return others[0]
+
+
+def check_panels(rows: Rows, x: str, panels: str | None, origin: str = "--panels") -> None:
+    """Raise EpuckSimError if `panels` is not an axis beside `x`; `origin` is what messages call it."""
+    others = other_axes(rows, x)
+    if panels is not None and panels not in others:
+        raise EpuckSimError(f"{origin}: {did_you_mean(panels, others)}; other axes: {comma_list(others)}")
+
+
+def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
+    """Check that what a scenario's section `figure` names are axes of its sweep.
+
+    Raises:
+        EpuckSimError: A key is no axis, has no numbers, or is tied to that of another direction.
+    """
+    if figure.x is None and figure.y is None and figure.panels is None:
+        return
+    x = choose_axis(rows, figure.x, "figure.x")
+    if figure.y is not None:
+        choose_second_axis(rows, x, figure.y, "figure.y")
+    check_panels(rows, x, figure.panels, "figure.panels")
+
+
+def other_axes(rows: Rows, *axes: str) -> list[str]:
+    """Return the axes that are neither among `axes` nor tied one-to-one to one of them."""
+    return [key for key in rows[0] if not any(key == axis or is_tied_to(key, axis, rows) for axis in axes)]
 
 
 def _check_axis(requested: str, numbers: Mapping[str, object], origin: str) -> str:

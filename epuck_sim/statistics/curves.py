@@ -8,7 +8,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text
-from epuck_sim.scenario.figure_axes import is_tied_to
+from epuck_sim.scenario.figure_axes import other_axes
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.statistics.measured import measure_t_sync
 from epuck_sim.statistics.names import Statistic, statistic_name
@@ -56,8 +56,7 @@ def group_by_other_axes(points: Sequence[PointTrials], *axes: str) -> list[tuple
     Returns:
         For each group, the values of the other axes, and its points.
     """
-    rows = [point.axes for point in points]
-    others = [key for key in rows[0] if not any(key == x or is_tied_to(key, x, rows) for x in axes)]
+    others = other_axes([point.axes for point in points], *axes)
     groups: dict[str, list[PointTrials]] = {}
     for point in points:
         groups.setdefault(canonical_text({key: point.axes[key] for key in others}), []).append(point)

@@ -12,9 +12,8 @@ from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.csv_tables import Table
-from epuck_sim.figures.curves import EXTREMA_COLUMNS, check_panels, curves_tables, draw_curves, find_extrema
+from epuck_sim.figures.curves import EXTREMA_COLUMNS, curves_tables, draw_curves, find_extrema
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curve_extrema import ExtremaSearch
 from epuck_sim.statistics.curves import Curve
@@ -132,16 +131,6 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> No
     first, second = (lines_of(axes) for axes in figure.axes)
     assert [line.get_color().tolist() for line in first] == [line.get_color().tolist() for line in second]
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ε = 0.1", "ε = 0.2"]
-
-
-def test_an_axis_to_split_by_that_is_not_there_is_refused() -> None:
-    curves = [curve_of([3, 2], axes={COUNT: 5})]
-    check_panels(COUNT, curves)
-    check_panels(None, curves)
-    with pytest.raises(EpuckSimError, match=r"--panels: unknown 'robots\.0\.cuont', did you mean"):
-        check_panels("robots.0.cuont", curves)
-    with pytest.raises(EpuckSimError, match=r"^run: figure\.panels: unknown 'x'; other axes: robots\.0\.count$"):
-        check_panels("x", curves, "run: figure.panels")
 
 
 def test_the_bands_span_the_intervals_in_the_colour_of_their_lines() -> None:

@@ -24,7 +24,7 @@ def test_every_point_is_timed_once_if_there_is_time_and_no_trial_is_cut() -> Non
 
 
 @pytest.mark.parametrize(
-    ("scenario", "coupling"), [("pair", "robots.0.parameters.coupling=1e-6"), ("particles", "response.coupling=1e-6")]
+    ("scenario", "coupling"), [("thesis", "robots.0.parameters.coupling=1e-6"), ("particles", "response.coupling=1e-6")]
 )
 def test_a_trial_that_takes_longer_is_cut(scenario: str, coupling: str) -> None:
     found = points(load_scenario(scenario, [coupling, "stop.max_cycles=1000000000"]))
