@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # or --help would wait for numpy
 
 plots = typer.Typer()
 
-StatisticOption = typer.Option(
+STATISTIC = typer.Option(
     "--statistic",
     help="What stands for the trials of a point: their mean (restricted to the limit of cycles where trials are "
     "censored), by default; their median; or the mean of the nearest Weibull distribution (Appendix A).",
@@ -88,7 +88,7 @@ def plot(
         int | None,
         typer.Option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
     ] = None,
-    statistic: Annotated[Statistic | None, StatisticOption] = None,
+    statistic: Annotated[Statistic | None, STATISTIC] = None,
 ) -> None:
     """Draw a sweep's T_sync as curves, a map or violins, or the course of its trials over time; or a recorded trial."""
     with exit_on_error():

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
-from epuck_sim.cli.plot import StatisticOption
+from epuck_sim.cli.plot import STATISTIC
 from epuck_sim.statistics.names import Statistic
 
 results = typer.Typer()
@@ -43,7 +43,7 @@ def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
 @results.command()
 def fit(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
-    statistic: Annotated[Statistic, StatisticOption] = Statistic.MEAN,
+    statistic: Annotated[Statistic, STATISTIC] = Statistic.MEAN,
     as_json: JsonOption = False,
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale."""
@@ -59,7 +59,7 @@ def fit(
 def compare(
     folder: FolderArgument,
     other: Annotated[
-        Path | None, typer.Argument(metavar="[OTHER]", help="A run folder with the same axes, to compare it with.")
+        Path | None, typer.Argument(metavar="OTHER", help="A run folder with the same axes, to compare it with.")
     ] = None,
     axis: Annotated[
         str | None,

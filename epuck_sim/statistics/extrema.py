@@ -11,7 +11,7 @@ from epuck_sim.arrays import FloatArray
 MIN_SPEEDS = 6
 """Fewest determined speeds of a curve with extrema: a smooth curve with two bends takes four or more."""
 
-MIN_TRIALS = 15
+MIN_TRIALS = 20
 """Fewest trials of a point at which a curve may have extrema.
 
 On curves that do not rise, 10 trials a point make a pair in up to 11 % of all cases, 5 trials in 15 %, 2 trials in half

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
-_HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above
+_HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above or below
 
 
 class Sample(NamedTuple):
@@ -108,25 +108,27 @@ def kaplan_meier(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[FloatAr
 def median_time(times: npt.ArrayLike, observed: npt.ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
     """Return the median T_sync and the lower and upper end of its confidence interval, cycles; inf if not reached.
 
-    The median is the first time with R <= 1/2. The interval is from the first time when the lower confidence limit of R
-    is at most 1/2 to that when the upper one is (Brookmeyer and Crowley 1982); the limits are symmetrical in
-    log(-log R), of which Greenwood (1926) gives the variance.
+    The median is the first time with R < 1/2, or halfway to it from that with R = 1/2: uncensored it is that of the
+    sample. The interval is from the first time when the lower confidence limit of R is at most 1/2 to that when the
+    upper one is (Brookmeyer and Crowley 1982); the limits are symmetrical in log(-log R), of which Greenwood (1926)
+    gives the variance.
     """
     curve = make_curve(make_sample(times, observed))
     n, d, survival = curve.at_risk[0], curve.events[0], curve.survival[0, 1:]
     variance = np.cumsum(d / (n * np.maximum(n - d, 1)))  # of log R; at the last n = d both limits are 0 anyway
     z = NormalDist().inv_cdf((1 + level) / 2)
     power = np.exp(z * np.sqrt(variance) / -np.log(np.maximum(survival, 1e-300)))
-    limits = survival, survival**power, survival ** (1 / power)
-    median, lower, upper = (float(np.append(curve.times[limit <= _HALF], math.inf)[0]) for limit in limits)
-    return median, lower, upper
+    limits = survival**power, survival ** (1 / power)
+    lower, upper = (float(np.append(curve.times[limit <= _HALF], math.inf)[0]) for limit in limits)
+    return float(medians(curve)[0]), lower, upper
 
 
 def medians(curves: SurvivalCurves) -> FloatArray:
-    """Return the medians, (B,) cycles: the first times with R <= 1/2; inf where R stays above."""
-    is_reached = curves.survival[:, 1:] <= _HALF
+    """Return the medians, (B,) cycles, as `median_time` does; inf where R does not fall below 1/2."""
     times = np.append(curves.times, math.inf)
-    return times[np.where(is_reached.any(axis=1), is_reached.argmax(axis=1), len(curves.times))]
+    first, second = ((curves.survival[:, 1:] > limit).sum(axis=1) for limit in (_HALF, 1 - _HALF))
+    found: FloatArray = (times[first] + times[second]) / 2
+    return found
 
 
 def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:

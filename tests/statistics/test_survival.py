@@ -99,11 +99,18 @@ def test_without_an_event_the_estimate_is_empty():
 
 
 @given(trials)
-def test_the_median_is_the_first_time_when_at_most_half_of_the_trials_are_left(given_trials):
-    halved = [time for time, r in dict(appendix_a(*given_trials)).items() if r <= Fraction(1, 2)]
+def test_the_median_is_halfway_from_the_time_when_half_of_the_trials_are_left_to_that_when_fewer_are(given_trials):
+    curve = dict(appendix_a(*given_trials)).items()
+    halved = min((time for time, r in curve if r <= Fraction(1, 2)), default=math.inf)
+    passed = min((time for time, r in curve if r < Fraction(1, 2)), default=math.inf)
     median, lower, upper = median_time(*given_trials)
-    assert median == (halved[0] if halved else math.inf)
+    assert median == (halved + passed) / 2
     assert lower <= median <= upper
+
+
+@given(uncensored)
+def test_uncensored_the_median_is_the_samples(times):
+    assert median_time(times, np.ones(len(times), bool))[0] == np.median(times)
 
 
 @pytest.mark.parametrize("level", [0.5, 0.9, 0.95, 0.99])
@@ -118,7 +125,7 @@ def test_the_median_and_its_interval_are_lifelines(seed, level):
 
 @pytest.mark.parametrize("n", range(2, 200, 2))
 def test_half_of_the_trials_is_half_however_r_is_rounded(n):
-    assert median_time(np.arange(n) + 1, np.ones(n, bool))[0] == n / 2
+    assert median_time(np.arange(n) + 1, np.ones(n, bool))[0] == (n + 1) / 2
 
 
 def test_what_is_not_reached_is_infinite():
@@ -320,7 +327,7 @@ def test_the_mean_can_exceed_the_time_of_censoring():
 @given(trials, st.sampled_from([0.001, 0.5, 3.0, 4096.0]))
 def test_means_and_medians_scale_with_the_times(given_trials, factor):
     times, observed = given_trials
-    assert median_time(factor * times, observed) == tuple(factor * np.array(median_time(times, observed)))
+    assert median_time(factor * times, observed) == pytest.approx(factor * np.array(median_time(times, observed)))
     area = restricted_mean(times, observed, 20)
     assert restricted_mean(factor * times, observed, factor * 20) == pytest.approx(factor * area, nan_ok=True)
     mean, scaled = weibull_mean(times, observed), weibull_mean(factor * times, observed)
