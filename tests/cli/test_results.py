@@ -577,11 +577,11 @@ def few(request, tmp_path_factory) -> Path:
 
 def test_with_few_trials_fit_prints_no_p_value_and_says_what_would_be_enough(few) -> None:
     stdout = called("fit", few)
-    assert "not looked for on 1 of 1 curves: fewer than 15 trials at 13 of 13 speeds" in stdout
-    assert "--trials 15 is the least" in stdout
+    assert "not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
+    assert "--trials 20 is the least" in stdout
     (curve,) = json.loads(called("fit", few, "--json"))["curves"]
     assert [curve[name] for name in ("p_value", "v_m", "t_m", "v_p", "t_p")] == [None] * 5
-    assert curve["reason"].startswith("fewer than 15 trials")
+    assert curve["reason"].startswith("fewer than 20 trials")
 
 
 def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, shown, tmp_path) -> None:
@@ -589,7 +589,7 @@ def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, shown
     assert result.exit_code == 0
     lines = result.stderr.splitlines()
     assert lines[0] == "note: no bands where a point has fewer than 5 trials"
-    assert lines[1].startswith("note: no minimum and peak are looked for: fewer than 15 trials")
+    assert lines[1].startswith("note: no minimum and peak are looked for: fewer than 20 trials")
     assert {line.get_marker() for line in shown[0].axes[0].get_lines()}.isdisjoint({"v", "^"})
     assert [row["low"] + row["high"] for row in rows(tmp_path / "fig.csv")] == [""] * len(MANY_SPEEDS)
 

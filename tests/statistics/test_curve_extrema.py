@@ -32,8 +32,8 @@ def test_where_all_is_well_the_pair_is_that_of_the_curve() -> None:
 def test_with_few_trials_there_is_no_p_value_and_it_is_said_how_many_are_the_least(trials: int) -> None:
     found, reason = search_extrema(curve_of(bumpy, trials=trials))
     assert found is None
-    assert reason.startswith("fewer than 15 trials at 13 of 13 speeds")
-    assert "--trials 15 is the least" in reason
+    assert reason.startswith("fewer than 20 trials at 13 of 13 speeds")
+    assert "--trials 20 is the least" in reason
     assert search_extrema(curve_of(bumpy, trials=MIN_TRIALS)).reason == ""
 
 

@@ -44,7 +44,7 @@ def test_v_f_moves_with_the_speeds() -> None:
     [
         curve_of(lambda v: 60 / v**0.5),
         curve_of(lambda _: 50),
-        curve_of(level_beyond(1.5), trials=14),
+        curve_of(level_beyond(1.5), trials=19),
         curve_of(lambda _: 5000, stop=3000),
     ],
     ids=["still falls", "level", "few trials", "censored"],
