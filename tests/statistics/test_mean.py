@@ -108,6 +108,13 @@ def test_resampled_means_are_spread_like_the_means_of_new_trials(trials: int, li
     assert np.sqrt(np.mean(spreads)) == pytest.approx(np.std(truth), rel=0.15)
 
 
+def test_resamples_are_widened_as_the_variance_of_few_trials_about_their_own_mean_is_too_small() -> None:
+    found = np.unique(resample_means(measured([1, 3]), 200))
+    assert found == pytest.approx([2 * 0.5 ** math.sqrt(2), 2, 2 * 1.5 ** math.sqrt(2)])
+    below_0 = np.unique(resample_means(measured([-1, 1]), 200))
+    assert below_0 == pytest.approx([-math.sqrt(2), 0, math.sqrt(2)])
+
+
 def test_resamples_do_not_depend_on_the_order_of_the_trials_but_on_the_seed() -> None:
     made = drawn("exponential", 30, 1)
     turned = made._replace(values=made.values[::-1])
