@@ -14,8 +14,8 @@ MIN_SPEEDS = 6
 MIN_TRIALS = 20
 """Fewest trials of a point at which a curve may have extrema.
 
-On curves that do not rise, 2 trials a point make a pair in up to two thirds of all cases, 5 trials in up to a fifth,
-and 10 in up to a tenth; from 20 on it is about the 5 % that it should be (docs/statistics.md).
+On curves that do not rise, 2 trials a point make a pair in up to two thirds of all cases, 5 trials in up to a
+quarter, and 10 in up to a tenth; from 20 on it is near the 5 % that it should be (docs/statistics.md).
 """
 
 SIGNIFICANCE = 0.05
