@@ -91,11 +91,14 @@ def test_an_axis_that_cannot_be_compared_is_refused(key: str, values: list, mess
 
 
 def test_sweeps_of_other_axes_or_without_a_common_point_are_refused() -> None:
-    made = {name: in_memory(sweep({name: [1, 2]}), lambda _: ended([5])) for name in (SPEED, COUPLING) if name == SPEED}
+    made, other, apart = (
+        in_memory(sweep({key: values}), lambda _: ended([5]))
+        for key, values in ((SPEED, [1, 2]), (COUPLING, [0.1]), (SPEED, [3]))
+    )
     with pytest.raises(EpuckSimError, match="the axes differ"):
-        match_folders(made, in_memory(sweep({COUPLING: [0.1]}), lambda _: ended([5])))
+        match_folders(made, other)
     with pytest.raises(EpuckSimError, match="no two points to compare"):
-        match_folders(made, in_memory(sweep({SPEED: [3]}), lambda _: ended([5])))
+        match_folders(made, apart)
 
 
 # The numbers of a point
