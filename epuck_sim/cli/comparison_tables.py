@@ -12,8 +12,8 @@ from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE, in_digits
 from epuck_sim.figures.labels import axis_label
+from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.comparison import Comparison, PointComparison
-from epuck_sim.statistics.curves import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate
 from epuck_sim.statistics.summary import finite_or_none
 

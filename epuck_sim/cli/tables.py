@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -11,11 +12,13 @@ from rich.text import Text
 from epuck_sim.cli.progress import in_words
 from epuck_sim.figures.labels import axis_label
 from epuck_sim.runs.reader import Failure, Status
-from epuck_sim.statistics.curves import distinguishing_axes
+from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS
-from epuck_sim.statistics.summary import PointSummary
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import format_versions, versions
+
+if TYPE_CHECKING:  # or every command would wait for scipy
+    from epuck_sim.statistics.summary import PointSummary
 
 WIDE = 1000
 """Width in columns of a table that goes to a file: enough for any."""
@@ -56,7 +59,7 @@ STATISTICS = {
 """Heading of each statistic of a summary."""
 
 
-def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> None:
+def print_summary(title: str, points: "Sequence[PointSummary]", as_json: bool) -> None:
     """Print the statistics of a sweep's points on stdout."""
     if as_json:
         print(json.dumps([point._asdict() for point in points]))

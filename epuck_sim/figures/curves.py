@@ -18,9 +18,9 @@ from epuck_sim.figures.style import (
     make_logarithmic,
     make_panels,
 )
-from epuck_sim.scenario.figure_axes import SPEED
+from epuck_sim.scenario.figure_axes import SPEED, distinguishing_axes
 from epuck_sim.statistics.curve_extrema import ExtremaSearch, search_extrema
-from epuck_sim.statistics.curves import Curve, distinguishing_axes
+from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import SpeedExtrema
 
 EXTREMA_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))

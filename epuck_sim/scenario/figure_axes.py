@@ -1,4 +1,4 @@
-"""Which axes of a sweep a figure is drawn over: those requested, or else the speed and the others that differ."""
+"""Which axes of a sweep a figure is drawn over, and which of them distinguish its curves."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -106,3 +106,20 @@ def is_tied_to(key: str, axis: str, rows: Rows) -> bool:
     """Return whether the values of `axis` and `key` correspond one-to-one, as in a zip."""
     pairs = {(row[axis], repr(row[key])) for row in rows}
     return len(pairs) == len({x for x, _ in pairs}) == len({value for _, value in pairs}) > 1
+
+
+def distinguishing_axes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Keep only the axis values that distinguish each row, and drop axes that are tied one-to-one to another.
+
+    >>> distinguishing_axes([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])
+    [{'width': 4}, {'width': 6}]
+    """
+    kept: list[str] = []
+    patterns: set[tuple[int, ...]] = set()
+    for key in rows[0]:
+        values = [repr(row[key]) for row in rows]
+        pattern = tuple(values.index(value) for value in values)
+        if len(set(pattern)) > 1 and pattern not in patterns:
+            kept.append(key)
+            patterns.add(pattern)
+    return [{key: row[key] for key in kept} for row in rows]

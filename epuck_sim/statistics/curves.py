@@ -1,6 +1,6 @@
 """Curves of a statistic of T_sync against one axis of a sweep, one for each combination of the other axes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -85,20 +85,3 @@ def estimate_curve(
         intervals=np.array([(each.low, each.high) for each in estimates]),
         resampled=np.stack([resample(each, statistic) for each in measured], axis=1),
     )
-
-
-def distinguishing_axes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Keep only the axis values that distinguish each row, and drop axes that are tied one-to-one to another.
-
-    >>> distinguishing_axes([{"width": 4, "height": 4, "tau": 5}, {"width": 6, "height": 6, "tau": 5}])
-    [{'width': 4}, {'width': 6}]
-    """
-    kept: list[str] = []
-    patterns: set[tuple[int, ...]] = set()
-    for key in rows[0]:
-        values = [repr(row[key]) for row in rows]
-        pattern = tuple(values.index(value) for value in values)
-        if len(set(pattern)) > 1 and pattern not in patterns:
-            kept.append(key)
-            patterns.add(pattern)
-    return [{key: row[key] for key in kept} for row in rows]

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis
+from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis, distinguishing_axes
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.curves import distinguishing_axes, read_curves
+from epuck_sim.statistics.curves import read_curves
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.summary import summarize
 from tests.runs.made_folders import (
