@@ -9,6 +9,9 @@ TRIALS ?= 200
 QUICK_SWEEPS := fig-3-4 fig-3-5 fig-3-6 fig-5-3 fig-5-4 fig-5-5 fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 \
     fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 speed-distributions
 
+BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
+STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
+
 .PHONY: run test lint bench slow figures clean
 
 run: $(VENV)/installed ## install, and simulate the thesis's base case
@@ -45,11 +48,18 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/overhead_accuracy.py
 	$(BIN)/epuck-sim run fig-4-7 --out runs/fig-4-7
 	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
+	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1 --sweep agents.count=5,10,20,40 \
+	    --sweep agents.speed_cm_s=6,8,11,15,21,30,50,97 --trials 40 --set stop.max_cycles=3000 --out runs/v-f
+	$(BIN)/epuck-sim fit runs/v-f > docs/figures/v_f.txt
 	set -e; for sweep in $(QUICK_SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
 	    $(BIN)/epuck-sim plot runs/$$sweep-quick --to runs/$$sweep; \
 	    cp runs/$$sweep.png runs/$$sweep.csv docs/figures/; \
 	done
+	$(BIN)/epuck-sim run thesis --trials 200 --sweep robots.0.parameters.speed_cm_s=$(BASE_SPEEDS) --out runs/base
+	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1,2,3,10 --sweep agents.speed_cm_s=0.2,5,10,20,40,100 \
+	    --trials 200 --out runs/k-200
+	$(BIN)/python docs/figures/statistics_study.py runs/base runs/k-200 $(STUDIED:%=runs/%-quick)
 
 $(VENV)/created:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "epuck-sim needs Python 3.11 or newer")'

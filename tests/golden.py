@@ -98,7 +98,7 @@ def sweep(model: str, folder: Path) -> list[dict[str, Any]]:
     points = read_points(folder)
     statistics = [point._asdict() for point in summarize(points)]
     return [
-        {"times": point.times.tolist(), "mean": row["mean"], "median": row["median"]}
+        {"times": point.times.tolist(), "weibull_mean": row["weibull_mean"], "median": row["median"]}
         for point, row in zip(points, statistics, strict=True)
     ]
 

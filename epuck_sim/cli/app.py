@@ -7,6 +7,8 @@ import typer
 from epuck_sim import __version__
 from epuck_sim.cli.film import films
 from epuck_sim.cli.interrupt import end_on_request
+from epuck_sim.cli.plan import plans
+from epuck_sim.cli.plot import plots
 from epuck_sim.cli.replay import replays
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
@@ -18,7 +20,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for commands in (runs, scenarios, replays, films, results):
+for commands in (runs, scenarios, replays, films, results, plots, plans):
     app.add_typer(commands)
 
 

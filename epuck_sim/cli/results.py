@@ -1,20 +1,13 @@
-"""The commands that read run folders: `export`, `summarize`, `plot` and `fit`."""
+"""The commands that print what run folders hold: `export`, `summarize`, `fit` and `compare`."""
 
-from collections.abc import Callable, Mapping, Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
-from epuck_sim.errors import StoreError
-
-if TYPE_CHECKING:  # or --help would wait for numpy
-    from matplotlib.figure import Figure
-
-    from epuck_sim.figures.csv_tables import Table
-    from epuck_sim.runs.reader import PointTrials
+from epuck_sim.cli.plot import STATISTIC
+from epuck_sim.statistics.names import Statistic
 
 results = typer.Typer()
 
@@ -47,153 +40,10 @@ def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
         print_summary(str(folder), statistics(read_points(folder)), as_json)
 
 
-class Form(StrEnum):
-    """A way to draw a sweep."""
-
-    CURVES = "curves"
-    MAP = "map"
-    VIOLINS = "violins"
-    PERTURBATION = "perturbation"
-    COURSE = "course"
-
-
-class FigureOptions(NamedTuple):
-    """Options of `plot` about the figure of a sweep; for one that is None, the scenario's section `figure` decides."""
-
-    form: Form | None
-    x: str | None
-    y: str | None
-    panels: str | None
-    censored_at: int | None
-
-
-class Sketch(NamedTuple):
-    """A figure to be drawn and saved."""
-
-    default_stem: Path
-    """Stem of its files if `--to` is not given."""
-    draw: "Callable[[], Figure]"
-    tables: "Mapping[str, Table]"
-    """Its numbers, by the endings of their files."""
-
-
-@results.command()
-def plot(
-    results: Annotated[
-        Path, typer.Argument(metavar="FOLDER|FILE.rrd", help="A run folder, or the recording of a trial.")
-    ],
-    to: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="STEM|FILE",
-            help="Write STEM.png, STEM.svg and so on, or one picture, FILE.png, FILE.svg or FILE.pdf, with its numbers "
-            "as CSV beside it. By default STEM is FOLDER/T_sync, FOLDER/FORM, or the recording's name.",
-        ),
-    ] = None,
-    form: Annotated[
-        Form | None, typer.Option(help="How to draw a sweep; by default as the scenario says, or else curves.")
-    ] = None,
-    x: Annotated[
-        str | None, typer.Option(metavar="KEY", help="Horizontal axis of a sweep's figure; by default the speed.")
-    ] = None,
-    y: Annotated[str | None, typer.Option(metavar="KEY", help="Vertical axis of a map.")] = None,
-    panels: Annotated[
-        str | None, typer.Option(metavar="KEY", help="Axis of curves that has a panel for each of its values.")
-    ] = None,
-    censored_at: Annotated[
-        int | None,
-        typer.Option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
-    ] = None,
-) -> None:
-    """Draw a sweep's T_sync as curves, a map or violins, or the course of its trials over time; or a recorded trial."""
-    with exit_on_error():
-        from epuck_sim.figures.saving import Target, parse_target, save_figure
-
-        target = parse_target(to) if to else None
-        options = FigureOptions(form, x, y, panels, censored_at)
-        sketch = _sketch_sweep(results, options) if results.is_dir() else _sketch_trial(results, options)
-        for file in save_figure(target or Target(sketch.default_stem), sketch.draw, sketch.tables):
-            typer.echo(file)
-
-
-def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
-    from epuck_sim.figures.trial_page import check_drawable, draw_page
-    from epuck_sim.recording.reader import read_recording
-
-    given = zip(("--form", "--x", "--y", "--panels", "--censored-at"), options, strict=True)
-    reject_first(*((value is not None, f"{name} is for run folders; {recording} is none") for name, value in given))
-    recorded = read_recording(recording)
-    check_drawable(recorded, str(recording))
-    return Sketch(recording.with_suffix(""), lambda: draw_page(recorded), {})
-
-
-def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
-    from epuck_sim.runs.reader import read_points, read_status
-
-    points = read_points(folder)
-    form = options.form or Form(points[0].scenario.figure.form)
-    over_time = form in (Form.PERTURBATION, Form.COURSE)
-    reject_first(
-        (options.x is not None and over_time, f"--x is for figures of T_sync, but this is {form}, over time"),
-        (options.y is not None and form != Form.MAP, f"--y is for --form map, but this is {form}"),
-        (options.panels is not None and form != Form.CURVES, f"--panels is for --form curves, but this is {form}"),
-        (
-            options.censored_at is not None and form != Form.VIOLINS,
-            f"--censored-at is for --form violins, but this is {form}",
-        ),
-    )
-    if not any(len(point.times) for point in points):
-        raise StoreError(f"{folder}: holds no results yet")
-    title = read_status(folder).scenario
-    if over_time:
-        return _sketch_over_time(folder / form, title, form, points)
-    return _sketch_t_sync(folder, title, points, options._replace(form=form))
-
-
-def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", options: FigureOptions) -> Sketch:
-    from epuck_sim.figures.curves import check_panels, curves_tables, draw_curves, find_extrema
-    from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
-    from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
-    from epuck_sim.statistics.curves import choose_axis, choose_second_axis, read_curves
-
-    stem, figure = folder / "T_sync", points[0].scenario.figure
-    x = choose_axis(points, *_option_or_key(options.x, "--x", figure.x, f"{folder}: figure.x"))
-    if options.form == Form.MAP:
-        key = None if figure.y == x else figure.y  # --x may have taken it
-        y = choose_second_axis(points, x, *_option_or_key(options.y, "--y", key, f"{folder}: figure.y"))
-        maps = read_maps(points, x, y)
-        return Sketch(stem, lambda: draw_maps(title, x, y, maps), {".csv": maps_table(x, maps)})
-    if options.form == Form.VIOLINS:
-        limit = options.censored_at or figure.censored_at_cycles
-        violins = read_violins(points, x, limit)
-        return Sketch(stem, lambda: draw_violins(title, x, violins, limit), {".csv": violins_table(x, violins)})
-    key = None if figure.panels == x else figure.panels
-    panels, origin = _option_or_key(options.panels, "--panels", key, f"{folder}: figure.panels")
-    curves = read_curves(points, x)
-    check_panels(panels, curves, origin)
-    extrema = find_extrema(x, curves)
-    return Sketch(stem, lambda: draw_curves(title, x, curves, extrema, panels), curves_tables(x, curves, extrema))
-
-
-def _sketch_over_time(stem: Path, title: str, form: Form, points: "Sequence[PointTrials]") -> Sketch:
-    from epuck_sim.figures.courses import courses_table, draw_courses, read_courses
-    from epuck_sim.figures.perturbations import draw_perturbations, perturbations_table, read_perturbations
-
-    if form == Form.COURSE:
-        courses = read_courses(points)
-        return Sketch(stem, lambda: draw_courses(title, courses), {".csv": courses_table(courses)})
-    perturbations = read_perturbations(points)
-    return Sketch(stem, lambda: draw_perturbations(title, perturbations), {".csv": perturbations_table(perturbations)})
-
-
-def _option_or_key(option: str | None, name: str, value: str | None, key: str) -> tuple[str | None, str]:
-    """Return the option, or else the value of the scenario's key, and the name of the one that counts."""
-    return (value, key) if option is None else (option, name)
-
-
 @results.command()
 def fit(
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Run folders of sweeps over speed.")],
+    statistic: Annotated[Statistic, STATISTIC] = Statistic.MEAN,
     as_json: JsonOption = False,
 ) -> None:
     """Print the local minimum and the peak of T_sync against speed, and the laws by which they scale."""
@@ -201,5 +51,38 @@ def fit(
         from epuck_sim.cli.fit_tables import print_fit
         from epuck_sim.statistics.scaling_fit import fit_curves, fit_laws
 
-        curves = [curve for folder in folders for curve in fit_curves(folder)]
+        curves = [curve for folder in folders for curve in fit_curves(folder, statistic)]
         print_fit(curves, fit_laws(curves), as_json)
+
+
+@results.command()
+def compare(
+    folder: FolderArgument,
+    other: Annotated[
+        Path | None, typer.Argument(metavar="OTHER", help="A run folder with the same axes, to compare it with.")
+    ] = None,
+    axis: Annotated[
+        str | None,
+        typer.Option(metavar="KEY=A,B", help="Compare two values of an axis instead: robots.0.count=5,10"),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print how T_sync differs between two run folders, or two values of an axis, point by point and over all."""
+    with exit_on_error():
+        from epuck_sim.cli.comparison_tables import print_comparison
+        from epuck_sim.runs.reader import read_points
+        from epuck_sim.scenario.overrides import parse_axis
+        from epuck_sim.statistics.comparison import compare as compare_matches
+        from epuck_sim.statistics.comparison import match_folders, match_values
+
+        reject_first(((other is None) == (axis is None), "give a second run folder, or --axis KEY=A,B, and not both"))
+        points = read_points(folder)
+        if axis is not None:
+            key, values = parse_axis(axis, "--axis")
+            found = match_values(points, key, values)
+            names = [f"{key} = {value}" for value in values]
+        else:
+            assert other is not None
+            found = match_folders(points, read_points(other))
+            names = [str(folder), str(other)]
+        print_comparison(names, compare_matches(*found), as_json)

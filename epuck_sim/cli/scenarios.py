@@ -31,11 +31,11 @@ def check(
     with exit_on_error():
         from epuck_sim.scenario.loader import load_scenario, write_scenario
         from epuck_sim.scenario.points import points
-        from epuck_sim.sweep.checks import check_room
+        from epuck_sim.sweep.checks import check_sweep
 
         loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
         with prefix_scenario(scenario):
-            check_room(points(loaded))
+            check_sweep(points(loaded))
         sys.stdout.write(write_scenario(loaded))
 
 

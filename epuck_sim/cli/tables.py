@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
@@ -11,10 +12,13 @@ from rich.text import Text
 from epuck_sim.cli.progress import in_words
 from epuck_sim.figures.labels import axis_label
 from epuck_sim.runs.reader import Failure, Status
-from epuck_sim.statistics.curves import distinguishing_axes
-from epuck_sim.statistics.summary import PointSummary
+from epuck_sim.scenario.figure_axes import distinguishing_axes
+from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import format_versions, versions
+
+if TYPE_CHECKING:  # or every command would wait for scipy
+    from epuck_sim.statistics.summary import PointSummary
 
 WIDE = 1000
 """Width in columns of a table that goes to a file: enough for any."""
@@ -46,14 +50,28 @@ def print_failures(failures: Sequence[Failure]) -> None:
         print(f"  and {len(failures) - MOST_FAILURES} more")
 
 
-def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> None:
+STATISTICS = {
+    "mean": "mean",
+    "median": "median",
+    "restricted_mean": "restricted mean",
+    "weibull_mean": "Weibull mean",
+}
+"""Heading of each statistic of a summary."""
+
+
+def print_summary(title: str, points: "Sequence[PointSummary]", as_json: bool) -> None:
     """Print the statistics of a sweep's points on stdout."""
     if as_json:
         print(json.dumps([point._asdict() for point in points]))
         return
+    is_censored = any(point.censored for point in points)
+    names = [name for name in STATISTICS if is_censored or name in ("mean", "median")]
+    if all(point.censored for point in points):
+        names.remove("mean")
     table = Table(title=Text(f"{title}: T_sync [cycles], with 95 % intervals"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
-    for heading in ("point", *map(axis_label, shown[0]), "trials", "censored", "mean", "median", "restricted mean"):
+    headings = [STATISTICS[name] for name in names]
+    for heading in ("point", *map(axis_label, shown[0]), "trials", "censored", *headings):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(points, shown, strict=True):
         table.add_row(
@@ -61,15 +79,23 @@ def print_summary(title: str, points: Sequence[PointSummary], as_json: bool) -> 
             *(Text(str(value)) for value in axes.values()),
             str(point.trials),
             f"{point.censored:.0%}",
-            _estimate(point.mean, point.mean_low, point.mean_high),
-            _estimate(point.median, point.median_low, point.median_high),
-            "-" if point.restricted_mean is None else in_digits(point.restricted_mean),
+            *(_format_estimate(*(getattr(point, f"{name}{end}") for end in ("", "_low", "_high"))) for name in names),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
-    print("Mean: Appendix A; -: undetermined. Restricted mean: up to the limit of cycles, or to the longest trial.")
+    if is_censored:
+        print("Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit of")
+        print("cycles, or the longest trial. Weibull mean: extrapolated by Appendix A. -: undetermined.")
+    _print_missing_intervals([point.trials for point in points])
 
 
-def _estimate(value: float | None, low: float | None, high: float | None) -> str:
+def _print_missing_intervals(trials: Sequence[int]) -> None:
+    """Print why points have no interval, if some have too few trials for one."""
+    few = sum(0 < count < MIN_TRIALS for count in trials)
+    if few:
+        print(f"No intervals at {few} of {len(trials)} points: one takes {MIN_TRIALS} trials or more.")
+
+
+def _format_estimate(value: float | None, low: float | None, high: float | None) -> str:
     if value is None or low is None:
         return "-" if value is None else in_digits(value)
     return f"{in_digits(value)} ({in_digits(low)} to {'?' if high is None else in_digits(high)})"
@@ -81,7 +107,7 @@ def in_digits(value: float) -> str:
     >>> in_digits(12345.6), in_digits(47.0271)
     ('12346', '47.03')
     """
-    return f"{value:.0f}" if value >= 1000 else f"{value:.4g}"
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def print_trials(results: Sequence[TrialResult]) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.util.atomic_write import atomic_write
 
-POINT_COLUMNS = ("trials", "censored", "mean", "mean_low", "mean_high")
-"""Columns after the axes in a table of curves: number of trials, share of censored ones, and cycles."""
+POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
+"""Columns after the axes in a table of curves: number of trials, share of censored ones, what the estimate is,
+and cycles."""
 
 DIGITS = 6
 """Significant digits of numbers in tables."""
@@ -39,9 +40,9 @@ def curves_table(axis: str, curves: Sequence[Curve]) -> Table:
 
 def _point_rows(curves: Sequence[Curve]) -> Iterator[list[Any]]:
     for curve in curves:
-        columns = (curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T)
-        for row in zip(*columns, strict=True):
-            yield [*curve.axes.values(), *map(rounded, row)]
+        columns = (curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T)
+        for x, trials, censored, name, *numbers in zip(*columns, strict=True):
+            yield [*curve.axes.values(), *map(rounded, (x, trials, censored)), name, *map(rounded, numbers)]
 
 
 def rounded(number: float) -> str:

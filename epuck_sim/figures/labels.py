@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from epuck_sim.statistics.curves import distinguishing_axes
+from epuck_sim.scenario.figure_axes import distinguishing_axes
 
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),

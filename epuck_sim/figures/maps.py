@@ -1,4 +1,4 @@
-"""Maps of the mean T_sync over two axes, a panel for each combination of the others (thesis Figs. 3.5, 5.6, D.4)."""
+"""Maps of T_sync over two axes, a panel for each combination of the others (thesis Figs. 3.5, 5.6, D.4)."""
 
 import math
 from collections.abc import Sequence
@@ -24,6 +24,8 @@ from epuck_sim.figures.style import (
 )
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.statistic import MOST_CENSORED
 
 COLOURS = colormaps["viridis"]
 
@@ -37,11 +39,11 @@ MIN_CONTOUR_VALUES = 3
 """Fewest values of x and of y in every panel with which contours are drawn between the points."""
 
 GREY = "0.88"
-"""Colour of cells whose mean is undetermined."""
+"""Colour of cells where half of the trials or more are censored."""
 
 
 class Map(NamedTuple):
-    """Mean T_sync, in cycles, at the points of two axes; the grid may have holes."""
+    """A statistic of T_sync, in cycles, at the points of two axes; the grid may have holes."""
 
     axes: dict[str, Any]
     """Values of the other axes."""
@@ -49,30 +51,32 @@ class Map(NamedTuple):
     """(nx,) values of the horizontal axis, ascending."""
     y: FloatArray
     """(ny,) values of the vertical axis, ascending."""
-    means: FloatArray
-    """(ny, nx) mean by Appendix A; NaN where it is undetermined, and where there are no trials."""
+    values: FloatArray
+    """(ny, nx) the statistic; NaN where half of the trials or more are censored, and where there are none."""
     is_tried: BoolArray
     """(ny, nx) whether there are trials."""
     rows: list[Curve]
     """The same points as curves over x, one for each y, which is the last of its axes."""
 
 
-def read_maps(points: Sequence[PointTrials], x: str, y: str) -> list[Map]:
+def read_maps(points: Sequence[PointTrials], x: str, y: str, statistic: Statistic = Statistic.MEAN) -> list[Map]:
     """Estimate a map for each combination of the values of the other axes, in the order of the sweep."""
-    return [_map(group, x, y, others) for others, group in group_by_other_axes(points, y, x)]
+    return [_map(group, x, y, others, statistic) for others, group in group_by_other_axes(points, y, x)]
 
 
-def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any]) -> Map:
+def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any], statistic: Statistic) -> Map:
     rows = [
-        estimate_curve(list(row), x, {**others, y: value}) for value, row in groupby(points, lambda each: each.axes[y])
+        estimate_curve(list(row), x, {**others, y: value}, statistic)
+        for value, row in groupby(points, lambda each: each.axes[y])
     ]
     xs = np.unique(np.concatenate([row.x for row in rows]))
-    means = np.full((len(rows), len(xs)), np.nan)
-    is_tried = np.zeros(means.shape, bool)
+    values = np.full((len(rows), len(xs)), np.nan)
+    is_tried = np.zeros(values.shape, bool)
     for place, row in enumerate(rows):
         columns = np.searchsorted(xs, row.x)
-        means[place, columns], is_tried[place, columns] = row.means, True
-    return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), means, is_tried, rows)
+        values[place, columns] = np.where(row.censored < MOST_CENSORED, row.values, np.nan)
+        is_tried[place, columns] = True
+    return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), values, is_tried, rows)
 
 
 def maps_table(x: str, maps: Sequence[Map]) -> Table:
@@ -83,8 +87,9 @@ def maps_table(x: str, maps: Sequence[Map]) -> Table:
 def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
     """Draw a panel for each map, all in the same colours.
 
-    Each point fills the cell around it, with a hatched grey where its mean is undetermined; one without trials is
-    blank. Between neighbours that are determined, contours are drawn over the cells; nothing else is interpolated.
+    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored; one without
+    trials is blank. Between four neighbours that are neither, contours are drawn over the cells; nothing else is
+    interpolated. The colour bar names the statistic.
 
     Args:
         title: Title of the figure.
@@ -103,23 +108,23 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
         is_logarithmic(y, np.concatenate([each.y for each in maps])),
     )
     make_logarithmic(panels[0], *(name for name, chosen in zip("xy", logarithmic, strict=True) if chosen))
-    has_contours = all(min(each.means.shape) >= MIN_CONTOUR_VALUES for each in maps)
-    levels = choose_levels(np.concatenate([each.means.ravel() for each in maps]))
+    has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in maps)
+    levels = choose_levels(np.concatenate([each.values.ravel() for each in maps]))
     for panel, each in zip(panels, maps, strict=True):
         _draw_map(panel, each, levels, logarithmic, has_contours)
     _set_limits(panels[0], maps, logarithmic, has_contours)
-    _add_colour_bar(figure, panels, levels)
+    _add_colour_bar(figure, panels, levels, _label(maps))
     add_shared_legend(figure, panels)
     return figure
 
 
-def choose_levels(means: FloatArray) -> FloatArray:
-    """Return the ends of the ranges of one colour, log10 of cycles, ascending; all means, (n,), lie between them.
+def choose_levels(values: FloatArray) -> FloatArray:
+    """Return the ends of the ranges of one colour, log10 of cycles, ascending; all values, (n,), lie between them.
 
     >>> choose_levels(np.array([20.0, 70.0, np.nan])).tolist()
     [1.3, 1.35, 1.4, 1.45, 1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85]
     """
-    known = np.log10(means[~np.isnan(means)])
+    known = np.log10(values[~np.isnan(values)])
     low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
     for step in STEPS:
         first, last = math.floor(low / step), math.floor(high / step) + 1
@@ -130,22 +135,22 @@ def choose_levels(means: FloatArray) -> FloatArray:
 
 def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[bool, bool], has_contours: bool) -> None:
     norm = BoundaryNorm(levels, COLOURS.N)
-    logs = np.ma.log10(np.ma.masked_invalid(each.means))
+    logs = np.ma.log10(np.ma.masked_invalid(each.values))
     edges = [_edges(values, is_log) for values, is_log in zip((each.x, each.y), logarithmic, strict=True)]
     panel.pcolormesh(*edges, logs, cmap=COLOURS, norm=norm, edgecolors="face", linewidth=0.2)
-    is_undetermined = each.is_tried & np.isnan(each.means)
+    is_undetermined = each.is_tried & np.isnan(each.values)
     if is_undetermined.any():
-        grey = np.ma.masked_where(~is_undetermined, np.zeros(each.means.shape))
+        grey = np.ma.masked_where(~is_undetermined, np.zeros(each.values.shape))
         cells = panel.pcolor(
             *edges, grey, cmap=ListedColormap([GREY]), edgecolor="0.55", linewidth=0, antialiased=False
         )
-        cells.set(hatch="////", label="undetermined")
+        cells.set(hatch="////", label="half of the trials or more are censored")
         cells.update_scalarmappable()  # or the legend would have another colour
     if has_contours:
         # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
         scaled = [_scaled(values, is_log) for values, is_log in zip((each.x, each.y), logarithmic, strict=True)]
         on_page = panel.transLimits + panel.transAxes
-        panel.contourf(*scaled, logs, levels=levels, cmap=COLOURS, norm=norm, transform=on_page)
+        panel.contourf(*scaled, logs, levels=levels, cmap=COLOURS, norm=norm, corner_mask=False, transform=on_page)
 
 
 def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool], has_contours: bool) -> None:
@@ -156,10 +161,15 @@ def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool]
         panel.set(**{f"{name}lim": (ends.min(), ends.max())})
 
 
-def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray) -> None:
+def _label(maps: Sequence[Map]) -> str:
+    names = dict.fromkeys(name for each in maps for row in each.rows for name in row.names)
+    return f"T_sync [cycles],\n{' or '.join(names)}"
+
+
+def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray, label: str) -> None:
     """Add a colour bar beside the panels, with powers of ten, or with numbers between where it holds only one."""
     colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
-    bar = figure.colorbar(colours, ax=list(panels), label="T_sync [cycles]", spacing="proportional")
+    bar = figure.colorbar(colours, ax=list(panels), label=label, spacing="proportional")
     powers = range(math.ceil(levels[0]), math.floor(levels[-1]) + 1)
     if len(powers) > 1:
         bar.set_ticks(list(powers), labels=[f"$10^{{{power}}}$" for power in powers])

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.statistics.curves import SPEED
+from epuck_sim.scenario.figure_axes import SPEED
 
 LOG_RATIO = 10.0
 """Ratio of the largest to the smallest value from which an axis has a logarithmic scale."""

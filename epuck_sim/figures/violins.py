@@ -19,9 +19,11 @@ from epuck_sim.figures.style import (
 )
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import group_by_other_axes
-from epuck_sim.statistics.mean_estimate import estimate_mean
+from epuck_sim.statistics.estimate import Estimate
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.weibull_mean import estimate_weibull_mean
 
-COLUMNS = ("trials", "censored", "plain_mean", "estimate", "low", "high")
+COLUMNS = ("trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull_high")
 """Columns after the axes in the table: number of trials, share of censored ones, and cycles."""
 
 HEIGHTS = 100
@@ -48,7 +50,7 @@ class Violins(NamedTuple):
     """S arrays, (trials,) each: T_sync of the trials that are not censored."""
     trials: IntArray
     """(S,) number of trials, censored ones included."""
-    plain_means: FloatArray
+    sample_means: FloatArray
     """(S,) mean of all trials; NaN where some are censored."""
     estimates: FloatArray
     """(S, 3) mean by Appendix A and the ends of its 95 % interval, with early censoring; NaN where undetermined."""
@@ -76,16 +78,15 @@ def _violins(points: Sequence[PointTrials], axis: str, others: dict[str, Any], c
         x=np.array([point.axes[axis] for point in points], np.float64),
         synchronised=[point.times[point.observed] for point in points],
         trials=np.array([len(point.times) for point in points]),
-        plain_means=np.array([point.times.mean() if point.observed.all() else np.nan for point in points]),
+        sample_means=np.array([point.times.mean() if point.observed.all() else np.nan for point in points]),
         estimates=np.array([_estimate(point, censored_at) for point in points]),
     )
 
 
-def _estimate(point: PointTrials, censored_at: int | None) -> tuple[float, float, float]:
+def _estimate(point: PointTrials, censored_at: int | None) -> Estimate:
     limit = np.inf if censored_at is None else censored_at
     observed = point.observed & (point.times <= limit)
-    estimate = estimate_mean(np.minimum(point.times, limit), observed, point.seed)
-    return estimate.mean, estimate.low, estimate.high
+    return estimate_weibull_mean(Measured(np.minimum(point.times, limit), observed, limit, point.seed))
 
 
 def violins_table(axis: str, groups: Sequence[Violins]) -> Table:
@@ -95,7 +96,7 @@ def violins_table(axis: str, groups: Sequence[Violins]) -> Table:
 
 def _rows(groups: Sequence[Violins]) -> Iterator[list[Any]]:
     for group in groups:
-        columns = (group.x, group.trials, group.censored / group.trials, group.plain_means, *group.estimates.T)
+        columns = (group.x, group.trials, group.censored / group.trials, group.sample_means, *group.estimates.T)
         for row in zip(*columns, strict=True):
             yield [*group.axes.values(), *map(rounded, row)]
 
@@ -104,8 +105,8 @@ def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: 
     """Draw a panel for each group, T_sync on a logarithmic scale.
 
     A violin is the density of log T_sync of the trials that synchronised, a bar where they all took one time. The line
-    is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the plain mean,
-    where no trial is censored; a dashed line is where the estimate takes trials to be censored.
+    is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the mean of all
+    trials, where none is censored; a dashed line is where the estimate takes trials to be censored.
 
     Args:
         title: Title of the figure.
@@ -130,7 +131,7 @@ def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: 
         _draw_violins(panel, group, half_width, is_log)
         _draw_estimates(panel, group, highest)
         if censored_at is not None:
-            limit = f"T_cens of that mean: {format_tick(censored_at)}"
+            limit = f"T_cens of the Weibull mean: {format_tick(censored_at)}"
             panel.axhline(censored_at, color="0.3", linestyle="--", linewidth=1, label=limit)
     panels[0].set_ylim(top=3 * highest)
     add_shared_legend(figure, panels)
@@ -173,9 +174,9 @@ def density(times: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _draw_estimates(panel: Axes, group: Violins, highest: float) -> None:
     means, low, high = np.nan_to_num(group.estimates, posinf=1e12, nan=np.nan).T
     panel.fill_between(group.x, low, high, color=LINE, alpha=0.25, linewidth=0)
-    panel.plot(group.x, means, ".-", color=LINE, linewidth=1.2, markersize=3, label="mean by Appendix A")
+    panel.plot(group.x, means, ".-", color=LINE, linewidth=1.2, markersize=3, label="Weibull mean (Appendix A)")
     unknown = group.x[np.isnan(means)]
     if len(unknown):
         panel.plot(unknown, np.full(len(unknown), 2 * highest), "x", color=LINE, label="undetermined")
-    if not np.isnan(group.plain_means).all():
-        panel.plot(group.x, group.plain_means, "o", color="black", markersize=4, label="plain mean of all trials")
+    if not np.isnan(group.sample_means).all():
+        panel.plot(group.x, group.sample_means, "o", color="black", markersize=4, label="mean of all trials")

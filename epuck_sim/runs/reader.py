@@ -122,6 +122,18 @@ def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool] | Non
     return None if row is None else (row[0], bool(row[1]))
 
 
+def read_wall_times(folder: Path) -> dict[int, list[float]]:
+    """Return how long each trial with a result took, in seconds, by the number of its point."""
+    with reading(database_of(folder)) as connection:
+        numbers = connection.execute("SELECT number FROM points ORDER BY number").fetchall()
+        found: dict[int, list[float]] = {number: [] for (number,) in numbers}
+        for number, wall_s in connection.execute(
+            "SELECT number, wall_s FROM trials JOIN points ON point = key WHERE error IS NULL ORDER BY number, trial"
+        ):
+            found[number].append(wall_s)
+    return found
+
+
 def read_status(folder: Path) -> Status:
     """Return how far the sweep is.
 

@@ -6,7 +6,15 @@ from typing import Any, overload
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.overrides import add_axis, apply_override, quick_version, reject_swept_keys, without_quick
+from epuck_sim.scenario.overrides import (
+    QUICK,
+    add_axis,
+    apply_override,
+    note_changes,
+    quick_version,
+    reject_swept_keys,
+    without_quick,
+)
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Kind, Scenario
 from epuck_sim.scenario.validation import validate
@@ -81,16 +89,26 @@ def load_scenario(
             given = {"name": path.stem, **given}
     if not isinstance(given, dict):
         raise ScenarioError(f"{origin}: is {short_repr(given)}; a scenario is a mapping of keys to values")
-    given = quick_version(given, origin) if quick else without_quick(given)
+    given = _choose_version(given, origin, quick=quick)
     for setting in settings:
         given = apply_override(given, setting)
     for axis in axes:
         given = add_axis(given, axis)
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
     origin = " ".join([origin, *options])
+    given = note_changes(given, settings, axes)
     scenario = validate(given, origin)
     reject_swept_keys(settings, scenario.sweep)
     return scenario.resolved(origin, folder)
+
+
+def _choose_version(given: Mapping[str, Any], origin: str, *, quick: bool) -> dict[str, Any]:
+    """Return a file's scenario in one of its versions; a quick one that is no scenario is refused in any case."""
+    if quick:
+        return quick_version(given, origin)
+    if given.get(QUICK) is not None:
+        validate(quick_version(given, origin), f"{origin}: {QUICK}")
+    return without_quick(given)
 
 
 def find_scenario(name: str) -> Path:

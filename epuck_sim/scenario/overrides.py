@@ -52,6 +52,9 @@ def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
     return here
 
 
+NOT_DESCRIBED = {"name", "description", "trials", "seed", "figure"}
+"""Keys of a scenario that its description says nothing about."""
+
 QUICK = "quick"
 """Key in a scenario's file that holds the keys in which its quick version differs."""
 
@@ -91,14 +94,40 @@ def add_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:
         ScenarioError: The axis is malformed, or the scenario's own sweep is.
     """
     option = f"--sweep {axis}"
-    key, equals, text = axis.partition("=")
-    if not equals or not key:
-        raise ScenarioError(f"{option}: give it as key=value,value,..., such as robots.0.count=5,10,20")
+    key, values = parse_axis(axis, "--sweep")
     sweep = given.get("sweep") or {}
     grid = sweep.get("grid", {}) if isinstance(sweep, Mapping) else None
     if not isinstance(grid, Mapping):
         raise ScenarioError(f"{option}: the scenario's own sweep is {short_repr(sweep)}; allowed: a mapping")
-    return {**given, "sweep": {**sweep, "grid": {**grid, key: parse_yaml(f"[{text}]", option)}}}
+    return {**given, "sweep": {**sweep, "grid": {**grid, key: values}}}
+
+
+def parse_axis(axis: str, option: str) -> tuple[str, list[Any]]:
+    """Return the dotted key and the values of an axis given as `key=value,value,...`.
+
+    Raises:
+        ScenarioError: The axis is malformed; the message begins with the option and the axis.
+    """
+    key, equals, text = axis.partition("=")
+    if not equals or not key:
+        raise ScenarioError(f"{option} {axis}: give it as key=value,value,..., such as robots.0.count=5,10,20")
+    values: list[Any] = parse_yaml(f"[{text}]", f"{option} {axis}")
+    return key, values
+
+
+def note_changes(given: Mapping[str, Any], settings: Sequence[str], axes: Sequence[str]) -> dict[str, Any]:
+    """Return the mapping `given` with its description followed by the changes that may have made it untrue.
+
+    >>> note_changes({"description": "ten robots"}, ["robots.0.count=5", "trials=3"], [])
+    {'description': 'ten robots; with robots.0.count=5'}
+    """
+    text = given.get("description")
+    changed = [key.partition("=")[0].partition(".")[0] for key in settings]
+    notes = [setting for setting, key in zip(settings, changed, strict=True) if key not in NOT_DESCRIBED]
+    notes += [f"sweep {axis}" for axis in axes]
+    if not text or not notes or "description" in changed:
+        return dict(given)
+    return {**given, "description": f"{text}; with {', '.join(notes)}"}
 
 
 def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:

@@ -11,6 +11,13 @@ from epuck_sim.arrays import FloatArray
 MIN_SPEEDS = 6
 """Fewest determined speeds of a curve with extrema: a smooth curve with two bends takes four or more."""
 
+MIN_TRIALS = 20
+"""Fewest trials of a point at which a curve may have extrema.
+
+On curves that do not rise, 2 trials a point make a pair in up to two thirds of all cases, 5 trials in up to a
+quarter, and 10 in up to a tenth; from 20 on it is near the 5 % that it should be (docs/statistics.md).
+"""
+
 SIGNIFICANCE = 0.05
 """Largest p-value, and largest share of resamples without extrema, with which a minimum and a peak are found."""
 

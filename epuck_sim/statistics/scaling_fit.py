@@ -1,20 +1,35 @@
 """Local minima and peaks of T_sync in run folders, and the scaling laws that they follow (thesis 4.2.2)."""
 
 import json
+import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.reader import read_points
+from epuck_sim.scenario.figure_axes import SPEED, choose_axis
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
-from epuck_sim.statistics.curves import SPEED, choose_axis, read_curves
-from epuck_sim.statistics.extrema import SpeedExtrema, find_minimum_and_peak
-from epuck_sim.statistics.scaling_laws import Comparison, OffsetLaw, Parameters, compare_laws, fit_offset_law
+from epuck_sim.statistics.curve_extrema import search_extrema
+from epuck_sim.statistics.curves import Curve, read_curves
+from epuck_sim.statistics.estimate import Estimate
+from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.fast_regime import find_fast_speed
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.scaling_laws import (
+    LAWS,
+    Comparison,
+    OffsetLaw,
+    Parameters,
+    Quantity,
+    compare_laws,
+    fit_offset_law,
+)
 
 
 class FittedCurve(NamedTuple):
@@ -28,12 +43,23 @@ class FittedCurve(NamedTuple):
     """epsilon, L (cm), N and tau (s)."""
     others: str
     """All other settings of its scenario, as text; only curves that share them can follow one law."""
+    model: str
+    """Model of its scenario."""
+    names: list[str]
+    """Names of the statistic of T_sync at its points, each once."""
     extrema: SpeedExtrema | None
-    """None if too few speeds are determined."""
+    """None where they cannot be looked for."""
+    reason: str
+    """Why they cannot, and what would be enough; empty where they can."""
+    v_f: tuple[Estimate, FloatArray] | None
+    """V_f of point agents, cm/s, and that of the resamples, (B,); None where there is no fast regime."""
 
 
 class Laws(NamedTuple):
-    """Scaling laws of the curves that have a minimum and a peak and differ in epsilon, L, N and tau alone."""
+    """Scaling laws of the curves that have a minimum and a peak, or V_f, and differ in epsilon, L, N and tau alone."""
+
+    model: str
+    """Model of these curves; empty where there are none."""
 
     curves: int
     """Number of these curves."""
@@ -46,8 +72,8 @@ class Laws(NamedTuple):
     """Number of curves with a minimum and a peak that differ from these in another setting."""
 
 
-def fit_curves(folder: Path) -> list[FittedCurve]:
-    """Find the local minimum and the peak of each curve of T_sync against speed in a run folder.
+def fit_curves(folder: Path, statistic: Statistic = Statistic.MEAN) -> list[FittedCurve]:
+    """Find the local minimum, the peak and V_f of each curve of T_sync against speed in a run folder.
 
     Raises:
         StoreError: The folder is not a run folder.
@@ -55,24 +81,29 @@ def fit_curves(folder: Path) -> list[FittedCurve]:
     """
     points = read_points(folder)
     try:
-        axis = choose_axis(points)
+        axis = choose_axis([point.axes for point in points])
     except EpuckSimError as error:
         raise EpuckSimError(f"{folder}: {error}") from error
     if not axis.endswith(SPEED):
         raise EpuckSimError(f"{folder}: no axis ends in {SPEED}; extrema are those of T_sync against speed")
-    curves = read_curves(points, axis)
+    curves = read_curves(points, axis, statistic)
     if not curves:
         raise StoreError(f"{folder}: holds no results yet")
-    return [
-        FittedCurve(
-            run=str(folder),
-            axes=curve.axes,
-            parameters=curve.scenario.scales,
-            others=_other_settings(curve.scenario),
-            extrema=find_minimum_and_peak(curve.x, curve.means, curve.resampled),
-        )
-        for curve in curves
-    ]
+    return [_fit_curve(str(folder), curve) for curve in curves]
+
+
+def _fit_curve(run: str, curve: Curve) -> FittedCurve:
+    model = curve.scenario.model
+    return FittedCurve(
+        run=run,
+        axes=curve.axes,
+        parameters=curve.scenario.scales,
+        others=_other_settings(curve.scenario),
+        model=model,
+        names=list(dict.fromkeys(curve.names)),
+        **search_extrema(curve)._asdict(),
+        v_f=find_fast_speed(curve) if "V_f" in LAWS.get(model, {}) else None,
+    )
 
 
 def _other_settings(scenario: Scenario) -> str:
@@ -89,29 +120,46 @@ def _other_settings(scenario: Scenario) -> str:
 
 def fit_laws(curves: Sequence[FittedCurve]) -> Laws:
     """Fit the laws to the largest group of curves that differ in nothing but speed, epsilon, L, N and tau."""
-    found = [curve for curve in curves if curve.extrema is not None and curve.extrema.is_found]
+    found = [curve for curve in curves if _quantities([curve])]
     if not found:
-        return Laws(0, [], {}, "no curve has a local minimum and a peak")
+        return Laws("", 0, [], {}, "no curve has a local minimum and a peak")
     ((most, _),) = Counter(curve.others for curve in found).most_common(1)
     alike = [curve for curve in found if curve.others == most]
+    model = alike[0].model
     parameters = {name: np.array([curve.parameters[name] for curve in alike]) for name in alike[0].parameters}
-    extrema = [curve.extrema for curve in alike]
+    quantities = _quantities(alike)
     try:
-        exponents = compare_laws(parameters, extrema)
+        exponents = compare_laws(LAWS.get(model, LAWS["embodied"]), parameters, quantities)
     except ValueError as error:
-        return Laws(len(alike), [], {}, str(error))
+        return Laws(model, len(alike), [], {}, str(error))
     if not exponents:
         several = f"{len(alike)} curves with a minimum and a peak"
-        return Laws(len(alike), [], {}, f"{several}, none of which differ in epsilon, L, N or tau")
-    return Laws(len(alike), exponents, _offset_laws(parameters, extrema), "", len(found) - len(alike))
+        return Laws(model, len(alike), [], {}, f"{several}, none of which differ in epsilon, L, N or tau")
+    offset_laws = {} if model == "particles" else _offset_laws(parameters, quantities)
+    return Laws(model, len(alike), exponents, offset_laws, "", len(found) - len(alike))
 
 
-def _offset_laws(parameters: Parameters, extrema: Sequence[SpeedExtrema | None]) -> dict[str, OffsetLaw]:
+def _quantities(curves: Sequence[FittedCurve]) -> dict[str, Quantity]:
+    """Return the quantities that are known of any of the curves, by name."""
+    columns: dict[str, list[tuple[float, FloatArray] | None]] = {}
+    for column, name in enumerate(("V_m", "T_m", "V_p", "T_p")):
+        found = [curve.extrema if curve.extrema and curve.extrema.is_found else None for curve in curves]
+        columns[name] = [each and (float(each[column]), each.resampled[:, column]) for each in found]
+    columns["V_f"] = [curve.v_f and (curve.v_f[0].value, curve.v_f[1]) for curve in curves]
+    return {name: _quantity(known) for name, known in columns.items() if any(known)}
+
+
+def _quantity(known: Sequence[tuple[float, FloatArray] | None]) -> Quantity:
+    resamples = max(len(each[1]) for each in known if each)
+    missing = math.nan, np.full(resamples, math.nan)
+    values, resampled = zip(*(each or missing for each in known), strict=True)
+    return Quantity(np.array(values), np.stack(resampled, axis=1))
+
+
+def _offset_laws(parameters: Parameters, quantities: Mapping[str, Quantity]) -> dict[str, OffsetLaw]:
     """Return the laws of T_m and T_p; none where the curves do not vary in what these depend on."""
-    values = np.array([each[:4] for each in extrema if each])
-    resampled = np.stack([each.resampled for each in extrema if each], axis=1)
     laws = {}
     with suppress(ValueError):
-        for name, column in (("T_m", 1), ("T_p", 3)):
-            laws[name] = fit_offset_law(parameters, values[:, column], resampled[:, :, column])
+        for name in ("T_m", "T_p"):
+            laws[name] = fit_offset_law(parameters, *quantities[name])
     return laws

@@ -1,4 +1,4 @@
-"""Scaling laws of the local minimum and the peak of T_sync against speed (thesis 4.2.2)."""
+"""Scaling laws of the local minimum and the peak of T_sync against speed (thesis 4.2.2), and of V_f (5.4.1)."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.estimate import Estimate
 
 Parameters = Mapping[str, FloatArray]
 """Values of epsilon, L (cm), N and tau (s), each (C,): one for every curve."""
@@ -20,37 +20,39 @@ class Term(NamedTuple):
     """`power`: a power of the parameter; `exponential`: the exponential of a multiple of it."""
     transform: Callable[[FloatArray], FloatArray]
     """Function of the parameter that makes the law linear in logs."""
-    exponent: float
-    """Exponent, or multiple, according to the thesis."""
+    exponent: float | None
+    """Exponent, or multiple, according to the thesis; None where it names none."""
 
 
-def _power(exponent: float) -> Term:
+def _power(exponent: float | None) -> Term:
     return Term("power", np.log, exponent)
 
 
-def _exponential(rate: float) -> Term:
+def _exponential(rate: float | None) -> Term:
     return Term("exponential", np.asarray, rate)
 
 
-_TIME_LAW = {"epsilon": _power(0), "L": _power(1), "N": _exponential(1), "tau": _power(-2)}
+Law = Mapping[str, Term]
+"""A term for each parameter."""
 
-LAWS: dict[str, dict[str, Term]] = {
-    "V_m": {"epsilon": _power(1), "L": _power(1), "N": _power(-1.5), "tau": _power(0)},
-    "T_m": _TIME_LAW,
-    "V_p": {"epsilon": _power(1), "L": _power(1), "N": _power(-0.5), "tau": _power(0)},
-    "T_p": _TIME_LAW,
+_V_M = {"epsilon": _power(1), "L": _power(1), "N": _power(-1.5), "tau": _power(0)}
+_V_P = {"epsilon": _power(1), "L": _power(1), "N": _power(-0.5), "tau": _power(0)}
+_T_OF_ROBOTS = {"epsilon": _power(0), "L": _power(1), "N": _exponential(1), "tau": _power(-2)}
+_T_OF_AGENTS = {"epsilon": _power(None), "L": _power(0), "N": _exponential(None), "tau": _power(None)}
+_V_F = {"epsilon": _power(None), "L": _power(1), "N": _power(-0.5), "tau": _power(None)}
+
+LAWS: dict[str, dict[str, Law]] = {
+    "embodied": {"V_m": _V_M, "T_m": _T_OF_ROBOTS, "V_p": _V_P, "T_p": _T_OF_ROBOTS},
+    "particles": {"V_m": _V_M, "T_m": _T_OF_AGENTS, "V_p": _V_P, "T_p": _T_OF_AGENTS, "V_f": _V_F},
 }
-"""Laws of the thesis, in the order of `SpeedExtrema`; those of times hold up to an offset (see `fit_offset_law`)."""
+"""Laws of the thesis for each model, by quantity.
+
+Those of 4.2.2 are of robots, and of times they hold up to an offset (`fit_offset_law`). Point agents share those of
+V_m and V_p, which agree with Prignano et al. (2013), but have no size: with V and R in units of L nothing depends on L.
+T_p grows exponentially with N, at a rate that 5.4.1 does not give; V_f is Prignano's too.
+"""
 
 MIN_VARIANCE = 1e-12  # relative; keeps values without noise solvable
-
-
-class Estimate(NamedTuple):
-    """A number and its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 class PowerLaw(NamedTuple):
@@ -78,23 +80,31 @@ class OffsetLaw(NamedTuple):
     """Share of the weighted variance of T that the law explains."""
 
 
+class Quantity(NamedTuple):
+    """A quantity of C curves, for a law to explain."""
+
+    values: FloatArray
+    """(C,) NaN where unknown."""
+    resampled: FloatArray
+    """(B, C) resamples, NaN where unknown."""
+
+
 class Comparison(NamedTuple):
     """A fitted exponent beside that of the thesis: a row of a table."""
 
     quantity: str
-    """V_m, T_m, V_p or T_p."""
+    """V_m, T_m, V_p, T_p or V_f."""
     parameter: str
     form: str
     """Form of the term: `power` or `exponential`."""
     exponent: Estimate
-    thesis: float
+    thesis: float | None
+    """Exponent according to the thesis; None where it names none."""
     misfit: float
     """Misfit of the whole law (see `PowerLaw`)."""
 
 
-def fit_power_law(
-    law: Mapping[str, Term], parameters: Parameters, values: FloatArray, resampled: FloatArray
-) -> PowerLaw:
+def fit_power_law(law: Law, parameters: Parameters, values: FloatArray, resampled: FloatArray) -> PowerLaw:
     """Fit a law by least squares in logs, weighted by the inverse variance of the resamples' logs.
 
     Parameters that do not vary among the known curves are left out. Intervals are percentiles over the fits to each
@@ -148,26 +158,25 @@ def fit_offset_law(parameters: Parameters, values: FloatArray, resampled: FloatA
     return OffsetLaw(factor, offset, float(1 - unexplained / total) if total else np.nan)
 
 
-def compare_laws(parameters: Parameters, extrema: Sequence[SpeedExtrema | None]) -> list[Comparison]:
-    """Fit all four laws, and return their exponents beside those of the thesis.
+def compare_laws(
+    laws: Mapping[str, Law], parameters: Parameters, quantities: Mapping[str, Quantity]
+) -> list[Comparison]:
+    """Fit the law of each quantity, and return the exponents beside those of the thesis.
 
     Args:
+        laws: Law of each quantity, as in `LAWS`.
         parameters: (C,) values of each parameter.
-        extrema: (C,) minimum and peak of each curve; curves where they are not found are left out.
+        quantities: Quantities of the curves, all of which have a law.
 
     Raises:
-        ValueError: No curve has a minimum and a peak, or the curves do not determine the exponents.
+        ValueError: A quantity is known of no curve, or the curves do not determine the exponents.
     """
-    found = [(number, each) for number, each in enumerate(extrema) if each is not None and each.is_found]
-    if not found:
-        raise ValueError("no curve has a local minimum and a peak")
-    used = {name: np.asarray(array)[[number for number, _ in found]] for name, array in parameters.items()}
     rows: list[Comparison] = []
-    for column, (quantity, law) in enumerate(LAWS.items()):
-        values = np.array([each[column] for _, each in found])
-        fit = fit_power_law(law, used, values, np.column_stack([each.resampled[:, column] for _, each in found]))
-        for name, exponent in fit.exponents.items():
-            rows.append(Comparison(quantity, name, law[name].form, exponent, law[name].exponent, fit.misfit))
+    for name, quantity in quantities.items():
+        fit = fit_power_law(laws[name], parameters, *quantity)
+        for parameter, exponent in fit.exponents.items():
+            term = laws[name][parameter]
+            rows.append(Comparison(name, parameter, term.form, exponent, term.exponent, fit.misfit))
     return rows
 
 

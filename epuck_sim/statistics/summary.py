@@ -5,12 +5,14 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.mean_estimate import estimate_mean
-from epuck_sim.statistics.survival import median_time, restricted_mean
+from epuck_sim.statistics.estimate import UNDETERMINED, without_interval
+from epuck_sim.statistics.measured import measure_t_sync
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.statistic import estimate
 
 
 class PointSummary(NamedTuple):
-    """T_sync at one point, in cycles; None where it is undetermined, or an end of an interval is not reached."""
+    """T_sync at one point, in cycles; None where it is undetermined, has no interval, or an end is not reached."""
 
     point: int
     axes: dict[str, Any]
@@ -19,11 +21,11 @@ class PointSummary(NamedTuple):
     censored: float
     """Share of these trials that is censored; 0 without trials."""
     mean: float | None
-    """Mean of the Weibull distribution that is nearest to the Kaplan-Meier estimate (Appendix A)."""
+    """Mean of the sample; None where trials are censored."""
     mean_low: float | None
-    """Lower end of the 95 % bootstrap interval of the mean."""
+    """Lower end of the 95 % interval of the mean."""
     mean_high: float | None
-    """Upper end of the 95 % bootstrap interval of the mean."""
+    """Upper end of the 95 % interval of the mean."""
     median: float | None
     """Median of the Kaplan-Meier estimate."""
     median_low: float | None
@@ -32,6 +34,16 @@ class PointSummary(NamedTuple):
     """Upper end of the 95 % interval of the median."""
     restricted_mean: float | None
     """Mean of the lesser of T_sync and `horizon`: the area under the Kaplan-Meier estimate up to there."""
+    restricted_mean_low: float | None
+    """Lower end of the 95 % interval of the restricted mean."""
+    restricted_mean_high: float | None
+    """Upper end of the 95 % interval of the restricted mean."""
+    weibull_mean: float | None
+    """Mean of the Weibull distribution that is nearest to the Kaplan-Meier estimate (Appendix A)."""
+    weibull_mean_low: float | None
+    """Lower end of the 95 % bootstrap interval of the Weibull mean."""
+    weibull_mean_high: float | None
+    """Upper end of the 95 % bootstrap interval of the Weibull mean."""
     horizon: float
     """Limit of cycles, or the longest trial where some were censored before this limit."""
 
@@ -42,28 +54,17 @@ def summarize(points: Iterable[PointTrials]) -> list[PointSummary]:
 
 
 def _summarize_point(point: PointTrials) -> PointSummary:
-    times, observed = point.times, point.observed
-    limit = float(point.scenario.stop.max_cycles)
-    if not len(times):
-        return PointSummary(point.number, point.axes, 0, 0.0, None, None, None, None, None, None, None, limit)
-    # trials that ran out of time before they ran out of cycles say nothing about what comes after the longest of them
-    horizon = limit if observed.all() else min(limit, float(times.max()))
-    mean = estimate_mean(times, observed, point.seed)
-    median, median_low, median_high = median_time(times, observed)
-    return PointSummary(
-        point=point.number,
-        axes=point.axes,
-        trials=len(times),
-        censored=1 - float(observed.mean()),
-        mean=finite_or_none(mean.mean),
-        mean_low=finite_or_none(mean.low),
-        mean_high=finite_or_none(mean.high),
-        median=finite_or_none(median),
-        median_low=finite_or_none(median_low),
-        median_high=finite_or_none(median_high),
-        restricted_mean=finite_or_none(restricted_mean(times, observed, horizon)),
-        horizon=horizon,
-    )
+    measured = measure_t_sync(point)
+    if not len(point.times):
+        return PointSummary._make([point.number, point.axes, 0, 0.0, *[None] * 12, measured.limit])
+    restricted = estimate(measured, Statistic.MEAN)
+    if not point.observed.any():
+        restricted = without_interval(measured.horizon)
+    mean = UNDETERMINED if measured.censored else restricted
+    estimates = (mean, estimate(measured, Statistic.MEDIAN), restricted, estimate(measured, Statistic.WEIBULL_MEAN))
+    numbers = [finite_or_none(number) for each in estimates for number in each]
+    head = (point.number, point.axes, len(point.times), measured.censored)
+    return PointSummary._make([*head, *numbers, measured.horizon])
 
 
 def finite_or_none(number: float) -> float | None:

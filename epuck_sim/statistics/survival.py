@@ -8,6 +8,7 @@ shapes.
 """
 
 import math
+from collections.abc import Iterator
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -16,7 +17,8 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
-_HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above
+_BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
+_HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above or below
 
 
 class Sample(NamedTuple):
@@ -65,6 +67,34 @@ def make_curve(sample: Sample) -> SurvivalCurves:
     return make_curves(sample, np.bincount(sample.cell)[None])
 
 
+def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> Iterator[IntArray]:
+    """Yield how many trials of each kind are in as many trials drawn with replacement (Efron 1979), block by block.
+
+    Args:
+        cells: (n,) kind of each trial, from 0.
+        kinds: Number m of kinds.
+        resamples: Number of draws.
+        seed: Equal seeds give equal draws.
+
+    Yields:
+        (b, m) counts; the b of all blocks add up to `resamples`.
+    """
+    random, n = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed))), len(cells)
+    for block in np.array_split(np.arange(resamples), max(1, resamples * n // _BLOCK_SIZE)):
+        drawn = cells[random.integers(n, size=(len(block), n))]
+        places = drawn + kinds * np.arange(len(block))[:, None]
+        yield np.bincount(places.ravel(), minlength=kinds * len(block)).reshape(-1, kinds)
+
+
+def resampled_curves(
+    times: npt.ArrayLike, observed: npt.ArrayLike, resamples: int, seed: int
+) -> Iterator[SurvivalCurves]:
+    """Yield the estimates of as many trials drawn with replacement, block by block, whatever their order."""
+    sample = make_sample(times, observed)
+    for counts in resample_counts(sample.cell, len(sample.times), resamples, seed):
+        yield make_curves(sample, counts)
+
+
 def kaplan_meier(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return the distinct event times, (k,) cycles, ascending, and R after each, (k,) (Appendix A, steps 1 to 5).
 
@@ -78,30 +108,33 @@ def kaplan_meier(times: npt.ArrayLike, observed: npt.ArrayLike) -> tuple[FloatAr
 def median_time(times: npt.ArrayLike, observed: npt.ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
     """Return the median T_sync and the lower and upper end of its confidence interval, cycles; inf if not reached.
 
-    The median is the first time with R <= 1/2. The interval is from the first time when the lower confidence limit of R
-    is at most 1/2 to that when the upper one is (Brookmeyer and Crowley 1982); the limits are symmetrical in
-    log(-log R), of which Greenwood (1926) gives the variance.
+    The median is the first time with R < 1/2, or halfway to it from that with R = 1/2: uncensored it is that of the
+    sample. The interval is from the first time when the lower confidence limit of R is at most 1/2 to that when the
+    upper one is (Brookmeyer and Crowley 1982); the limits are symmetrical in log(-log R), of which Greenwood (1926)
+    gives the variance.
     """
     curve = make_curve(make_sample(times, observed))
     n, d, survival = curve.at_risk[0], curve.events[0], curve.survival[0, 1:]
     variance = np.cumsum(d / (n * np.maximum(n - d, 1)))  # of log R; at the last n = d both limits are 0 anyway
     z = NormalDist().inv_cdf((1 + level) / 2)
     power = np.exp(z * np.sqrt(variance) / -np.log(np.maximum(survival, 1e-300)))
-    limits = survival, survival**power, survival ** (1 / power)
-    median, lower, upper = (float(np.append(curve.times[limit <= _HALF], math.inf)[0]) for limit in limits)
-    return median, lower, upper
+    limits = survival**power, survival ** (1 / power)
+    lower, upper = (float(np.append(curve.times[limit <= _HALF], math.inf)[0]) for limit in limits)
+    return float(medians(curve)[0]), lower, upper
 
 
-def restricted_mean(times: npt.ArrayLike, observed: npt.ArrayLike, horizon: float) -> float:
-    """Return the mean of the lesser of T_sync and `horizon`, cycles: the area under R up to there (Irwin 1949).
+def medians(curves: SurvivalCurves) -> FloatArray:
+    """Return the medians, (B,) cycles, as `median_time` does; inf where R does not fall below 1/2."""
+    times = np.append(curves.times, math.inf)
+    first, second = ((curves.survival[:, 1:] > limit).sum(axis=1) for limit in (_HALF, 1 - _HALF))
+    found: FloatArray = (times[first] + times[second]) / 2
+    return found
 
-    It is NaN, undetermined, where R is unknown up to the horizon, because the longest trial is censored before it.
+
+def restricted_means(curves: SurvivalCurves, horizon: float) -> FloatArray:
+    """Return the means, (B,) cycles, of the lesser of T_sync and `horizon`: the areas under R up to there (Irwin 1949).
+
+    Where the longest trial is censored before the horizon, R is taken to stay as it is there.
     """
-    if not 0 <= horizon < math.inf:
-        raise ValueError(f"the horizon must be finite and not negative, but is {horizon}")
-    sample = make_sample(times, observed)
-    if sample.times[-1] < horizon and not sample.observed[-1]:
-        return math.nan
-    curve = make_curve(sample)
-    edges = np.concatenate([[0.0], np.minimum(curve.times, horizon), [horizon]])
-    return float((curve.survival[0] * np.diff(edges)).sum())
+    edges = np.concatenate([[0.0], np.minimum(curves.times, horizon), [horizon]])
+    return curves.survival @ np.diff(edges)

@@ -1,13 +1,28 @@
 """Checks of a sweep's points before the first trial runs."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
-from epuck_sim.errors import ScenarioError
+from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.scenario.figure_axes import check_figure_axes
 from epuck_sim.scenario.points import Point, describe_axes
 from epuck_sim.trial import model
 
 
-def check_room(points: Iterable[Point]) -> None:
+def check_sweep(points: Sequence[Point]) -> None:
+    """Raise ScenarioError for a sweep that cannot be run, or cannot be drawn as its section `figure` says."""
+    _check_figure(points)
+    _check_room(points)
+
+
+def _check_figure(points: Sequence[Point]) -> None:
+    scenario = points[0].scenario
+    try:
+        check_figure_axes(scenario.figure, [point.axes for point in points])
+    except EpuckSimError as error:
+        raise ScenarioError(f"{scenario.name}: {error}") from error
+
+
+def _check_room(points: Iterable[Point]) -> None:
     """Raise ScenarioError for a point whose population finds no room in its arena."""
     for point in points:
         try:

@@ -53,7 +53,7 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     """
     # a server that has the simulation loaded forks the workers: it has no threads that a fork could break
     context = multiprocessing.get_context("forkserver")
-    workers = workers or _cores()
+    workers = workers or available_cores()
     context.set_forkserver_preload(PRELOADED)
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
@@ -88,7 +88,8 @@ def _block_sigint() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _cores() -> int:
+def available_cores() -> int:
+    """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -11,7 +11,7 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep.checks import check_room
+from epuck_sim.sweep.checks import check_sweep
 from epuck_sim.sweep.executors import OpenPool, local_pool
 from epuck_sim.sweep.scheduler import TaskQueue, schedule
 from epuck_sim.trial.model import check_interpretable
@@ -46,7 +46,7 @@ def run_sweep(
     if interpret:
         check_interpretable(loaded)
     all_points = points(loaded)
-    check_room(all_points)
+    check_sweep(all_points)
     with Store(Path(folder), loaded, all_points) as store:
         finished = store.finished()
         total = sum(point.scenario.trials for point in all_points)

@@ -163,9 +163,11 @@ def test_plot_writes_elsewhere(plotted) -> None:
 def test_plot_s_numbers_are_those_of_the_results(made, plotted) -> None:
     curves = read_curves(read_points(made), SPEED)
     expected = [
-        [str(curve.axes[COUPLING]), *map(six_digits, row)]
+        [str(curve.axes[COUPLING]), *map(six_digits, row[:3]), row[3], *map(six_digits, row[4:])]
         for curve in curves
-        for row in zip(curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T, strict=True)
+        for row in zip(
+            curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T, strict=True
+        )
     ]
     assert [[*row.values()] for row in rows(plotted.with_suffix(".csv"))] == expected
     assert [len(curve.x) for curve in curves] == [len(MANY_SPEEDS) - 1, len(MANY_SPEEDS)]
@@ -198,7 +200,7 @@ def test_plot_draws_against_the_axis_wanted(tmp_path) -> None:
     called("plot", tmp_path / "run", "--x", COUNT, "--to", tmp_path / "fig")
     table = rows(tmp_path / "fig.csv")
     assert [*table[0]][:2] == [SPEED, COUNT]
-    assert [(row[SPEED], row[COUNT], row["mean"]) for row in table] == [
+    assert [(row[SPEED], row[COUNT], row["estimate"]) for row in table] == [
         (str(speed), str(count), str(count)) for speed in (1, 2) for count in (3, 5, 7)
     ]
 
@@ -226,7 +228,7 @@ def test_a_folder_with_a_figure_can_be_run_on(small) -> None:
 
 def many(folder: Path, **figure) -> Path:
     """Make a run folder of three axes; `figure` is its scenario's."""
-    scenario = sweep({COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}, trials=4, name="forms", figure=figure)
+    scenario = sweep({COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}, trials=5, name="forms", figure=figure)
     return store(folder, scenario, lambda point: weibull(point, 30))
 
 
@@ -284,7 +286,7 @@ def test_a_map_is_drawn_over_the_axes_requested_or_else_the_scenario_s(
 def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it(shown, tmp_path) -> None:
     folder = store(
         tmp_path / "run",
-        sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=4, name="forms", figure={"form": "map", "y": WIDTH}),
+        sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=5, name="forms", figure={"form": "map", "y": WIDTH}),
         lambda point: weibull(point, 30),
     )
     assert_map_is_plotted(shown, folder, ("--x", WIDTH), WIDTH, SPEED)
@@ -318,7 +320,7 @@ def test_curves_are_drawn_against_the_axis_of_the_scenario(shown, tmp_path) -> N
 
 @pytest.mark.parametrize("form", ["map", "violins"])
 def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
-    pair = store(tmp_path / "run", sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=4), lambda point: weibull(point, 30))
+    pair = store(tmp_path / "run", sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=5), lambda point: weibull(point, 30))
     before = set(contents(pair))
     printed = called("plot", pair, "--form", form)
     assert printed.split() == [str(pair / f"T_sync{ending}") for ending in (".png", ".svg", ".csv")]
@@ -561,3 +563,167 @@ def test_what_is_missing_or_too_much_is_named(arguments: list[str]) -> None:
     result = call(*arguments)
     assert (result.exit_code, result.stdout) == (2, "")
     assert "Usage: " in result.stderr
+
+
+# What few trials do not show, and which statistic is shown
+
+
+@pytest.fixture(scope="module", params=[1, 3])
+def few(request, tmp_path_factory) -> Path:
+    """Return a folder with so few trials at each of many speeds."""
+    scenario = sweep({SPEED: MANY_SPEEDS}, trials=request.param)
+    return store(tmp_path_factory.mktemp("few") / "run", scenario, bumpy)
+
+
+def test_with_few_trials_fit_prints_no_p_value_and_says_what_would_be_enough(few) -> None:
+    stdout = called("fit", few)
+    assert "not looked for on 1 of 1 curves: fewer than 20 trials at 13 of 13 speeds" in stdout
+    assert "--trials 20 is the least" in stdout
+    (curve,) = json.loads(called("fit", few, "--json"))["curves"]
+    assert [curve[name] for name in ("p_value", "v_m", "t_m", "v_p", "t_p")] == [None] * 5
+    assert curve["reason"].startswith("fewer than 20 trials")
+
+
+def test_with_few_trials_plot_draws_no_bands_and_no_marks_and_says_so(few, shown, tmp_path) -> None:
+    result = call("plot", few, "--to", tmp_path / "fig")
+    assert result.exit_code == 0
+    lines = result.stderr.splitlines()
+    assert lines[0] == "note: no bands where a point has fewer than 5 trials"
+    assert lines[1].startswith("note: no minimum and peak are looked for: fewer than 20 trials")
+    assert {line.get_marker() for line in shown[0].axes[0].get_lines()}.isdisjoint({"v", "^"})
+    assert [row["low"] + row["high"] for row in rows(tmp_path / "fig.csv")] == [""] * len(MANY_SPEEDS)
+
+
+@pytest.mark.parametrize(("form", "statistic"), [("curves", "median"), ("map", "median"), ("curves", "weibull-mean")])
+def test_figures_name_the_statistic_that_they_show(shown, tmp_path, form: str, statistic: str) -> None:
+    folder = store(
+        tmp_path / "run", sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=9), lambda point: weibull(point, 50)
+    )
+    called("plot", folder, "--form", form, "--statistic", statistic, "--to", tmp_path / "fig")
+    name = statistic.replace("w", "W").replace("-", " ")
+    assert {row["statistic"] for row in rows(tmp_path / "fig.csv")} == {name}
+    assert any(axes.get_ylabel().endswith(name) for axes in shown[0].axes)
+
+
+def test_fit_names_the_statistic_that_it_fits(made) -> None:
+    assert "T_m and T_p: mean or restricted mean." in called("fit", made)
+    assert "T_m and T_p: median." in called("fit", made, "--statistic", "median")
+    read = json.loads(called("fit", made, "--statistic", "weibull-mean", "--json"))
+    assert [curve["statistic"] for curve in read["curves"]] == [["Weibull mean"]] * 2
+
+
+def test_a_statistic_is_refused_where_a_figure_shows_none(small) -> None:
+    message = "--statistic is for --form curves and map, but this is violins"
+    assert message in refused("plot", small, "--form", "violins", "--statistic", "median")
+
+
+# compare
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory) -> tuple[Path, Path]:
+    """Return two folders, of which the second has T_sync half as long again."""
+    base = tmp_path_factory.mktemp("two")
+
+    def law(which: int):
+        return lambda point: weibull(point, (1 + which / 2) * 90 / point.axes[SPEED])
+
+    grid = {COUNT: [5, 10], SPEED: [1, 2]}
+    first, second = (store(base / "ab"[n], sweep(grid, trials=60, seed=n), law(n)) for n in (0, 1))
+    return first, second
+
+
+def test_compare_prints_a_row_for_each_point_and_what_holds_over_all(two) -> None:
+    stdout = called("compare", *two)
+    found = json.loads(called("compare", *two, "--json"))
+    assert (found["a"], found["b"]) == (str(two[0]), str(two[1]))
+    lines = [line for line in stdout.splitlines() if line.startswith("│")]
+    assert len(lines) == len(found["points"]) == 4
+    for line, point in zip(lines, found["points"], strict=True):
+        cells = [cell.strip() for cell in line.split("│")[1:-1]]
+        assert cells[:2] == [str(point["axes"][COUNT]), str(point["axes"][SPEED])]
+        assert cells[2:4] == ["60, 60", "0%, 0%"]
+        assert cells[-2:] == [f"{point['p_value']:.4f}", f"{point['p_holm']:.4f}"]
+        assert cells[6].startswith(f"{point['difference']['value']:.4g} (")
+    low, high = found["ratio"]["low"], found["ratio"]["high"]
+    assert low < 1.5 < high
+    assert f"({low:.3g} to {high:.3g}), the geometric mean of 4 points; p = 0.0002" in stdout
+
+
+def test_compare_of_two_values_of_an_axis_names_them(two) -> None:
+    stdout = called("compare", two[0], "--axis", f"{COUNT}=5,10")
+    assert f"A: {COUNT} = 5" in stdout
+    assert f"B: {COUNT} = 10" in stdout
+    assert stdout.count("60, 60") == 2
+
+
+def test_compare_says_where_trials_are_too_few(few) -> None:
+    stdout = called("compare", few, few)
+    assert "-: 13 points have fewer than 5 trials on one side, or none that synchronised." in stdout
+    assert "Over all" not in stdout
+    assert json.loads(called("compare", few, few, "--json"))["p_value"] is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ((), "give a second run folder, or --axis KEY=A,B, and not both"),
+        (("--axis", f"{COUNT}=5"), f"--axis: {COUNT} is given 1 values; allowed: two"),
+        (("--axis", COUNT), f"--axis {COUNT}: give it as key=value,value"),
+        (("--axis", "speed=1,2"), "--axis: unknown 'speed'"),
+        (("nowhere",), "nowhere: is not a run folder"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(two, options, message: str) -> None:
+    assert message in refused("compare", two[0], *options)
+
+
+# plan
+
+
+def test_plan_of_a_folder_prints_the_trials_that_show_a_difference(two) -> None:
+    stdout = called("plan", two[0], "--difference", 50, "--power", 90)
+    found = json.loads(called("plan", two[0], "--difference", 50, "--power", 90, "--json"))
+    lines = [line for line in stdout.splitlines() if line.startswith("│")]
+    for line, point in zip(lines, found["points"], strict=True):
+        cells = [cell.strip() for cell in line.split("│")[1:-1]]
+        assert cells[3:5] == ["60", "mean"]
+        assert cells[-1] == str(point["trials"])
+    assert "that show a difference of 50 % in 90 % of all cases, with p < 0.05." in stdout
+    assert f"if all differ alike: {found['over_all']} at each." in stdout
+    assert "4 points, 60 trials each: all are stored." in stdout
+
+
+def test_plan_of_a_folder_tells_how_long_more_trials_take(two) -> None:
+    stdout = called("plan", two[0], "--trials", 100_060, "--workers", 4)
+    assert "4 points, 100060 trials each: 400000 are left: 7 min of computing, 2 min with 4 workers." in stdout
+    duration = json.loads(called("plan", two[0], "--trials", 100_060, "--workers", 4, "--json"))["duration"]
+    assert duration["compute_s"]["value"] == pytest.approx(400)
+    assert (duration["wall_s"], duration["left"], duration["timed"]) == (pytest.approx(100), 400_000, 240)
+
+
+def test_plan_says_where_trials_are_too_few(few) -> None:
+    assert "No point has the 5 trials that its spread takes" in called("plan", few)
+
+
+def test_plan_of_a_scenario_times_some_of_its_trials() -> None:
+    options = ("--sweep", f"{SPEED}=1,2,4,8,10,12", "--set", "stop.max_cycles=2", "--trials", 1000, "--workers", 2)
+    stdout = called("plan", "pair", *options)
+    assert stdout.startswith("pair: 6 points, 1000 trials each: 6000 are left: ")
+    assert "That follows from 6 trials." in stdout
+    duration = json.loads(called("plan", "pair", *options, "--json"))["duration"]
+    assert duration["compute_s"]["low"] < duration["compute_s"]["value"] < duration["compute_s"]["high"]
+    assert duration["wall_s"] == pytest.approx(duration["compute_s"]["value"] / 2)
+
+
+@pytest.mark.parametrize(
+    ("folder", "options", "message"),
+    [
+        (True, ("--set", "trials=5"), "--set, --sweep and --quick are for scenarios"),
+        (True, ("--seconds", 5), "--seconds is for scenarios"),
+        (False, ("--difference", 5), "--difference needs trials: give a run folder"),
+        (False, ("--set", "stop.max_cycles=0"), "stop.max_cycles"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(two, folder: bool, options, message: str) -> None:
+    assert message in refused("plan", two[0] if folder else "pair", *options)

@@ -251,3 +251,8 @@ def test_it_runs_from_any_folder_as_a_module(tmp_path) -> None:
     assert json.loads(result.stdout)["scenario"] == "pair"
     assert result.stderr == ""
     assert list(tmp_path.iterdir()) == []
+
+
+def test_running_loads_no_scipy_which_takes_a_while_and_does_not_end_well_when_interrupted() -> None:
+    script = "import sys\nimport epuck_sim.cli.trials, epuck_sim.sweep.checks\nprint('scipy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout == b"False\n"

@@ -12,12 +12,13 @@ from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.csv_tables import Table
-from epuck_sim.figures.curves import EXTREMA_COLUMNS, check_panels, curves_tables, draw_curves, find_extrema
+from epuck_sim.figures.curves import EXTREMA_COLUMNS, curves_tables, draw_curves, find_extrema
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
+from epuck_sim.statistics.curve_extrema import ExtremaSearch
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.names import Statistic
 from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import (
     COUNT,
@@ -35,26 +36,28 @@ from tests.runs.made_folders import (
     sweep,
 )
 
-POINT_COLUMNS = ["trials", "censored", "mean", "mean_low", "mean_high"]
+POINT_COLUMNS = ["trials", "censored", "statistic", "estimate", "low", "high"]
+NOTHING = ExtremaSearch(None, "")
 SCENARIO = sweep(None)
 
 
 def curve_of(means, x=None, axes=None, censored=(), undetermined=(), seed=0) -> Curve:
-    """Return a curve: `censored` are places of points some of whose trials are, `undetermined` have no mean at all."""
+    """Return a curve: `censored` are places of points some of whose trials are, `undetermined` have no value at all."""
     random = np.random.default_rng(seed)
     means = np.array(means, float)
     x = np.array(MANY_SPEEDS[: len(means)] if x is None else x, float)
-    share = np.array([0.97 if n in undetermined else 0.25 if n in censored else 0.0 for n in range(len(means))])
+    share = np.array([1.0 if n in undetermined else 0.25 if n in censored else 0.0 for n in range(len(means))])
     resampled = means * np.exp(0.05 * random.standard_normal((200, len(means))))
     is_undetermined = np.isin(np.arange(len(means)), list(undetermined))
     resampled[:, is_undetermined] = math.inf
     return Curve(
         axes=axes or {},
         scenario=SCENARIO,
+        statistic=Statistic.MEAN,
         x=x,
         trials=np.full(len(means), 200),
         censored=share,
-        means=np.where(is_undetermined, math.nan, means),
+        values=np.where(is_undetermined, math.nan, means),
         intervals=np.percentile(resampled, [2.5, 97.5], axis=0, method="nearest").T,
         resampled=resampled,
     )
@@ -71,7 +74,7 @@ FOUND = [True, True, False]
 
 
 def axes_of(curves, axis=SPEED, extrema=None) -> Axes:
-    return draw_curves("title", axis, curves, [None] * len(curves) if extrema is None else extrema).axes[0]
+    return draw_curves("title", axis, curves, [NOTHING] * len(curves) if extrema is None else extrema).axes[0]
 
 
 def marked(axes: Axes, marker: str, face: str | None = None) -> list[Line2D]:
@@ -98,8 +101,8 @@ def seen(ticks) -> list[str]:
 
 
 def test_the_curves_of_these_tests_have_extrema_where_they_should() -> None:
-    assert [pair is not None and pair.is_found for pair in EXTREMA] == FOUND
-    assert EXTREMA[0].v_m == pytest.approx(extremes()["v_m"], rel=0.2)
+    assert [pair.extrema is not None and pair.extrema.is_found for pair in EXTREMA] == FOUND
+    assert EXTREMA[0].extrema.v_m == pytest.approx(extremes()["v_m"], rel=0.2)
 
 
 def test_each_curve_is_one_line_of_its_own_colour_labelled_with_the_second_axis() -> None:
@@ -113,12 +116,12 @@ def test_each_curve_is_one_line_of_its_own_colour_labelled_with_the_second_axis(
 def test_the_lines_hold_the_means_with_gaps_where_they_are_undetermined() -> None:
     for line, curve in zip(lines_of(axes_of(CURVES)), CURVES, strict=True):
         np.testing.assert_array_equal(line.get_xdata(), curve.x)
-        np.testing.assert_array_equal(line.get_ydata(), curve.means)
+        np.testing.assert_array_equal(line.get_ydata(), curve.values)
 
 
 def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> None:
     curves = [curve_of([100 * n + 10 * eps, 50], axes={COUNT: n, COUPLING: eps}) for n in (5, 10) for eps in (0.1, 0.2)]
-    figure = draw_curves("title", SPEED, curves, [None] * 4, COUNT)
+    figure = draw_curves("title", SPEED, curves, [NOTHING] * 4, COUNT)
     assert [axes.get_title() for axes in figure.axes] == ["N = 5", "N = 10"]
     for axes, n in zip(figure.axes, (5, 10), strict=True):
         assert [(line.get_label(), line.get_ydata()[0]) for line in lines_of(axes)] == [
@@ -130,20 +133,10 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> No
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ε = 0.1", "ε = 0.2"]
 
 
-def test_an_axis_to_split_by_that_is_not_there_is_refused() -> None:
-    curves = [curve_of([3, 2], axes={COUNT: 5})]
-    check_panels(COUNT, curves)
-    check_panels(None, curves)
-    with pytest.raises(EpuckSimError, match=r"--panels: unknown 'robots\.0\.cuont', did you mean"):
-        check_panels("robots.0.cuont", curves)
-    with pytest.raises(EpuckSimError, match=r"^run: figure\.panels: unknown 'x'; other axes: robots\.0\.count$"):
-        check_panels("x", curves, "run: figure.panels")
-
-
 def test_the_bands_span_the_intervals_in_the_colour_of_their_lines() -> None:
     axes = axes_of(CURVES)
     for band, line, curve in zip(axes.collections, lines_of(axes), CURVES, strict=True):
-        known = np.isfinite(curve.means)
+        known = np.isfinite(curve.values)
         x, (low, high) = curve.x[known], curve.intervals[known].T
         corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
         assert corners == {*zip(x, low, strict=True), *zip(x, high, strict=True)}
@@ -158,18 +151,18 @@ def test_markers_are_hollow_exactly_where_trials_are_censored() -> None:
     hollow = marked(axes, "o", "#ffffff")
     solid = [line for line in marked(axes, "o") if line not in hollow]
     for lines, chosen in ((hollow, is_censored), (solid, ~is_censored)):
-        assert drawn(lines) == [*zip(BUMPY.x[chosen], BUMPY.means[chosen], strict=True)]
+        assert drawn(lines) == [*zip(BUMPY.x[chosen], BUMPY.values[chosen], strict=True)]
 
 
 def test_a_mean_that_is_undetermined_is_a_cross_above_all_means_and_has_no_other_marker() -> None:
     axes = axes_of(CURVES)
     crosses = drawn(marked(axes, "x"))
     assert [x for x, _ in crosses] == MANY_SPEEDS[:2]
-    highest = max(np.nanmax(curve.means) for curve in CURVES)
+    highest = max(np.nanmax(curve.values) for curve in CURVES)
     bottom, top = axes.get_ylim()
     assert all(highest < y < top for _, y in crosses)
     assert len(drawn(marked(axes, "o"))) == 3 * len(MANY_SPEEDS) - 2
-    assert bottom < min(np.nanmin(curve.means) for curve in CURVES)
+    assert bottom < min(np.nanmin(curve.values) for curve in CURVES)
 
 
 def test_where_all_means_are_undetermined_there_are_but_crosses() -> None:
@@ -181,8 +174,8 @@ def test_where_all_means_are_undetermined_there_are_but_crosses() -> None:
 
 def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowhere_else() -> None:
     axes = axes_of(CURVES, extrema=EXTREMA)
-    assert drawn(marked(axes, "v")) == [(pair.v_m, pair.t_m) for pair in EXTREMA[:2]]
-    assert drawn(marked(axes, "^")) == [(pair.v_p, pair.t_p) for pair in EXTREMA[:2]]
+    assert drawn(marked(axes, "v")) == [(pair.v_m, pair.t_m) for pair, _ in EXTREMA[:2]]
+    assert drawn(marked(axes, "^")) == [(pair.v_p, pair.t_p) for pair, _ in EXTREMA[:2]]
     colours = [to_hex(line.get_color()) for line in lines_of(axes)]
     assert [to_hex(line.get_color()) for line in marked(axes, "v")] == colours[:2]
 
@@ -197,7 +190,7 @@ def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it
     axes = axes_of([open_ended])
     bottom, top = axes.get_ylim()
     assert max(y for _, y in axes.collections[0].get_paths()[0].vertices) > top
-    assert np.nanmax(BUMPY.means) < top < 10 * np.nanmax(BUMPY.means)
+    assert np.nanmax(BUMPY.values) < top < 10 * np.nanmax(BUMPY.values)
     assert bottom > 0
     laid_out(axes.figure)
 
@@ -292,7 +285,11 @@ def test_labels_leave_out_what_is_the_same_or_goes_along() -> None:
 def test_title_and_axes_have_the_thesis_s_symbols() -> None:
     figure = draw_curves("fig-4-2a", SPEED, CURVES, EXTREMA)
     axes = figure.axes[0]
-    assert (figure.get_suptitle(), axes.get_xlabel(), axes.get_ylabel()) == ("fig-4-2a", "V [cm/s]", "T_sync [cycles]")
+    assert (figure.get_suptitle(), axes.get_xlabel(), axes.get_ylabel()) == (
+        "fig-4-2a",
+        "V [cm/s]",
+        "T_sync [cycles], restricted mean or mean",
+    )
     assert axes_of([curve_of([3, 2])], axis=COUPLING).get_xlabel() == "ε"
     assert axes_of([curve_of([3, 2])], axis="stop.order_parameter").get_xlabel() == "stop.order_parameter"
     assert [key_name(key) for key in (WIDTH, COUNT, PERIOD, PIXELS)] == ["L", "N", "τ", "pixels"]
@@ -316,13 +313,13 @@ def test_the_keys_of_particles_have_the_thesis_s_symbols() -> None:
     assert format_axis_values(values) == expected
     assert axis_label("neighbourhood.angle_deg") == "θ [°]"
     curves = [curve_of([3, 2], axes=values), curve_of([3, 2], axes=dict.fromkeys(values, 7))]
-    laid_out(draw_curves("all", PERIOD, curves, [None] * 2))
+    laid_out(draw_curves("all", PERIOD, curves, [NOTHING] * 2))
 
 
 def test_every_symbol_can_be_drawn() -> None:
     keys = (SPEED, WIDTH, COUNT, PERIOD, COUPLING, PIXELS)
     curves = [curve_of([30, 20], x=[1, 2], axes={key: 1 + (key == own) for key in keys}) for own in keys]
-    figure = draw_curves("all", PERIOD, curves, [None] * 6)
+    figure = draw_curves("all", PERIOD, curves, [NOTHING] * 6)
     figure.savefig(BytesIO(), format="png")  # a missing glyph would warn, and warnings are errors here
     figure.savefig(BytesIO(), format="svg")
     first = figure.axes[0].get_legend().get_texts()[0].get_text()
@@ -331,7 +328,7 @@ def test_every_symbol_can_be_drawn() -> None:
 
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$", "x_1^2 \\alpha & <b> {0} 50 %"])
 def test_a_name_is_no_formula(name: str) -> None:
-    figure = laid_out(draw_curves(name, SPEED, [FALLING], [None]))
+    figure = laid_out(draw_curves(name, SPEED, [FALLING], [NOTHING]))
     assert figure.get_suptitle() == name
     (title,) = figure.texts
     assert not (title.get_parse_math() and is_math_text(title.get_text()))
@@ -352,25 +349,28 @@ def test_the_csv_has_the_numbers_of_the_curves(tmp_path) -> None:
     table = written(tmp_path, points_of(CURVES))
     assert list(table[0]) == [COUPLING, SPEED, *POINT_COLUMNS]
     expected = [
-        [str(curve.axes[COUPLING]), *map(six_digits, row)]
+        [str(curve.axes[COUPLING]), *map(six_digits, row[:3]), row[3], *map(six_digits, row[4:])]
         for curve in CURVES
-        for row in zip(curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T, strict=True)
+        for row in zip(
+            curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T, strict=True
+        )
     ]
     assert [[*row.values()] for row in table] == expected
-    assert [row["mean"] == row["mean_high"] == "" for row in table].count(True) == 2
+    assert [row["estimate"] == row["high"] == "" for row in table].count(True) == 2
 
 
 def test_six_digits_are_read_back_as_good_as_the_curves_are(tmp_path) -> None:
     table = written(tmp_path, points_of(CURVES))
-    means = [float(row["mean"] or "nan") for row in table]
-    np.testing.assert_allclose(means, np.concatenate([curve.means for curve in CURVES]), rtol=1e-5)
+    means = [float(row["estimate"] or "nan") for row in table]
+    np.testing.assert_allclose(means, np.concatenate([curve.values for curve in CURVES]), rtol=1e-5)
 
 
 def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_value_alone(tmp_path) -> None:
     found = written(tmp_path, extrema_of(CURVES))
-    assert list(found[0]) == [COUPLING, *EXTREMA_COLUMNS, "p_value"]
+    assert list(found[0]) == [COUPLING, *EXTREMA_COLUMNS, "p_value", "reason"]
     assert [row[COUPLING] for row in found] == ["0.1", "0.2", "0.4"]
-    for row, pair in zip(found, EXTREMA, strict=True):
+    for row, (pair, reason) in zip(found, EXTREMA, strict=True):
+        assert row["reason"] == reason == ""
         assert row["p_value"] == six_digits(pair.p_value)
         for place, name in enumerate(("v_m", "t_m", "v_p", "t_p")):
             numbers = [pair[place], *pair.intervals[place]] if pair.is_found else [math.nan] * 3
@@ -379,18 +379,18 @@ def test_the_table_of_extrema_has_a_row_for_each_curve_with_its_pair_or_the_p_va
 
 
 def test_too_few_speeds_have_no_extrema(tmp_path) -> None:
-    few = curve_of(BUMPY.means[:5], axes={COUPLING: 0.1})
+    few = curve_of(BUMPY.values[:5], axes={COUPLING: 0.1})
     (row,) = written(tmp_path, extrema_of([few]))
-    assert [*row.values()] == ["0.1", *[""] * 13]
+    assert [*row.values()] == ["0.1", *[""] * 13, "5 speeds; a minimum and a peak take 6"]
 
 
 def test_another_axis_than_the_speed_is_drawn_and_has_no_extrema(tmp_path) -> None:
-    curve = curve_of(BUMPY.means, x=np.arange(13) + 2, axes={SPEED: 1})
+    curve = curve_of(BUMPY.values, x=np.arange(13) + 2, axes={SPEED: 1})
     (row,) = written(tmp_path, extrema_of([curve], COUNT))
-    assert [*row.values()] == ["1", *[""] * 13]
+    assert [*row.values()] == ["1", *[""] * 13, "the axis is no speed"]
     assert [row[COUNT] for row in written(tmp_path, points_of([curve], COUNT))] == [str(n) for n in range(2, 15)]
     axes = axes_of([curve], axis=COUNT, extrema=find_extrema(COUNT, [curve]))
-    assert drawn(lines_of(axes)) == [*zip(curve.x, curve.means, strict=True)]
+    assert drawn(lines_of(axes)) == [*zip(curve.x, curve.values, strict=True)]
     assert marked(axes, "v") == marked(axes, "^") == []
 
 
@@ -417,7 +417,8 @@ def test_the_picture_holds_every_colour() -> None:
 
 
 def test_a_pair_that_may_be_noise_is_not_marked() -> None:
-    unsure = SpeedExtrema(*EXTREMA[0][:6], 0.2, EXTREMA[0].resampled)
-    undone = EXTREMA[0]._replace(resampled=np.full((200, 4), math.nan))
-    axes = axes_of([BUMPY, MOVED], extrema=[unsure, undone])
+    found = EXTREMA[0].extrema
+    unsure = SpeedExtrema(*found[:6], 0.2, found.resampled)
+    undone = found._replace(resampled=np.full((200, 4), math.nan))
+    axes = axes_of([BUMPY, MOVED], extrema=[ExtremaSearch(unsure, ""), ExtremaSearch(undone, "")])
     assert marked(axes, "v") == marked(axes, "^") == []

@@ -1,4 +1,4 @@
-"""Claims about maps: points have the colours of their means, and what is undetermined or untried shows."""
+"""Claims about maps: points have the colours of their values, and what is undetermined or untried shows."""
 
 import math
 from io import BytesIO
@@ -18,6 +18,7 @@ from epuck_sim.figures.maps import COLOURS, GREY, MAX_LEVELS, Map, choose_levels
 from epuck_sim.figures.style import MAX_PANELS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import read_curves
+from epuck_sim.statistics.names import Statistic
 from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import (
     COUNT,
@@ -64,7 +65,7 @@ def measured(grid: dict, law=law) -> list[PointTrials]:
 GRID = {PIXELS: PANELS, WIDTH: WIDTHS, SPEED: SPEEDS}
 POINTS = measured(GRID)
 MAPS = read_maps(POINTS, SPEED, WIDTH)
-LEVELS = choose_levels(np.concatenate([each.means.ravel() for each in MAPS]))
+LEVELS = choose_levels(np.concatenate([each.values.ravel() for each in MAPS]))
 
 
 def panels_of(maps: list[Map], x: str = SPEED, y: str = WIDTH) -> list[Axes]:
@@ -133,12 +134,12 @@ def test_every_point_is_in_its_place_whatever_the_order_of_the_sweep() -> None:
                     where = (speed, width, each.axes[PIXELS])
                     assert each.is_tried[row, column] == (where not in UNTRIED)
                     expected = math.nan if where in UNTRIED | UNDETERMINED else mean_at(*where)
-                    np.testing.assert_equal(each.means[row, column], expected)
+                    np.testing.assert_equal(each.values[row, column], expected)
 
 
 def test_x_and_y_change_places() -> None:
     for turned, each in zip(read_maps(POINTS, WIDTH, SPEED), MAPS, strict=True):
-        np.testing.assert_array_equal(turned.means, each.means.T)
+        np.testing.assert_array_equal(turned.values, each.values.T)
         np.testing.assert_array_equal(turned.is_tried, each.is_tried.T)
 
 
@@ -148,15 +149,29 @@ def test_an_axis_that_goes_along_with_y_makes_no_maps_of_its_own() -> None:
     )
     (only,) = read_maps(in_memory(scenario, lambda _: ended([5])), SPEED, WIDTH)
     assert only.axes == {COUPLING: 0.1}
-    assert only.means.shape == (3, 2)
+    assert only.values.shape == (3, 2)
 
 
 def test_points_that_fill_no_grid_leave_holes() -> None:
     listed = [{SPEED: 1, WIDTH: 40}, {SPEED: 2, WIDTH: 60}, {SPEED: 3, WIDTH: 60}]
     made = in_memory(sweep(None, sweep={"points": listed}), lambda point: ended([point.axes[SPEED]]))
     (only,) = read_maps(made, SPEED, WIDTH)
-    np.testing.assert_array_equal(only.means, [[1, math.nan, math.nan], [math.nan, 2, 3]])
-    np.testing.assert_array_equal(only.is_tried, ~np.isnan(only.means))
+    np.testing.assert_array_equal(only.values, [[1, math.nan, math.nan], [math.nan, 2, 3]])
+    np.testing.assert_array_equal(only.is_tried, ~np.isnan(only.values))
+
+
+@pytest.mark.parametrize(("synchronised", "is_shown"), [(2, False), (5, False), (6, True), (10, True)])
+@pytest.mark.parametrize("statistic", Statistic)
+def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(
+    synchronised: int, is_shown: bool, statistic: Statistic
+) -> None:
+    times = [*range(50, 50 + synchronised), *[30_000] * (10 - synchronised)]
+    made = measured({WIDTH: [40, 60], SPEED: [1, 2]}, lambda _: ended(times, [time < 30_000 for time in times]))
+    (only,) = read_maps(made, SPEED, WIDTH, statistic)
+    assert only.is_tried.all()
+    assert np.isnan(only.values).any() != is_shown
+    if is_shown and statistic != Statistic.WEIBULL_MEAN:
+        assert only.values.max() <= 30_000
 
 
 # What is drawn
@@ -165,7 +180,7 @@ def test_points_that_fill_no_grid_leave_holes() -> None:
 @pytest.mark.parametrize("grid", [GRID, {WIDTH: [40, 60], SPEED: SPEEDS}], ids=["contours", "cells"])
 def test_each_point_has_the_colour_of_the_level_that_its_mean_is_in(grid: dict) -> None:
     maps = read_maps(measured(grid), SPEED, WIDTH)
-    levels = choose_levels(np.concatenate([each.means.ravel() for each in maps]))
+    levels = choose_levels(np.concatenate([each.values.ravel() for each in maps]))
     seen = set()
     for colours, each in zip(painted(maps), maps, strict=True):
         for (speed, width), colour in colours.items():
@@ -194,7 +209,7 @@ def test_what_is_undetermined_is_grey_and_hatched_what_is_untried_is_blank_and_c
 
 def test_a_legend_names_what_is_undetermined_where_there_is_any() -> None:
     (legend,) = draw_maps("title", SPEED, WIDTH, MAPS).legends
-    assert [text.get_text() for text in legend.get_texts()] == ["undetermined"]
+    assert [text.get_text() for text in legend.get_texts()] == ["half of the trials or more are censored"]
     (patch,) = legend.get_patches()
     assert patch.get_hatch()
     assert to_rgb(patch.get_facecolor()) == pytest.approx(to_rgb(GREY))
@@ -212,6 +227,24 @@ def test_contours_do_not_reach_over_holes() -> None:
         assert not any(path.contains_point(near) for path in drawn.get_paths() if len(path.vertices))
     inside = [math.log10(0.5), 80.0]
     assert any(path.contains_point(inside, radius=1e-6) for path in drawn.get_paths() if len(path.vertices))
+
+
+def test_contours_do_not_reach_into_a_square_of_four_points_one_of_which_is_hidden() -> None:
+    grid = {WIDTH: [40, 50, 60, 70], SPEED: [0.1, 1, 5, 12]}
+    hidden = 1, 50
+
+    def law(point):
+        is_hidden = (point.axes[SPEED], point.axes[WIDTH]) == hidden
+        return ended([100 + point.axes[SPEED]] * 3, [not is_hidden] * 3)
+
+    (panel,) = panels_of(read_maps(measured(grid, law), SPEED, WIDTH))
+    (drawn,) = contours(panel)
+
+    def is_covered(x: float, y: float) -> bool:
+        return any(path.contains_point([math.log10(x), y]) for path in drawn.get_paths() if len(path.vertices))
+
+    assert not is_covered(0.9, 59)  # near the corner that is farthest from the hidden point
+    assert is_covered(1.1, 61)
 
 
 def test_between_two_points_of_a_logarithmic_axis_a_contour_is_where_the_page_has_it() -> None:
@@ -294,7 +327,7 @@ def test_y_is_logarithmic_where_it_spans_a_decade_and_x_is_linear_where_it_does_
 def test_the_colour_bar_is_one_for_all_panels_with_powers_of_ten() -> None:
     figure = draw_maps("title", SPEED, WIDTH, MAPS)
     bar = figure.axes[-1]
-    assert bar.get_ylabel() == "T_sync [cycles]"
+    assert bar.get_ylabel() == "T_sync [cycles],\nmean or restricted mean"
     assert bar.get_ylim() == (LEVELS[0], LEVELS[-1])
     assert bar.get_yticks().tolist() == [1, 2, 3]
     assert [label.get_text() for label in bar.get_yticklabels()] == ["$10^{1}$", "$10^{2}$", "$10^{3}$"]
@@ -314,13 +347,13 @@ def test_where_there_are_not_two_powers_of_ten_the_bar_has_numbers_between(times
 
 
 @given(st.lists(st.floats(1, 1e9), min_size=1, max_size=5))
-def test_levels_are_even_few_enough_and_enclose_all_means(means: list[float]) -> None:
-    levels = choose_levels(np.array([*means, math.nan]))
+def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float]) -> None:
+    levels = choose_levels(np.array([*values, math.nan]))
     steps = np.diff(levels)
     assert 1 <= len(steps) <= MAX_LEVELS
     assert np.allclose(steps, steps[0])
-    assert levels[0] <= math.log10(min(means)) + 1e-9
-    assert math.log10(max(means)) < levels[-1] + 1e-9
+    assert levels[0] <= math.log10(min(values)) + 1e-9
+    assert math.log10(max(values)) < levels[-1] + 1e-9
 
 
 def test_where_every_mean_is_undetermined_all_is_grey() -> None:
@@ -334,7 +367,7 @@ def test_where_every_mean_is_undetermined_all_is_grey() -> None:
 
 def test_the_csv_has_a_row_for_each_point_with_trials(tmp_path) -> None:
     table = written(tmp_path, maps_table(SPEED, MAPS))
-    assert list(table[0]) == [PIXELS, WIDTH, SPEED, "trials", "censored", "mean", "mean_low", "mean_high"]
+    assert list(table[0]) == [PIXELS, WIDTH, SPEED, "trials", "censored", "statistic", "estimate", "low", "high"]
     expected = []
     for pixels in PANELS:
         for width in WIDTHS:
@@ -342,9 +375,9 @@ def test_the_csv_has_a_row_for_each_point_with_trials(tmp_path) -> None:
                 where = (speed, width, pixels)
                 point = [str(pixels), str(width), six_digits(speed)]
                 if where in UNDETERMINED:
-                    expected.append([*point, "12", "1", "", "", ""])
+                    expected.append([*point, "12", "1", "restricted mean", "", "", ""])
                 elif where not in UNTRIED:
-                    expected.append([*point, "3", "0", *[six_digits(mean_at(*where))] * 3])
+                    expected.append([*point, "3", "0", "mean", six_digits(mean_at(*where)), "", ""])
     assert [[*row.values()] for row in table] == expected
 
 
@@ -354,9 +387,11 @@ def test_the_csv_has_the_numbers_that_curves_have(tmp_path) -> None:
     )
     table = written(tmp_path, maps_table(SPEED, read_maps(made, SPEED, WIDTH)))
     numbers = [
-        [*map(six_digits, row)]
+        [*map(six_digits, row[:3]), row[3], *map(six_digits, row[4:])]
         for curve in read_curves(made, SPEED)
-        for row in zip(curve.x, curve.trials, curve.censored, curve.means, *curve.intervals.T, strict=True)
+        for row in zip(
+            curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T, strict=True
+        )
     ]
     assert [[*row.values()][1:] for row in table] == numbers
 

@@ -12,7 +12,8 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
 from epuck_sim.figures.violins import LINE, VIOLIN, density, draw_violins, read_violins, violins_table
-from epuck_sim.statistics.mean_estimate import MIN_UNCENSORED, estimate_mean
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, estimate_weibull_mean, weibull_mean
 from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, six_digits, sweep, weibull
 
@@ -65,7 +66,8 @@ def test_the_estimate_is_that_of_trials_clipped_at_the_censoring() -> None:
         for found, point in zip(group.estimates, points, strict=False):
             clipped = [min(time, CENSORED_AT) for time in point.times]
             observed = [seen and time <= CENSORED_AT for time, seen in zip(point.times, point.observed, strict=True)]
-            np.testing.assert_equal(found, estimate_mean(clipped, observed, point.seed)[:3])
+            expected = estimate_weibull_mean(Measured(np.array(clipped), np.array(observed), CENSORED_AT, point.seed))
+            np.testing.assert_equal(found, expected)
     assert all(np.isnan(group.estimates[1]).all() for group in GROUPS)
 
 
@@ -73,15 +75,16 @@ def test_without_a_censoring_the_estimate_is_that_of_the_trials_themselves() -> 
     points = iter(POINTS)
     for group in OPEN:
         for found, point in zip(group.estimates, points, strict=False):
-            np.testing.assert_equal(found, estimate_mean(point.times, point.observed, point.seed)[:3])
+            expected = estimate_weibull_mean(Measured(point.times, point.observed, math.inf, point.seed))
+            np.testing.assert_equal(found, expected)
 
 
 def test_a_trial_that_synchronises_at_the_censoring_is_not_censored_and_one_after_it_is() -> None:
     times = [10, 20, 30, 40, 50]
     (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(times))
     (at_last,), (before,) = read_violins([made], SPEED, 50), read_violins([made], SPEED, 49)
-    assert at_last.estimates[0, 0] == estimate_mean(times, [True] * 5, 0).mean
-    assert before.estimates[0, 0] == estimate_mean([*times[:4], 49], [True] * 4 + [False], 0).mean
+    assert at_last.estimates[0, 0] == weibull_mean(times, [True] * 5)
+    assert before.estimates[0, 0] == weibull_mean([*times[:4], 49], [True] * 4 + [False])
     assert before.estimates[0, 0] != at_last.estimates[0, 0]
 
 
@@ -97,7 +100,7 @@ def test_censored_trials_stay_censored_and_are_in_no_violin() -> None:
     for group in GROUPS:
         own = [point for point in POINTS if point.axes[COUNT] == group.axes[COUNT]]
         for times, censored, plain, point in zip(
-            group.synchronised, group.censored, group.plain_means, own, strict=True
+            group.synchronised, group.censored, group.sample_means, own, strict=True
         ):
             assert times.tolist() == point.times[point.observed].tolist()
             assert censored == (~point.observed).sum()
@@ -177,7 +180,7 @@ def test_where_no_trial_synchronised_there_is_no_violin() -> None:
 
 def test_the_line_is_the_estimate_and_the_band_its_interval() -> None:
     for panel, group in zip(panels_of(GROUPS), GROUPS, strict=True):
-        (line,) = lines(panel, "mean by Appendix A")
+        (line,) = lines(panel, "Weibull mean (Appendix A)")
         np.testing.assert_array_equal(line.get_ydata(), group.estimates[:, 0])
         (band,) = [each for each in panel.collections if to_hex(each.get_facecolor()[0]) == LINE]
         corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
@@ -197,18 +200,18 @@ def test_an_undetermined_estimate_is_a_cross_within_the_panel_above_all_trials()
         assert (crosses.get_ydata() < panel.get_ylim()[1]).all()
 
 
-def test_dots_are_the_plain_means_where_nothing_is_censored() -> None:
+def test_dots_are_the_sample_means_where_nothing_is_censored() -> None:
     for panel, group in zip(panels_of(GROUPS), GROUPS, strict=True):
-        (dots,) = lines(panel, "plain mean")
+        (dots,) = lines(panel, "mean of all trials")
         assert dots.get_linestyle() == "None"
         drawn = dict(zip(dots.get_xdata(), dots.get_ydata(), strict=True))
-        for x, plain, censored in zip(group.x, group.plain_means, group.censored, strict=True):
+        for x, plain, censored in zip(group.x, group.sample_means, group.censored, strict=True):
             assert np.isnan(drawn[x]) if censored else drawn[x] == plain
 
 
 def test_a_dashed_line_marks_the_censoring_where_there_is_one() -> None:
     for panel in panels_of(GROUPS):
-        (line,) = lines(panel, "T_cens of that mean: 60")
+        (line,) = lines(panel, "T_cens of the Weibull mean: 60")
         assert (line.get_linestyle(), *line.get_ydata()) == ("--", CENSORED_AT, CENSORED_AT)
     assert all(lines(panel, "T_cens") == [] for panel in panels_of(OPEN, None))
 
@@ -216,7 +219,7 @@ def test_a_dashed_line_marks_the_censoring_where_there_is_one() -> None:
 def test_a_censoring_above_all_trials_is_within_the_figure() -> None:
     (panel, *_) = panels_of(read_violins(POINTS, SPEED, 10**7), 10**7)
     assert panel.get_ylim()[1] > 10**7
-    assert lines(panel, "T_cens of that mean: $10^{7}$")
+    assert lines(panel, "T_cens of the Weibull mean: $10^{7}$")
 
 
 def test_the_title_says_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
@@ -232,10 +235,10 @@ def test_the_legend_names_each_mark_once() -> None:
     (legend,) = draw_violins("title", SPEED, GROUPS, CENSORED_AT).legends
     assert [text.get_text() for text in legend.get_texts()] == [
         "trials that synchronised",
-        "mean by Appendix A",
+        "Weibull mean (Appendix A)",
         "undetermined",
-        "plain mean of all trials",
-        "T_cens of that mean: 60",
+        "mean of all trials",
+        "T_cens of the Weibull mean: 60",
     ]
 
 
@@ -259,16 +262,16 @@ def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
 
 def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
     table = written(tmp_path, violins_table(SPEED, GROUPS))
-    assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "plain_mean", "estimate", "low", "high"]
+    assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull_high"]
     expected = []
     for point in POINTS:
         share = 1 - point.observed.mean()
         plain = math.nan if share else point.times.mean()
         clipped = np.minimum(point.times, CENSORED_AT), point.observed & (point.times <= CENSORED_AT)
-        numbers = [len(point.times), share, plain, *estimate_mean(*clipped, point.seed)[:3]]
+        numbers = [len(point.times), share, plain, *estimate_weibull_mean(Measured(*clipped, CENSORED_AT, point.seed))]
         expected.append([str(point.axes[COUNT]), *map(six_digits, [point.axes[SPEED], *numbers])])
     assert [[*row.values()] for row in table] == expected
-    assert [*table[0].values()] == ["7", "0.2", "5", "0", "30", "30", "30", "30"]
+    assert [*table[0].values()] == ["7", "0.2", "5", "0", "30", "30", "", ""]
     assert [*table[1].values()] == ["7", "0.5", "1", "0", "800", "", "", ""]
 
 

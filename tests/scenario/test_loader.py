@@ -231,3 +231,28 @@ JUNK = st.recursive(
 def test_junk_is_refused_or_read_but_never_ends_in_a_traceback(given: dict) -> None:
     with suppress(ScenarioError):
         assert isinstance(load_scenario(given), Scenario)
+
+
+# The description
+
+
+@pytest.mark.parametrize(
+    ("settings", "axes", "notes"),
+    [
+        (["robots.0.count=5"], [], "; with robots.0.count=5"),
+        (["noise=off"], ["arena.width_cm=60,80"], "; with noise=off, sweep arena.width_cm=60,80"),
+        (["trials=5", "seed=3", "name=mine", "figure.form=violins"], [], ""),
+    ],
+)
+def test_a_description_is_followed_by_the_changes_that_may_have_made_it_untrue(settings, axes, notes: str) -> None:
+    shipped = load_scenario("thesis").description
+    assert shipped != ""
+    assert load_scenario("thesis", settings, axes).description == shipped + notes
+
+
+def test_a_description_that_is_given_stays_as_it_is() -> None:
+    assert load_scenario("thesis", ["robots.0.count=5", "description=mine"]).description == "mine"
+
+
+def test_a_scenario_without_a_description_gets_none() -> None:
+    assert load_scenario({}, ["robots.0.count=5"]).description == ""

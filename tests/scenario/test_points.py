@@ -15,7 +15,7 @@ from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
-from epuck_sim.sweep.checks import check_room
+from epuck_sim.sweep.checks import check_sweep
 from epuck_sim.util.builtin import SWEEPS, builtin_files
 from epuck_sim.util.seeds import point_seed
 
@@ -415,9 +415,9 @@ def test_a_parameter_that_one_of_the_swept_controllers_lacks_is_refused_at_its_p
 def test_a_point_whose_robots_find_no_room_is_named() -> None:
     scenario = load_scenario({"robots": [{"placement": "grid"}], "sweep": {"grid": {COUNT: [25, 26]}}})
     roomy, crowded = points(scenario)
-    check_room([roomy])
+    check_sweep([roomy])
     with pytest.raises(ScenarioError, match=r"sweep: point 1 \(robots\.0\.count = 26\): .*is 26; allowed: up to 25"):
-        check_room([roomy, crowded])
+        check_sweep([roomy, crowded])
 
 
 @pytest.mark.parametrize(

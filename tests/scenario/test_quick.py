@@ -79,11 +79,28 @@ def test_nothing_of_what_was_given_is_changed() -> None:
     assert given == {"sweep": {"grid": {"a": [1, 2, 3]}}, "quick": {"sweep": {"grid": {"a": [1]}}}}
 
 
-@pytest.mark.parametrize("quick", [{"trials": 5}, {"nothing": 1}, {}, None, 3, "yes", ["trials"]])
-def test_without_the_option_the_quick_version_is_left_alone_whatever_it_is(quick: object) -> None:
+@pytest.mark.parametrize("quick", [{"trials": 5}, {}, None])
+def test_without_the_option_the_full_version_is_loaded(quick: object) -> None:
     assert without_quick({**GIVEN, "quick": quick}) == GIVEN
     loaded = load_scenario({"model": "particles", "trials": 7, "quick": quick})
     assert loaded == load_scenario({"model": "particles", "trials": 7})
+
+
+@pytest.mark.parametrize(
+    ("quick", "message"),
+    [
+        ({"nothing": 1}, "scenario: quick: nothing: "),
+        ({"trials": 0}, "scenario: quick: trials: is 0"),
+        ({"sweep": {"grid": {"seed": [1]}}}, "scenario: quick: sweep"),
+        (3, "scenario: quick: is 3; allowed: a mapping of keys to values"),
+    ],
+)
+def test_a_quick_version_that_is_no_scenario_is_refused_even_if_it_is_not_asked_for(
+    quick: object, message: str
+) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"model": "particles", "quick": quick})
+    assert str(caught.value).startswith(message)
 
 
 @pytest.mark.parametrize("given", [GIVEN, {**GIVEN, "quick": None}])

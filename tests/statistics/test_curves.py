@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis, distinguishing_axes
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.curves import choose_axis, choose_second_axis, distinguishing_axes, read_curves
+from epuck_sim.statistics.curves import read_curves
+from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.summary import summarize
 from tests.runs.made_folders import (
     COUNT,
@@ -38,6 +40,10 @@ OTHER_SPEED = SPEED.replace(".0.", ".1.")
 def with_axes(scenario_sweep: dict, trials: int = 5, **changes) -> list[PointTrials]:
     """Return the points of a sweep, each with trials."""
     return in_memory(sweep(None, trials=trials, sweep=scenario_sweep, **changes), lambda point: weibull(point, 30))
+
+
+def axes_of(made: list[PointTrials]) -> list[dict]:
+    return [point.axes for point in made]
 
 
 def rows_of(*rows: dict, empty: Collection[int] = ()) -> list[PointTrials]:
@@ -66,10 +72,14 @@ def test_the_numbers_of_a_curve_are_those_of_the_summary() -> None:
     scenario = sweep({SPEED: SPEEDS, COUPLING: [0.1, 0.2]}, trials=60, stop={"max_cycles": 60})
     made = in_memory(scenario, lambda point: weibull(point, 30))
     summaries = summarize(made)
+    for statistic, name in zip(Statistic, ("restricted_mean", "median", "weibull_mean"), strict=True):
+        for curve in read_curves(made, SPEED, statistic):
+            own = [each for each in summaries if each.axes[COUPLING] == curve.axes[COUPLING]]
+            assert curve.values.tolist() == [getattr(each, name) for each in own]
+            ends = [[getattr(each, f"{name}_{end}") for end in ("low", "high")] for each in own]
+            assert curve.intervals.tolist() == ends
     for curve in read_curves(made, SPEED):
         own = [each for each in summaries if each.axes[COUPLING] == curve.axes[COUPLING]]
-        assert curve.means.tolist() == [each.mean for each in own]
-        assert curve.intervals.tolist() == [[each.mean_low, each.mean_high] for each in own]
         assert curve.censored.tolist() == pytest.approx([each.censored for each in own])
         assert curve.trials.tolist() == [60] * 5
         assert curve.resampled.shape == (1000, 5)
@@ -81,8 +91,8 @@ def test_a_curve_is_sorted_by_x_even_if_the_sweep_is_not() -> None:
     made = in_memory(scenario, lambda point: ended([10 * point.axes[SPEED]] * 3))
     for curve in read_curves(made, SPEED):
         assert curve.x.tolist() == SPEEDS
-        assert curve.means.tolist() == [10 * speed for speed in SPEEDS]
-        assert curve.intervals.tolist() == [[10 * speed] * 2 for speed in SPEEDS]
+        assert curve.values.tolist() == [10 * speed for speed in SPEEDS]
+        assert np.isnan(curve.intervals).all()
         np.testing.assert_array_equal(curve.resampled, np.tile(10 * np.array(SPEEDS), (1000, 1)))
 
 
@@ -101,12 +111,26 @@ def test_without_any_trial_there_is_no_curve() -> None:
     assert read_curves(in_memory(sweep({SPEED: SPEEDS}), lambda _: ended([])), SPEED) == []
 
 
-def test_an_undetermined_mean_is_nan_and_so_is_its_interval() -> None:
+def test_the_statistic_of_a_point_has_the_name_that_its_censoring_makes() -> None:
+    def law(point):
+        return ended([5, 6, 7], [True, True, point.axes[SPEED] > 1])
+
+    names = {
+        statistic: read_curves(in_memory(sweep({SPEED: [1, 2]}), law), SPEED, statistic) for statistic in Statistic
+    }
+    assert [curve.names for (curve,) in names.values()] == [
+        ["restricted mean", "mean"],
+        ["median", "median"],
+        ["Weibull mean", "Weibull mean"],
+    ]
+
+
+def test_a_mean_is_undetermined_where_all_trials_are_censored_and_so_is_its_interval() -> None:
     def law(point):
         return censored(point, 20) if point.axes[SPEED] < 0.3 else weibull(point, 30)
 
     (curve,) = read_curves(in_memory(sweep({SPEED: SPEEDS}, trials=20), law), SPEED)
-    assert np.isnan(curve.means).tolist() == [True, False, False, False, False]
+    assert np.isnan(curve.values).tolist() == [True, False, False, False, False]
     assert np.isnan(curve.intervals[0]).all()
     assert curve.censored[0] == 1
     assert np.isinf(curve.resampled[:, 0]).all()
@@ -144,7 +168,7 @@ def test_every_point_with_trials_is_on_the_curve_of_its_other_axes_once(order, e
         if len(each.times):
             next(ends for axes, ends in expected if axes == others)[each.axes["x"]] = each.times[0]
     curves = read_curves(made, "x")
-    assert [(curve.axes, list(zip(curve.x, curve.means, strict=True))) for curve in curves] == [
+    assert [(curve.axes, list(zip(curve.x, curve.values, strict=True))) for curve in curves] == [
         (axes, sorted(ends.items())) for axes, ends in expected if ends
     ]
 
@@ -157,7 +181,7 @@ def test_an_axis_that_goes_along_with_x_makes_no_curves_of_its_own() -> None:
 def test_speeds_of_two_groups_that_go_together_make_one_curve() -> None:
     both = [{"count": 2}, {"count": 2}]
     made = with_axes({"zip": {SPEED: [1, 2, 3], OTHER_SPEED: [2, 4, 6]}}, robots=both)
-    (curve,) = read_curves(made, choose_axis(made))
+    (curve,) = read_curves(made, choose_axis(axes_of(made)))
     assert curve.x.tolist() == [1, 2, 3]
 
 
@@ -173,7 +197,7 @@ def test_speeds_that_differ_from_curve_to_curve_do_not_make_one_of_two() -> None
 def test_whole_sections_may_be_an_axis_beside_the_speed() -> None:
     obstacles = [[], [{"shape": "circle", "x_cm": 30, "y_cm": 30, "radius_cm": 5}]]
     made = with_axes({"grid": {"arena.obstacles": obstacles, SPEED: [1, 2]}})
-    assert choose_axis(made) == SPEED
+    assert choose_axis(axes_of(made)) == SPEED
     assert [curve.axes["arena.obstacles"] for curve in read_curves(made, SPEED)] == obstacles
 
 
@@ -203,12 +227,12 @@ def test_the_order_in_which_points_list_their_axes_does_not_matter() -> None:
     ],
 )
 def test_the_axis_is_the_speed_or_else_the_one_with_most_numbers(grid: dict, expected: str) -> None:
-    assert choose_axis(with_axes({"grid": grid})) == expected
+    assert choose_axis(axes_of(with_axes({"grid": grid}))) == expected
 
 
 @pytest.mark.parametrize("wanted", [COUNT, COUPLING, SPEED])
 def test_the_axis_wanted_is_taken(wanted: str) -> None:
-    assert choose_axis(with_axes({"grid": {COUNT: [2, 3], COUPLING: [0.1], SPEED: [1, 2]}}), wanted) == wanted
+    assert choose_axis(axes_of(with_axes({"grid": {COUNT: [2, 3], COUPLING: [0.1], SPEED: [1, 2]}})), wanted) == wanted
 
 
 @pytest.mark.parametrize(
@@ -222,7 +246,7 @@ def test_the_axis_wanted_is_taken(wanted: str) -> None:
 def test_an_axis_wanted_that_has_no_numbers_or_is_none_is_refused(wanted: str, message: str) -> None:
     made = with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2], COUNT: [2]}})
     with pytest.raises(EpuckSimError) as caught:
-        choose_axis(made, wanted)
+        choose_axis(axes_of(made), wanted)
     assert str(caught.value).startswith("--x: ")
     assert message in str(caught.value)
     assert str(caught.value).endswith(f"axes with numbers: {SPEED}, {COUNT}")
@@ -232,15 +256,15 @@ def test_an_axis_wanted_that_has_no_numbers_or_is_none_is_refused(wanted: str, m
 def test_where_no_axis_has_numbers_that_is_said(scenario_sweep: dict | None) -> None:
     made = with_axes(scenario_sweep)
     with pytest.raises(EpuckSimError, match="no axis with numbers"):
-        choose_axis(made)
+        choose_axis(axes_of(made))
     with pytest.raises(EpuckSimError, match="axes with numbers: none"):
-        choose_axis(made, SPEED)
+        choose_axis(axes_of(made), SPEED)
 
 
 def test_messages_name_what_requests_the_axis() -> None:
     made = with_axes({"grid": {SPEED: [1, 2]}})
     with pytest.raises(EpuckSimError, match=r"^run: figure\.x: unknown 'speed'"):
-        choose_axis(made, "speed", "run: figure.x")
+        choose_axis(axes_of(made), "speed", "run: figure.x")
 
 
 # The second axis
@@ -255,7 +279,7 @@ def test_messages_name_what_requests_the_axis() -> None:
     ],
 )
 def test_the_second_axis_is_the_only_other_one_whose_numbers_differ(grid: dict) -> None:
-    assert choose_second_axis(with_axes({"grid": grid}), SPEED) == COUPLING
+    assert choose_second_axis(axes_of(with_axes({"grid": grid})), SPEED) == COUPLING
 
 
 def test_axes_that_go_along_count_as_one_and_those_with_x_as_none() -> None:
@@ -265,14 +289,14 @@ def test_axes_that_go_along_count_as_one_and_those_with_x_as_none() -> None:
         "zip": {WIDTH: [40, 60], HEIGHT: [40, 60]},
     }
     made = with_axes(scenario_sweep, robots=both)
-    assert choose_second_axis(made, SPEED) == WIDTH
-    assert choose_second_axis(made, HEIGHT) == SPEED
+    assert choose_second_axis(axes_of(made), SPEED) == WIDTH
+    assert choose_second_axis(axes_of(made), HEIGHT) == SPEED
 
 
 @pytest.mark.parametrize("wanted", [COUPLING, COUNT])
 def test_the_second_axis_wanted_is_taken_even_if_it_has_one_value(wanted: str) -> None:
     made = with_axes({"grid": {COUNT: [2], COUPLING: [0.1, 0.2], WIDTH: [40, 60], SPEED: [1, 2]}})
-    assert choose_second_axis(made, SPEED, wanted) == wanted
+    assert choose_second_axis(axes_of(made), SPEED, wanted) == wanted
 
 
 def test_where_there_are_several_to_choose_from_or_none_that_is_said() -> None:
@@ -280,9 +304,9 @@ def test_where_there_are_several_to_choose_from_or_none_that_is_said() -> None:
     with pytest.raises(
         EpuckSimError, match=f"a map needs a second axis, beside {SPEED}: give --y one of {COUNT}, {COUPLING}$"
     ):
-        choose_second_axis(made, SPEED)
+        choose_second_axis(axes_of(made), SPEED)
     with pytest.raises(EpuckSimError, match="there is no other axis whose numbers differ"):
-        choose_second_axis(with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2]}}), SPEED)
+        choose_second_axis(axes_of(with_axes({"grid": {METRIC: ["complex", "reference"], SPEED: [1, 2]}})), SPEED)
 
 
 @pytest.mark.parametrize(
@@ -298,7 +322,7 @@ def test_a_second_axis_that_is_none_is_refused(wanted: str, message: str) -> Non
     grid = {COUNT: [2, 3], METRIC: ["complex", "reference"]}
     made = with_axes({"zip": {SPEED: [1, 2], PIXELS: [4, 8]}, "grid": grid})
     with pytest.raises(EpuckSimError) as caught:
-        choose_second_axis(made, SPEED, wanted)
+        choose_second_axis(axes_of(made), SPEED, wanted)
     assert message in str(caught.value)
 
 

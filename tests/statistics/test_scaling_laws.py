@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.statistics.extrema import SpeedExtrema
-from epuck_sim.statistics.scaling_laws import LAWS, compare_laws, fit_offset_law, fit_power_law
+from epuck_sim.statistics.scaling_laws import LAWS, Quantity, compare_laws, fit_offset_law, fit_power_law
 
 PARAMETERS = {
     "epsilon": np.array([0.1, 0.05, 0.2, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1]),
@@ -17,6 +16,8 @@ PARAMETERS = {
     "tau": np.array([5.0, 5, 5, 5, 5, 5, 5, 3, 8]),
 }
 CURVES = 9
+
+ROBOTS = LAWS["embodied"]
 
 
 def lawful(law, prefactor, exponents, parameters=PARAMETERS):
@@ -51,19 +52,19 @@ def test_the_laws_are_those_of_the_thesis():
 
     def ratio(quantity):
         ends = {name: np.array([base[name], other[name]], float) for name in base}
-        first, second = lawful(LAWS[quantity], 1.0, thesis(LAWS[quantity]), ends)
+        first, second = lawful(ROBOTS[quantity], 1.0, thesis(ROBOTS[quantity]), ends)
         return second / first
 
     assert ratio("V_m") == pytest.approx(2 * 1.5 / 1.2**1.5)
     assert ratio("V_p") == pytest.approx(2 * 1.5 / 1.2**0.5)
     assert ratio("T_m") == ratio("T_p") == pytest.approx(1.5 * math.exp(2) / 0.8**2)
-    assert list(LAWS) == ["V_m", "T_m", "V_p", "T_p"]  # the order of SpeedExtrema
+    assert list(ROBOTS) == ["V_m", "T_m", "V_p", "T_p"]
 
 
-@pytest.mark.parametrize("quantity", LAWS)
+@pytest.mark.parametrize("quantity", ROBOTS)
 @given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.floats(1e-3, 1e3))
 def test_a_power_law_without_noise_is_recovered(quantity, exponents, prefactor):
-    law = LAWS[quantity]
+    law = ROBOTS[quantity]
     truth = dict(zip(PARAMETERS, exponents, strict=True))
     values = lawful(law, prefactor, truth)
     fit = fit_power_law(law, PARAMETERS, values, np.tile(values, (20, 1)))
@@ -75,7 +76,7 @@ def test_a_power_law_without_noise_is_recovered(quantity, exponents, prefactor):
 
 @given(st.floats(0.01, 100), st.sampled_from(["epsilon", "L", "tau"]))
 def test_the_unit_of_a_parameter_changes_the_prefactor_alone(unit, name):
-    law = LAWS["V_m"]
+    law = ROBOTS["V_m"]
     values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 1)
     fit = fit_power_law(law, PARAMETERS, values, resampled)
     scaled = fit_power_law(law, PARAMETERS | {name: unit * PARAMETERS[name]}, values, resampled)
@@ -86,7 +87,7 @@ def test_the_unit_of_a_parameter_changes_the_prefactor_alone(unit, name):
 
 
 def test_parameters_that_do_not_vary_among_the_known_curves_are_left_out():
-    law = LAWS["V_p"]
+    law = ROBOTS["V_p"]
     values = lawful(law, 2.0, thesis(law))
     resampled = np.tile(values, (20, 1))
     values[[5, 6]] = np.nan  # the curves at other N
@@ -96,7 +97,7 @@ def test_parameters_that_do_not_vary_among_the_known_curves_are_left_out():
 
 
 def test_curves_count_by_their_certainty():
-    law = LAWS["V_m"]
+    law = ROBOTS["V_m"]
     spread = np.full(CURVES, 0.01)
     values, resampled = noisy(lawful(law, 0.1, thesis(law)), spread, 2)
     spread[4] = 0.5
@@ -112,7 +113,7 @@ def test_curves_count_by_their_certainty():
 
 @pytest.mark.parametrize("quantity", ["V_m", "T_p"])
 def test_the_intervals_hold_the_truth_as_often_as_they_say_and_the_misfit_is_about_1(quantity):
-    law = LAWS[quantity]
+    law = ROBOTS[quantity]
     values = lawful(law, 0.1, thesis(law))
     spread = np.linspace(0.05, 0.3, CURVES)
     fits = [fit_power_law(law, PARAMETERS, *noisy(values, spread, seed)) for seed in range(200)]
@@ -123,13 +124,13 @@ def test_the_intervals_hold_the_truth_as_often_as_they_say_and_the_misfit_is_abo
 
 
 def test_the_misfit_tells_where_the_law_is_another():
-    law = LAWS["T_m"]
+    law = ROBOTS["T_m"]
     values = lawful(law, 1e-3, thesis(law)) + 20
     assert fit_power_law(law, PARAMETERS, *noisy(values, 0.05, 4)).misfit > 5
 
 
 def test_nothing_is_left_for_a_misfit_where_curves_are_as_many_as_unknowns():
-    law = LAWS["V_m"]
+    law = ROBOTS["V_m"]
     sizes = {"L": np.array([40.0, 80.0])}
     assert math.isnan(fit_power_law(law, sizes, *noisy(np.array([1.0, 2.0]), 0.1, 5)).misfit)
 
@@ -138,7 +139,7 @@ def test_nothing_is_left_for_a_misfit_where_curves_are_as_many_as_unknowns():
 
 
 def test_curves_of_which_nothing_is_known_are_left_out():
-    law = LAWS["V_m"]
+    law = ROBOTS["V_m"]
     values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 6)
     left = {name: array[2:] for name, array in PARAMETERS.items()}
     without = fit_power_law(law, left, values[2:], resampled[:, 2:])
@@ -148,7 +149,7 @@ def test_curves_of_which_nothing_is_known_are_left_out():
 
 
 def test_gaps_in_the_resamples_cost_no_certainty():
-    law = LAWS["V_m"]
+    law = ROBOTS["V_m"]
     values, resampled = noisy(lawful(law, 0.1, thesis(law)), 0.1, 7, 2000)
     full = fit_power_law(law, PARAMETERS, values, resampled)
     resampled[np.random.default_rng(0).random(resampled.shape) < 0.3] = np.nan  # of 2000, 80 are without
@@ -163,7 +164,7 @@ def test_gaps_in_the_resamples_cost_no_certainty():
 
 
 def test_too_few_curves_are_refused():
-    law, few = LAWS["V_m"], {name: array[[0, 1, 3, 5]] for name, array in PARAMETERS.items()}
+    law, few = ROBOTS["V_m"], {name: array[[0, 1, 3, 5]] for name, array in PARAMETERS.items()}
     values = lawful(law, 0.1, thesis(law), few)
     assert len(fit_power_law(law, few, values, np.tile(values, (9, 1))).exponents) == 3
     few["tau"] = np.array([5.0, 5, 5, 8])
@@ -175,7 +176,7 @@ def test_too_few_curves_are_refused():
 def test_parameters_that_vary_together_are_refused(unit):
     together = {"epsilon": np.array([0.1, 0.2, 0.3, 0.4]), "L": unit * np.array([1.0, 4, 9, 16])}
     with pytest.raises(ValueError, match="do not distinguish epsilon, L: they vary together"):
-        fit_power_law(LAWS["V_m"], together, *noisy(np.ones(4), 0.1, 0))
+        fit_power_law(ROBOTS["V_m"], together, *noisy(np.ones(4), 0.1, 0))
     with pytest.raises(ValueError, match="do not distinguish L e"):
         fit_offset_law({"L": np.full(4, unit), "N": np.full(4, 9), "tau": np.full(4, 5.0)}, *noisy(np.ones(4), 0.1, 0))
 
@@ -183,11 +184,11 @@ def test_parameters_that_vary_together_are_refused(unit):
 def test_no_curve_is_too_few():
     nothing = np.full(CURVES, np.nan)
     with pytest.raises(ValueError, match="no curve is known"):
-        fit_power_law(LAWS["V_m"], PARAMETERS, nothing, np.ones((9, CURVES)))
+        fit_power_law(ROBOTS["V_m"], PARAMETERS, nothing, np.ones((9, CURVES)))
     with pytest.raises(ValueError, match="no curve is known"):
         fit_offset_law(PARAMETERS, nothing, np.ones((9, CURVES)))
-    with pytest.raises(ValueError, match="no curve has a local minimum and a peak"):
-        compare_laws(PARAMETERS, [None] * CURVES)
+    with pytest.raises(ValueError, match="no curve is known"):
+        compare_laws(ROBOTS, PARAMETERS, {"V_m": Quantity(nothing, np.ones((9, CURVES)))})
 
 
 # --- the offset law ---------------------------------------------------------------------------------
@@ -234,27 +235,24 @@ def test_r_squared_is_the_share_explained():
 # --- the table --------------------------------------------------------------------------------------
 
 
-def extrema(p_values):
-    """Return minima and peaks that obey the thesis's laws without noise, one for each curve."""
-    columns = np.column_stack([lawful(law, 0.1, thesis(law)) for law in LAWS.values()])
-    nothing = np.full((4, 2), np.nan)
-    return [
-        SpeedExtrema(*row, nothing, 1.0, p, np.tile(row, (20, 1))) for row, p in zip(columns, p_values, strict=True)
-    ]
-
-
-def test_every_law_is_compared_with_the_thesis():
-    rows = compare_laws(PARAMETERS, extrema([0.01] * CURVES))
-    assert [(row.quantity, row.parameter) for row in rows] == [(q, p) for q in LAWS for p in PARAMETERS]
+@pytest.mark.parametrize("model", LAWS)
+def test_every_law_is_compared_with_the_thesis_where_it_names_an_exponent(model):
+    laws = LAWS[model]
+    truths = {name: {key: term.exponent or 0.0 for key, term in law.items()} for name, law in laws.items()}
+    values = {name: lawful(law, 0.1, truths[name]) for name, law in laws.items()}
+    quantities = {name: Quantity(column, np.tile(column, (20, 1))) for name, column in values.items()}
+    rows = compare_laws(laws, PARAMETERS, quantities)
+    assert [(row.quantity, row.parameter) for row in rows] == [(q, p) for q in laws for p in PARAMETERS]
     for row in rows:
-        assert row.exponent.value == pytest.approx(row.thesis, abs=1e-9)
-        assert row.thesis == LAWS[row.quantity][row.parameter].exponent
+        assert row.exponent.value == pytest.approx(truths[row.quantity][row.parameter], abs=1e-9)
+        assert row.thesis == laws[row.quantity][row.parameter].exponent
         assert row.form == ("exponential" if row.parameter == "N" and row.quantity[0] == "T" else "power")
 
 
-def test_curves_without_extrema_are_not_compared():
-    some = extrema([0.01, 0.01, 0.5, *[0.01] * 6])
-    some[2] = some[2]._replace(v_m=1e9)
-    some[0] = None
-    rows = compare_laws({name: list(array) for name, array in PARAMETERS.items()}, some)
-    assert [row.exponent.value for row in rows] == pytest.approx([row.thesis for row in rows], abs=1e-9)
+def test_the_laws_of_times_are_those_of_robots_alone():
+    agents = LAWS["particles"]
+    assert agents["V_m"] == ROBOTS["V_m"]
+    assert agents["V_p"] == ROBOTS["V_p"]
+    assert thesis(agents["T_p"]) == {"epsilon": None, "L": 0, "N": None, "tau": None}
+    assert thesis(agents["V_f"]) == {"epsilon": None, "L": 1, "N": -0.5, "tau": None}
+    assert "V_f" not in ROBOTS

@@ -16,9 +16,11 @@ from typer.testing import CliRunner
 from epuck_sim.cli.app import app
 from epuck_sim.runs.reader import PointTrials, read_points
 from epuck_sim.scenario.points import points
-from epuck_sim.statistics.mean_estimate import bootstrap_means, confidence_interval, mean_time
+from epuck_sim.statistics.mean import estimate_mean
+from epuck_sim.statistics.measured import measure_t_sync
 from epuck_sim.statistics.summary import PointSummary, summarize
-from epuck_sim.statistics.survival import median_time, restricted_mean
+from epuck_sim.statistics.survival import median_time
+from epuck_sim.statistics.weibull_mean import confidence_interval, weibull_mean, weibull_resamples
 from tests.runs.made_folders import (
     COUPLING,
     LIMIT,
@@ -98,13 +100,15 @@ def test_the_numbers_are_those_of_the_survival_functions_on_the_same_trials() ->
     assert not given_points[1].observed.all()
     for point, summary in zip(given_points, summarize(given_points), strict=True):
         trials = point.times, point.observed
+        restricted = estimate_mean(measure_t_sync(point))
         expected = [
-            mean_time(*trials),
-            *confidence_interval(bootstrap_means(*trials, seed=point.seed)),
+            *(restricted if point.observed.all() else [math.nan] * 3),
             *median_time(*trials),
-            restricted_mean(*trials, 100),
+            *restricted,
+            weibull_mean(*trials),
+            *confidence_interval(weibull_resamples(*trials, seed=point.seed)),
         ]
-        assert list(summary[4:11]) == [number if math.isfinite(number) else None for number in expected]
+        assert list(summary[4:16]) == [number if math.isfinite(number) else None for number in expected]
         assert (summary.point, summary.axes, summary.trials, summary.horizon) == (point.number, point.axes, 60, 100)
         assert summary.censored == pytest.approx((~point.observed).mean())
 
@@ -115,9 +119,33 @@ def test_points_stay_in_the_order_of_the_sweep() -> None:
     assert [(each.point, each.axes[SPEED], each.mean) for each in summaries] == [(0, 3, 1), (1, 1, 2), (2, 2, 3)]
 
 
-def test_where_all_trials_synchronised_the_restricted_mean_is_the_plain_one_and_nothing_is_censored() -> None:
-    summary = one_summary([3, 8, 8, 20], stop={"max_cycles": 50})
-    assert (summary.restricted_mean, summary.censored, summary.horizon) == (pytest.approx(39 / 4), 0, 50)
+def test_where_all_trials_synchronised_the_mean_is_that_of_the_sample_and_so_is_the_restricted_one() -> None:
+    times = np.random.default_rng(3).lognormal(4, 0.8, 20).round()
+    summary = one_summary(times, stop={"max_cycles": 5000})
+    assert summary.mean == summary.restricted_mean == pytest.approx(times.mean())
+    assert summary.weibull_mean < 0.95 * times.mean()  # of log-normal times
+    assert (summary.censored, summary.horizon) == (0, 5000)
+
+
+def test_where_trials_are_censored_there_is_no_sample_mean_but_three_others() -> None:
+    summary = one_summary([3, 8, 20, 30, 40, 50], [True] * 5 + [False], stop={"max_cycles": 50})
+    assert (summary.mean, summary.mean_low, summary.mean_high) == (None, None, None)
+    assert None not in (summary.restricted_mean, summary.median, summary.weibull_mean)
+    assert summary.restricted_mean_low < summary.restricted_mean < summary.restricted_mean_high <= 50
+
+
+@pytest.mark.parametrize("trials", [1, 2, 3, 4, 5])
+def test_below_five_trials_there_are_estimates_and_no_intervals(trials: int) -> None:
+    summary = one_summary([*range(20, 20 + trials)])
+    assert summary.mean == summary.restricted_mean == pytest.approx(np.mean(range(20, 20 + trials)))
+    for name in ("mean", "median", "restricted_mean"):
+        assert (getattr(summary, f"{name}_low") is None) == (trials < 5)
+
+
+def test_where_all_trials_took_equally_long_nothing_is_known_of_their_spread() -> None:
+    summary = one_summary([7] * 30)
+    assert (summary.mean, summary.median, summary.weibull_mean) == (7, 7, 7)
+    assert {summary.mean_low, summary.median_low, summary.weibull_mean_low} == {None}
 
 
 def test_the_share_censored_is_that_of_the_trials_with_a_result() -> None:
@@ -137,38 +165,39 @@ def test_every_number_is_known_or_none_and_the_order_of_the_trials_does_not_matt
     numbers = [number for number in summary[2:] if number is not None]
     assert np.isfinite(numbers).all()
     assert summary.trials == len(trials)
-    for low, high in (summary[5:7], summary[8:10]):
+    for low, high in (summary[5:7], summary[8:10], summary[11:13], summary[14:16]):
         assert high is None or low <= high
     if summary.restricted_mean is not None:
         assert min(times) <= summary.restricted_mean <= summary.horizon
-    assert (summary.mean is None) <= (summary.mean_low is None)
+    assert (summary.weibull_mean is None) <= (summary.weibull_mean_low is None)
+    assert (summary.mean is None) == (not trials or not all(observed))
 
 
 # Where there is no number
 
 
-def test_under_10_percent_uncensored_the_mean_is_none_and_the_restricted_mean_is_not() -> None:
+def test_under_10_percent_uncensored_the_weibull_mean_is_none_and_the_restricted_mean_is_not() -> None:
     few = summarize(in_memory(MIXED, mixed))[2]
     assert few.censored == pytest.approx(55 / 60)
-    assert (few.mean, few.mean_low, few.mean_high, few.median, few.median_high) == (None,) * 5
+    assert (few.weibull_mean, few.weibull_mean_low, few.weibull_mean_high, few.median, few.median_high) == (None,) * 5
     assert few.restricted_mean == pytest.approx((40 + 41 + 42 + 43 + 44 + 55 * 100) / 60)
 
 
 def test_where_no_trial_synchronised_all_is_none_but_the_restricted_mean_which_is_the_limit() -> None:
     none = summarize(in_memory(MIXED, mixed))[3]
     assert (none.trials, none.censored, none.restricted_mean, none.horizon) == (60, 1, 100, 100)
-    assert none[4:10] == (None,) * 6
+    assert none[4:10] + none[11:16] == (None,) * 11
 
 
 def test_a_point_without_trials_has_no_numbers() -> None:
     without = summarize(in_memory(MIXED, mixed))[4]
-    assert without == PointSummary(4, {SPEED: 5.0}, 0, 0, *[None] * 7, 100)
+    assert without == PointSummary(4, {SPEED: 5.0}, 0, 0, *[None] * 12, 100)
 
 
 def test_an_end_that_the_resamples_do_not_reach_is_none() -> None:
     at_the_edge = one_summary([*range(40, 47), *[100] * 53], [True] * 7 + [False] * 53, stop={"max_cycles": 100})
-    assert at_the_edge.mean > at_the_edge.mean_low > 0
-    assert at_the_edge.mean_high is None
+    assert at_the_edge.weibull_mean > at_the_edge.weibull_mean_low > 0
+    assert at_the_edge.weibull_mean_high is None
 
 
 # The horizon
@@ -183,7 +212,7 @@ def test_the_horizon_is_the_longest_follow_up_where_trials_ran_out_of_time_befor
 def test_the_horizon_reaches_as_far_as_a_trial_was_followed_that_synchronised_after_others_were_censored() -> None:
     summary = one_summary([10, 20, 40], [True, False, True])
     assert summary.horizon == 40
-    assert summary.restricted_mean == restricted_mean([10, 20, 40], [True, False, True], 40)
+    assert summary.restricted_mean == pytest.approx(10 + 30 * 2 / 3)
 
 
 def test_the_horizon_is_each_point_s_own_limit() -> None:
@@ -220,7 +249,7 @@ def test_a_point_s_seed_is_not_changed_by_trials_points_or_places_added() -> Non
 
 def test_the_resamples_of_two_points_are_uncorrelated_even_if_their_trials_are_the_same() -> None:
     trials = weibull(points(MIXED)[0], 20)
-    means = [bootstrap_means(*trials, seed=point.seed) for point in in_memory(MIXED, mixed)]
+    means = [weibull_resamples(*trials, seed=point.seed) for point in in_memory(MIXED, mixed)]
     correlations = np.corrcoef(means)[np.triu_indices(5, 1)]
     assert np.abs(correlations).max() < 4 / math.sqrt(1000)
 
@@ -239,7 +268,8 @@ def test_json_is_one_array_with_all_fields_of_each_point_and_no_nan(folder) -> N
     assert read == [each._asdict() for each in summarize(read_points(folder))]
     assert len(stdout.splitlines()) == 1
     assert all(list(each) == list(PointSummary._fields) for each in read)
-    assert [each["mean"] is None for each in read] == [False, False, True, True, True]
+    assert [each["mean"] is None for each in read] == [False, True, True, True, True]
+    assert [each["weibull_mean"] is None for each in read] == [False, False, True, True, True]
     assert [each["trials"] for each in read] == [60, 60, 60, 60, 0]
 
 
@@ -251,24 +281,42 @@ def test_the_table_has_a_row_for_each_point(folder) -> None:
     ]
     for row, point in zip(table[:2], summarize(read_points(folder)), strict=False):
         assert row[3] == f"{point.censored:.0%}"
-        assert row[4] == f"{point.mean:.4g} ({point.mean_low:.4g} to {point.mean_high:.4g})"
-        assert row[5].startswith(f"{point.median:.4g}")
-        assert row[6] == f"{point.restricted_mean:.4g}"
+        for cell, name in zip(row[4:], ("mean", "median", "restricted_mean", "weibull_mean"), strict=True):
+            value, low, high = (getattr(point, f"{name}{end}") for end in ("", "_low", "_high"))
+            upper = "?" if high is None else f"{high:.4g}"
+            assert cell == ("-" if value is None else f"{value:.4g} ({low:.4g} to {upper})")
     assert "V" in stdout
     assert str(folder) in "".join(stdout.splitlines()[:2])
 
 
 def test_in_the_table_what_is_undetermined_is_a_dash(folder) -> None:
     few, none, without = cells(summarized(folder).stdout)[2:]
-    assert few[4:] == ["-", "-", "95.17"]
-    assert none[3:] == ["100%", "-", "-", "100"]
-    assert without[3:] == ["0%", "-", "-", "-"]
+    assert few[4:6] + few[7:] == ["-", "-", "-"]
+    assert few[6].startswith("95.17 (")
+    assert none[3:] == ["100%", "-", "-", "100", "-"]
+    assert without[3:] == ["0%", "-", "-", "-", "-"]
+
+
+def test_the_table_says_what_its_columns_are_and_leaves_out_those_of_censored_trials_where_none_is(
+    folder, tmp_path
+) -> None:
+    assert "Weibull mean: extrapolated by Appendix A." in summarized(folder).stdout
+    store(tmp_path, sweep({SPEED: [1, 2]}, trials=9), lambda point: weibull(point, 50))
+    stdout = summarized(tmp_path).stdout
+    assert "Weibull" not in stdout
+    assert "restricted" not in stdout
+
+
+def test_the_table_says_why_there_are_no_intervals(folder, tmp_path) -> None:
+    assert "No intervals" not in summarized(folder).stdout
+    store(tmp_path, sweep({SPEED: [1, 2]}), lambda point: weibull(point, 50, trials=4 + point.number))
+    assert "No intervals at 1 of 2 points: one takes 5 trials or more." in summarized(tmp_path).stdout
 
 
 def test_in_the_table_an_open_end_is_a_question_mark(tmp_path) -> None:
     scenario = sweep({SPEED: [1]}, trials=60, stop={"max_cycles": 100})
     store(tmp_path, scenario, lambda _: ended([*range(40, 47), *[100] * 53], [True] * 7 + [False] * 53))
-    ((*_, mean, median, _),) = cells(summarized(tmp_path).stdout)
+    ((*_, median, _, mean),) = cells(summarized(tmp_path).stdout)
     assert mean.endswith(" to ?)")
     assert float(mean.partition(" (")[2].removesuffix(" to ?)")) > 40
     assert median == "-"
@@ -276,7 +324,7 @@ def test_in_the_table_an_open_end_is_a_question_mark(tmp_path) -> None:
 
 def test_a_scenario_without_a_sweep_is_one_row(tmp_path) -> None:
     store(tmp_path, sweep(None, trials=3), lambda _: ended([5, 5, 5]))
-    assert cells(summarized(tmp_path).stdout) == [["0", "3", "0%", "5 (5 to 5)", "5 (5 to 5)", "5"]]
+    assert cells(summarized(tmp_path).stdout) == [["0", "3", "0%", "5", "5"]]
 
 
 def test_no_number_is_cut_in_a_sweep_over_many_axes(tmp_path) -> None:

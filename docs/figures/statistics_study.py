@@ -1,0 +1,183 @@
+"""Write the tables of docs/statistics.md: how far to trust intervals, marks and estimators; `make figures` runs it.
+
+Give it run folders: the distributions of T_sync at their uncensored points are fitted, and the largest points stand for
+the truth from which samples are drawn. It takes ten minutes of one core.
+"""
+
+import csv
+import math
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from epuck_sim import read_points
+from epuck_sim.statistics.extrema import find_minimum_and_peak
+from epuck_sim.statistics.mean import estimate_mean, resample_means
+from epuck_sim.statistics.measured import Measured, cut, measure_t_sync
+from epuck_sim.statistics.survival import median_time
+from epuck_sim.statistics.weibull_mean import weibull_mean
+
+OUT = Path(__file__).parent
+LAWS: dict[str, Callable[[np.random.Generator, Any], Any]] = {
+    "Weibull 1.35": lambda random, shape: random.weibull(1.35, shape),
+    "exponential": lambda random, shape: random.exponential(1, shape),
+    "log-normal 0.8": lambda random, shape: random.lognormal(0, 0.8, shape),
+    "Weibull 0.7": lambda random, shape: random.weibull(0.7, shape),
+}
+SIZES = (10, 20, 100, 200)
+CENSORED = (0.0, 0.3, 0.6)
+SPEEDS = np.geomspace(0.05, 12.8, 20)
+X = np.log10(SPEEDS)
+FALLING = {
+    "plateau": 4 - 1.6 * np.minimum(X + 0.5, 0) - 1.3 * np.maximum(X - 0.3, 0),
+    "power law": 4 - 0.8 * X,
+    "level": np.full(20, 4.0),
+}
+FITTED = {"Weibull": stats.weibull_min, "gamma": stats.gamma, "log-normal": stats.lognorm}
+LEAST_TRIALS = 20
+"""Fewest trials of a point whose distribution is fitted."""
+MANY_TRIALS = 100
+"""Fewest trials of a point that stands for the truth."""
+
+
+def write(name: str, columns: Sequence[str], rows: Iterator[Sequence[Any]]) -> None:
+    """Write a table, and print it."""
+    with (OUT / f"statistics-{name}.csv").open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for row in rows:
+            cells = [f"{cell:.3g}" if isinstance(cell, float) else cell for cell in row]
+            writer.writerow(cells)
+            print(name, *cells, flush=True)
+
+
+def sample(law: str, trials: int, seed: Sequence[int], limit: float) -> Measured:
+    """Return trials of a law in whole cycles, a hundredth of its unit, censored at a limit."""
+    times = np.ceil(100 * LAWS[law](np.random.default_rng(seed), trials))
+    return cut(Measured(times, np.ones(trials, bool), math.inf, seed[-1]), limit)
+
+
+def coverage(samples: int = 1000) -> Iterator[Sequence[Any]]:
+    """Yield how often intervals of the mean hold the truth, in per cent, and how wide they are."""
+    for censored in CENSORED:
+        for trials in (5, 10, 20, 50, 200):
+            for law in LAWS:
+                many = sample(law, 400_000, [0], math.inf).values
+                limit = float(np.quantile(many, 1 - censored)) if censored else math.inf
+                truth = np.minimum(many, limit).mean()
+                yield law, trials, censored, *_coverage(law, trials, limit, truth, samples)
+
+
+def _coverage(law: str, trials: int, limit: float, truth: float, samples: int) -> Sequence[float]:
+    held, widths, by_percentiles = [], [], []
+    for seed in range(samples):
+        made = sample(law, trials, [trials, seed], limit)
+        _, low, high = estimate_mean(made)
+        if math.isfinite(low):
+            held.append(low <= truth <= high)
+            widths.append((high - low) / truth)
+        if seed < samples // 4 and made.observed.any():
+            low, high = np.quantile(resample_means(made, 400), (0.025, 0.975))
+            by_percentiles.append(low <= truth <= high)
+    return 100 * float(np.mean(held)), float(np.median(widths)), 100 * float(np.mean(by_percentiles))
+
+
+def false_alarms(curves: int = 80) -> Iterator[Sequence[Any]]:
+    """Yield how often a minimum and a peak are found on curves without any, in per cent."""
+    for trials in (2, 5, 10, 15, 20, 100):
+        for law in ("Weibull 1.35", "log-normal 0.8"):
+            for name, logs in FALLING.items():
+                found = [_is_found(law, logs, trials, seed) for seed in range(curves)]
+                yield trials, law, name, 100 * float(np.mean(found))
+
+
+def _is_found(law: str, logs: np.ndarray, trials: int, seed: int) -> bool:
+    random = np.random.default_rng([trials, seed])
+    times = LAWS[law](random, (20, trials)) * np.exp(logs)[:, None]
+    made = [Measured(row, np.ones(trials, bool), math.inf, seed * 20 + n) for n, row in enumerate(times)]
+    resampled = np.stack([resample_means(each, 200) for each in made], axis=1)
+    pair = find_minimum_and_peak(SPEEDS, times.mean(axis=1), resampled)
+    return pair is not None and pair.is_found
+
+
+def fits(folders: Sequence[str]) -> Iterator[Sequence[Any]]:
+    """Yield for each folder which distribution describes most uncensored points best, and how well."""
+    for folder in folders:
+        points = [point for point in read_points(folder) if len(point.times) >= LEAST_TRIALS and point.observed.all()]
+        results = [_fit(point.times) for point in points if len(np.unique(point.times)) > 5]
+        for name in FITTED:
+            own = [result[name] for result in results]
+            if own:
+                best = [min(result, key=lambda law, result=result: result[law][0]) for result in results]
+                gap = [result[name][0] - min(aic for aic, *_ in result.values()) for result in results]
+                rejected = [p < 0.05 for _, _, p in own]
+                distance = float(np.median([d for _, d, _ in own]))
+                yield (
+                    Path(folder).name,
+                    name,
+                    len(own),
+                    best.count(name),
+                    float(np.median(gap)),
+                    distance,
+                    sum(rejected),
+                )
+
+
+def _fit(times: np.ndarray) -> dict[str, tuple[float, float, float]]:
+    """Return the AIC, the Kolmogorov-Smirnov distance and its p-value of each distribution."""
+    found = {}
+    for name, law in FITTED.items():
+        parameters = law.fit(times, floc=0)
+        aic = 4 - 2 * law.logpdf(times, *parameters).sum()
+        test = stats.kstest(times, law(*parameters).cdf)
+        found[name] = float(aic), float(test.statistic), float(test.pvalue)
+    return found
+
+
+def biases(folders: Sequence[str], samples: int = 150) -> Iterator[Sequence[Any]]:
+    """Yield the bias of each estimator, in per cent of what it estimates, and how often its interval holds that."""
+    sources = {f"{law} (law)": np.ceil(100 * LAWS[law](np.random.default_rng(0), 400_000)) for law in LAWS}
+    for folder in folders:
+        for point in read_points(folder):
+            if len(point.times) >= MANY_TRIALS and point.observed.all():
+                text = ", ".join(f"{key.rpartition('.')[2]} {value}" for key, value in point.axes.items())
+                sources[f"{Path(folder).name}: {text}"] = measure_t_sync(point).values
+    for source, times in sources.items():
+        for censored in CENSORED:
+            limit = float(np.quantile(times, 1 - censored)) if censored else math.inf
+            for trials in SIZES:
+                yield source, trials, censored, *_bias(times, trials, limit, samples)
+
+
+def _bias(times: np.ndarray, trials: int, limit: float, samples: int) -> Sequence[Any]:
+    truth, restricted, middle = times.mean(), np.minimum(times, limit).mean(), float(np.median(times))
+    rows = []
+    for seed in range(samples):
+        drawn = np.random.default_rng([trials, seed]).choice(times, trials)
+        made = cut(Measured(drawn, np.ones(trials, bool), math.inf, seed), limit)
+        median = median_time(made.values, made.observed)[0] / middle
+        ratios = estimate_mean(made).value / restricted, median, weibull_mean(made.values, made.observed) / truth
+        rows.append([ratio if math.isfinite(ratio) else math.nan for ratio in ratios])
+    own = 100 * (np.array(rows) - 1)
+    known = 100 * np.isfinite(own).mean(axis=0)
+    bias = [float(np.nanmean(column)) if share > 50 else math.nan for column, share in zip(own.T, known, strict=True)]
+    return *bias, float(np.nanmedian(own[:, 2])), float(known[2])
+
+
+def main() -> None:
+    """Make all tables from the run folders on the command line."""
+    folders = sys.argv[1:]
+    columns = ("folder", "distribution", "points", "best", "median_aic_gap", "median_ks", "rejected")
+    write("fits", columns, fits(folders))
+    columns = ("source", "trials", "censored", "mean", "median", "weibull", "weibull_typical", "weibull_known")
+    write("biases", columns, biases(folders))
+    write("coverage", ("law", "trials", "censored", "held", "width", "held_by_percentiles"), coverage())
+    write("false-alarms", ("trials", "law", "curve", "found"), false_alarms())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""The mean of a measure: of the sample where nothing is censored, else restricted to a horizon; with its interval.
+
+The interval is Student's, of the logarithm where all values are positive. Of skewed samples of 5 to 200 trials it
+holds the truth in 90 to 98 % of all cases, where percentiles of the bootstrap do in 78 to 96 %: docs/statistics.md.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.statistics.estimate import LEVEL, MIN_TRIALS, Estimate, without_interval
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.survival import (
+    SurvivalCurves,
+    make_curve,
+    make_sample,
+    resample_counts,
+    resampled_curves,
+    restricted_means,
+)
+
+
+class MeanError(NamedTuple):
+    """A mean, and how far it may be from the truth."""
+
+    mean: float
+    error: float
+    """Standard error; 0 of one trial, and where all trials have one value."""
+    freedom: int
+    """Degrees of freedom of the error."""
+
+
+def estimate_mean(measured: Measured) -> Estimate:
+    """Return the mean of the sample, or the mean restricted to the horizon where trials are censored.
+
+    There is no interval with fewer than `MIN_TRIALS` trials, or where all trials have one value.
+    """
+    mean, error, freedom = mean_and_error(measured)
+    if len(measured.values) < MIN_TRIALS or error == 0:
+        return without_interval(mean)
+    reach = student_quantile(freedom) * error
+    if (measured.values <= 0).any():
+        return Estimate(mean, mean - reach, mean + reach)
+    factor = math.exp(reach / mean)
+    highest = math.inf if measured.observed.all() else measured.horizon
+    return Estimate(mean, mean / factor, min(mean * factor, highest))
+
+
+def student_quantile(freedom: float) -> float:
+    """Return how many standard errors an interval reaches either way."""
+    return float(stdtrit(freedom, (1 + LEVEL) / 2))
+
+
+def resample_means(measured: Measured, resamples: int) -> FloatArray:
+    """Return the means, (resamples,), of as many trials drawn with replacement, as widely spread as those of new ones.
+
+    The variance of n trials about their own mean is too small by the factor (n - 1) / n, which matters if they are few.
+    """
+    mean = mean_and_error(measured).mean
+    trials = len(measured.values)
+    widening = math.sqrt(trials / max(trials - 1, 1))
+    if measured.observed.all():
+        ordered = np.sort(measured.values)  # so that the order of the trials does not matter
+        counts = resample_counts(np.arange(trials), trials, resamples, measured.seed)
+        drawn = np.concatenate([block @ ordered for block in counts]) / trials
+    else:
+        curves = resampled_curves(measured.values, measured.observed, resamples, measured.seed)
+        drawn = np.concatenate([restricted_means(block, measured.horizon) for block in curves])
+    if (measured.values <= 0).any():
+        return mean + widening * (drawn - mean)
+    return mean * (drawn / mean) ** widening
+
+
+def mean_and_error(measured: Measured) -> MeanError:
+    """Return the mean of the sample, or the restricted mean, and its standard error."""
+    values, trials = measured.values, len(measured.values)
+    # few uncensored trials carry all that is known of the spread
+    freedom = min(trials - 1, int(np.count_nonzero(measured.observed)))
+    if measured.observed.all():
+        spread = float(values.std(ddof=1)) if trials > 1 else 0.0
+        return MeanError(float(values.mean()), spread / math.sqrt(trials), freedom)
+    curve = make_curve(make_sample(values, measured.observed))
+    error = math.sqrt(_variance(curve, measured.horizon) * trials / max(trials - 1, 1))
+    return MeanError(float(restricted_means(curve, measured.horizon)[0]), error, freedom)
+
+
+def _variance(curve: SurvivalCurves, horizon: float) -> float:
+    """Return the variance of the restricted mean of one sample, by Greenwood's formula."""
+    at_risk, events, survival = curve.at_risk[0], curve.events[0], curve.survival[0]
+    edges = np.concatenate([[0.0], np.minimum(curve.times, horizon), [horizon]])
+    areas = survival * np.diff(edges)
+    after = areas[::-1].cumsum()[::-1][1:]  # 0 where the last trial at risk synchronises
+    return float((after**2 * events / (at_risk * np.maximum(at_risk - events, 1))).sum())

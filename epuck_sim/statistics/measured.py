@@ -1,0 +1,45 @@
+"""One measure of the trials of a point: their values, and which of these are censored."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.runs.reader import PointTrials
+
+
+class Measured(NamedTuple):
+    """The values of a measure in n trials."""
+
+    values: FloatArray
+    """(n,) values; of a censored trial all that is known is that its value is larger than this."""
+    observed: BoolArray
+    """(n,) whether each value is known; otherwise it is censored."""
+    limit: float
+    """Largest value that a trial can have before it is censored."""
+    seed: int
+    """Seed of resamples."""
+
+    @property
+    def censored(self) -> float:
+        """Share of the trials that is censored."""
+        return 1 - float(self.observed.mean())
+
+    @property
+    def horizon(self) -> float:
+        """Value up to which the distribution is known: the limit, or the longest trial where some are censored sooner.
+
+        Trials that ran out of time before they ran out of cycles say nothing about what comes after them.
+        """
+        return self.limit if self.observed.all() else min(self.limit, float(self.values.max()))
+
+
+def cut(measured: Measured, limit: float) -> Measured:
+    """Return what would be known if trials were censored at a lower limit."""
+    observed = measured.observed & (measured.values <= limit)
+    return Measured(np.minimum(measured.values, limit), observed, min(limit, measured.limit), measured.seed)
+
+
+def measure_t_sync(point: PointTrials) -> Measured:
+    """Return T_sync, in cycles, of a point's trials."""
+    return Measured(point.times, point.observed, float(point.scenario.stop.max_cycles), point.seed)

@@ -1,0 +1,62 @@
+"""The statistics of a measure that tables and figures show, with their intervals and resamples."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.statistics.estimate import MIN_TRIALS, UNDETERMINED, Estimate, without_interval
+from epuck_sim.statistics.mean import estimate_mean, resample_means
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.survival import median_time, medians, resampled_curves
+from epuck_sim.statistics.weibull_mean import estimate_weibull_mean, weibull_resamples
+
+RESAMPLES = 1000
+"""Number of resamples of each point."""
+
+MOST_CENSORED = 0.5
+"""Share of censored trials from which on figures hatch a point, and minima and peaks do without it."""
+
+
+def estimate(measured: Measured, statistic: Statistic) -> Estimate:
+    """Return a statistic with its interval; undetermined where no trial is uncensored."""
+    return _ESTIMATORS[statistic](measured) if measured.observed.any() else UNDETERMINED
+
+
+def resample(measured: Measured, statistic: Statistic) -> FloatArray:
+    """Return a statistic of `RESAMPLES` resamples, (B,); inf where it is longer than can be said."""
+    if not measured.observed.any():
+        return np.full(RESAMPLES, math.inf)
+    return _RESAMPLERS[statistic](measured)
+
+
+def estimate_median(measured: Measured) -> Estimate:
+    """Return the median with its interval; no interval below `MIN_TRIALS` trials, or where all have one value."""
+    median, low, high = median_time(measured.values, measured.observed)
+    if math.isinf(median):
+        return UNDETERMINED
+    if len(measured.values) < MIN_TRIALS or len(np.unique(measured.values)) == 1:
+        return without_interval(median)
+    return Estimate(median, low, high)
+
+
+def _resample_medians(measured: Measured) -> FloatArray:
+    curves = resampled_curves(measured.values, measured.observed, RESAMPLES, measured.seed)
+    return np.concatenate([medians(block) for block in curves])
+
+
+_ESTIMATORS: dict[Statistic, Callable[[Measured], Estimate]] = {
+    Statistic.MEAN: estimate_mean,
+    Statistic.MEDIAN: estimate_median,
+    Statistic.WEIBULL_MEAN: estimate_weibull_mean,
+}
+
+_RESAMPLERS: dict[Statistic, Callable[[Measured], FloatArray]] = {
+    Statistic.MEAN: lambda measured: resample_means(measured, RESAMPLES),
+    Statistic.MEDIAN: _resample_medians,
+    Statistic.WEIBULL_MEAN: lambda measured: weibull_resamples(
+        measured.values, measured.observed, RESAMPLES, measured.seed
+    ),
+}

@@ -1,0 +1,146 @@
+"""Two samples of a measure: the difference and the ratio of their means, and how likely chance makes them so different.
+
+Where all that is censored is censored at one horizon, means restricted to it are those of samples that are known in
+full, and trials are permuted between the samples. Where trials are censored sooner, the test is that of log-ranks
+(Mantel 1966). Both test whether the two samples have one distribution.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import erfc
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.statistics.estimate import MIN_TRIALS, UNDETERMINED, Estimate, without_interval
+from epuck_sim.statistics.mean import MeanError, mean_and_error, student_quantile
+from epuck_sim.statistics.measured import Measured, cut
+
+PERMUTATIONS = 4999
+"""Number of permutations: the smallest p-value is 1 / 5,000."""
+
+
+class Pair(NamedTuple):
+    """Two samples with a common horizon."""
+
+    first: Measured
+    second: Measured
+
+    @property
+    def is_comparable(self) -> bool:
+        """Whether there are trials enough, some of which are uncensored."""
+        enough = min(len(each.values) for each in self) >= MIN_TRIALS
+        return enough and any(each.observed.any() for each in self)
+
+    @property
+    def is_censored_early(self) -> bool:
+        """Whether trials are censored before the common horizon."""
+        return any((~each.observed & (each.values < each.limit)).any() for each in self)
+
+
+class Contrast(NamedTuple):
+    """What two samples have for means, and how these differ."""
+
+    first: MeanError
+    second: MeanError
+
+    @property
+    def has_interval(self) -> bool:
+        """Whether both means are known with an error: those of trials that are all censored are not."""
+        return self.first.error > 0 and self.second.error > 0 and min(self.first.mean, self.second.mean) > 0
+
+    @property
+    def difference(self) -> Estimate:
+        """The second mean minus the first."""
+        return _student(self.second.mean - self.first.mean, self._parts([1.0, 1.0]))
+
+    @property
+    def log_ratio(self) -> Estimate:
+        """Logarithm of the second mean over the first; undetermined unless both are positive."""
+        if min(self.first.mean, self.second.mean) <= 0:
+            return UNDETERMINED
+        return _student(math.log(self.second.mean / self.first.mean), self.log_parts)
+
+    @property
+    def log_parts(self) -> list[tuple[float, int]]:
+        """Variance of the logarithm of each mean, and its degrees of freedom."""
+        return self._parts([self.first.mean, self.second.mean])
+
+    def _parts(self, units: Sequence[float]) -> list[tuple[float, int]]:
+        return [((each.error / unit) ** 2, each.freedom) for each, unit in zip(self, units, strict=True)]
+
+
+def pair_up(first: Measured, second: Measured) -> Pair:
+    """Return two samples, cut at the lower of their horizons where trials of either are censored."""
+    if first.observed.all() and second.observed.all():
+        return Pair(first, second)
+    horizon = min(first.horizon, second.horizon)
+    return Pair(cut(first, horizon), cut(second, horizon))
+
+
+def contrast(pair: Pair) -> Contrast:
+    """Return the means of two samples, and how these differ."""
+    return Contrast(mean_and_error(pair.first), mean_and_error(pair.second))
+
+
+def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
+    """Return the mean of the log ratios of several pairs that have intervals, each of which counts alike."""
+    if not contrasts:
+        return UNDETERMINED
+    count = len(contrasts)
+    value = sum(each.log_ratio.value for each in contrasts) / count
+    return _student(value, [(part / count**2, freedom) for each in contrasts for part, freedom in each.log_parts])
+
+
+def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:
+    """Return a value with Student's interval; parts of its variance may have few degrees of freedom (Welch 1947)."""
+    variance = sum(part for part, _ in parts)
+    spread = sum(part**2 / max(freedom, 1) for part, freedom in parts)
+    if spread == 0:
+        return without_interval(value)
+    reach = student_quantile(variance**2 / spread) * math.sqrt(variance)
+    return Estimate(value, value - reach, value + reach)
+
+
+def permuted_differences(pair: Pair, seed: int) -> FloatArray:
+    """Return the difference of the means, and then those after permutations, (1 + B,), in units of the pooled spread.
+
+    Args:
+        pair: Two samples none of which is censored before the horizon.
+        seed: Equal seeds give equal permutations.
+    """
+    # in order, so that the order in which trials are stored does not matter
+    first, second = (np.sort(each.values) for each in pair)
+    pooled = np.concatenate([first, second])
+    pooled = (pooled - pooled.mean()) / (pooled.std() or 1.0)
+    count = len(first)
+    random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed)))
+    sums = np.array([pooled[:count].sum(), *(random.permutation(pooled)[:count].sum() for _ in range(PERMUTATIONS))])
+    # all values add up to 0: what the first sample lacks the second has
+    return -sums * (1 / count + 1 / len(second))
+
+
+def share_as_large(statistics: FloatArray) -> float:
+    """Return the p-value of the first of some statistics, (1 + B,): the share that is as large, itself included."""
+    return float((np.abs(statistics) >= np.abs(statistics[0]) - 1e-9).mean())
+
+
+def log_rank_parts(pair: Pair) -> tuple[float, float]:
+    """Return by how much the events of the first sample exceed those expected of it, and the variance of that."""
+    times = np.unique(np.concatenate([each.values[each.observed] for each in pair]))
+    at_risk = [len(each.values) - np.searchsorted(np.sort(each.values), times) for each in pair]
+    events = [
+        np.searchsorted(ended, times, "right") - np.searchsorted(ended, times)
+        for ended in (np.sort(each.values[each.observed]) for each in pair)
+    ]
+    n, d = at_risk[0] + at_risk[1], events[0] + events[1]
+    share = at_risk[0] / n
+    variance = d * share * (1 - share) * (n - d) / np.maximum(n - 1, 1)
+    return float((events[0] - d * share).sum()), float(variance.sum())
+
+
+def log_rank(parts: Sequence[tuple[float, float]]) -> float:
+    """Return the p-value of the log-rank test, stratified by the pairs whose `log_rank_parts` are given."""
+    excess, variance = (sum(part[k] for part in parts) for k in (0, 1))
+    return float(erfc(abs(excess) / math.sqrt(2 * variance))) if variance > 0 else 1.0

@@ -1,0 +1,244 @@
+"""Claims about comparisons: which points are compared, what their difference is, and how rarely chance makes one."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lifelines.statistics import logrank_test
+from scipy import stats
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.statistics import two_samples
+from epuck_sim.statistics.comparison import LOG_RANK, PERMUTATION, compare, match_folders, match_values
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.two_samples import (
+    contrast,
+    log_rank,
+    log_rank_parts,
+    pair_up,
+    permuted_differences,
+    share_as_large,
+)
+from tests.runs.made_folders import COUNT, COUPLING, HEIGHT, SPEED, SPEEDS, WIDTH, ended, in_memory, sweep, weibull
+
+FIRST, SECOND = 2, 5
+
+
+def measured(values, observed=None, limit: float = 5000, seed: int = 0) -> Measured:
+    values = np.array(values, float)
+    return Measured(values, np.ones(len(values), bool) if observed is None else np.array(observed), limit, seed)
+
+
+def drawn(mean: float, trials: int, seed, limit: float = math.inf) -> Measured:
+    times = np.ceil(mean * np.random.default_rng(seed).exponential(1, trials))
+    return measured(np.minimum(times, limit), times <= limit, limit)
+
+
+def both(mean, trials: int = 40, stop: int = 5000, **changes):
+    """Return the points of two sweeps: `mean` gives that of each, from the speed and the number of the sweep."""
+    return [
+        in_memory(
+            sweep({SPEED: SPEEDS}, trials=trials, seed=which, stop={"max_cycles": stop}, **changes),
+            lambda point, which=which: weibull(point, mean(point.axes[SPEED], which)),
+        )
+        for which in (0, 1)
+    ]
+
+
+# Which points are compared
+
+
+def test_points_of_two_folders_are_matched_by_their_axis_values_and_others_are_counted() -> None:
+    first, _ = both(lambda *_: 30)
+    second = in_memory(sweep({SPEED: [5.0, 1, 7]}), lambda _: ended([5] * 5))
+    matches, left_out = match_folders(first, second)
+    assert [axes for axes, *_ in matches] == [{SPEED: 1.0}, {SPEED: 5.0}]
+    assert all(one is first[n] for (_, one, _), n in zip(matches, (2, 4), strict=True))
+    assert all(two.axes[SPEED] == axes[SPEED] for axes, _, two in matches)
+    assert left_out == 4
+
+
+def test_two_values_of_an_axis_are_matched_over_the_others_and_what_is_tied_to_it_is_none() -> None:
+    sizes = {"zip": {WIDTH: [40, 60, 80], HEIGHT: [40, 60, 80]}, "grid": {SPEED: [1, 2], COUNT: [3]}}
+    made = in_memory(sweep(None, sweep=sizes), lambda point: ended([point.axes[WIDTH] + point.axes[SPEED]]))
+    matches, left_out = match_values(made, WIDTH, [80, 40.0])
+    assert [(axes, one.times[0], two.times[0]) for axes, one, two in matches] == [
+        ({SPEED: 1, COUNT: 3}, 81, 41),
+        ({SPEED: 2, COUNT: 3}, 82, 42),
+    ]
+    assert left_out == 0
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "message"),
+    [
+        (
+            "arena.widht_cm",
+            [1, 2],
+            f"--axis: unknown 'arena.widht_cm', did you mean '{WIDTH}'?; axes: {WIDTH}, {SPEED}",
+        ),
+        (WIDTH, [40], f"{WIDTH} is given 1 values; allowed: two, as in {WIDTH}=VALUE,VALUE"),
+        (WIDTH, [40, 70], f"{WIDTH} is never 70; its values: 40, 60"),
+    ],
+)
+def test_an_axis_that_cannot_be_compared_is_refused(key: str, values: list, message: str) -> None:
+    made = in_memory(sweep({WIDTH: [40, 60], SPEED: [1]}), lambda _: ended([5]))
+    with pytest.raises(EpuckSimError) as caught:
+        match_values(made, key, values)
+    assert message in str(caught.value)
+
+
+def test_sweeps_of_other_axes_or_without_a_common_point_are_refused() -> None:
+    made, other, apart = (
+        in_memory(sweep({key: values}), lambda _: ended([5]))
+        for key, values in ((SPEED, [1, 2]), (COUPLING, [0.1]), (SPEED, [3]))
+    )
+    with pytest.raises(EpuckSimError, match="the axes differ"):
+        match_folders(made, other)
+    with pytest.raises(EpuckSimError, match="no two points to compare"):
+        match_folders(made, apart)
+
+
+# The numbers of a point
+
+
+@given(
+    st.lists(st.integers(1, 999), min_size=5, max_size=20, unique=True),
+    st.lists(st.integers(1, 999), min_size=5, max_size=20, unique=True),
+)
+def test_uncensored_the_difference_is_welchs(first, second) -> None:
+    found = contrast(pair_up(measured(first), measured(second))).difference
+    expected = stats.ttest_ind(second, first, equal_var=False).confidence_interval(0.95)
+    assert found.value == pytest.approx(np.mean(second) - np.mean(first))
+    assert (found.low, found.high) == pytest.approx(tuple(expected))
+
+
+def test_where_trials_are_censored_both_are_cut_at_the_lower_horizon() -> None:
+    pair = pair_up(measured([10, 20, 50], [True, True, False], 50), measured([10, 45, 70, 80], limit=5000))
+    assert pair.second.values.tolist() == [10, 45, 50, 50]
+    assert pair.second.observed.tolist() == [True, True, False, False]
+    assert not pair.is_censored_early
+    assert pair_up(measured([10, 20, 50], [True, False, True], 50), measured([5])).is_censored_early
+
+
+@given(st.integers(0, 10**6), st.floats(20, 300))
+@settings(max_examples=40)
+def test_the_log_rank_test_is_lifelines(seed: int, mean: float) -> None:
+    random = np.random.default_rng(seed)
+    samples = []
+    for each in (100, mean):
+        times, limits = np.ceil(each * random.exponential(1, 30)), random.integers(1, 200, 30)
+        samples.append(measured(np.minimum(times, limits), times <= limits))
+    pair = pair_up(*samples)
+    theirs = logrank_test(pair.first.values, pair.second.values, pair.first.observed, pair.second.observed)
+    assert log_rank([log_rank_parts(pair)]) == pytest.approx(theirs.p_value, rel=1e-6)
+
+
+def test_two_values_against_two_are_permuted_in_six_ways() -> None:
+    shares = permuted_differences(pair_up(measured([1, 2]), measured([8, 9])), 0)
+    assert share_as_large(shares) == pytest.approx(1 / 3, abs=0.03)
+    assert len(np.unique(shares.round(6))) <= 6
+
+
+def test_the_order_of_the_trials_does_not_matter() -> None:
+    first, second = drawn(50, 30, 1), drawn(60, 30, 2)
+    turned = first._replace(values=first.values[::-1])
+    np.testing.assert_array_equal(
+        permuted_differences(pair_up(first, second), 3), permuted_differences(pair_up(turned, second), 3)
+    )
+
+
+@pytest.mark.parametrize("limit", [math.inf, 60])
+def test_chance_alone_is_significant_as_rarely_as_it_should_be(limit: float, monkeypatch) -> None:
+    monkeypatch.setattr(two_samples, "PERMUTATIONS", 499)
+    p_values = []
+    for seed in range(150):
+        pair = pair_up(drawn(50, 12, [seed, 0], limit), drawn(50, 20, [seed, 1], limit))
+        p_values.append(share_as_large(permuted_differences(pair, seed)))
+    assert stats.kstest(p_values, "uniform").pvalue > 0.001
+    assert np.mean(np.array(p_values) < 0.05) < 0.12
+
+
+def test_intervals_of_the_difference_and_the_ratio_hold_the_truth_as_often_as_they_say() -> None:
+    held = []
+    for seed in range(400):
+        found = contrast(pair_up(drawn(50, 10, [seed, 0]), drawn(100, 20, [seed, 1])))
+        ratio = found.log_ratio
+        held.append((found.difference.low <= 50 <= found.difference.high, ratio.low <= math.log(2) <= ratio.high))
+    assert (np.mean(held, axis=0) > 0.9).all()
+
+
+# All points together
+
+
+def test_over_all_points_the_ratio_is_found_and_chance_is_unlikely() -> None:
+    found = compare(*match_folders(*both(lambda speed, which: (1.5 if which else 1) * 40 / speed, 60)))
+    assert found.test == PERMUTATION
+    assert found.compared == found.averaged == 5
+    assert found.ratio.low < 1.5 < found.ratio.high < 1.4 * found.ratio.low
+    assert found.p_value == pytest.approx(1 / 5000)
+    assert found.p_value <= min(point.p_value for point in found.points)
+    ratios = [point.ratio.value for point in found.points]
+    assert found.ratio.value == pytest.approx(math.exp(np.mean(np.log(ratios))))
+
+
+def test_differences_of_both_signs_are_no_difference_over_all() -> None:
+    found = compare(*match_folders(*both(lambda speed, which: 40 * (3 ** (which * (1 if speed < 1.5 else -1.5))), 60)))
+    assert max(point.p_value for point in found.points) < 0.01
+    assert found.p_value > 0.01
+
+
+def test_equal_trials_do_not_differ() -> None:
+    made, _ = both(lambda *_: 50)
+    found = compare(*match_folders(made, made))
+    assert {point.difference.value for point in found.points} == {0}
+    assert {point.p_value for point in found.points} == {found.p_value} == {1}
+
+
+def test_points_with_few_trials_have_values_and_no_interval_or_p_and_do_not_count() -> None:
+    first, second = both(lambda *_: 50)
+    second[1] = second[1]._replace(times=second[1].times[:4], observed=second[1].observed[:4])
+    found = compare(*match_folders(first, second))
+    few = found.points[1]
+    assert few.difference.value == pytest.approx(few.second.value - few.first.value)
+    assert not few.difference.has_interval
+    assert not few.ratio.has_interval
+    assert math.isnan(few.p_value)
+    assert math.isnan(few.p_holm)
+    assert found.compared == 4
+    others = [point.p_value for point in found.points if point is not few]
+    assert not np.isnan(others).any()
+
+
+def test_where_all_trials_of_one_side_are_censored_there_is_a_p_value_and_no_interval() -> None:
+    (point,) = compare(
+        *match_folders(
+            in_memory(sweep({SPEED: [1]}), lambda _: ended([5000] * 20, [False] * 20)),
+            in_memory(sweep({SPEED: [1]}), lambda _: ended(range(50, 70))),
+        )
+    ).points
+    assert point.statistic == "restricted mean"
+    assert point.p_value < 0.001
+    assert not point.difference.has_interval
+
+
+def test_trials_that_ran_out_of_time_are_compared_by_their_ranks() -> None:
+    def early(point):
+        made = weibull(point, 60)
+        return ended(np.minimum(made.times, 40 + made.times % 7), made.times <= 40 + made.times % 7)
+
+    first = in_memory(sweep({SPEED: SPEEDS}, trials=30), early)
+    second = in_memory(sweep({SPEED: SPEEDS}, trials=30, seed=1), lambda point: weibull(point, 20))
+    found = compare(*match_folders(first, second))
+    assert found.test == LOG_RANK
+    assert found.p_value < min(point.p_value for point in found.points) < 0.01
+
+
+def test_corrected_p_values_are_larger_and_keep_their_order() -> None:
+    found = compare(*match_folders(*both(lambda speed, which: 40 + 10 * which * speed)))
+    p, holm = ([getattr(point, name) for point in found.points] for name in ("p_value", "p_holm"))
+    assert all(one <= two <= 1 for one, two in zip(p, holm, strict=True))
+    assert [holm[n] for n in np.argsort(p)] == sorted(holm)
+    assert min(holm) == pytest.approx(min(1, 5 * min(p)))

@@ -1,0 +1,138 @@
+"""Claims about means: of the sample or restricted, how wide their intervals are, and how often these hold the truth."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.statistics.mean import estimate_mean, resample_means
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.statistic import estimate, resample
+
+LAWS = {
+    "Weibull, 1.35": lambda random, n: random.weibull(1.35, n),
+    "exponential": lambda random, n: random.exponential(1, n),
+    "log-normal, 0.8": lambda random, n: random.lognormal(0, 0.8, n),
+    "Weibull, 0.7": lambda random, n: random.weibull(0.7, n),
+}
+
+
+def measured(values, observed=None, limit: float = 1e9, seed: int = 0) -> Measured:
+    values = np.array(values, float)
+    return Measured(values, np.ones(len(values), bool) if observed is None else np.array(observed), limit, seed)
+
+
+def cut(values, limit: float, seed: int = 0) -> Measured:
+    """Return values that are censored at a limit."""
+    return measured(np.minimum(values, limit), np.array(values) <= limit, limit, seed)
+
+
+def drawn(law: str, trials: int, seed: int, limit: float = math.inf) -> Measured:
+    """Return trials of a law, in whole cycles of a hundredth of its unit."""
+    return cut(np.ceil(100 * LAWS[law](np.random.default_rng(seed), trials)), limit, seed)
+
+
+values_of_trials = st.lists(st.integers(1, 10**6), min_size=MIN_TRIALS, max_size=30).filter(lambda v: len(set(v)) > 1)
+
+
+@given(values_of_trials)
+def test_uncensored_the_mean_is_the_samples_and_the_interval_students_of_its_logarithm(values) -> None:
+    mean, low, high = estimate_mean(measured(values))
+    assert mean == pytest.approx(np.mean(values))
+    reach = stats.t.ppf(0.975, len(values) - 1) * stats.sem(values) / mean
+    assert np.log([low / mean, high / mean]) == pytest.approx([-reach, reach])
+
+
+@given(values_of_trials, st.floats(-1e6, 0))
+def test_where_values_are_not_positive_the_interval_is_students_own(values, shift) -> None:
+    shifted = np.array(values) + shift - min(values)
+    expected = stats.t.interval(0.95, len(values) - 1, shifted.mean(), stats.sem(shifted))
+    assert estimate_mean(measured(shifted))[1:] == pytest.approx(expected)
+
+
+@given(values_of_trials, st.integers(0, 29))
+def test_values_cut_at_one_limit_have_the_mean_and_the_error_of_the_sample_that_they_are(values, place) -> None:
+    limit = sorted(values)[place % len(values)]
+    mean, low, high = estimate_mean(cut(values, limit))
+    as_sample = np.minimum(values, limit)
+    assert mean == pytest.approx(as_sample.mean())
+    if np.ptp(as_sample) and max(values) > limit:
+        freedom = min(len(values) - 1, np.count_nonzero(np.array(values) <= limit))
+        reach = stats.t.ppf(0.975, freedom) * stats.sem(as_sample) / mean
+        assert np.log(mean / low) == pytest.approx(reach)
+        assert high == pytest.approx(min(mean * math.exp(reach), limit))
+
+
+@given(values_of_trials, st.floats(0.01, 100))
+def test_intervals_move_with_the_unit(values, unit) -> None:
+    given_values = cut(np.array(values), max(values) / 2)
+    scaled = cut(unit * np.array(values), unit * max(values) / 2)
+    for statistic in (Statistic.MEAN, Statistic.MEDIAN):
+        one, other = estimate(given_values, statistic), estimate(scaled, statistic)
+        assert np.array(other) == pytest.approx(unit * np.array(one), nan_ok=True)
+
+
+def test_trials_censored_before_the_limit_are_followed_as_far_as_the_longest() -> None:
+    mean = estimate_mean(measured([10, 20, 40, 50, 50], [True, False, True, True, False], limit=1000)).value
+    assert mean == pytest.approx(10 + 30 * 0.8 + 10 * 0.8 * 2 / 3)
+
+
+@pytest.mark.parametrize("statistic", Statistic)
+@pytest.mark.parametrize("trials", [1, 4])
+def test_few_trials_have_an_estimate_and_no_interval(statistic: Statistic, trials: int) -> None:
+    found = estimate(measured([30, 40, 60, 75][:trials]), statistic)
+    assert not found.has_interval
+    assert 30 <= found.value <= 75
+
+
+@pytest.mark.parametrize("statistic", Statistic)
+def test_where_all_trials_are_censored_every_statistic_is_undetermined(statistic: Statistic) -> None:
+    nothing = measured([50] * 9, [False] * 9, 50)
+    assert np.isnan(estimate(nothing, statistic)).all()
+    assert np.isinf(resample(nothing, statistic)).all()
+
+
+@pytest.mark.parametrize("limit", [math.inf, 120])
+@pytest.mark.parametrize("trials", [5, 200])
+def test_resampled_means_are_spread_like_the_means_of_new_trials(trials: int, limit: float) -> None:
+    spreads, truth = [], []
+    for seed in range(200):
+        made = drawn("exponential", trials, seed, limit)
+        spreads.append(np.log(resample_means(made, 100)).var())
+        truth.append(math.log(estimate_mean(made).value))
+    assert np.sqrt(np.mean(spreads)) == pytest.approx(np.std(truth), rel=0.15)
+
+
+def test_resamples_are_widened_as_the_variance_of_few_trials_about_their_own_mean_is_too_small() -> None:
+    found = np.unique(resample_means(measured([1, 3]), 200))
+    assert found == pytest.approx([2 * 0.5 ** math.sqrt(2), 2, 2 * 1.5 ** math.sqrt(2)])
+    below_0 = np.unique(resample_means(measured([-1, 1]), 200))
+    assert below_0 == pytest.approx([-math.sqrt(2), 0, math.sqrt(2)])
+
+
+def test_resamples_do_not_depend_on_the_order_of_the_trials_but_on_the_seed() -> None:
+    made = drawn("exponential", 30, 1)
+    turned = made._replace(values=made.values[::-1])
+    np.testing.assert_array_equal(resample_means(made, 50), resample_means(turned, 50))
+    assert not np.isin(resample_means(made, 50), resample_means(made._replace(seed=2), 50)).any()
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("censored", [0, 0.3, 0.6])
+@pytest.mark.parametrize("trials", [5, 10, 20, 200])
+def test_intervals_hold_the_truth_as_often_as_docs_statistics_says(law: str, censored: float, trials: int) -> None:
+    """Of 300 samples; the worst of 10,000 samples is 88.5 % (Weibull 0.7, 8 trials), and 300 scatter by 1.8 %."""
+    many = drawn(law, 200_000, 99).values
+    limit = float(np.quantile(many, 1 - censored)) if censored else math.inf
+    truth, held = np.minimum(many, limit).mean(), []
+    for seed in range(300):
+        found = estimate_mean(drawn(law, trials, seed, limit))
+        if found.has_interval:
+            held.append(found.low <= truth <= found.high)
+    assert len(held) > 250
+    assert 0.85 <= np.mean(held) <= 0.995

@@ -1,0 +1,55 @@
+"""Claims about pilots: each point is timed once, in random order, until time is up."""
+
+import time
+
+import pytest
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.sweep import pilot
+from epuck_sim.sweep.pilot import time_trials
+
+
+def made(*settings: str, speeds: str = "1,2,4,8"):
+    return points(load_scenario("pair", settings, [f"robots.0.parameters.speed_cm_s={speeds}"]))
+
+
+def test_every_point_is_timed_once_if_there_is_time_and_no_trial_is_cut() -> None:
+    timed = time_trials(made("stop.max_cycles=2"), 60)
+    assert sorted(each.point for each in timed) == [0, 1, 2, 3]
+    assert [each.point for each in timed] != [0, 1, 2, 3]
+    assert not any(each.is_cut for each in timed)
+    assert all(each.wall_s > 0 for each in timed)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "coupling"), [("thesis", "robots.0.parameters.coupling=1e-6"), ("particles", "response.coupling=1e-6")]
+)
+def test_a_trial_that_takes_longer_is_cut(scenario: str, coupling: str) -> None:
+    found = points(load_scenario(scenario, [coupling, "stop.max_cycles=1000000000"]))
+    begin = time.perf_counter()
+    (timed,) = time_trials(found, 0.3)
+    assert timed.is_cut
+    assert 0.3 <= timed.wall_s < 2
+    assert time.perf_counter() - begin < 20
+
+
+def test_what_compiling_takes_is_not_counted(monkeypatch) -> None:
+    calls: list[float] = []
+    monkeypatch.setattr(
+        pilot, "_time_trial", lambda point, budget_s: calls.append(budget_s) or pilot.TimedTrial(point, 1, False)
+    )
+    time_trials(made(), 5)
+    assert calls[0] == 0
+    assert all(4 < budget_s <= 5 for budget_s in calls[1:])
+
+
+def test_a_trial_that_fails_is_reported(tmp_path) -> None:
+    (tmp_path / "bad.py").write_text(
+        "PARAMETERS = {}\nMEMORY = {'n': int}\n\ndef start(memory, parameters, random):\n    pass\n\n"
+        "def step(sensors, memory, actuators, parameters, random):\n    actuators.left_cm_s = 1 / memory.n\n"
+    )
+    scenario = load_scenario("pair", [f"robots=[{{controller: {tmp_path}/bad.py, count: 2}}]"])
+    with pytest.raises(ScenarioError, match="point 0: a trial fails"):
+        time_trials(points(scenario), 1)
