@@ -23,6 +23,9 @@ RED = "#dc2828"
 DARK = "#8a8f98"
 """Colour of rings that are dark."""
 
+INNER_SHARE = 0.88
+"""Radius of the white line within the coloured edge of a disc, as a share of its radius."""
+
 LEGIBLE_SHARE = 1 / 15
 """Smallest diameter of a disc that has room for a number, as a share of the arena's longer side."""
 
@@ -77,6 +80,8 @@ def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: sl
         heading = recorded.headings[rows, number][-1]
         face = RED if recorded.ring_on[rows, number][-1] else DARK
         axes.add_patch(Circle((x, y), radius_cm, facecolor=face, edgecolor=colour, linewidth=1.5, zorder=3))
+        # a white line keeps colours apart that the colour-blind confuse
+        axes.add_patch(Circle((x, y), INNER_SHARE * radius_cm, fill=False, edgecolor="white", linewidth=1, zorder=3.5))
         front = (x + radius_cm * math.cos(heading), y + radius_cm * math.sin(heading))
         axes.plot([x, front[0]], [y, front[1]], color="white", zorder=4)
         if population.size < UNLABELLED:

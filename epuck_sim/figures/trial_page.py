@@ -10,6 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.trial_arena import RED, draw_arena, robot_colours
 from epuck_sim.figures.trial_title import page_title
+from epuck_sim.recording.layers.time_series import phase_lead
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import population_of
 from epuck_sim.recording.population import Population
@@ -81,9 +82,7 @@ def _draw_flashes(axes: Axes, recorded: Recorded, population: Population) -> Non
 
 def _draw_phases(axes: Axes, recorded: Recorded, population: Population) -> None:
     """Draw the phases relative to that of the reference whenever this fires; those of a synchronised swarm are 0."""
-    cycles = recorded.phase_ms[np.searchsorted(recorded.time_s, recorded.firing_s)] / population.period_ms
-    ahead = cycles - cycles[:, [population.reference]]
-    ahead -= np.round(ahead)
+    ahead = phase_lead(recorded.phase_ms[np.searchsorted(recorded.time_s, recorded.firing_s)], population)
     for number, colour in enumerate(robot_colours(population)):
         axes.plot(
             recorded.firing_s,

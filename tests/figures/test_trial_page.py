@@ -297,11 +297,21 @@ def test_robots_are_where_they_were_when_most_rings_were_lit_for_the_last_time(r
     arena, *_ = panels(trial)
     moment = fullest(trial)
     bodies = robots(arena)
-    assert len(circles(arena)) == len(bodies) == trial.scenario.robot_count
+    assert len(bodies) == trial.scenario.robot_count
     np.testing.assert_array_equal([body.center for body in bodies], trial.positions[moment])
     assert [to_hex(body.get_facecolor()) == RED for body in bodies] == trial.ring_on[moment].tolist()
     assert trial.ring_on[moment].any()
     assert arena.get_title().startswith(f"at {trial.time_s[moment]:.1f} s")
+
+
+def test_the_edge_of_a_disc_is_parted_from_its_middle_by_white(thesis) -> None:
+    arena, *_ = panels(thesis)
+    inner = [circle for circle in circles(arena) if not circle.get_fill()]
+    assert len(inner) == 10
+    for line, body in zip(inner, robots(arena), strict=True):
+        assert (to_hex(line.get_edgecolor()), tuple(line.center)) == ("#ffffff", tuple(body.center))
+        assert 0.8 * body.radius < line.radius < body.radius
+        assert line.get_zorder() > body.get_zorder()
 
 
 def test_a_ring_that_is_dark_is_not_drawn_red(mixed) -> None:
@@ -348,7 +358,7 @@ def test_paths_of_a_moment_soon_after_the_beginning_are_shorter(thesis) -> None:
 def test_walls_and_obstacles_are_drawn_where_they_stand(tmp_path) -> None:
     trial = recorded(tmp_path / "t.rrd", load_scenario("obstacles", ["stop.max_time_s=12"]))
     arena, *_ = panels(trial)
-    (pillar,) = [circle for circle in circles(arena) if circle not in robots(arena)]
+    (pillar,) = [circle for circle in circles(arena) if circle.get_zorder() == 1]
     assert (pillar.center, pillar.radius) == ((30, 30), 6)
     assert len(robots(arena)) == 10
     bar, wedge = [patch for patch in arena.patches if isinstance(patch, Polygon)]
