@@ -5,15 +5,20 @@ from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
+import rerun as rr
 import rerun.blueprint as rrb
 
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
+from epuck_sim.recording.layers.arena import NUMBERS, ROBOTS
 from epuck_sim.recording.layers.images import CAMERA, INFRARED, SPACE_TIME
-from epuck_sim.recording.layers.time_series import FLASHES, PHASES, WHEELS
+from epuck_sim.recording.layers.time_series import FLASHES, PHASE_LEAD, PHASES, WHEELS
 from epuck_sim.recording.level import Level
 
 MARGIN_CM = 2.0
 """Margin around the arena of robots, cm."""
+
+NUMBER_RADIUS_CM = 1e-3
+"""Radius of the points that carry the numbers of robots, cm: too small to be seen."""
 
 MARGIN_SHARE = 1 / 30
 """Margin around the space of point-like agents, as a share of its width."""
@@ -21,19 +26,19 @@ MARGIN_SHARE = 1 / 30
 
 def robot_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
     """Return the layout for recordings of robots at a level, in an arena of this size."""
-    flashes, phases, order = _plots("robot")
+    flashes, lead, phases, order = _plots("robot")
     arena = _arena(width_cm, height_cm, MARGIN_CM)
     if level is Level.SUMMARY:
         body: rrb.Container = rrb.Vertical(flashes, order)
     elif level is Level.POSES:
-        body = rrb.Horizontal(arena, rrb.Vertical(flashes, phases, order), column_shares=[3, 2])
+        body = rrb.Horizontal(arena, rrb.Vertical(flashes, rrb.Tabs(lead, phases), order), column_shares=[3, 2])
     else:
         wheels = _plot(WHEELS, "wheels [cm/s]")
         rows = rrb.Spatial2DView(origin=CAMERA, name="camera rows")
         space_time = rrb.Spatial2DView(origin=SPACE_TIME, name="camera rows over a minute")
         distances = rrb.Spatial2DView(origin=INFRARED, name="infrared distances [mm]")
         pictures = rrb.Horizontal(rows, distances, column_shares=[3, 2])
-        plots = rrb.Vertical(flashes, rrb.Tabs(phases, wheels), order)
+        plots = rrb.Vertical(flashes, rrb.Tabs(lead, phases, wheels), order)
         above = rrb.Horizontal(rrb.Tabs(arena, space_time), plots, column_shares=[3, 2])
         body = rrb.Vertical(above, pictures, row_shares=[3, 1])
     return _blueprint(body)
@@ -41,33 +46,48 @@ def robot_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Bluepri
 
 def agent_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
     """Return the layout for recordings of point-like agents; a segment, which has no height, lies above the plots."""
-    flashes, phases, order = _plots("agent")
+    flashes, lead, phases, order = _plots("agent")
     arena = _arena(width_cm, height_cm, MARGIN_SHARE * width_cm)
     if level is Level.SUMMARY:
         body: rrb.Container = rrb.Vertical(flashes, order)
     elif height_cm > 0:
-        body = rrb.Horizontal(arena, rrb.Vertical(flashes, phases, order), column_shares=[1, 1])
+        body = rrb.Horizontal(arena, rrb.Vertical(flashes, rrb.Tabs(lead, phases), order), column_shares=[1, 1])
     else:
-        body = rrb.Vertical(arena, flashes, phases, order, row_shares=[1, 2, 2, 2])
+        body = rrb.Vertical(arena, flashes, rrb.Tabs(lead, phases), order, row_shares=[1, 2, 2, 2])
     return _blueprint(body)
 
 
-def _plots(noun: str) -> tuple[rrb.TimeSeriesView, rrb.TimeSeriesView, rrb.TimeSeriesView]:
-    """Return the plots of flashes, phases and the order parameter; `noun` is robot or agent."""
-    whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
+def _plots(noun: str) -> tuple[rrb.TimeSeriesView, ...]:
+    """Return the plots of flashes, phase leads, phases and the order parameter; `noun` is robot or agent."""
+    half = rrb.ScalarAxis(range=(-0.52, 0.52))
     unit = rrb.ScalarAxis(range=(0, 1.02))
-    order = rrb.TimeSeriesView(origin="/order", name="order parameter", axis_x=whole, axis_y=unit)
-    return _plot(FLASHES, f"flashes [{noun}]"), _plot(PHASES, "phases [ms]"), order
+    return (
+        _plot(FLASHES, f"flashes [{noun}]"),
+        _plot(PHASE_LEAD, "phase ahead of reference [cycles]", half),
+        _plot(PHASES, "phases [ms]"),
+        _plot("/order", "order parameter: blue at firings of the reference, red the threshold", unit),
+    )
 
 
-def _plot(origin: str, name: str) -> rrb.TimeSeriesView:
+def _plot(origin: str, name: str, values: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:
+    """Return a plot of all times; its name says what a legend would, which lies over the curves."""
     whole = rrb.TimeAxis(view_range=rrb.TimeRange(*[rrb.TimeRangeBoundary.infinite()] * 2))
-    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=whole, plot_legend=rrb.PlotLegend(visible=False))
+    legend = rrb.PlotLegend(visible=False)
+    return rrb.TimeSeriesView(origin=origin, name=name, axis_x=whole, axis_y=values, plot_legend=legend)
 
 
 def _arena(width_cm: float, height_cm: float, margin_cm: float) -> rrb.Spatial2DView:
     bounds = rrb.VisualBounds2D(x_range=(-margin_cm, width_cm + margin_cm), y_range=(-margin_cm, height_cm + margin_cm))
-    return rrb.Spatial2DView(origin="/", contents="/arena/**", name="arena [cm]", visual_bounds=bounds)
+    # a label has the colour of its disc, on which it can hardly be read: it gets points of its own
+    discs = rr.Points2D.from_fields(show_labels=False).visualizer()
+    numbers = rr.Points2D.from_fields(colors=NUMBERS, radii=NUMBER_RADIUS_CM).visualizer()
+    return rrb.Spatial2DView(
+        origin="/",
+        contents="/arena/**",
+        name="arena [cm]",
+        visual_bounds=bounds,
+        overrides={ROBOTS: [discs, numbers]},
+    )
 
 
 def _blueprint(body: rrb.Container) -> rrb.Blueprint:

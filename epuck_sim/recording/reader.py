@@ -1,25 +1,21 @@
 """Reads a recording back into arrays."""
 
 import json
-import warnings
-from collections import defaultdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pyarrow as pa
 import rerun.blueprint as rrb
-from rerun.chunk import Chunk, RrdReader
 
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError, ScenarioError
-from epuck_sim.recording.chunks import APPLICATION, TIMELINE
+from epuck_sim.recording.entities import Entities
 from epuck_sim.recording.layers import time_series
 from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
 from epuck_sim.recording.level import Level
+from epuck_sim.recording.links import LINKED, Links, read_links
 from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
-from epuck_sim.recording.rrd_file import ENDING
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -69,11 +65,44 @@ class Recorded(NamedTuple):
     """(rows, count) rad in -pi to pi, from arrows in single precision."""
     ring_on: BoolArray
     """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
+    links: Links | None
+    """Who was linked to whom; None if the level leaves it out. The properties below raise RecordingError instead."""
+
+    @property
+    def sightings(self) -> IntArray:
+        """(sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit."""
+        return self._linked("sightings", "embodied")
+
+    @property
+    def contacts(self) -> IntArray:
+        """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall or obstacle."""
+        return self._linked("contacts", "embodied")
+
+    @property
+    def pulses(self) -> IntArray:
+        """(pulses, 4) row, agent that fires, agent that receives, and 1 if its phase shifts.
+
+        Swarms of 50 agents or more are recorded with the pulses alone that shift a phase.
+        """
+        return self._linked("pulses", "particles")
+
+    def _linked(self, what: str, model: str) -> IntArray:
+        if self.scenario.model != model:
+            raise RecordingError(
+                f"{self.scenario.name}: model: {self.scenario.model} has no {what}; they are of model: {model}"
+            )
+        if self.links is None:
+            raise RecordingError(
+                f"{self.scenario.name}: a recording of level {self.level} holds no {what}; record the trial again with "
+                "--record-level full"
+            )
+        found: IntArray = getattr(self.links, what)
+        return found
 
 
 def last_moment_s(path: Path) -> float:
     """Return the time of a recording's last row in seconds, 0 if there is none; raise as `read_recording` does."""
-    entities = _Entities(path, time_series.ORDER_AT_STEPS)
+    entities = Entities(path, time_series.ORDER_AT_STEPS)
     _check_format(path, entities.properties(TRIAL))
     return float(entities.times(time_series.ORDER_AT_STEPS).max(initial=0))
 
@@ -83,7 +112,7 @@ def read_layout(path: Path) -> rrb.Blueprint | None:
 
     The layout is None if this version cannot read the scenario: then the viewer chooses one itself.
     """
-    trial = _Entities(path).properties(TRIAL)
+    trial = Entities(path).properties(TRIAL)
     _check_format(path, trial)
     try:
         return layout_of(_scenario(trial), Level(trial["level"]))
@@ -104,7 +133,7 @@ def read_recording(path: Path | str) -> Recorded:
         RecordingError: The file is no complete recording, or one of another program or version.
     """
     path = Path(path)
-    entities = _Entities(path, *_SERIES, ROBOTS, HEADINGS)
+    entities = Entities(path, *_SERIES, ROBOTS, HEADINGS, *LINKED)
     trial = entities.properties(TRIAL)
     _check_format(path, trial)
     try:
@@ -129,15 +158,18 @@ def _check_format(path: Path, trial: dict[str, Any]) -> None:
         )
 
 
-def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
+def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) -> Recorded:
     """Return a recording's arrays; raise KeyError or ValueError if something is missing."""
     scenario = _scenario(trial)
     count = scenario.population
     arrows = entities.values(HEADINGS, "Arrows2D:vectors").reshape(-1, count, 2)
+    positions = entities.values(ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, count, 2)
+    headings = np.arctan2(arrows[..., 1], arrows[..., 0])
+    level = Level(trial["level"])
     return Recorded(
         scenario=scenario,
         seed=int(trial["seed"]),
-        level=Level(trial["level"]),
+        level=level,
         versions=json.loads(trial["versions"]),
         cycles=outcome["cycles"],
         synchronised=outcome["synchronised"],
@@ -149,9 +181,10 @@ def _gather(entities: "_Entities", trial: dict[str, Any], outcome: dict[str, Any
         firing_s=entities.times(time_series.ORDER_AT_FIRINGS),
         firing_order=entities.values(time_series.ORDER_AT_FIRINGS, "Scalars:scalars"),
         phase_ms=entities.values(time_series.PHASES, "Scalars:scalars").reshape(-1, count),
-        positions=entities.values(ROBOTS, "Points2D:positions").astype(np.float32).reshape(-1, count, 2),
-        headings=np.arctan2(arrows[..., 1], arrows[..., 0]),
+        positions=positions,
+        headings=headings,
         ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,
+        links=read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
     )
 
 
@@ -161,57 +194,3 @@ def _scenario(trial: dict[str, Any]) -> Scenario:
     if not isinstance(given, dict):
         raise ScenarioError("its scenario is not a mapping of keys to values")
     return validate(given, "its scenario")
-
-
-class _Entities:
-    """The properties in a recording's file, and some of its entities."""
-
-    def __init__(self, path: Path, *entities: str) -> None:
-        self._properties: dict[str, dict[str, Any]] = defaultdict(dict)
-        self._batches: dict[str, list[pa.RecordBatch]] = defaultdict(list)
-        for chunk in _read_chunks(path, ["/__properties/**", *entities]):
-            if chunk.is_static:
-                self._properties[chunk.entity_path] |= chunk.to_record_batch().to_pydict()
-            else:
-                self._batches[chunk.entity_path].append(chunk.to_record_batch())
-        for batches in self._batches.values():
-            batches.sort(key=lambda batch: batch.column(TIMELINE)[0].value)
-
-    def properties(self, name: str) -> dict[str, Any]:
-        """Return the values of a property by key; none if there is no such property."""
-        columns = self._properties[f"/__properties/{name}"]
-        return {key: value[0][0] for key, value in columns.items() if isinstance(value[0], list)}
-
-    def times(self, entity: str) -> FloatArray:
-        """Return (rows,) s: the times of an entity's rows."""
-        times = [batch.column(TIMELINE).cast(pa.int64()).to_numpy() for batch in self._batches[entity]]
-        return np.concatenate([np.empty(0), *times]) / 1e9
-
-    def values(self, entity: str, component: str) -> FloatArray:
-        """Return the numbers of a component in all rows, one after the other."""
-        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
-        numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
-        return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
-
-
-def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
-    if not path.is_file():
-        raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
-    if path.suffix != ENDING:  # which the viewer requires, too
-        raise RecordingError(f"{path}: is not a recording: the name must end in {ENDING}")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a truncated file, which is refused below
-        try:
-            reader = RrdReader(path)
-            found = reader.recordings()
-            if len(found) == 1 and found[0].application_id == APPLICATION:
-                return reader.store().stream().filter(content=entities).to_chunks()
-        except (RuntimeError, ValueError) as error:
-            if "Not an RRD file" in str(error):
-                raise RecordingError(f"{path}: is not a recording, though its name ends in {ENDING}") from error
-            reason = "its end is missing" if "footer" in str(error) else error
-            raise RecordingError(f"{path}: is not a complete recording: {reason}; record the trial again") from error
-    programs = ", ".join(sorted({entry.application_id for entry in found})) or "no program"
-    raise RecordingError(
-        f"{path}: holds {len(found)} recordings, made by {programs}; allowed: one made by {APPLICATION}"
-    )

@@ -108,7 +108,7 @@ class Recorder:
 
     def _flush(self) -> None:
         batch = self._buffer.flush()
-        self._write(time_series(batch, self._threshold, self._level))
+        self._write(time_series(batch, self._population, self._threshold, self._level))
         if self._level is not Level.SUMMARY:
             self._write(arena_entities(batch, self._population.radius_cm))
         if self._layers is not None:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,7 +21,10 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.saving import Target, save_figure
-from epuck_sim.figures.trial_page import MAX_VECTOR_MARKS, RED, check_drawable, draw_page
+from epuck_sim.figures.trial_arena import RED
+from epuck_sim.figures.trial_page import MAX_VECTOR_MARKS, check_drawable, draw_page
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import PATH_S
 from epuck_sim.recording.reader import Recorded, read_recording
@@ -217,7 +221,71 @@ def test_time_is_the_same_in_all_panels_and_all_of_it_is_there(thesis) -> None:
 def test_the_title_names_scenario_seed_and_outcome(thesis, mixed) -> None:
     outcome = f"synchronised after {thesis.cycles} cycles"
     assert draw_page(thesis).get_suptitle() == f"thesis, seed 0: {outcome}"
-    assert draw_page(mixed._replace(seed=10**30)).get_suptitle() == f"mixed, seed {10**30}: not synchronised"
+    title = draw_page(mixed._replace(seed=10**30)).get_suptitle()
+    assert title.splitlines()[0] == f"mixed, seed {10**30}: not synchronised"
+
+
+def test_the_title_names_what_is_not_as_in_the_shipped_scenario(tmp_path) -> None:
+    settings = ["robots.0.parameters.speed_cm_s=3", "stop.max_time_s=1", "trials=7"]
+    trial = recorded(tmp_path / "t.rrd", load_scenario("thesis", settings))
+    first, *rest = draw_page(trial).get_suptitle().splitlines()
+    assert first == "thesis, seed 0: not synchronised"
+    assert sorted("".join(rest).removeprefix("with ").split(", ")) == ["V = 3 cm/s", "stop.max_time_s = 1"]
+
+
+# What can be read
+
+
+@pytest.mark.parametrize("name", ["thesis", "mixed"])
+def test_labels_beside_the_panels_do_not_run_into_each_other(request, name: str) -> None:
+    arena, *timed = laid_out(draw_page(request.getfixturevalue(name))).axes
+    boxes = [axes.yaxis.label.get_window_extent() for axes in timed]
+    for above, below in pairwise(boxes):
+        assert above.y0 > below.y1 + 3
+    assert all(box.x0 > arena.get_window_extent().x1 for box in boxes)
+
+
+def test_lines_of_the_order_parameter_are_named_with_the_threshold(thesis) -> None:
+    *_, axes = panels(thesis)
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names == ["at each step", "at firings of the reference", "threshold 0.95"]
+    laid_out(axes.figure)
+    box, page = axes.get_legend().get_window_extent(), axes.figure.bbox
+    assert page.y0 <= box.y0
+    assert box.y1 < axes.get_window_extent().y0
+
+
+def test_each_robot_has_its_number_on_its_disc_unless_there_are_too_many(thesis, tmp_path) -> None:
+    arena, *_ = panels(thesis)
+    assert [text.get_text() for text in arena.texts] == [str(robot) for robot in range(10)]
+    for text, body in zip(arena.texts, robots(arena), strict=True):
+        assert math.dist(text.get_position(), body.center) < epuck.RADIUS_CM / 2
+    scenario = {"arena": {"width_cm": 100, "height_cm": 100}, "robots": [{"count": UNLABELLED}]}
+    many, *_ = panels(recorded(tmp_path / "t.rrd", {**scenario, "stop": {"max_time_s": 0.1}}))
+    assert not many.texts
+
+
+@pytest.mark.parametrize("is_lit", [False, True])
+def test_a_trial_without_oscillators_has_no_empty_panels(tmp_path, is_lit: bool) -> None:
+    group = {"controller": "constant", "parameters": {"ring_on": is_lit}}
+    trial = recorded(tmp_path / "t.rrd", {"robots": [group], "stop": {"max_time_s": 2}})
+    figure = laid_out(draw_page(trial))
+    assert len(figure.axes) == 1 + is_lit
+    assert figure.axes[0].get_xlabel() == "x [cm]"
+    assert figure.axes[-1].get_xlabel() == ("simulated time [s]" if is_lit else "x [cm]")
+    assert "without oscillators" in figure.get_suptitle()
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+def test_a_cube_is_said_to_be_seen_from_above(tmp_path, dimensions: int) -> None:
+    settings = [f"space.dimensions={dimensions}", "agents.count=4", "stop.max_cycles=2"]
+    scenario = load_scenario("particles", settings)
+    with record(tmp_path / "t.rrd", scenario, 0, Level.POSES) as recorder:
+        run_trial(ParticleSimulation(scenario, 0), [recorder])
+    arena, *_ = laid_out(draw_page(read_recording(tmp_path / "t.rrd"))).axes
+    assert ("a cube seen from above" in arena.get_title()) == (dimensions == 3)
+    assert arena.title.get_window_extent().x0 >= 0
+    assert arena.yaxis.label.get_window_extent().x0 >= 0
 
 
 # The arena
@@ -229,11 +297,21 @@ def test_robots_are_where_they_were_when_most_rings_were_lit_for_the_last_time(r
     arena, *_ = panels(trial)
     moment = fullest(trial)
     bodies = robots(arena)
-    assert len(circles(arena)) == len(bodies) == trial.scenario.robot_count
+    assert len(bodies) == trial.scenario.robot_count
     np.testing.assert_array_equal([body.center for body in bodies], trial.positions[moment])
     assert [to_hex(body.get_facecolor()) == RED for body in bodies] == trial.ring_on[moment].tolist()
     assert trial.ring_on[moment].any()
     assert arena.get_title().startswith(f"at {trial.time_s[moment]:.1f} s")
+
+
+def test_the_edge_of_a_disc_is_parted_from_its_middle_by_white(thesis) -> None:
+    arena, *_ = panels(thesis)
+    inner = [circle for circle in circles(arena) if not circle.get_fill()]
+    assert len(inner) == 10
+    for line, body in zip(inner, robots(arena), strict=True):
+        assert (to_hex(line.get_edgecolor()), tuple(line.center)) == ("#ffffff", tuple(body.center))
+        assert 0.8 * body.radius < line.radius < body.radius
+        assert line.get_zorder() > body.get_zorder()
 
 
 def test_a_ring_that_is_dark_is_not_drawn_red(mixed) -> None:
@@ -280,7 +358,7 @@ def test_paths_of_a_moment_soon_after_the_beginning_are_shorter(thesis) -> None:
 def test_walls_and_obstacles_are_drawn_where_they_stand(tmp_path) -> None:
     trial = recorded(tmp_path / "t.rrd", load_scenario("obstacles", ["stop.max_time_s=12"]))
     arena, *_ = panels(trial)
-    (pillar,) = [circle for circle in circles(arena) if circle not in robots(arena)]
+    (pillar,) = [circle for circle in circles(arena) if circle.get_zorder() == 1]
     assert (pillar.center, pillar.radius) == ((30, 30), 6)
     assert len(robots(arena)) == 10
     bar, wedge = [patch for patch in arena.patches if isinstance(patch, Polygon)]

@@ -334,7 +334,7 @@ def test_a_range_is_drawn_as_circles_around_the_agents(tmp_path) -> None:
 # --- levels and windows -----------------------------------------------------------------------------
 
 SUMMARY = {"/flashes", "/order/steps", "/order/firings"}
-POSES = SUMMARY | {"/phases", "/arena/robots", "/arena/headings"}
+POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
 MOVING = {Level.SUMMARY: SUMMARY, Level.POSES: POSES, Level.FULL: POSES | {"/arena/links"}}
 
 
@@ -472,8 +472,11 @@ def test_in_a_segment_paths_go_up_in_time(tmp_path) -> None:
     paths = [line for line in arena.get_lines() if len(line.get_xdata()) > 2]
     assert len(paths) == 9
     for agent, line in enumerate(paths):
-        rows = np.searchsorted(read.time_s, line.get_ydata())
-        np.testing.assert_array_equal(line.get_xdata(), read.positions[rows, agent, 0])
+        x, time_s = line.get_xdata(), line.get_ydata()
+        is_row = np.isin(time_s, read.time_s)
+        rows = np.searchsorted(read.time_s, time_s[is_row])
+        np.testing.assert_array_equal(x[is_row], read.positions[rows, agent, 0])
+        assert np.isclose(x[~is_row, None], [0, read.scenario.space.side_cm], atol=1e-3).any(axis=1).all()  # at walls
 
 
 # --- the command ------------------------------------------------------------------------------------

@@ -41,7 +41,7 @@ RADIUS_CM = CAMERA_FORWARD_CM = 3.7
 FIELDS = ("poses", "camera", "distance_mm", "wheels_cm_s", "ring_on", "phase_ms")
 
 SUMMARY = {"/flashes", "/order/steps", "/order/firings", "/order/threshold"}
-POSES = SUMMARY | {"/phases", "/arena/robots", "/arena/headings"}
+POSES = SUMMARY | {"/phases", "/phase_lead", "/arena/robots", "/arena/headings"}
 FULL = POSES | {
     *("/wheels", "/infrared", "/camera/rows", "/camera/space_time"),
     *("/arena/views", "/arena/sightings", "/arena/contacts"),
@@ -211,7 +211,7 @@ def trial(request, tmp_path_factory) -> Trial:
 
 def test_each_step_has_its_time(trial: Trial) -> None:
     step_ns = 1_000_000 * trial.scenario.timing.step_ms
-    entities = FULL - {"/flashes", "/order/firings", "/order/threshold", "/camera/space_time"}
+    entities = FULL - {"/flashes", "/order/firings", "/phase_lead", "/order/threshold", "/camera/space_time"}
     for entity in entities:
         assert trial.found.times(entity) == [step * step_ns for step in range(trial.steps)], entity
 
@@ -507,7 +507,8 @@ def test_each_level_holds_what_it_should_and_no_more(of_level: tuple[Level, Path
     assert set(found.moving) == MOVING[level]
     properties = {"/__properties", "/__properties/trial", "/__properties/outcome"}
     arena = {"/arena", "/arena/walls", "/arena/obstacles"} if level is not Level.SUMMARY else set()
-    assert set(found.static) == properties | arena | MOVING[level]
+    numbers = {"/camera/rows/numbers", "/infrared/numbers"} if level is Level.FULL else set()
+    assert set(found.static) == properties | arena | numbers | MOVING[level]
 
 
 def test_a_recording_says_what_was_run(of_level: tuple[Level, Path, TrialResult]) -> None:
@@ -613,3 +614,18 @@ def test_what_the_scenario_leaves_out_is_written_out(tmp_path) -> None:
     )
     assert found.property("outcome") == {"cycles": 0, "synchronised": False}
     assert not found.moving
+
+
+def test_phases_are_shown_ahead_of_the_reference_at_its_firings(tmp_path) -> None:
+    scenario, watched = load_scenario(MIXED), Watched()
+    recorded(tmp_path / "t.rrd", scenario, 1, Level.POSES, watched)
+    found = Found(tmp_path / "t.rrd")
+    lead = found.array("/phase_lead", "Scalars:scalars")
+    at = found.times("/order/firings")
+    np.testing.assert_array_equal(found.times("/phase_lead"), at)
+    phases = watched["phase_ms"][np.isin(found.times("/phases"), at)]
+    period_ms = 1000 * np.array([5.0] * 3 + [np.nan] * 2 + [3.0] * 2)
+    ahead = 2j * np.pi * (phases / period_ms - phases[:, [6]] / 3000)
+    np.testing.assert_allclose(np.exp(2j * np.pi * lead), np.exp(ahead), atol=1e-9)
+    assert np.nanmax(np.abs(lead)) <= 0.5
+    assert len(lead) > 5

@@ -23,7 +23,7 @@ from epuck_sim.recording.viewer import process
 from tests.processes import processes_marked, wait_until
 
 # as in `layers.arena.RINGS`
-LIT, DARK = (230, 40, 40), (120, 125, 135)
+LIT, DARK = (255, 80, 60), (75, 80, 92)
 
 ARENA = np.s_[60:660, :955]
 """In a picture of 1600 x 900: columns are laid out as 3 to 2, rows as 3 to 1."""

@@ -11,15 +11,20 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.film.frame import ProgressWrapper
 from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.render.caption import Captions
 from epuck_sim.overhead.render.virtual_camera import VirtualCamera
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.parts import population_of
+from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import apply_override
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.scenario.validation import validate
 from epuck_sim.trial.observer import Observer
 from epuck_sim.util.provenance import versions
+
+_State = tuple[int, float | None]
+"""Cycles of the reference so far, and the order parameter at its last firing; None before the first."""
 
 
 @contextmanager
@@ -47,7 +52,7 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
         EpuckSimError: The file cannot be written.
     """
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
-        yield lambda step, _: observe(step.time_s, step.poses, step.ring_on)
+        yield lambda step, state: observe(step.time_s, step.poses, step.ring_on, (state.cycles, state.order_parameter))
 
 
 def film_recording(recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper) -> None:
@@ -67,10 +72,19 @@ def film_recording(recording: Path, overrides: Sequence[str], path: Path, progre
     if recorded.level is Level.SUMMARY:
         raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
     scenario = _override_camera(recorded_scenario, overrides, str(recording))
-    rows = zip(recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, strict=True)
+    rows = zip(recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, _states(recorded), strict=True)
     with _film(path, scenario, recorded.seed) as observe:
-        for time_s, positions, headings, ring_on in progress(rows, float(recorded.time_s.max(initial=0))):
-            observe(float(time_s), np.column_stack([positions, headings]), ring_on)
+        for time_s, positions, headings, ring_on, state in progress(rows, float(recorded.time_s.max(initial=0))):
+            observe(float(time_s), np.column_stack([positions, headings]), ring_on, state)
+
+
+def _states(recorded: Recorded) -> Iterator[_State]:
+    """Yield the cycles and the order parameter of each row, as the trial had them."""
+    reference_flashes = recorded.flash_s[recorded.flash_robot == population_of(recorded.scenario).reference]
+    cycles = np.searchsorted(reference_flashes, recorded.time_s, side="right")
+    measured = np.searchsorted(recorded.firing_s, recorded.time_s, side="right")
+    for cycle, count in zip(cycles.tolist(), measured.tolist(), strict=True):
+        yield cycle, float(recorded.firing_order[count - 1]) if count else None
 
 
 def _require_rings(scenario: Scenario, origin: str) -> EmbodiedScenario:
@@ -92,8 +106,11 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
 @contextmanager
 def _film(
     path: Path, scenario: EmbodiedScenario, seed: int
-) -> Iterator[Callable[[float, FloatArray, BoolArray], None]]:
-    """Yield a function that films a control step: its time, (robots, 3) poses and (robots,) which rings are on."""
+) -> Iterator[Callable[[float, FloatArray, BoolArray, _State], None]]:
+    """Yield a function that films a control step: time, (robots, 3) poses, (robots,) which rings are on, and state.
+
+    Films of a lit room, which are for people, have a caption.
+    """
     section = scenario.overhead
     try:
         camera = VirtualCamera(section, scenario.arena.build(), seed)
@@ -101,14 +118,17 @@ def _film(
         raise FilmError(f"{scenario.name}: {error}") from error
     size = section.width_px, section.height_px
     with film_file(path, *size, describe_film(scenario, seed), scenario.name) as writer:
+        captions = Captions(section.lit_start_s)
+        finished = captions.write if section.light == "lit" else lambda frame: frame
 
-        def observe(time_s: float, poses: FloatArray, ring_on: BoolArray) -> None:
+        def observe(time_s: float, poses: FloatArray, ring_on: BoolArray, state: _State) -> None:
+            captions.add(time_s, *state)
             for frame in camera.observe(time_s, poses, ring_on):
-                writer.write(frame)
+                writer.write(finished(frame))
 
         yield observe
         for frame in camera.finish():
-            writer.write(frame)
+            writer.write(finished(frame))
 
 
 def describe_film(scenario: EmbodiedScenario, seed: int) -> dict[str, Any]:

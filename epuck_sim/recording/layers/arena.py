@@ -42,7 +42,13 @@ CIRCLE_CORNERS = 64
 GREY = (150, 150, 150)
 FAINT = (90, 90, 100)
 WHITE = (255, 255, 255)
-RINGS = rr.AnnotationContext([(0, "dark", (120, 125, 135)), (1, "lit", (230, 40, 40))])
+LIT = (255, 80, 60)
+DARK = (75, 80, 92)
+RINGS = rr.AnnotationContext([(0, "dark", DARK), (1, "lit", LIT)])
+"""Rings differ in brightness, too, for those who do not tell red from green."""
+
+NUMBERS = (0, 125, 225)
+"""Colour of numbers: as far in brightness from the viewer's dark theme as from its light one."""
 
 ARROW_RADIUS = 0.25 / 3.7
 """Half-thickness of a heading arrow, relative to the disc's radius."""

@@ -10,6 +10,7 @@ from epuck_sim import epuck
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
+from epuck_sim.recording.layers.numerals import row_numbers
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 CAMERA = "/camera/rows"
@@ -23,6 +24,12 @@ Time runs down, a row for each step; robots are side by side, separated by colum
 
 INFRARED = "/infrared"
 """Entity with a picture at each step: a row for each robot, a column for each sensor; mm, 65535 if out of range."""
+
+CAMERA_NUMBERS = "/camera/rows/numbers"
+"""Entity with the number of the robot beside each row of the camera's picture."""
+
+INFRARED_NUMBERS = "/infrared/numbers"
+"""Entity with the number of the robot beside each row of infrared distances."""
 
 BETWEEN = 2
 """Class of the columns between two robots."""
@@ -50,10 +57,12 @@ def static_image_entities(scenario: EmbodiedScenario) -> Iterator[Chunk]:
     infrared = rr.DepthImage.from_fields(
         format=_format(SENSORS, robots, rr.ChannelDatatype.U16),
         meter=1000,
-        depth_range=[10 * epuck.INFRARED_RANGE_CM, 0],
-        colormap="turbo",
+        depth_range=[0, 10 * epuck.INFRARED_RANGE_CM],
+        colormap="spectral",  # from red to blue; what is out of range is as blue as what is far
     )
     yield static_chunk(INFRARED, infrared)
+    for numbers in (CAMERA_NUMBERS, INFRARED_NUMBERS):
+        yield static_chunk(numbers, row_numbers(robots))
 
 
 def image_entities(batch: RowBatch) -> Iterator[Chunk]:

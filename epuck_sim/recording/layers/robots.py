@@ -14,7 +14,7 @@ from epuck_sim.embodied.cell_list import make_cell_list
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
-from epuck_sim.recording.layers.arena import FAINT, ray_ends, strip_columns, unit_vectors
+from epuck_sim.recording.layers.arena import FAINT, LIT, ray_ends, strip_columns, unit_vectors
 from epuck_sim.recording.layers.images import SpaceTime, image_entities, static_image_entities
 from epuck_sim.recording.layers.time_series import static_wheel_series, wheel_series
 from epuck_sim.recording.population import Population
@@ -35,7 +35,7 @@ UNBOUNDED_VIEW_CM = 12.0
 """Drawn length of a field of view of unlimited range, cm."""
 
 YELLOW = (240, 200, 40)
-SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", (230, 40, 40))])
+SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", LIT)])
 
 
 class RobotLayers:

@@ -28,6 +28,9 @@ THRESHOLD = "/order/threshold"
 PHASES = "/phases"
 """Entity with (count,) scalars in each row: phases, ms."""
 
+PHASE_LEAD = "/phase_lead"
+"""Entity with (count,) scalars at each firing of the reference: phases ahead of the reference's, -0.5 to 0.5 cycles."""
+
 WHEELS = "/wheels"
 """Entity with (2 robots,) scalars at each step: left and right wheel of each robot, as commanded, cm/s."""
 
@@ -51,9 +54,10 @@ def static_time_series(population: Population, level: Level) -> Iterator[Chunk]:
     yield static_chunk(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
     if level is not Level.SUMMARY:
         yield static_chunk(PHASES, rr.SeriesLines(names=_names(population), **KEEP_EXTREMES))
+        yield static_chunk(PHASE_LEAD, rr.SeriesPoints(names=_names(population), markers="circle", marker_sizes=2))
 
 
-def time_series(batch: RowBatch, threshold: float | None, level: Level) -> Iterator[Chunk]:
+def time_series(batch: RowBatch, population: Population, threshold: float | None, level: Level) -> Iterator[Chunk]:
     """Yield what the plots show of these rows; `threshold` is that of the order parameter, None if there is none."""
     time_ns = batch.time_ns
     if len(batch.flashes):
@@ -68,6 +72,16 @@ def time_series(batch: RowBatch, threshold: float | None, level: Level) -> Itera
         yield temporal_chunk(THRESHOLD, time_ns[[0, -1]], *rr.Scalars.columns(scalars=[threshold, threshold]))
     if level is not Level.SUMMARY:
         yield temporal_chunk(PHASES, time_ns, *_scalars(batch.phase_ms))
+        if len(batch.firings):
+            lead = phase_lead(batch.phase_ms[batch.firings], population)
+            yield temporal_chunk(PHASE_LEAD, time_ns[batch.firings], *_scalars(lead))
+
+
+def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:
+    """Return (rows, count) cycles, -0.5 to 0.5: by how much phases, (rows, count) ms, are ahead of the reference's."""
+    cycles = phase_ms / population.period_ms
+    ahead: FloatArray = cycles - cycles[:, [population.reference]]
+    return ahead - np.round(ahead)
 
 
 def static_wheel_series(population: Population) -> Iterator[Chunk]:

@@ -1,0 +1,26 @@
+"""Numbers beside the rows of a picture are drawn within their rows, and each digit looks like no other."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from epuck_sim.recording.layers.numerals import number_strips, row_numbers
+
+
+def test_each_number_is_within_its_row_and_left_of_the_picture() -> None:
+    strips = [np.array(strip) for strip in row_numbers(12).strips.as_arrow_array().to_pylist()]
+    assert len(strips) == 10 + 2 * 2
+    rows = [*range(10), 10, 10, 11, 11]
+    for row, strip in zip(rows, strips, strict=True):
+        assert row < strip[:, 1].min() < strip[:, 1].max() < row + 1
+        assert strip[:, 0].max() < 0
+    assert strips[10][:, 0].max() < strips[11][:, 0].min()
+
+
+def test_digits_differ() -> None:
+    drawn = set()
+    for digit in range(10):
+        (strip,) = number_strips(digit, 0.0, 0.0)
+        points = np.round(strip, 6).tolist()
+        drawn.add(frozenset(frozenset(map(tuple, piece)) for piece in pairwise(points)))
+    assert len(drawn) == 10
