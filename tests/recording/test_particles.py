@@ -458,7 +458,7 @@ def test_agents_are_discs_where_most_were_lit_for_the_last_time(tmp_path) -> Non
     arena, *_ = draw_page(read).axes
     lit = read.ring_on.sum(axis=1).tolist()
     moment = max(range(len(lit)), key=lambda row: (lit[row], row))
-    discs = [patch for patch in arena.patches if isinstance(patch, Circle)]
+    discs = [patch for patch in arena.patches if isinstance(patch, Circle) and patch.get_fill()]
     np.testing.assert_array_equal([disc.center for disc in discs], read.positions[moment])
     assert [to_hex(disc.get_facecolor()) == RED for disc in discs] == read.ring_on[moment].tolist()
     assert {disc.radius for disc in discs} == {50 / 60}
