@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, prefix_scenario, reject_first
-from epuck_sim.cli.scenarios import AxesOption, QuickOption, SetOption
+from epuck_sim.cli.scenarios import AxesOption, QuickOption, SetOption, TrialsOption
 
 if TYPE_CHECKING:  # or --help would wait for numpy
     from epuck_sim.cli.plan_tables import Duration
@@ -35,10 +35,7 @@ def plan(
         float,
         typer.Option(metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05."),
     ] = 80.0,
-    trials: Annotated[
-        int | None,
-        typer.Option(min=1, max=10_000_000, help="Trials at each point; the scenario's own number by default."),
-    ] = None,
+    trials: TrialsOption = None,
     settings: SetOption = None,
     axes: AxesOption = None,
     quick: QuickOption = False,

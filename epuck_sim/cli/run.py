@@ -7,7 +7,7 @@ import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
 from epuck_sim.cli.replay import WEB_PORT
-from epuck_sim.cli.scenarios import AxesOption, QuickOption, ScenarioArgument, SetOption
+from epuck_sim.cli.scenarios import AxesOption, QuickOption, ScenarioArgument, SetOption, TrialsOption
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording.level import Level
 
@@ -27,10 +27,7 @@ def _refuse_status(wanted: bool) -> None:
 def run(
     scenario: ScenarioArgument,
     seed: Annotated[int | None, typer.Option(min=0, help="Master seed; the scenario's own by default.")] = None,
-    trials: Annotated[
-        int | None,
-        typer.Option(min=1, max=10_000_000, help="Trials at each point; the scenario's own number by default."),
-    ] = None,
+    trials: TrialsOption = None,
     settings: SetOption = None,
     axes: AxesOption = None,
     quick: QuickOption = False,

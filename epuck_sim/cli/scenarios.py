@@ -16,6 +16,10 @@ SetOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change one value: robots.0.parameters.speed_cm_s=1.0"),
 ]
+TrialsOption = Annotated[
+    int | None,
+    typer.Option(min=1, max=10_000_000, help="Trials at each point; the scenario's own number by default."),
+]
 AxesOption = Annotated[
     list[str] | None,
     typer.Option("--sweep", metavar="KEY=V1,V2,...", help="Add an axis to the sweep: robots.0.count=5,10,20"),

@@ -52,6 +52,31 @@ def cell_index(position: float, size: float, count: int) -> int:
     return min(max(int(position / size), 0), count - 1)
 
 
+class CellBlock(NamedTuple):
+    """The cells within one row and one column of a position; robots in others are at least a cell away."""
+
+    first_row: int
+    end_row: int
+    """Row after the last one."""
+    first_column: int
+    last_column: int
+
+
+@jit
+def cells_around(x: float, y: float, cells: CellList) -> CellBlock:
+    """Return the up to nine cells around a position."""
+    column = cell_index(x, cells.width_cm, cells.columns)
+    row = cell_index(y, cells.height_cm, cells.rows)
+    return CellBlock(max(row - 1, 0), min(row + 2, cells.rows), max(column - 1, 0), min(column + 1, cells.columns - 1))
+
+
+@jit
+def members_in_row(block: CellBlock, row: int, cells: CellList) -> tuple[int, int]:
+    """Return where the robots in a row of a block begin in `cells.members`, and where they end."""
+    first_cell = row * cells.columns
+    return cells.first[first_cell + block.first_column], cells.first[first_cell + block.last_column + 1]
+
+
 @jit
 def sort_into_cells(poses: FloatArray, cells: CellList) -> None:
     """Fill `cells` with the robots at (robots, 3) `poses`; within a cell in the order of their numbers."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.embodied.bodies import Bodies
-from epuck_sim.embodied.cell_list import cell_index
+from epuck_sim.embodied.cell_list import cells_around, members_in_row
 from epuck_sim.util.jit import jit_no_alloc
 
 MARGIN_CM = 0.08
@@ -87,11 +87,9 @@ def _meets_robot(bodies: Bodies, robot: int, time_s: float, reach_cm: float) -> 
     """Return whether the straight lines of a robot and another one come so close that the two touch."""
     poses, velocities, cells = bodies.poses, bodies.velocities, bodies.cells
     x, y = poses[robot, 0], poses[robot, 1]
-    column = cell_index(x, cells.width_cm, cells.columns)
-    row = cell_index(y, cells.height_cm, cells.rows)
-    for r in range(max(row - 1, 0), min(row + 2, cells.rows)):
-        start = cells.first[r * cells.columns + max(column - 1, 0)]
-        end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
+    block = cells_around(x, y, cells)
+    for row in range(block.first_row, block.end_row):
+        start, end = members_in_row(block, row, cells)
         for member in range(start, end):
             other = cells.members[member]
             dx, dy = poses[other, 0] - x, poses[other, 1] - y
@@ -118,11 +116,9 @@ def _reach_others(bodies: Bodies, robot: int, reach_cm: float, found: int) -> in
     """Add to `bodies.reached` the robots within reach of one that may be pushed; return the number of robots in it."""
     poses, cells = bodies.poses, bodies.cells
     x, y = poses[robot, 0], poses[robot, 1]
-    column = cell_index(x, cells.width_cm, cells.columns)
-    row = cell_index(y, cells.height_cm, cells.rows)
-    for r in range(max(row - 1, 0), min(row + 2, cells.rows)):
-        start = cells.first[r * cells.columns + max(column - 1, 0)]
-        end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
+    block = cells_around(x, y, cells)
+    for row in range(block.first_row, block.end_row):
+        start, end = members_in_row(block, row, cells)
         for member in range(start, end):
             other = cells.members[member]
             dx, dy = poses[other, 0] - x, poses[other, 1] - y

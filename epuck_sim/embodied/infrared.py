@@ -10,7 +10,7 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.cell_list import REACH_CM, CellList, cell_index
+from epuck_sim.embodied.cell_list import REACH_CM, CellList, cells_around, members_in_row
 from epuck_sim.embodied.ray_casting import to_disc, to_segment
 from epuck_sim.util.jit import jit
 
@@ -149,11 +149,9 @@ def _meet_wall(away: float, ahead: float, aside: float, distances: FloatArray) -
 def _meet_robots(poses: FloatArray, robot: int, cos: float, sin: float, cells: CellList, distances: FloatArray) -> None:
     """Shorten the rays that meet another robot; those in the cells around are looked at."""
     x, y = poses[robot, 0], poses[robot, 1]
-    column = cell_index(x, cells.width_cm, cells.columns)
-    cell_row = cell_index(y, cells.height_cm, cells.rows)
-    for r in range(max(cell_row - 1, 0), min(cell_row + 2, cells.rows)):
-        start = cells.first[r * cells.columns + max(column - 1, 0)]
-        end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
+    block = cells_around(x, y, cells)
+    for row in range(block.first_row, block.end_row):
+        start, end = members_in_row(block, row, cells)
         for member in range(start, end):
             other = cells.members[member]
             dx, dy = poses[other, 0] - x, poses[other, 1] - y

@@ -6,6 +6,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.statistics.estimate import MIN_TRIALS
 
 
 class Measured(NamedTuple):
@@ -24,6 +25,11 @@ class Measured(NamedTuple):
     def censored(self) -> float:
         """Share of the trials that is censored."""
         return 1 - float(self.observed.mean())
+
+    @property
+    def supports_interval(self) -> bool:
+        """Whether an interval can be given: there are trials enough, and not all have one value."""
+        return len(self.values) >= MIN_TRIALS and len(np.unique(self.values)) > 1
 
     @property
     def horizon(self) -> float:

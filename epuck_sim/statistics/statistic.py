@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.estimate import MIN_TRIALS, UNDETERMINED, Estimate, without_interval
+from epuck_sim.statistics.estimate import UNDETERMINED, Estimate, without_interval
 from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
@@ -37,7 +37,7 @@ def estimate_median(measured: Measured) -> Estimate:
     median, low, high = median_time(measured.values, measured.observed)
     if math.isinf(median):
         return UNDETERMINED
-    if len(measured.values) < MIN_TRIALS or len(np.unique(measured.values)) == 1:
+    if not measured.supports_interval:
         return without_interval(median)
     return Estimate(median, low, high)
 

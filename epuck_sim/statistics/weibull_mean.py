@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.statistics.estimate import MIN_TRIALS, UNDETERMINED, Estimate, without_interval
+from epuck_sim.statistics.estimate import UNDETERMINED, Estimate, without_interval
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.survival import SurvivalCurves, make_curve, make_sample, resampled_curves
 from epuck_sim.statistics.weibull import fit_lines, local_fits, points_to_fit, starting_lines, weibull_means
@@ -26,7 +26,7 @@ def estimate_weibull_mean(measured: Measured) -> Estimate:
     mean = weibull_mean(measured.values, measured.observed)
     if math.isnan(mean):
         return UNDETERMINED
-    if len(measured.values) < MIN_TRIALS or len(np.unique(measured.values)) == 1:
+    if not measured.supports_interval:
         return without_interval(mean)
     resampled = weibull_resamples(measured.values, measured.observed, seed=measured.seed)
     return Estimate(mean, *confidence_interval(resampled))

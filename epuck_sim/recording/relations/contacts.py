@@ -10,7 +10,7 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.cell_list import CellList, cell_index, sort_into_cells
+from epuck_sim.embodied.cell_list import CellList, cells_around, members_in_row, sort_into_cells
 from epuck_sim.embodied.contact_candidates import MARGIN_CM
 from epuck_sim.util.jit import jit
 
@@ -91,11 +91,9 @@ def _find_robot_contacts(
     """Write the contacts of a robot with those of higher numbers; return the number of contacts so far."""
     x, y = poses[robot, 0], poses[robot, 1]
     apart = 2.0 * _RADIUS + GAP_CM
-    column = cell_index(x, cells.width_cm, cells.columns)
-    line = cell_index(y, cells.height_cm, cells.rows)
-    for r in range(max(line - 1, 0), min(line + 2, cells.rows)):
-        start = cells.first[r * cells.columns + max(column - 1, 0)]
-        end = cells.first[r * cells.columns + min(column + 1, cells.columns - 1) + 1]
+    block = cells_around(x, y, cells)
+    for row in range(block.first_row, block.end_row):
+        start, end = members_in_row(block, row, cells)
         for other in cells.members[start:end]:
             dx, dy = poses[other, 0] - x, poses[other, 1] - y
             if other > robot and dx * dx + dy * dy <= apart * apart:
