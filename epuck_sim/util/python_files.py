@@ -2,7 +2,8 @@
 
 import hashlib
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import traceback
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
@@ -117,3 +118,11 @@ def fingerprint(value: object) -> object:
     if isinstance(value, list | tuple):
         return type(value), tuple(map(fingerprint, value))
     return type(value)
+
+
+def line_of_error(error: BaseException, files: Collection[Path]) -> str | None:
+    """Return FILE:LINE of the last of some files that an error has passed through; None if it has passed none."""
+    if isinstance(error, SyntaxError) and error.filename is not None and Path(error.filename) in files:
+        return f"{error.filename}:{error.lineno}"
+    passed = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) in files]
+    return f"{passed[-1].filename}:{passed[-1].lineno}" if passed else None
