@@ -69,7 +69,7 @@ def print_summary(title: str, points: "Sequence[PointSummary]", as_json: bool) -
     names = [name for name in STATISTICS if is_censored or name in ("mean", "median")]
     if all(point.censored for point in points):
         names.remove("mean")
-    table = Table(title=Text(f"{title}: T_sync [cycles], with 95 % intervals"), title_justify="left")
+    table = Table(title=Text(f"{title}, with 95 % intervals"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
     headings = [STATISTICS[name] for name in names]
     for heading in ("point", *map(axis_label, shown[0]), "trials", "censored", *headings):

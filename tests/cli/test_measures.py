@@ -80,3 +80,19 @@ def test_new_overwrites_nothing(tmp_path):
     assert "mine.py: exists already" in refused("new", "measure", "mine")
     assert (tmp_path / "mine.py").read_text() == COUNTER
     assert call("new").exit_code == 2
+
+
+# --- summarize ------------------------------------------------------------------------------------
+
+
+def test_summarize_takes_a_measure_of_the_folder():
+    command = ["run", "particles", *SHORT, "--trials", "3", "--workers", "1", "--out", "run"]
+    call(*command, "--measure", "mine.py", "--measure", "order_parameter")
+    (point,) = json.loads(called("summarize", "run", "--of", "Counter", "--json"))
+    assert (point["trials"], point["mean"], point["weibull_mean"]) == (3, 3.0, None)
+    assert "run: Counter, with 95 % intervals" in called("summarize", "run", "--of", "Counter")
+    assert "unknown 'Conter', did you mean 'Counter'?; measured: Counter, order_parameter" in refused(
+        "summarize", "run", "--of", "Conter"
+    )
+    assert "is a series" in refused("summarize", "run", "--of", "order_parameter")
+    assert [point["trials"] for point in json.loads(called("summarize", "run", "--json"))] == [3]
