@@ -30,7 +30,7 @@ class {name}:
         self.centre = None
         self.length_cm = 0.0
 
-    # Called after every firing of the reference; this costs nothing in between.
+    # Called after every firing of the reference; it costs nothing in between.
     # For every control step of robots, add `def step(self, step, state)`; for every event of point agents,
     # `def event(self, event, state)`. Leave out what you do not need: `step` and `event` make trials slower.
     # `state` has time_s, cycles, order_parameter and is_synchronised.

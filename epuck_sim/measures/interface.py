@@ -9,7 +9,7 @@
 
 A measure is told of what it has methods for: `step` after every control step of robots, `event` after every event of
 point agents, `cycle` after every firing of the reference. `event` is what observers are shown (`trial.observer`),
-`state` how far the trial is. Without `step` and `event`, a trial is as quick as without the measure.
+`state` how far the trial is. Without `step` and `event`, compiled code runs from one cycle to the next.
 The value is a number, a truth value, None where it is undetermined, or a list of them, one for each cycle.
 A class attribute `MODELS` names the models that it can measure, if it cannot measure all; a static method
 `check(parameters)` raises ValueError on parameters that make no sense.
