@@ -30,6 +30,11 @@ def test_a_mapping_without_parameters_is_a_name():
     assert named(load_scenario({"measures": [{"order_parameter": None}]})) == [("order_parameter", {})]
 
 
+def test_a_section_made_in_python_is_taken_as_it_is():
+    measures = load_scenario({"measures": ["order_parameter"]}).measures
+    assert load_scenario({"model": "particles", "measures": measures}).measures == measures
+
+
 def test_files_are_found_beside_the_scenario(tmp_path):
     write(tmp_path / "mine.py", COUNTER)
     file = write(tmp_path / "scene.yaml", "measures: [mine.py]\n")
