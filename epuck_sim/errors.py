@@ -13,6 +13,10 @@ class ControllerError(EpuckSimError):
     """A controller that cannot be loaded or compiled, or that raised while it ran."""
 
 
+class MeasureError(EpuckSimError):
+    """A measure that cannot be loaded, that raised during a trial, or that returned no value."""
+
+
 class StoreError(EpuckSimError):
     """A run folder that cannot be used: it holds something else, is damaged, in use, or cannot be written."""
 

@@ -21,6 +21,7 @@ from epuck_sim.recording.viewer import live, viewer
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.trial.model import run_trial, simulate
 
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -59,6 +60,16 @@ def test_controllers_run_compiled_and_interpreted_alike(block: str, tmp_path) ->
         assert compiled.poses.tobytes() == interpreted.poses.tobytes()
         assert compiled.ring_on.tobytes() == interpreted.ring_on.tobytes()
     assert compiled.wheels_cm_s[:5].any()
+
+
+@pytest.mark.parametrize("block", code(lambda block: "def value(self)" in block))
+@pytest.mark.parametrize("model", ["thesis", "particles"])
+def test_measures_shown_measure_trials_of_both_models(model: str, block: str, tmp_path) -> None:
+    path = tmp_path / "shown.py"
+    path.write_text(block)
+    scenario = load_scenario(model, ["stop.max_cycles=5"], measures=[str(path)])
+    (value,) = run_trial(simulate(scenario, 1)).measures.values()
+    assert 0 < value <= 1
 
 
 def commands(page: Path) -> list[list[str]]:

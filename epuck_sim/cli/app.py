@@ -7,6 +7,7 @@ import typer
 from epuck_sim import __version__
 from epuck_sim.cli.film import films
 from epuck_sim.cli.interrupt import end_on_request
+from epuck_sim.cli.new import news
 from epuck_sim.cli.plan import plans
 from epuck_sim.cli.plot import plots
 from epuck_sim.cli.replay import replays
@@ -22,6 +23,7 @@ app = typer.Typer(
 )
 for commands in (runs, scenarios, replays, films, results, plots, plans):
     app.add_typer(commands)
+app.add_typer(news, name="new")
 
 
 def _print_version(wanted: bool) -> None:

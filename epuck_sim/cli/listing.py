@@ -8,6 +8,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.measures.shipped import SHIPPED
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
@@ -23,6 +25,12 @@ def print_shipped() -> None:
     for heading, descriptions in shipped.items():
         print(heading)
         _print_descriptions(descriptions)
+
+
+def print_measures() -> None:
+    """Print the names, the descriptions and the parameters of the shipped measures."""
+    print("measures")
+    _print_descriptions(describe_measures())
 
 
 def _print_descriptions(descriptions: Mapping[str, str]) -> None:
@@ -52,3 +60,14 @@ def describe_controllers() -> dict[str, str]:
         for name, path in builtin_files(CONTROLLERS).items()
     }
     return {name: doc.partition("\n")[0] for name, doc in docs.items()}
+
+
+def describe_measures() -> dict[str, str]:
+    """Return each shipped measure's name, the first line of its docstring, and its parameters with their defaults."""
+    described: dict[str, str] = {}
+    for name in SHIPPED:
+        measure = find_measure(name)
+        parameters = ", ".join(f"{key}: {default}" for key, default in measure.parameters.items())
+        doc = (measure.make.__doc__ or "").partition("\n")[0]
+        described[name] = f"{doc} {{{parameters}}}" if parameters else doc
+    return described

@@ -30,14 +30,22 @@ def export_results(
 
 
 @results.command()
-def summarize(folder: FolderArgument, as_json: JsonOption = False) -> None:
-    """Print the statistics of T_sync at each point of a sweep; censored trials are taken into account."""
+def summarize(
+    folder: FolderArgument,
+    of: Annotated[
+        str | None, typer.Option(metavar="NAME", help="A measure of the folder's scenario; T_sync by default.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the statistics of T_sync, or of a measure, at each point of a sweep; censored trials count as such."""
     with exit_on_error():
         from epuck_sim.cli.tables import print_summary
         from epuck_sim.runs.reader import read_points
+        from epuck_sim.statistics.measured import measure_t_sync, measure_values
         from epuck_sim.statistics.summary import summarize as statistics
 
-        print_summary(str(folder), statistics(read_points(folder)), as_json)
+        points = statistics(read_points(folder, of), measure_t_sync if of is None else measure_values)
+        print_summary(f"{folder}: {of or 'T_sync [cycles]'}", points, as_json)
 
 
 @results.command()

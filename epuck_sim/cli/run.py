@@ -7,7 +7,7 @@ import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
 from epuck_sim.cli.replay import WEB_PORT
-from epuck_sim.cli.scenarios import AxesOption, QuickOption, ScenarioArgument, SetOption, TrialsOption
+from epuck_sim.cli.scenarios import AxesOption, MeasureOption, QuickOption, ScenarioArgument, SetOption, TrialsOption
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording.level import Level
 
@@ -30,6 +30,7 @@ def run(
     trials: TrialsOption = None,
     settings: SetOption = None,
     axes: AxesOption = None,
+    measures: MeasureOption = None,
     quick: QuickOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON: one object for each trial, or one for a whole sweep.")
@@ -89,7 +90,7 @@ def run(
             ),
             *_conflicts(options, folder),
         )
-        loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
+        loaded = load_scenario(scenario, settings or (), axes or (), measures=measures or (), quick=quick)
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         if point is not None and trial is not None:

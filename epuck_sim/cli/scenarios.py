@@ -24,6 +24,12 @@ AxesOption = Annotated[
     list[str] | None,
     typer.Option("--sweep", metavar="KEY=V1,V2,...", help="Add an axis to the sweep: robots.0.count=5,10,20"),
 ]
+MeasureOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--measure", metavar="NAME_OR_FILE", help="Measure more: order_parameter, mine.py:coverage (list --measures)"
+    ),
+]
 QuickOption = Annotated[bool, typer.Option("--quick", help="Take the scenario's quick version, if it has one.")]
 
 
@@ -44,9 +50,16 @@ def check(
 
 
 @scenarios.command("list")
-def list_shipped() -> None:
-    """List the scenarios, sweeps and controllers that come with epuck-sim."""
+def list_shipped(
+    measures: Annotated[
+        bool, typer.Option("--measures", help="List measures of trials, and their parameters.")
+    ] = False,
+) -> None:
+    """List the scenarios, sweeps and controllers, or the measures, that come with epuck-sim."""
     with exit_on_error():
-        from epuck_sim.cli.listing import print_shipped
+        from epuck_sim.cli.listing import print_measures, print_shipped
 
-        print_shipped()
+        if measures:
+            print_measures()
+        else:
+            print_shipped()

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from epuck_sim.cli.progress import in_words
 from epuck_sim.figures.labels import axis_label
+from epuck_sim.measures.interface import Value
 from epuck_sim.runs.reader import Failure, Status
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS
@@ -68,7 +69,7 @@ def print_summary(title: str, points: "Sequence[PointSummary]", as_json: bool) -
     names = [name for name in STATISTICS if is_censored or name in ("mean", "median")]
     if all(point.censored for point in points):
         names.remove("mean")
-    table = Table(title=Text(f"{title}: T_sync [cycles], with 95 % intervals"), title_justify="left")
+    table = Table(title=Text(f"{title}, with 95 % intervals"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
     headings = [STATISTICS[name] for name in names]
     for heading in ("point", *map(axis_label, shown[0]), "trials", "censored", *headings):
@@ -119,6 +120,8 @@ def print_trials(results: Sequence[TrialResult]) -> None:
     for heading in ("T_sync [cycles]", "censored", "order par.", "simulated [s]", "wall [s]", "x real time"):
         longest = max(map(len, heading.split()))
         table.add_column(Text(heading), justify="right", min_width=longest)  # Text, or [s] would be markup
+    for name in results[0].measures:
+        table.add_column(Text(name), justify="right", no_wrap=True)
     for result in results:
         table.add_row(
             str(result.seed),
@@ -128,8 +131,18 @@ def print_trials(results: Sequence[TrialResult]) -> None:
             f"{result.simulated_s:.1f}",
             f"{result.wall_s:.2f}",
             f"{result.real_time_factor:.0f}",
+            *map(_format_value, result.measures.values()),
         )
     Console(width=None if sys.stdout.isatty() else 120).print(table)
+
+
+def _format_value(value: Value) -> str:
+    """Return the value of a measure as a table shows it; of a series, how long it is."""
+    if isinstance(value, list):
+        return f"{len(value)} values"
+    if value is None or isinstance(value, bool):
+        return "-" if value is None else "yes" if value else "no"
+    return in_digits(value)
 
 
 def print_trial_json(result: TrialResult) -> None:

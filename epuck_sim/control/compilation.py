@@ -10,10 +10,10 @@ import numba
 import numpy as np
 
 from epuck_sim.control.interface import Controller
-from epuck_sim.control.loader import fingerprint
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import compile_at, layout
 from epuck_sim.util.jit import bind, digest, kernel_digest
+from epuck_sim.util.python_files import fingerprint
 
 _compiled: dict[Hashable, Any] = {}
 

@@ -4,23 +4,14 @@ Each controller is loaded with copies of its own of the files that it imports: t
 never mistaken for each other, an edit is noticed, and a trial's outcome depends on files and parameters alone.
 """
 
-import hashlib
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
-from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from types import FunctionType, ModuleType
-from typing import Any
-
-import numpy as np
 
 from epuck_sim.control.interface import Controller, record_type, typed
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.python_files import AS_LOADED, fingerprint, load_python_file
 
 PARTS = {
     "PARAMETERS": "a mapping of names to default values",
@@ -80,12 +71,11 @@ def _stamps(controller: Controller) -> list[int]:
 
 
 def _load(path: Path) -> Controller:
-    with _imports_beside(path) as (sources, modules):
-        try:
-            module = _Source(path, sources, modules).load()
-        except (Exception, SystemExit) as error:  # whatever a user's file may raise
-            raise ControllerError(f"{path}: cannot be loaded: {type(error).__name__}: {error}") from error
-    parts = vars(module)
+    try:
+        file = load_python_file(path, (builtin_folder(CONTROLLERS),))
+    except (Exception, SystemExit) as error:  # whatever a user's file may raise
+        raise ControllerError(f"{path}: cannot be loaded: {type(error).__name__}: {error}") from error
+    parts = vars(file.module)
     for part, wanted in PARTS.items():
         if not (isinstance(parts.get(part), dict) if part.isupper() else callable(parts.get(part))):
             raise ControllerError(f"{path}: a controller needs {part}: {wanted}")
@@ -101,71 +91,7 @@ def _load(path: Path) -> Controller:
     except (TypeError, ValueError) as error:
         raise ControllerError(f"{path}: PARAMETERS or MEMORY: {error}") from error
     start, step, check = parts["start"], parts["step"], parts.get("check")
-    return Controller(path.stem, path, parameters, memory, start, step, check, sources, modules)
-
-
-class _Source(Loader):
-    """Loads a module from its source, as cached bytecode may be older than it seems, and records both."""
-
-    def __init__(self, path: Path, sources: dict[Path, bytes], modules: dict[Path, ModuleType]) -> None:
-        self._path = path
-        self._sources = sources
-        self._modules = modules
-
-    def exec_module(self, module: ModuleType) -> None:
-        source = self._sources[self._path] = self._path.read_bytes()
-        self._modules[self._path] = module
-        exec(compile(source, str(self._path), "exec", dont_inherit=True), vars(module))
-        vars(module)[_AS_LOADED] = {name: fingerprint(value) for name, value in vars(module).items()}
-
-    def load(self) -> ModuleType:
-        """Return the file as a module that no `import` statement finds."""
-        spec = spec_from_file_location(self._path.stem, self._path, loader=self)
-        assert spec is not None  # a loader was given
-        module = module_from_spec(spec)
-        self.exec_module(module)
-        return module
-
-
-class _Beside(MetaPathFinder):
-    """Finds modules in the folder of a controller and among the built-in ones, except the controller itself."""
-
-    def __init__(self, path: Path, sources: dict[Path, bytes], modules: dict[Path, ModuleType]) -> None:
-        folders = (path.parent, builtin_folder(CONTROLLERS))
-        files = [file for folder in reversed(folders) for file in folder.glob("*.py") if file != path]
-        self.files: Mapping[str, Path] = {file.stem: file.resolve() for file in files}
-        self._sources = sources
-        self._modules = modules
-
-    def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:  # noqa: ARG002
-        if name not in self.files:
-            return None
-        loader = _Source(self.files[name], self._sources, self._modules)
-        return spec_from_file_location(name, self.files[name], loader=loader)
-
-
-@contextmanager
-def _imports_beside(path: Path) -> Iterator[tuple[dict[Path, bytes], dict[Path, ModuleType]]]:
-    """Make files beside `path` and built-in controllers importable by name while the block lasts.
-
-    Yields the sources and the modules of the files that are loaded, which fill up. Nothing stays in `sys.modules`.
-    """
-    sources: dict[Path, bytes] = {}
-    modules: dict[Path, ModuleType] = {}
-    finder = _Beside(path, sources, modules)
-    hidden = {name: sys.modules.pop(name) for name in finder.files if name in sys.modules}
-    sys.meta_path.insert(0, finder)
-    try:
-        yield sources, modules
-    finally:
-        sys.meta_path.remove(finder)
-        for name in finder.files:
-            sys.modules.pop(name, None)
-        sys.modules.update(hidden)
-
-
-_AS_LOADED = "__as_loaded__"
-"""Name in a controller's module of the fingerprints of its values when it was loaded."""
+    return Controller(path.stem, path, parameters, memory, start, step, check, file.sources, file.modules)
 
 
 def check_imported_copies(controller: Controller) -> None:
@@ -179,7 +105,7 @@ def check_imported_copies(controller: Controller) -> None:
         imported = sys.modules.get(path.stem)
         if imported is None or Path(getattr(imported, "__file__", None) or "").resolve() != path:
             continue
-        loaded = vars(own)[_AS_LOADED]
+        loaded = vars(own)[AS_LOADED]
         for name, value in vars(imported).items():
             if not name.startswith("__") and name.isidentifier() and fingerprint(value) != loaded.get(name):
                 raise ControllerError(
@@ -187,18 +113,3 @@ def check_imported_copies(controller: Controller) -> None:
                     "what the file says; controllers run a copy of their own, where it would change nothing: make it a "
                     "parameter, or set it in the modules of `epuck_sim.control.loader.find_controller`"
                 )
-
-
-def fingerprint(value: object) -> object:
-    """Return the contents of numbers, text, arrays, functions and containers, and the type of anything else."""
-    if isinstance(value, FunctionType):
-        return value.__code__
-    if isinstance(value, bool | int | float | complex | str | bytes | np.generic):
-        return type(value), repr(value)
-    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
-        return value.dtype, value.shape, hashlib.sha256(value.tobytes()).digest()
-    if isinstance(value, dict):
-        return dict, tuple((fingerprint(key), fingerprint(each)) for key, each in value.items())
-    if isinstance(value, list | tuple):
-        return type(value), tuple(map(fingerprint, value))
-    return type(value)

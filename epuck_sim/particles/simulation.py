@@ -94,6 +94,11 @@ class ParticleSimulation:
             no_agents = np.empty(0, np.int64)
             return Event(self.time_s, turned, no_agents, no_agents)
         advance(*self._state, int(instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED, 0.0)
+        return self.last_instant()
+
+    def last_instant(self) -> Event:
+        """Return the last event at which agents fired, if no time has passed since."""
+        instant = self._instant
         fired = instant.fired[: instant.counts[0]].astype(np.int64)
         received = instant.received[: instant.counts[1]].astype(np.int64)
         return Event(self.time_s, None, fired, received)

@@ -2,12 +2,14 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.scenario.measures import MeasureSection
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
 from epuck_sim.scenario.validation import validate
@@ -21,7 +23,7 @@ MISSING = "nothing"
 
 
 class StoredPoint(NamedTuple):
-    """A point as the database stores it; axes, scenario and controllers are JSON."""
+    """A point as the database stores it; axes, scenario, controllers and measures are JSON."""
 
     key: str
     number: int
@@ -31,6 +33,8 @@ class StoredPoint(NamedTuple):
     scenario: str
     controllers: str
     """Controller of each group: a shipped one's name, or the name and the digest of the sources of a user's file."""
+    measures: str
+    """By the name of each measure, its parameters and the measure itself, as controllers are stored."""
 
 
 def stored_point(point: Point) -> StoredPoint:
@@ -43,14 +47,23 @@ def stored_point(point: Point) -> StoredPoint:
         json.dumps(point.axes),
         scenario.model_dump_json(),
         json.dumps([_controller(name) for name in scenario.controllers]),
+        json.dumps(dict(map(_measure, scenario.measures))),
     )
 
 
 def _controller(name: str) -> str:
-    if not name.endswith(".py"):
-        return name
-    sources = find_controller(name).sources.values()
-    return f"{Path(name).name} with digest {hashlib.sha256(b''.join(sources)).hexdigest()[:12]}"
+    return name if not name.endswith(".py") else _with_digest(Path(name).name, find_controller(name).sources)
+
+
+def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
+    measure = find_measure(section.measure)
+    name = Path(measure.stored_name).name
+    shown = _with_digest(name, measure.sources) if measure.sources else name
+    return measure.name, {"measure": shown, **section.parameters}
+
+
+def _with_digest(name: str, sources: Mapping[Path, bytes]) -> str:
+    return f"{name} with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}"
 
 
 def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint]) -> None:
@@ -80,11 +93,34 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
             more = ["..."] if len(differences) > MOST_SHOWN else []
             lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
             raise StoreError(f"{folder}: holds results of another scenario; give another folder:\n  {lines}")
+        _check_measures(folder, json.loads(point.measures), json.loads(now[point.key].measures))
         if point.trials > now[point.key].trials:
             raise StoreError(
                 f"{folder}: holds {point.trials} trials at {point.key}; trials is {now[point.key].trials}; "
                 f"allowed: {point.trials} or more, or another folder"
             )
+
+
+def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -> None:
+    """Raise StoreError if trials with results were measured otherwise than those to come would be."""
+    for name, measure in stored.items():
+        if name not in now:
+            raise StoreError(
+                f"{folder}: holds results of the measure {name}, which is lacking now; give another folder"
+            )
+        for key in dict.fromkeys([*measure, *now[name]]):
+            old, new = measure.get(key, MISSING), now[name].get(key, MISSING)
+            if old != new:
+                raise StoreError(
+                    f"{folder}: holds results of another measure {name}; give another folder: "
+                    f"{key}: {short_repr(old)} in the folder, {short_repr(new)} now"
+                )
+    added = [name for name in now if name not in stored]
+    if added:
+        raise StoreError(
+            f"{folder}: holds trials without the measures {', '.join(added)}, which are new; stored trials are not "
+            "run again for them: give another folder"
+        )
 
 
 def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:

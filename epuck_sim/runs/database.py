@@ -47,8 +47,14 @@ CREATE TABLE trials (
 """
 
 
+LATER_COLUMNS = {
+    "points": ("measures", "TEXT NOT NULL DEFAULT '{}'"),  # JSON: see `compatibility.StoredPoint.measures`
+    "trials": ("measured", "TEXT"),  # JSON: value of each measure by its name; NULL without measures
+}
+"""A column of each table that folders from before there were measures do not have, and its type."""
+
 ENTER_POINT = (
-    "INSERT INTO points (key, number, trials, axes, scenario, controllers) VALUES (?, ?, ?, ?, ?, ?) "
+    "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures) VALUES (?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario"
 )
 
@@ -63,8 +69,22 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
         connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.execute(POINTS)
         connection.execute(TRIALS.format(axes=columns, provenance=provenance))
+        add_later_columns(connection)
         connection.executemany(ENTER_POINT, points)
         connection.commit()
+
+
+def add_later_columns(connection: sqlite3.Connection) -> None:
+    """Add the columns that a folder from before there were measures does not have."""
+    for table, (name, kind) in LATER_COLUMNS.items():
+        if not has_later_column(connection, table):
+            connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {kind}")
+
+
+def has_later_column(connection: sqlite3.Connection, table: str) -> bool:
+    """Return whether a table has its column of `LATER_COLUMNS`."""
+    names = {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
+    return LATER_COLUMNS[table][0] in names
 
 
 def check_database(path: Path) -> None:

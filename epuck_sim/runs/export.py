@@ -1,15 +1,17 @@
 """The results of a sweep as one table, for pandas, R or a spreadsheet."""
 
 import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 from pyarrow import csv, parquet
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.measures.interface import Value
 from epuck_sim.runs.database import as_column, reading
-from epuck_sim.runs.reader import database_of
+from epuck_sim.runs.reader import database_of, measures_in
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -35,7 +37,8 @@ COLUMNS = {
 def export(folder: Path, target: Path) -> int:
     """Write a row for each trial that has a result, ordered by point and trial.
 
-    The columns are the axes, by their dotted keys, and `COLUMNS`.
+    The columns are the axes, by their dotted keys, `COLUMNS`, and `measures.NAME` for each measure. A series is a list
+    in Parquet and its JSON in CSV.
 
     Args:
         folder: A run folder.
@@ -56,14 +59,21 @@ def export(folder: Path, target: Path) -> int:
             for number, axes in connection.execute("SELECT number, axes FROM points ORDER BY number")
         }
         wanted = ", ".join("number" if name == "point" else name for name in COLUMNS)
+        names = measures_in(connection)
+        measured = "measured" if names else "NULL"
         rows = connection.execute(
-            f"SELECT {wanted} FROM trials JOIN points ON point = key WHERE error IS NULL ORDER BY number, trial"
+            f"SELECT {wanted}, {measured} FROM trials JOIN points ON point = key "
+            "WHERE error IS NULL ORDER BY number, trial"
         ).fetchall()
         (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
-    columns = dict(zip(COLUMNS, zip(*rows, strict=True) if rows else [()] * len(COLUMNS), strict=True))
+    *found, values = zip(*rows, strict=True) if rows else [()] * (len(COLUMNS) + 1)
+    columns = dict(zip(COLUMNS, found, strict=True))
     columns["censored"] = [bool(value) for value in columns["censored"]]
     axes = {key: _axis([as_column(points[number][key]) for number in columns["point"]]) for key in points[0]}
     arrays = {**axes, **{name: pa.array(columns[name], kind) for name, kind in COLUMNS.items()}}
+    trials = [json.loads(text or "{}") for text in values]
+    is_text = target.suffix == ".csv"
+    arrays |= {f"measures.{name}": _measure([trial.get(name) for trial in trials], is_text) for name in names}
     with atomic_write(target) as part:
         WRITERS[target.suffix](pa.table(arrays), part)
     return int(failed)
@@ -75,3 +85,37 @@ def _axis(values: list[Any]) -> Any:
     if len(kinds) > 1 and kinds != {int, float}:
         values = [None if value is None else str(value) for value in values]
     return pa.array(values)
+
+
+def _measure(values: list[Value], is_text: bool) -> Any:
+    """Return a column of a measure's values.
+
+    If trials differ in kind, all numbers become floats; numbers beside series become series of one.
+    """
+    if any(isinstance(value, list) for value in values):
+        series = [value if value is None or isinstance(value, list) else [value] for value in values]
+        if is_text:
+            return pa.array([None if each is None else json.dumps(each) for each in series], pa.string())
+        inner = _kind([number for each in series if each is not None for number in each])
+        return pa.array(
+            [None if each is None else [inner.of(number) for number in each] for each in series], pa.list_(inner.type)
+        )
+    kind = _kind(values)
+    return pa.array([kind.of(value) for value in values], kind.type)
+
+
+class _Kind(NamedTuple):
+    """The kind of some values."""
+
+    type: Any
+    of: Callable[[Any], Any]
+    """Converts a value, or None, to it."""
+
+
+def _kind(values: Sequence[Value]) -> _Kind:
+    """Return the kind that holds all of some scalars: truth values, whole numbers, or floats."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {bool}:
+        return _Kind(pa.bool_(), lambda value: value)
+    convert, arrow = (int, pa.int64()) if kinds == {int} else (float, pa.float64())
+    return _Kind(arrow, lambda value: None if value is None else convert(value))

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import sqlite3
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,10 +10,12 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.measures.interface import Value
+from epuck_sim.runs.database import DATABASE, has_later_column, reading
 from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.validation import validate
+from epuck_sim.util.messages import comma_list, did_you_mean
 from epuck_sim.util.provenance import PROVENANCE
 
 
@@ -31,6 +34,8 @@ class PointTrials(NamedTuple):
     """(trials,) whether each trial was synchronised then; otherwise it is censored."""
     seeds: tuple[int, ...]
     """(trials,) seed of each trial."""
+    measured: tuple[Value, ...] = ()
+    """(trials,) value in each trial of the measure that was asked for; empty if none was."""
 
     @property
     def seed(self) -> int:
@@ -84,16 +89,21 @@ class Status(NamedTuple):
     """The process that is running the sweep."""
 
 
-def read_points(folder: Path | str) -> list[PointTrials]:
+def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
     """Return the results of each point, in the sweep's order.
 
+    Args:
+        folder: A run folder.
+        of: Name of a measure whose values are wanted, too.
+
     Raises:
-        StoreError: The folder is not a run folder, or its database is damaged.
+        StoreError: The folder is not a run folder, its database is damaged, or there is no such measure in it.
     """
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
         ends: dict[str, list[tuple[int, int]]] = {key: [] for key, *_ in found}
         seeds: dict[str, list[int]] = {key: [] for key, *_ in found}
+        values = _read_measured(connection, str(folder), of) if of is not None else {}
         for key, cycles, censored, seed in connection.execute(
             "SELECT point, cycles, censored, seed FROM trials WHERE error IS NULL ORDER BY point, trial"
         ):
@@ -107,8 +117,28 @@ def read_points(folder: Path | str) -> list[PointTrials]:
         except ScenarioError as error:
             raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
         times = cycles.astype(np.float64)
-        results.append(PointTrials(number, key, json.loads(axes), read, times, censored == 0, tuple(seeds[key])))
+        trials = tuple(seeds[key]), tuple(values.get(key, ()))
+        results.append(PointTrials(number, key, json.loads(axes), read, times, censored == 0, *trials))
     return results
+
+
+def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> dict[str, list[Value]]:
+    """Return the values of a measure in the trials of each point, by the point's key."""
+    measured = measures_in(connection)
+    if name not in measured:
+        raise StoreError(f"{folder}: {did_you_mean(name, measured)}; measured: {comma_list(measured)}")
+    found: dict[str, list[Value]] = {}
+    for key, text in connection.execute("SELECT point, measured FROM trials WHERE error IS NULL ORDER BY point, trial"):
+        found.setdefault(key, []).append(json.loads(text or "{}").get(name))
+    return found
+
+
+def measures_in(connection: sqlite3.Connection) -> list[str]:
+    """Return the names of the measures of a folder's points, in their order."""
+    if not has_later_column(connection, "points"):
+        return []
+    rows = connection.execute("SELECT measures FROM points ORDER BY number")
+    return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
 
 
 def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool] | None:

@@ -4,6 +4,7 @@ A folder belongs to one sweep. Points and trials can be added, and a run that wa
 results of two scenarios.
 """
 
+import json
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,9 +16,11 @@ from epuck_sim.runs.database import (
     DATABASE,
     ENTER_POINT,
     RESULT,
+    add_later_columns,
     as_column,
     check_database,
     create_database,
+    has_later_column,
     quoted,
     reading,
     sqlite_errors,
@@ -63,10 +66,11 @@ class Store:
             stack.enter_context(sqlite_errors(self._path))
             self._connection = stack.enter_context(writing(self._path))
             with self._connection:
+                add_later_columns(self._connection)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
             self._resources = stack.pop_all()
-        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error")
+        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
             f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
@@ -98,6 +102,7 @@ class Store:
             *(None if result is None else getattr(result, name) for name in RESULT),
             *(outcome.provenance[name] for name in PROVENANCE),
             outcome.error,
+            json.dumps(result.measures) if result is not None and result.measures else None,
         )
         with sqlite_errors(self._path), self._connection:
             self._connection.execute(self._insert, values)
@@ -113,8 +118,9 @@ class Store:
 
 def _stored_points(path: Path) -> list[StoredPoint]:
     with reading(path) as connection:
+        measures = "measures" if has_later_column(connection, "points") else "'{}'"
         rows = connection.execute(
             "SELECT key, number, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key), "
-            "axes, scenario, controllers FROM points"
+            f"axes, scenario, controllers, {measures} FROM points"
         )
         return [StoredPoint(*row) for row in rows]

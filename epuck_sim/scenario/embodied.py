@@ -101,6 +101,8 @@ class EmbodiedScenario(Scenario):
         "belongs to model: particles; give that model, or leave it out",
     )
 
+    event_method: ClassVar[str] = "step"
+
     model: Literal["embodied"] = "embodied"
     arena: ArenaSection = ArenaSection()
     robots: tuple[RobotGroup, ...] = (RobotGroup(),)
@@ -189,7 +191,7 @@ class EmbodiedScenario(Scenario):
         return max(group.camera.pixels for group in self.robots)
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
-        """Return the scenario with its controllers found and their parameters filled in; see `Scenario.resolved`."""
+        """Return the scenario with controllers, measures and their parameters filled in; see `Scenario.resolved`."""
         swept = self.sweep.keys if self.sweep else ()
         robots = tuple(
             group  # its controller, hence its parameters, are known at each point only
@@ -198,4 +200,4 @@ class EmbodiedScenario(Scenario):
             for number, group in enumerate(self.robots)
         )
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
-        return self.model_copy(update={"robots": robots, "sweep": sweep})
+        return super().resolved(origin, folder).model_copy(update={"robots": robots, "sweep": sweep})

@@ -9,6 +9,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import (
     QUICK,
     add_axis,
+    add_measures,
     apply_override,
     note_changes,
     quick_version,
@@ -28,7 +29,12 @@ RUN_SCENARIO = "scenario.yaml"
 
 @overload
 def load_scenario(
-    source: Kind, settings: Sequence[str] = (), axes: Sequence[str] = (), *, quick: bool = False
+    source: Kind,
+    settings: Sequence[str] = (),
+    axes: Sequence[str] = (),
+    *,
+    measures: Sequence[str] = (),
+    quick: bool = False,
 ) -> Kind: ...
 
 
@@ -38,6 +44,7 @@ def load_scenario(
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
+    measures: Sequence[str] = (),
     quick: bool = False,
 ) -> EmbodiedScenario | ParticleScenario: ...
 
@@ -47,6 +54,7 @@ def load_scenario(
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
+    measures: Sequence[str] = (),
     quick: bool = False,
 ) -> Scenario:
     """Return a validated scenario with every default filled in.
@@ -55,6 +63,7 @@ def load_scenario(
         source: A shipped scenario's name, a YAML file, a run folder, a mapping with a scenario's keys, or a Scenario.
         settings: Changes as `key=value`, such as `robots.0.parameters.speed_cm_s=1.0`; later ones win.
         axes: Axes for the grid of the scenario's sweep as `key=value,value,...`.
+        measures: Names of measures, added to the scenario's own; see `measures.loader.find_measure`.
         quick: Take the quick version, which the file has under `quick`.
 
     Returns:
@@ -69,12 +78,12 @@ def load_scenario(
     >>> scenario.arena.width_cm
     100.0
     """
-    for name, given_texts in (("settings", settings), ("axes", axes)):
+    for name, given_texts in (("settings", settings), ("axes", axes), ("measures", measures)):
         if isinstance(given_texts, str):
             raise ScenarioError(f"{name} is {given_texts!r}; allowed: a list of such texts")
     folder = None
     if isinstance(source, Scenario):
-        if not settings and not axes and not quick:
+        if not settings and not axes and not measures and not quick:
             return source.resolved(source.name)
         given: Any = source.model_dump(mode="json")
         origin = source.name
@@ -90,6 +99,8 @@ def load_scenario(
     if not isinstance(given, dict):
         raise ScenarioError(f"{origin}: is {short_repr(given)}; a scenario is a mapping of keys to values")
     given = _choose_version(given, origin, quick=quick)
+    if measures:
+        given = add_measures(given, measures, origin)
     for setting in settings:
         given = apply_override(given, setting)
     for axis in axes:

@@ -52,7 +52,7 @@ def _with(container: Any, parts: list[str], value: Any, origin: str) -> Any:
     return here
 
 
-NOT_DESCRIBED = {"name", "description", "trials", "seed", "figure"}
+NOT_DESCRIBED = {"name", "description", "trials", "seed", "figure", "measures"}
 """Keys of a scenario that its description says nothing about."""
 
 QUICK = "quick"
@@ -85,6 +85,18 @@ def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
         old = given.get(key)
         merged[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
     return merged
+
+
+def add_measures(given: Mapping[str, Any], names: Sequence[str], origin: str) -> dict[str, Any]:
+    """Return the mapping `given` with more measures after those that it has; parameters of any can then be set.
+
+    Raises:
+        ScenarioError: The scenario's own measures are no list; the message begins with `origin`.
+    """
+    own = given.get("measures") or []
+    if not isinstance(own, list | tuple):
+        raise ScenarioError(f"{origin}: measures: is {short_repr(own)}; allowed: a list")
+    return {**given, "measures": [*own, *({name: {}} for name in names)]}
 
 
 def add_axis(given: Mapping[str, Any], axis: str) -> dict[str, Any]:

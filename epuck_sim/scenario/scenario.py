@@ -9,8 +9,9 @@ from pydantic import Field
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
+from epuck_sim.scenario.measures import MeasureSection, resolve_measures
 
-WITHOUT_EFFECT = {"name", "description", "trials", "figure", "overhead"}
+WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
 
 
@@ -44,6 +45,8 @@ class Scenario(ConfigModel):
 
     foreign_keys: ClassVar[dict[str, str]] = {}
     """Dotted keys of another model, and the message for a scenario of this model that has them."""
+    event_method: ClassVar[str] = "event"
+    """Name of the method by which a measure is told of every event (`measures.interface.EVENT_METHODS`)."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
     description: str = ""
@@ -53,6 +56,8 @@ class Scenario(ConfigModel):
     """Number of trials; in a sweep, at each of its points."""
     seed: Annotated[WholeNumber, Field(ge=0)] = 0
     """The master seed, from which each trial gets its own."""
+    measures: tuple[MeasureSection, ...] = ()
+    """What is measured in each trial, besides T_sync."""
     sweep: SweepAxes | None = None
     figure: FigureSection = FigureSection()
 
@@ -81,7 +86,7 @@ class Scenario(ConfigModel):
         """Dotted keys of the values on which `scales`, and the speed, depend."""
         return ()
 
-    def resolved(self, origin: str, folder: Path | None = None) -> Self:  # noqa: ARG002 for models that name files
+    def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with everything filled in that lies in other files.
 
         Args:
@@ -91,7 +96,10 @@ class Scenario(ConfigModel):
         Raises:
             ScenarioError: A file is missing, or does not fit the scenario.
         """
-        return self
+        if not self.measures:
+            return self
+        measures = resolve_measures(self.measures, self.model, self.event_method, origin, folder)
+        return self.model_copy(update={"measures": measures})
 
     def __repr__(self) -> str:
         """Return one line; `write_scenario` gives every key."""

@@ -1,10 +1,12 @@
 """One measure of the trials of a point: their values, and which of these are censored."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.errors import StoreError
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.estimate import MIN_TRIALS
 
@@ -17,7 +19,7 @@ class Measured(NamedTuple):
     observed: BoolArray
     """(n,) whether each value is known; otherwise it is censored."""
     limit: float
-    """Largest value that a trial can have before it is censored."""
+    """Largest value that a trial can have before it is censored; inf for a measure that is never censored."""
     seed: int
     """Seed of resamples."""
 
@@ -30,6 +32,11 @@ class Measured(NamedTuple):
     def supports_interval(self) -> bool:
         """Whether an interval can be given: there are trials enough, and not all have one value."""
         return len(self.values) >= MIN_TRIALS and len(np.unique(self.values)) > 1
+
+    @property
+    def is_time(self) -> bool:
+        """Whether the values are times until something happens, which may be censored."""
+        return self.limit < math.inf
 
     @property
     def horizon(self) -> float:
@@ -49,3 +56,17 @@ def cut(measured: Measured, limit: float) -> Measured:
 def measure_t_sync(point: PointTrials) -> Measured:
     """Return T_sync, in cycles, of a point's trials."""
     return Measured(point.times, point.observed, float(point.scenario.stop.max_cycles), point.seed)
+
+
+def measure_values(point: PointTrials) -> Measured:
+    """Return the values of the measure that `read_points` was asked for; those that are undetermined are left out.
+
+    Truth values count as 1 and 0, so that their mean is the share of trials in which they are true.
+
+    Raises:
+        StoreError: They are series.
+    """
+    if any(isinstance(value, list) for value in point.measured):
+        raise StoreError("this measure is a series, with a value for each cycle; statistics take one value a trial")
+    numbers = [float(value) for value in point.measured if value is not None and not isinstance(value, list)]
+    return Measured(np.array(numbers, float), np.ones(len(numbers), np.bool_), math.inf, point.seed)

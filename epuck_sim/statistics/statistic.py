@@ -34,7 +34,8 @@ def resample(measured: Measured, statistic: Statistic) -> FloatArray:
 
 def estimate_median(measured: Measured) -> Estimate:
     """Return the median with its interval; no interval below `MIN_TRIALS` trials, or where all have one value."""
-    median, low, high = median_time(measured.values, measured.observed)
+    shift = _shift(measured)
+    median, low, high = (end + shift for end in median_time(measured.values - shift, measured.observed))
     if math.isinf(median):
         return UNDETERMINED
     if not measured.supports_interval:
@@ -43,8 +44,14 @@ def estimate_median(measured: Measured) -> Estimate:
 
 
 def _resample_medians(measured: Measured) -> FloatArray:
-    curves = resampled_curves(measured.values, measured.observed, RESAMPLES, measured.seed)
-    return np.concatenate([medians(block) for block in curves])
+    shift = _shift(measured)
+    curves = resampled_curves(measured.values - shift, measured.observed, RESAMPLES, measured.seed)
+    return np.concatenate([medians(block) for block in curves]) + shift
+
+
+def _shift(measured: Measured) -> float:
+    """Return what to subtract from values so that none is negative, as times are; 0.0 where none is."""
+    return min(float(measured.values.min()), 0.0)
 
 
 _ESTIMATORS: dict[Statistic, Callable[[Measured], Estimate]] = {

@@ -1,23 +1,26 @@
-"""Statistics of T_sync at each point of a sweep; censored trials are taken into account (thesis Appendix A)."""
+"""Statistics of a measure at each point of a sweep; censored trials are taken into account (thesis Appendix A)."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.estimate import UNDETERMINED, without_interval
-from epuck_sim.statistics.measured import measure_t_sync
+from epuck_sim.statistics.measured import Measured, measure_t_sync
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 
 
 class PointSummary(NamedTuple):
-    """T_sync at one point, in cycles; None where it is undetermined, has no interval, or an end is not reached."""
+    """A measure at one point; None where it is undetermined, has no interval, or an end is not reached.
+
+    T_sync is in cycles. Only of T_sync are there restricted and Weibull means, and a horizon.
+    """
 
     point: int
     axes: dict[str, Any]
     trials: int
-    """Number of trials that have a result."""
+    """Number of trials that have a result; of a measure, a value."""
     censored: float
     """Share of these trials that is censored; 0 without trials."""
     mean: float | None
@@ -44,27 +47,36 @@ class PointSummary(NamedTuple):
     """Lower end of the 95 % bootstrap interval of the Weibull mean."""
     weibull_mean_high: float | None
     """Upper end of the 95 % bootstrap interval of the Weibull mean."""
-    horizon: float
+    horizon: float | None
     """Limit of cycles, or the longest trial where some were censored before this limit."""
 
 
-def summarize(points: Iterable[PointTrials]) -> list[PointSummary]:
-    """Return the statistics of each point; equal results give equal numbers."""
-    return [_summarize_point(point) for point in points]
+def summarize(
+    points: Iterable[PointTrials], measure: Callable[[PointTrials], Measured] = measure_t_sync
+) -> list[PointSummary]:
+    """Return the statistics of each point; equal results give equal numbers.
+
+    Args:
+        points: What `read_points` returns.
+        measure: `measure_values` for the measure that `read_points` was asked for; T_sync by default.
+    """
+    return [_summarize_point(point, measure(point)) for point in points]
 
 
-def _summarize_point(point: PointTrials) -> PointSummary:
-    measured = measure_t_sync(point)
-    if not len(point.times):
-        return PointSummary._make([point.number, point.axes, 0, 0.0, *[None] * 12, measured.limit])
-    restricted = estimate(measured, Statistic.MEAN)
-    if not point.observed.any():
-        restricted = without_interval(measured.horizon)
-    mean = UNDETERMINED if measured.censored else restricted
-    estimates = (mean, estimate(measured, Statistic.MEDIAN), restricted, estimate(measured, Statistic.WEIBULL_MEAN))
-    numbers = [finite_or_none(number) for each in estimates for number in each]
-    head = (point.number, point.axes, len(point.times), measured.censored)
-    return PointSummary._make([*head, *numbers, measured.horizon])
+def _summarize_point(point: PointTrials, measured: Measured) -> PointSummary:
+    horizon = finite_or_none(measured.limit)
+    if not len(measured.values):
+        return PointSummary._make([point.number, point.axes, 0, 0.0, *[None] * 12, horizon])
+    head = (point.number, point.axes, len(measured.values), measured.censored)
+    mean, median = estimate(measured, Statistic.MEAN), estimate(measured, Statistic.MEDIAN)
+    restricted = weibull = UNDETERMINED
+    if measured.is_time:
+        restricted = mean if measured.observed.any() else without_interval(measured.horizon)
+        mean = UNDETERMINED if measured.censored else restricted
+        weibull = estimate(measured, Statistic.WEIBULL_MEAN)
+        horizon = measured.horizon
+    numbers = [finite_or_none(number) for each in (mean, median, restricted, weibull) for number in each]
+    return PointSummary._make([*head, *numbers, horizon])
 
 
 def finite_or_none(number: float) -> float | None:

@@ -12,8 +12,13 @@ UNSEEN_STEPS = 50
 """Number of control steps that compiled code takes before Python has its turn, for Ctrl-C and for progress."""
 
 
-def run_robots(simulation: Simulation, observers: Sequence[Observer], progress: Progress | None = None) -> TrialResult:
-    """Run a fresh simulation of robots to the end of its trial; see `trial.model.run_trial`.
+def run_robots(
+    simulation: Simulation,
+    observers: Sequence[Observer],
+    progress: Progress | None = None,
+    at_cycles: Sequence[Observer] = (),
+) -> TrialResult:
+    """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
     Without observers, only the steps in which the reference's ring is lit are looked at, which is much quicker.
     """
@@ -23,12 +28,16 @@ def run_robots(simulation: Simulation, observers: Sequence[Observer], progress: 
     began = time.perf_counter()
     while not watch.is_over:
         unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
+        cycles = watch.cycles
         step = simulation.advance(unseen, watch.lit_robot)
         watch.look(step)
         if progress is not None:
             progress(watch)
         for observer in observers:
             observer(step, watch)
+        if watch.cycles > cycles:
+            for observer in at_cycles:
+                observer(step, watch)
     outcome = watch.outcome
     return TrialResult(
         scenario=simulation.scenario.name,

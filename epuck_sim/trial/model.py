@@ -13,6 +13,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import SCENARIO_TYPES
+from epuck_sim.trial.measuring import begin_measures
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
 
@@ -35,8 +36,9 @@ class Model(NamedTuple):
     scenario: type[Scenario]
     simulate: Callable[[Any, int, bool], Simulated]
     """Returns a fresh simulation; takes the scenario, a seed, and whether to interpret controllers."""
-    run: Callable[[Any, Sequence[Observer], Progress | None], TrialResult]
-    """Returns the outcome of a trial; takes a fresh simulation, observers, and what shows progress."""
+    run: Callable[[Any, Sequence[Observer], Progress | None, Sequence[Observer]], TrialResult]
+    """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, and further observers
+    that are called after firings of the reference alone."""
     check_room: Callable[[Any], None]
     """Raises ScenarioError for a scenario whose population finds no room."""
 
@@ -50,10 +52,12 @@ def _simulate_robots(scenario: EmbodiedScenario, seed: int, interpret: bool) -> 
     return Simulation(scenario, seed, interpret=interpret)
 
 
-def _run_robots(simulation: Any, observers: Sequence[Observer], progress: Progress | None) -> TrialResult:
+def _run_robots(
+    simulation: Any, observers: Sequence[Observer], progress: Progress | None, at_cycles: Sequence[Observer]
+) -> TrialResult:
     from epuck_sim.trial.embodied import run_robots
 
-    return run_robots(simulation, observers, progress)
+    return run_robots(simulation, observers, progress, at_cycles)
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
@@ -70,10 +74,12 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
     return ParticleSimulation(scenario, seed)
 
 
-def _run_agents(simulation: Any, observers: Sequence[Observer], progress: Progress | None) -> TrialResult:
+def _run_agents(
+    simulation: Any, observers: Sequence[Observer], progress: Progress | None, at_cycles: Sequence[Observer]
+) -> TrialResult:
     from epuck_sim.trial.particles import run_agents
 
-    return run_agents(simulation, observers, progress)
+    return run_agents(simulation, observers, progress, at_cycles)
 
 
 def _points_need_no_room(_: ParticleScenario) -> None:
@@ -123,6 +129,7 @@ def run_trial(
     Raises:
         TypeError: `simulation` is not a simulation.
         ValueError: The simulation is under way; its cycles before would go uncounted.
+        MeasureError: One of the scenario's measures raises, or returns what is no value.
 
     >>> from epuck_sim import Simulation
     >>> run_trial(Simulation("thesis", seed=1)).t_sync_cycles
@@ -130,7 +137,10 @@ def run_trial(
     """
     if not isinstance(getattr(simulation, "scenario", None), Scenario):
         raise TypeError(f"a trial is of a simulation, such as Simulation('thesis', seed=1), not of {simulation!r}")
-    return MODELS[simulation.scenario.model].run(simulation, tuple(observers), progress)
+    measuring = begin_measures(simulation, simulation.scenario, simulation.seed)
+    observers = (*observers, *measuring.at_events)
+    result = MODELS[simulation.scenario.model].run(simulation, observers, progress, measuring.at_cycles)
+    return result._replace(measures=measuring.values())
 
 
 def check_room(scenario: Scenario) -> None:

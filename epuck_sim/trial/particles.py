@@ -15,12 +15,16 @@ FIRST_SLICE = 100_000
 
 
 def run_agents(
-    simulation: ParticleSimulation, observers: Sequence[Observer], progress: Progress | None = None
+    simulation: ParticleSimulation,
+    observers: Sequence[Observer],
+    progress: Progress | None = None,
+    at_cycles: Sequence[Observer] = (),
 ) -> TrialResult:
-    """Run a fresh simulation of point agents to the end of its trial; see `trial.model.run_trial`.
+    """Run a fresh simulation of point agents to the end of its trial; see `trial.model.Model.run`.
 
     Without observers, compiled code runs for about `SLICE_S` at a time, which is much quicker. A slice is a number of
-    pulses, whose cost hardly changes as the swarm synchronises; that of an instant, or of a period, does.
+    pulses, whose cost hardly changes as the swarm synchronises; that of an instant, or of a period, does. With
+    `at_cycles`, a slice ends at the next firing of the reference.
     """
     if simulation.instants:
         raise ValueError(
@@ -31,15 +35,22 @@ def run_agents(
     began = time.perf_counter()
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
     while not simulation.is_synchronised and simulation.cycles < limit and simulation.next_period < longest:
+        cycles = simulation.cycles
         if observers:
             event = next(simulation)
             for observer in observers:
                 observer(event, simulation)
         else:
             asked = time.perf_counter()
-            simulation.run(limit, longest - simulation.period, pulses)
+            simulation.run(min(cycles + 1, limit) if at_cycles else limit, longest - simulation.period, pulses)
             took = time.perf_counter() - asked
-            pulses = 2 * pulses if took < SLICE_S / 2 else max(1, pulses // 2) if took > 2 * SLICE_S else pulses
+            if took > 2 * SLICE_S:
+                pulses = max(1, pulses // 2)
+            elif took < SLICE_S / 2 and not (at_cycles and simulation.cycles > cycles):
+                pulses *= 2  # a slice that a firing has ended tells nothing of how long a whole one takes
+        if simulation.cycles > cycles:
+            for observer in at_cycles:
+                observer(simulation.last_instant(), simulation)
         if progress is not None:
             progress(simulation)
     # where the reference was held back until the end, no firing ended the trial

@@ -1,6 +1,9 @@
 """The outcome of a trial."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
+
+from epuck_sim.measures.interface import Value
 
 
 class TrialResult(NamedTuple):
@@ -24,6 +27,8 @@ class TrialResult(NamedTuple):
     """Simulated time in seconds."""
     wall_s: float
     """Time that the trial took, in seconds on the wall."""
+    measures: Mapping[str, Value] = {}
+    """Value of each of the scenario's measures by its name."""
 
     @property
     def real_time_factor(self) -> float:

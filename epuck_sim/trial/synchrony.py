@@ -94,8 +94,14 @@ class SynchronyWatch:
 
     @property
     def steps_left(self) -> int:
-        """Steps until the trial ends at its limits, unless the reference fires before; at least 1."""
-        return max(self._max_steps - self._steps, 1)
+        """Steps until the trial ends at its limits, unless the reference fires before; at least 1.
+
+        If the reference is no oscillator, they are no more than the steps until the next cycle is complete.
+        """
+        end = self._max_steps
+        if not self._measures:
+            end = min(end, math.ceil((self.cycles + 1) * self._steps_a_cycle))
+        return max(end - self._steps, 1)
 
     @property
     def is_synchronised(self) -> bool:

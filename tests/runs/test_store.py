@@ -135,6 +135,7 @@ def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_h
         **versions(),
         "host": host(),
         "error": None,
+        "measured": None,
     }
     assert [*row][3:7] == [COUNT, SPEED, "seed", "t_sync_cycles"]
 

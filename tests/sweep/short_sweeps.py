@@ -33,6 +33,13 @@ def table(folder: Path) -> list[tuple]:
         return connection.execute(f"SELECT {columns} FROM trials ORDER BY point, trial").fetchall()
 
 
+def errors(folder: Path) -> dict[tuple[str, int], str]:
+    """Return the error of each trial that failed, by its point and number."""
+    with reading(folder / DATABASE) as connection:
+        rows = connection.execute("SELECT point, trial, error FROM trials WHERE error IS NOT NULL")
+        return {(point, trial): error for point, trial, error in rows}
+
+
 def stored(folder: Path) -> int:
     """Return how many trials a run folder holds; 0 while there is none."""
     if not (folder / DATABASE).exists():

@@ -25,7 +25,7 @@ from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.model import run_trial
 from tests.processes import processes_marked, wait_until
-from tests.sweep.short_sweeps import begin, short_sweep, stored, table
+from tests.sweep.short_sweeps import begin, errors, short_sweep, stored, table
 
 TRIALS = 30
 POINTS = 8
@@ -212,11 +212,12 @@ sweep: {{grid: {{robots.0.parameters.{axis}: [0, 1]}}}}
     run = begin(path, "--out", folder, "--workers", 2, "--interpret", folder=tmp_path)
     out, err = run.communicate(timeout=100)
     assert run.returncode == 1, err
-    failed = [row for row in table(folder) if row[-1] is not None]
+    messages = errors(folder)
+    failed = [row for row in table(folder) if row[:2] in messages]
     assert 0 < len(failed) < 8
     assert stored(folder) == 16
     for row in failed:
-        assert message in row[-1]
+        assert message in messages[row[:2]]
         assert row[2:4] == (1, row[3])
         assert row[4] is None
         assert f"--point 1 --trial {row[1]}: " in out

@@ -45,11 +45,11 @@ class Dice:
         return Firing(self.cycles, self.order_parameter)
 
 
-def run(dice: Dice, observers: Any, _: Any) -> TrialResult:
+def run(dice: Dice, observers: Any, _: Any, at_cycles: Any) -> TrialResult:
     while not dice.is_synchronised and dice.cycles < dice.scenario.stop.max_cycles:
         dice.cycles, dice.time_s = dice.cycles + 1, dice.time_s + 1.0
         dice.is_synchronised = bool(dice.random.random() < dice.scenario.chance)
-        for observer in observers:
+        for observer in (*observers, *at_cycles):
             observer(dice.cycles, dice)
     t_sync = dice.cycles if dice.is_synchronised else None
     numbers = dice.cycles, None, dice.cycles, dice.time_s, 1e-3

@@ -1,0 +1,31 @@
+"""Phases and positions of robots or agents at an event, whatever the model."""
+
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+
+
+def phases_at(simulation: Any, event: Any) -> FloatArray:
+    """Return (oscillators,) phases from 0 to 1; of robots, those that are oscillators."""
+    if not hasattr(event, "phase_ms"):
+        phases: FloatArray = simulation.phases()
+        return phases
+    periods = simulation.period_ms
+    is_oscillator = ~np.isnan(periods)
+    return np.asarray(event.phase_ms[is_oscillator] / periods[is_oscillator])
+
+
+def positions_at(simulation: Any, event: Any) -> FloatArray:
+    """Return (population, dimensions) cm: a copy of the positions."""
+    positions: FloatArray = event.poses[:, :2].copy() if hasattr(event, "poses") else simulation.positions()
+    return positions
+
+
+def sides_cm(simulation: Any) -> tuple[float, ...]:
+    """Return the side of the arena or space along each dimension."""
+    scenario = simulation.scenario
+    if hasattr(scenario, "arena"):
+        return float(scenario.arena.width_cm), float(scenario.arena.height_cm)
+    return (float(scenario.space.side_cm),) * int(scenario.space.dimensions)

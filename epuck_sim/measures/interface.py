@@ -1,0 +1,138 @@
+"""What a measure is: a small class, or a function, that is told of a trial and returns one value at its end.
+
+    class Coverage:
+        def __init__(self, simulation, *, cell_cm=5.0): ...    its parameters are keywords with defaults
+        def cycle(self, event, state): ...                     at every firing of the reference
+        def value(self): ...                                   at the end
+
+    def final_order(simulation): ...                           a function is called at the end alone
+
+A measure is told of what it has methods for: `step` after every control step of robots, `event` after every event of
+point agents, `cycle` after every firing of the reference. `event` is what observers are shown (`trial.observer`),
+`state` how far the trial is. Without `step` and `event`, compiled code runs from one cycle to the next.
+The value is a number, a truth value, None where it is undetermined, or a list of them, one for each cycle.
+A class attribute `MODELS` names the models that it can measure, if it cannot measure all; a static method
+`check(parameters)` raises ValueError on parameters that make no sense.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from epuck_sim.control.interface import typed
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+
+Parameter = bool | int | float | str
+"""Value of a parameter of a measure."""
+
+Scalar = bool | int | float | None
+"""A number, a truth value, or None where it is undetermined."""
+
+Value = Scalar | list[Scalar]
+"""Value of a measure: one, or a series with one for each cycle."""
+
+EVENT_METHODS = {"step": "every control step of robots", "event": "every event of point agents"}
+"""Methods that are called after every event of a trial, and what they are told of."""
+
+CYCLE_METHOD = "cycle"
+"""Method that is called after every firing of the reference."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """A measure as it was found."""
+
+    name: str
+    """Name of its value in results."""
+    stored_name: str
+    """Name by which it is found again: of a shipped measure, or the path of a file, a colon and a name in it."""
+    make: Callable[..., Any]
+    """The class or function."""
+    parameters: Mapping[str, Parameter]
+    """Name and default of each parameter."""
+    sources: Mapping[Path, bytes]
+    """Contents of every file that a user's measure comes from, at the time of loading; empty for a shipped one."""
+
+    @property
+    def is_function(self) -> bool:
+        """Whether it is a function, which is called at the end alone."""
+        return not inspect.isclass(self.make)
+
+    def is_told(self, method: str) -> bool:
+        """Return whether it has a method of this name to be told by."""
+        return not self.is_function and hasattr(self.make, method)
+
+    def check_model(self, model: str, event_method: str) -> None:
+        """Raise ValueError if it cannot measure trials of a model.
+
+        Args:
+            model: Name of the model.
+            event_method: Name of the method that trials of this model tell of every event.
+        """
+        models = getattr(self.make, "MODELS", None)
+        if models is not None and model not in models:
+            raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+        methods = [method for method in EVENT_METHODS if self.is_told(method)]
+        if methods and event_method not in methods:
+            raise ValueError(
+                f"{self.name} asks for {EVENT_METHODS[methods[0]]}, by its method {methods[0]}; model: {model} tells "
+                f"of {EVENT_METHODS[event_method]}, by {event_method}"
+            )
+
+    def resolve(self, given: Mapping[str, object]) -> dict[str, Parameter]:
+        """Return every parameter with its given value or its default.
+
+        Raises:
+            ValueError: A name or value is not allowed; the message says what is.
+        """
+        for name in given:
+            if name not in self.parameters:
+                raise ValueError(
+                    f"{did_you_mean(name, dict(self.parameters))}; {self.name} has {comma_list(self.parameters)}"
+                )
+        values = {
+            name: typed_parameter(name, given[name], default) if name in given else default
+            for name, default in self.parameters.items()
+        }
+        check = getattr(self.make, "check", None)
+        if check is not None:
+            try:
+                check(SimpleNamespace(**values))
+            except Exception as error:  # whatever a user's file may raise
+                raise ValueError(str(error) if isinstance(error, ValueError) else f"check: {error!r}") from error
+        return values
+
+
+def typed_parameter(name: str, given: object, default: Parameter) -> Parameter:
+    """Return `given` converted to the default's type; raise ValueError if that would change its value."""
+    if not isinstance(default, str):
+        return typed(name, given, default)
+    if isinstance(given, str):
+        return given
+    raise ValueError(f"{name} is {short_repr(given)}; allowed: text")
+
+
+def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
+    """Return the parameters of a class or function, all that it takes after the simulation, and their defaults.
+
+    Raises:
+        ValueError: It does not take a simulation, or a parameter has no default that is a number, a bool or text.
+    """
+    try:
+        first, *others = inspect.signature(make).parameters.values()
+    except (TypeError, ValueError):
+        raise ValueError("takes nothing; a measure takes the simulation, and its parameters as keywords") from None
+    if first.kind not in (first.POSITIONAL_ONLY, first.POSITIONAL_OR_KEYWORD):
+        raise ValueError(f"takes {first} first; a measure takes the simulation, and its parameters as keywords")
+    parameters: dict[str, Parameter] = {}
+    for parameter in others:
+        default = parameter.default
+        if not isinstance(default, Parameter) or parameter.kind == parameter.POSITIONAL_ONLY:
+            raise ValueError(
+                f"has a parameter {parameter}; allowed: keywords whose default is a number, true or false, or text"
+            )
+        parameters[parameter.name] = typed_parameter(parameter.name, default, default)
+    return parameters

@@ -1,0 +1,72 @@
+"""The measures that a scenario names: found by name or in their files, with every parameter filled in."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import model_serializer, model_validator
+
+from epuck_sim.errors import MeasureError, ScenarioError
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.scenario.base import ConfigModel
+from epuck_sim.util.messages import short_repr
+
+ONE_MEASURE = "a measure's name, or a mapping of one name to its parameters"
+
+
+class MeasureSection(ConfigModel):
+    """A measure: its name, or a mapping of that to its parameters; written as the latter."""
+
+    measure: str
+    """Name of a shipped measure, or FILE.py:NAME."""
+    parameters: dict[str, Any]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, given: Any) -> Any:
+        if isinstance(given, str):
+            return {"measure": given, "parameters": {}}
+        if isinstance(given, MeasureSection):
+            return given
+        if not isinstance(given, dict):
+            raise ValueError(ONE_MEASURE)  # noqa: TRY004 pydantic gathers ValueErrors
+        if len(given) == 1:
+            ((name, parameters),) = given.items()
+            if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
+                return {"measure": name, "parameters": parameters or {}}
+        raise ValueError(f"is {short_repr(given)}; allowed: {ONE_MEASURE}")
+
+    @model_serializer
+    def _write(self) -> dict[str, dict[str, Any]]:
+        return {self.measure: self.parameters}
+
+
+def resolve_measures(
+    measures: Sequence[MeasureSection], model: str, event_method: str, origin: str, folder: Path | None
+) -> tuple[MeasureSection, ...]:
+    """Return measures with the paths of those that are users', and with all parameters.
+
+    Args:
+        measures: Measures as a scenario names them.
+        model: The scenario's model.
+        event_method: Name of the method that trials of this model tell of every event.
+        origin: Begins every error message.
+        folder: Files are looked for here first, then in the working directory.
+
+    Raises:
+        ScenarioError: There is no such measure, it cannot measure this model or does not take these parameters, or two
+            have one name.
+    """
+    resolved: dict[str, MeasureSection] = {}
+    for number, section in enumerate(measures):
+        where = f"{origin}: measures.{number}"
+        try:
+            measure = find_measure(section.measure, folder)
+            measure.check_model(model, event_method)
+            parameters = measure.resolve(section.parameters)
+        except (MeasureError, ValueError) as error:
+            raise ScenarioError(f"{where}: {error}") from error
+        if measure.name in resolved:
+            raise ScenarioError(f"{where}: {measure.name} is the name of two measures; results have one of each name")
+        resolved[measure.name] = MeasureSection.model_construct(measure=measure.stored_name, parameters=parameters)
+    return tuple(resolved.values())

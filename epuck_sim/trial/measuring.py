@@ -1,0 +1,133 @@
+"""Tells measures of a trial while it runs, and gathers their values at its end."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.errors import MeasureError
+from epuck_sim.measures.interface import CYCLE_METHOD, Measure, Scalar, Value
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.observer import Observer
+from epuck_sim.util.messages import short_repr
+from epuck_sim.util.python_files import line_of_error
+
+
+class Measuring(NamedTuple):
+    """The measures of a trial that has not begun yet."""
+
+    at_events: Sequence[Observer]
+    """Tell the measures that ask for every event."""
+    at_cycles: Sequence[Observer]
+    """Tell the measures that ask for every firing of the reference."""
+    final: Mapping[str, Callable[[], Value]]
+    """Returns the value of each measure, by its name, when the trial is over."""
+
+    def values(self) -> dict[str, Value]:
+        """Return the value of each measure of a trial that is over."""
+        return {name: value() for name, value in self.final.items()}
+
+
+def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
+    """Make the measures of a scenario.
+
+    Args:
+        simulation: A fresh simulation, which measures are given.
+        scenario: Its scenario.
+        seed: Its seed, for messages.
+
+    Raises:
+        MeasureError: A measure is not found any more, or raises.
+    """
+    at_events: list[Observer] = []
+    at_cycles: list[Observer] = []
+    final: dict[str, Callable[[], Value]] = {}
+    for section in scenario.measures:
+        measure = find_measure(section.measure)
+        origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
+        if measure.is_function:
+            final[measure.name] = _final(measure, origin, _bound(measure.make, simulation, section.parameters))
+            continue
+        with _located(measure, origin):
+            instance = measure.make(simulation, **section.parameters)
+        for method, observers in ((scenario.event_method, at_events), (CYCLE_METHOD, at_cycles)):
+            if measure.is_told(method):
+                observers.append(_observer(measure, origin, getattr(instance, method)))
+        final[measure.name] = _final(measure, origin, instance.value)
+    return Measuring(at_events, at_cycles, final)
+
+
+def _bound(function: Callable[..., Any], simulation: Any, parameters: Mapping[str, Any]) -> Callable[[], Any]:
+    return lambda: function(simulation, **parameters)
+
+
+def _observer(measure: Measure, origin: str, method: Callable[[Any, Any], object]) -> Observer:
+    def tell(event: Any, state: Any) -> None:
+        try:  # a context manager would take longer than many a measure
+            method(event, state)
+        except (Exception, SystemExit) as error:  # whatever a user's file may raise
+            raise _failure(measure, origin, error) from error
+
+    return tell
+
+
+def _final(measure: Measure, origin: str, value: Callable[[], Any]) -> Callable[[], Value]:
+    def checked() -> Value:
+        with _located(measure, origin):
+            found = value()
+        try:
+            return as_value(found)
+        except ValueError as error:
+            where = f"{measure.stored_name}: " if measure.sources else ""
+            raise MeasureError(f"{origin}: {where}its value {error}") from error
+
+    return checked
+
+
+@contextmanager
+def _located(measure: Measure, origin: str) -> Iterator[None]:
+    try:
+        yield
+    except (Exception, SystemExit) as error:  # whatever a user's file may raise
+        raise _failure(measure, origin, error) from error
+
+
+def _failure(measure: Measure, origin: str, error: BaseException) -> MeasureError:
+    """Return the error of a measure, with the file and line where it was raised."""
+    where = line_of_error(error, measure.sources)
+    what = f"{type(error).__name__}: {error}"
+    return MeasureError(f"{origin}: {where}: {what}" if where else f"{origin}: {what}")
+
+
+def as_value(given: Any) -> Value:
+    """Return what a measure has returned as a plain number, truth value or None, or as a list of them.
+
+    Raises:
+        ValueError: It is something else; the message goes on after "its value".
+
+    >>> as_value(np.float64(0.5)), as_value(np.array([1, 2])), as_value(math.nan), as_value([True, None])
+    (0.5, [1, 2], None, [True, None])
+    """
+    if isinstance(given, np.ndarray) and given.ndim == 1:
+        given = given.tolist()
+    return [_as_scalar(each) for each in given] if isinstance(given, list | tuple) else _as_scalar(given)
+
+
+def _as_scalar(given: Any) -> Scalar:
+    plain = given.item() if isinstance(given, np.generic) else given
+    if plain is None or isinstance(plain, bool):
+        return plain
+    if isinstance(plain, int | float):
+        if math.isnan(plain):
+            return None
+        if isinstance(plain, float) and math.isinf(plain):
+            raise ValueError(f"is {plain}; allowed: finite numbers, and None where it is undetermined")
+        if abs(plain) >= 2**63:
+            raise ValueError(f"is {plain}; allowed: whole numbers below 2 ** 63")
+        return plain
+    raise ValueError(
+        f"is {short_repr(given)}, a {type(given).__name__}; allowed: a number, true or false, None, or a list of them"
+    )

@@ -1,0 +1,98 @@
+"""Measures on the command line: `run --measure`, `list --measures` and `new measure`."""
+
+import json
+
+import pytest
+
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.measures.shipped import SHIPPED
+from tests.cli.commands import call, called, refused
+from tests.measures.files import COUNTER, write
+
+SHORT = ["--set", "stop.max_cycles=3"]
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "mine.py", COUNTER)
+
+
+@pytest.mark.parametrize("scenario", ["thesis", "particles"])
+def test_run_prints_measures_as_json_and_as_columns(scenario):
+    command = ["run", scenario, *SHORT, "--measure", "order_parameter", "--measure", "mine.py:Counter"]
+    trial = json.loads(called(*command, "--json"))
+    assert list(trial["measures"]) == ["order_parameter", "Counter"]
+    assert trial["measures"]["Counter"] == 3.0
+    assert len(trial["measures"]["order_parameter"]) == trial["cycles"] == 3
+    assert trial["measures"]["order_parameter"][-1] == trial["order_parameter"]
+    table = called(*command)
+    assert "3 values" in table
+    assert "Counter" in table
+
+
+def test_a_trial_without_measures_has_none():
+    assert json.loads(called("run", "thesis", *SHORT, "--json"))["measures"] == {}
+
+
+def test_what_cannot_be_measured_is_refused_before_anything_runs():
+    assert "unknown 'ordr_parameter', did you mean 'order_parameter'" in refused(
+        "run", "thesis", "--measure", "ordr_parameter"
+    )
+    assert "no measure file 'nowhere.py' in " in refused("run", "thesis", "--measure", "nowhere.py")
+
+
+def test_a_measure_that_raises_ends_the_command_with_file_and_line(tmp_path):
+    path = write(tmp_path / "bad.py", "def bad(simulation):\n    return 1 / 0\n")
+    said = refused("run", "particles", *SHORT, "--measure", "bad.py", "--json")
+    assert "measure bad, seed " in said
+    assert f"{path}:2: ZeroDivisionError: division by zero" in said
+
+
+def test_list_tells_the_shipped_measures_and_their_parameters():
+    heading, *lines = called("list", "--measures").splitlines()
+    assert heading == "measures"
+    assert [line.split()[0] for line in lines] == sorted(SHIPPED)
+    for line in lines:
+        assert all(f"{name}: {default}" in line for name, default in find_measure(line.split()[0]).parameters.items())
+
+
+# --- new ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scenario", ["thesis", "particles"])
+def test_new_writes_a_measure_that_runs_as_it_stands(scenario, tmp_path):
+    assert (
+        called("new", "measure", "wandering") == "wandering.py: try it: epuck-sim run thesis --measure wandering.py\n"
+    )
+    assert (tmp_path / "wandering.py").read_text().count("#") > 5
+    trial = json.loads(called("run", scenario, *SHORT, "--measure", "wandering.py", "--json"))
+    assert trial["measures"]["wandering"] > 0
+
+
+@pytest.mark.parametrize("name", ["two words", "3rd", "a/b", "class", "x.py"])
+def test_new_refuses_a_name_that_python_cannot_have(name, tmp_path):
+    assert f"{name!r} is no name" in refused("new", "measure", name)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.py"]
+
+
+def test_new_overwrites_nothing(tmp_path):
+    assert "mine.py: exists already" in refused("new", "measure", "mine")
+    assert (tmp_path / "mine.py").read_text() == COUNTER
+    assert call("new").exit_code == 2
+
+
+# --- summarize ------------------------------------------------------------------------------------
+
+
+def test_summarize_takes_a_measure_of_the_folder():
+    command = ["run", "particles", *SHORT, "--trials", "3", "--workers", "1", "--out", "run"]
+    call(*command, "--measure", "mine.py", "--measure", "order_parameter")
+    (point,) = json.loads(called("summarize", "run", "--of", "Counter", "--json"))
+    assert (point["trials"], point["mean"], point["weibull_mean"]) == (3, 3.0, None)
+    assert "run: Counter, with 95 % intervals" in called("summarize", "run", "--of", "Counter")
+    assert "unknown 'Conter', did you mean 'Counter'?; measured: Counter, order_parameter" in refused(
+        "summarize", "run", "--of", "Conter"
+    )
+    assert "is a series" in refused("summarize", "run", "--of", "order_parameter")
+    assert [point["trials"] for point in json.loads(called("summarize", "run", "--json"))] == [3]

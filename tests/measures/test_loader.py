@@ -1,0 +1,161 @@
+"""A measure is found by name or in its file and checked; what is wrong with it is said in one readable message."""
+
+import os
+
+import pytest
+
+from epuck_sim.errors import MeasureError
+from epuck_sim.measures.interface import Measure
+from epuck_sim.measures.loader import find_measure
+from epuck_sim.measures.shipped import SHIPPED
+from tests.measures.files import COUNTER, TELLTALE, write
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_measure_is_found_by_its_name_and_says_what_it_is(name):
+    measure = find_measure(name)
+    assert (measure.name, measure.stored_name, dict(measure.sources)) == (name, name, {})
+    assert measure.make.__doc__.strip()
+    assert not measure.is_function
+
+
+def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tmp_path, monkeypatch):
+    (tmp_path / "scenes").mkdir()
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "mine.py", "def here(simulation): return 1")
+    write(tmp_path / "scenes" / "mine.py", "def there(simulation): return 2")
+    assert find_measure("mine.py").name == "here"
+    assert find_measure("mine.py", tmp_path / "scenes").name == "there"
+    assert find_measure("scenes/mine.py:there", tmp_path / "scenes").stored_name == f"{tmp_path}/scenes/mine.py:there"
+
+
+def test_one_of_several_is_chosen_by_name(tmp_path):
+    write(tmp_path / "mine.py", COUNTER + TELLTALE + "\ndef helper(): pass\n")
+    assert find_measure("mine.py:Telltale", tmp_path).name == "Telltale"
+    with pytest.raises(MeasureError, match=r"mine\.py: holds Counter, Telltale; give one of them as mine\.py:NAME"):
+        find_measure("mine.py", tmp_path)
+    with pytest.raises(
+        MeasureError, match=r"mine\.py: unknown 'Countr', did you mean 'Counter'\?; it holds Counter, T"
+    ):
+        find_measure("mine.py:Countr", tmp_path)
+
+
+def test_a_class_goes_before_functions_that_help_it(tmp_path):
+    write(tmp_path / "mine.py", COUNTER + "\nfrom math import sqrt\ndef helper(): pass\n")
+    assert find_measure("mine.py", tmp_path).name == "Counter"
+
+
+def test_an_edit_is_noticed_also_in_a_file_that_is_imported(tmp_path):
+    other = write(tmp_path / "factor.py", "FACTOR = 2")
+    write(tmp_path / "mine.py", "import factor\ndef f(simulation): return factor.FACTOR")
+    assert find_measure("mine.py", tmp_path).make(None) == 2
+    write(other, "FACTOR = 3")
+    os.utime(other, ns=(1, 1))
+    measure = find_measure("mine.py", tmp_path)
+    assert measure.make(None) == 3
+    assert {path.name for path in measure.sources} == {"mine.py", "factor.py"}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 1\ndef f(:", r"mine\.py:2: cannot be loaded: SyntaxError"),
+        ("x = 1\n\n1 / 0", r"mine\.py:3: cannot be loaded: ZeroDivisionError: division by zero"),
+        ("raise SystemExit(3)", r"mine\.py:1: cannot be loaded: SystemExit: 3"),
+        ("", r"mine\.py: holds none"),
+        ("def f(): return 1", r"mine\.py:1: f takes nothing; a measure takes the simulation"),
+        ("\ndef f(*, gain=1.0): return 1", r"mine\.py:2: f takes gain=1\.0 first; a measure takes the simulation"),
+        ("def f(simulation, gain): return 1", r"mine\.py:1: f has a parameter gain; allowed: keywords whose default"),
+        ("def f(simulation, *, gain=None): return 1", r"mine\.py:1: f has a parameter gain=None; allowed: keywords"),
+        ("def f(simulation, **more): return 1", r"mine\.py:1: f has a parameter \*\*more; allowed: keywords"),
+        ("def f(simulation, *, gain=float('inf')): return 1", r"mine\.py:1: f gain is inf; allowed: a number"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said_with_its_line(text, said, tmp_path):
+    write(tmp_path / "mine.py", text)
+    with pytest.raises(MeasureError, match=said):
+        find_measure("mine.py", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("class A: pass", r"mine\.py:1: A has no method value\(self\), which returns what was measured"),
+        ("class A:\n    value = 3", r"mine\.py:1: A has no method value\(self\)"),
+        ("A = 5", r"mine\.py:1: A is 5; a measure is a class or a function"),
+    ],
+)
+def test_what_is_no_measure_is_refused_with_its_line(text, said, tmp_path):
+    write(tmp_path / "mine.py", text)
+    with pytest.raises(MeasureError, match=said):
+        find_measure("mine.py:A", tmp_path)
+
+
+def test_a_name_without_a_file_and_a_file_that_is_not_there_are_refused(tmp_path):
+    with pytest.raises(
+        MeasureError, match=r"^unknown 'order_paramter', did you mean 'order_parameter'\?; shipped measures: "
+    ):
+        find_measure("order_paramter")
+    with pytest.raises(MeasureError, match=rf"^no measure file 'nowhere\.py' in {tmp_path}"):
+        find_measure("nowhere.py:A", tmp_path)
+    with pytest.raises(MeasureError, match=r"'nowhere:A' names no file; give FILE\.py:NAME"):
+        find_measure("nowhere:A", tmp_path)
+
+
+# --- parameters and models ------------------------------------------------------------------------
+
+
+@pytest.fixture
+def counter(tmp_path) -> Measure:
+    write(tmp_path / "mine.py", COUNTER)
+    return find_measure("mine.py", tmp_path)
+
+
+def test_parameters_have_the_types_of_their_defaults(counter):
+    assert counter.resolve({}) == {"weight": 1.0, "offset": 0, "loud": False, "label": "all"}
+    given = counter.resolve({"weight": 2, "offset": 3.0, "label": "none"})
+    assert (given["weight"], given["offset"], given["label"]) == (2.0, 3, "none")
+    assert (type(given["weight"]), type(given["offset"])) == (float, int)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"weigth": 1}, "unknown 'weigth', did you mean 'weight'.; Counter has weight, offset, loud, label"),
+        ({"weight": "much"}, "weight is 'much'; allowed: a number"),
+        ({"weight": True}, "weight is True; allowed: a number"),
+        ({"offset": 0.5}, "offset is 0.5; allowed: a whole number"),
+        ({"loud": 1}, "loud is 1; allowed: true or false"),
+        ({"label": 1}, "label is 1; allowed: text"),
+    ],
+)
+def test_a_parameter_that_is_unknown_or_of_another_type_is_refused(given, said, counter):
+    with pytest.raises(ValueError, match=said):
+        counter.resolve(given)
+
+
+def test_a_measure_may_check_its_parameters(tmp_path):
+    check = (
+        "    @staticmethod\n    def check(parameters):\n        if parameters.offset < 0: raise ValueError('too low')\n"
+    )
+    write(tmp_path / "mine.py", COUNTER + check)
+    measure = find_measure("mine.py", tmp_path)
+    measure.resolve({"offset": 0})
+    with pytest.raises(ValueError, match=r"^too low$"):
+        measure.resolve({"offset": -1})
+
+
+def test_a_measure_that_asks_for_what_a_model_does_not_tell_of_is_refused(tmp_path, counter):
+    write(tmp_path / "steps.py", TELLTALE.replace("def event", "def other"))
+    write(tmp_path / "both.py", TELLTALE)
+    write(tmp_path / "named.py", COUNTER + "    MODELS = ('particles',)\n")
+    for measure in (counter, find_measure("both.py", tmp_path)):
+        measure.check_model("particles", "event")
+        measure.check_model("embodied", "step")
+    only_steps, only_agents = (find_measure(name, tmp_path) for name in ("steps.py", "named.py"))
+    only_steps.check_model("embodied", "step")
+    with pytest.raises(ValueError, match=r"Telltale asks for every control step of robots, .*; model: particles tells"):
+        only_steps.check_model("particles", "event")
+    only_agents.check_model("particles", "event")
+    with pytest.raises(ValueError, match="Counter measures model: particles; this is model: embodied"):
+        only_agents.check_model("embodied", "step")

@@ -1,0 +1,50 @@
+"""Statistics of measures other than T_sync: those of any sample, without censoring."""
+
+import math
+
+import numpy as np
+import pytest
+
+from epuck_sim.errors import StoreError
+from epuck_sim.statistics.measured import measure_values
+from epuck_sim.statistics.summary import summarize
+from tests.runs.made_folders import ended, in_memory, sweep
+
+
+def summary_of(*values):
+    (point,) = in_memory(sweep(trials=max(len(values), 1)), lambda _: ended([7] * len(values)))
+    (summary,) = summarize([point._replace(measured=tuple(values))], measure_values)
+    return summary
+
+
+def test_the_mean_and_the_median_are_those_of_the_sample():
+    values = [-3.0, -1.0, 0.0, 2.0, 4.0, 5.5]
+    summary = summary_of(*values)
+    assert summary.mean == pytest.approx(np.mean(values))
+    error = np.std(values, ddof=1) / math.sqrt(6)
+    assert (summary.mean_low, summary.mean_high) == pytest.approx(
+        (summary.mean - 2.5706 * error, summary.mean + 2.5706 * error), rel=1e-4
+    )
+    assert -1.0 <= summary.median <= 2.0
+    assert (summary.trials, summary.censored) == (6, 0.0)
+
+
+def test_what_is_for_times_alone_is_left_out():
+    summary = summary_of(*range(10))
+    assert (summary.restricted_mean, summary.weibull_mean, summary.horizon) == (None, None, None)
+
+
+def test_undetermined_values_do_not_count_and_truth_values_are_shares():
+    summary = summary_of(True, None, False, True, True, False, True)
+    assert (summary.trials, summary.mean) == (6, pytest.approx(4 / 6))
+
+
+def test_few_trials_have_no_interval():
+    assert (summary_of(1.0, 2.0).mean, summary_of(1.0, 2.0).mean_low) == (1.5, None)
+    assert summary_of(None).mean is None
+    assert summary_of().trials == 0
+
+
+def test_a_series_is_refused():
+    with pytest.raises(StoreError, match="is a series"):
+        summary_of([1.0, 2.0], [])

@@ -1,0 +1,164 @@
+"""Measures of a trial: what they are told, that they change nothing, and how they fail."""
+
+import numpy as np
+import pytest
+
+from epuck_sim.errors import MeasureError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.measuring import as_value
+from epuck_sim.trial.model import run_trial, simulate
+from tests.measures.files import COUNTER, TELLTALE, write
+
+SHORT = ["stop.max_cycles=6"]
+MODELS = ["thesis", "particles"]
+
+CYCLES = """
+class Cycles:
+    def __init__(self, simulation):
+        self.seen = []
+
+    def cycle(self, event, state):
+        self.seen += [event.time_s, state.time_s, state.cycles, state.order_parameter]
+
+    def value(self):
+        return self.seen
+"""
+
+
+def measured(scenario, measures, seed=3, observers=(), settings=SHORT):
+    loaded = load_scenario(scenario, settings, measures=measures)
+    return run_trial(simulate(loaded, seed), observers)
+
+
+def onlooking(*_) -> None:
+    """Observe a trial, of which every event is then seen."""
+
+
+def without_measures(result):
+    return result._replace(measures={}, wall_s=0.0)
+
+
+@pytest.mark.parametrize("scenario", MODELS)
+def test_a_measure_is_told_of_each_cycle_of_the_trial_and_changes_nothing(scenario, tmp_path):
+    write(tmp_path / "mine.py", COUNTER)
+    plain = measured(scenario, [])
+    assert plain.measures == {}
+    result = measured(scenario, [f"{tmp_path}/mine.py"])
+    assert result.measures == {"Counter": float(plain.cycles)}
+    assert without_measures(result) == without_measures(plain)
+
+
+@pytest.mark.parametrize("scenario", MODELS)
+def test_cycles_are_the_same_whether_or_not_every_event_is_seen(scenario, tmp_path):
+    cycles, steps = write(tmp_path / "cycles.py", CYCLES), write(tmp_path / "steps.py", TELLTALE)
+    fast = measured(scenario, [str(cycles)])
+    slow = measured(scenario, [str(cycles), str(steps)])
+    watched = measured(scenario, [str(cycles)], observers=[onlooking])
+    assert fast.measures["Cycles"] == slow.measures["Cycles"] == watched.measures["Cycles"]
+    assert len(fast.measures["Cycles"]) == 4 * fast.cycles
+    assert fast.measures["Cycles"][-1] == fast.order_parameter
+    assert without_measures(slow) == without_measures(fast)
+
+
+@pytest.mark.parametrize("scenario", MODELS)
+def test_a_measure_is_told_of_every_event_as_observers_are(scenario, tmp_path):
+    seen = []
+    key = (lambda step: step.number) if scenario == "thesis" else (lambda event: len(event.fired))
+    path = write(tmp_path / "mine.py", TELLTALE)
+    result = measured(scenario, [str(path)], observers=[lambda event, _: seen.append(key(event))])
+    assert result.measures["Telltale"] == seen
+    assert len(seen) > result.cycles
+
+
+@pytest.mark.parametrize("hz", [10, 25, 40])
+def test_cycles_of_robots_without_oscillators_last_five_seconds(hz, tmp_path):
+    path = write(tmp_path / "mine.py", CYCLES)
+    settings = [*SHORT, "robots.0={controller: obstacle_avoidance}", f"timing.control_hz={hz}", "timing.physics_hz=200"]
+    fast = measured("thesis", [str(path)], settings=settings).measures["Cycles"]
+    assert fast[::4] == pytest.approx([5 * cycle - 1 / hz for cycle in range(1, 7)])
+    assert fast[2::4] == list(range(1, 7))
+    assert fast[3::4] == [None] * 6
+    slow = measured("thesis", [str(path)], settings=settings, observers=[onlooking])
+    assert slow.measures["Cycles"] == fast
+
+
+@pytest.mark.parametrize("scenario", MODELS)
+def test_a_function_is_called_with_the_simulation_at_the_end(scenario, tmp_path):
+    path = write(tmp_path / "mine.py", "def product(simulation, *, factor=2): return factor * simulation.seed")
+    assert measured(scenario, [str(path)], seed=21).measures == {"product": 42}
+
+
+# --- failing --------------------------------------------------------------------------------------
+
+RAISING = """
+class Mine:
+    def __init__(self, simulation, *, at="never"):
+        self.at = at
+        self.told("__init__")
+
+    def told(self, method):
+        if method == self.at:
+            raise RuntimeError("not today")
+
+    def step(self, step, state):
+        self.told("step")
+
+    def event(self, event, state):
+        self.told("event")
+
+    def cycle(self, event, state):
+        self.told("cycle")
+
+    def value(self):
+        self.told("value")
+        return 1
+"""
+
+
+@pytest.mark.parametrize("scenario", MODELS)
+@pytest.mark.parametrize("at", ["__init__", "every event", "cycle", "value"])
+def test_a_measure_that_raises_fails_the_trial_with_file_and_line(scenario, at, tmp_path):
+    path = write(tmp_path / "mine.py", RAISING)
+    method = {"thesis": "step", "particles": "event"}[scenario] if at == "every event" else at
+    with pytest.raises(MeasureError) as caught:
+        measured(
+            {"model": {"thesis": "embodied"}.get(scenario, scenario), "measures": [{str(path): {"at": method}}]}, ()
+        )
+    name = load_scenario({"model": {"thesis": "embodied"}.get(scenario, scenario)}).name
+    assert str(caught.value) == f"{name}: measure Mine, seed 3: {path}:9: RuntimeError: not today"
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"),
+    [
+        ("'much'", "its value is 'much', a str; allowed: a number, true or false, None, or a list of them"),
+        ("{}", "its value is {}, a dict; allowed: "),
+        ("[[1]]", r"its value is \[1\], a list; allowed: "),
+        ("float('inf')", "its value is inf; allowed: finite numbers, and None where it is undetermined"),
+        ("2**63", "allowed: whole numbers below"),
+    ],
+)
+def test_a_value_of_another_kind_fails_the_trial(returned, said, tmp_path):
+    path = write(tmp_path / "mine.py", f"def mine(simulation): return {returned}")
+    with pytest.raises(MeasureError, match=f"measure mine, seed 3: {path}:mine: .*{said}"):
+        measured("thesis", [str(path)])
+
+
+@pytest.mark.parametrize(
+    ("given", "value"),
+    [
+        (np.float32(0.5), 0.5),
+        (np.int64(3), 3),
+        (np.bool_(True), True),
+        (None, None),
+        (np.nan, None),
+        (np.array([1.0, np.nan]), [1.0, None]),
+        (np.array([True]), [True]),
+        ((1, 2.5), [1, 2.5]),
+        ([], []),
+    ],
+)
+def test_values_become_plain(given, value):
+    found = as_value(given)
+    assert found == value
+    assert type(found) is type(value)
