@@ -12,7 +12,7 @@ import numpy as np
 from epuck_sim.control.interface import Controller
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import compile_at, layout
-from epuck_sim.util.jit import bind, digest, kernel_digest
+from epuck_sim.util.jit import bind, digest, kernel_digest, name_after
 from epuck_sim.util.python_files import fingerprint
 
 _compiled: dict[Hashable, Any] = {}
@@ -34,7 +34,7 @@ def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object
     contents_digest = _contents_digest(controller)
     key = controller, contents_digest, loops, layout(arrays)
     if key not in _compiled:
-        start, step = _jitted(controller)
+        start, step = _jitted(controller, contents_digest)
         bound = [bind(loop, start=start, step=step) for loop in loops]
         try:
             with warnings.catch_warnings():
@@ -85,7 +85,7 @@ def _can_be_frozen(value: object) -> bool:
     return isinstance(value, bool | int | float | complex | str | bytes | np.ndarray | np.generic)
 
 
-def _jitted(controller: Controller) -> tuple[Any, Any]:
+def _jitted(controller: Controller, contents_digest: str) -> tuple[Any, Any]:
     """Return `start` and `step` as numba's dispatchers.
 
     Each module of the controller gets a twin, in which dispatchers stand in for functions and twins for modules, so
@@ -104,7 +104,8 @@ def _jitted(controller: Controller) -> tuple[Any, Any]:
             copy = FunctionType(value.__code__, namespace, value.__name__, value.__defaults__, value.__closure__)
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
-            dispatchers[value] = numba.njit(boundscheck=True, forceinline=True)(copy)
+            named = name_after(copy, contents_digest)
+            dispatchers[value] = numba.njit(boundscheck=True, forceinline=True)(named)
         return dispatchers[value]
 
     for module in controller.modules.values():

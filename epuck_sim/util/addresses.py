@@ -6,7 +6,7 @@ others by their addresses is compiled once.
 """
 
 from collections.abc import Callable, Hashable, Iterable
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numba.core import cgutils, types
 from numba.experimental import structref
 from numba.extending import intrinsic
 
-from epuck_sim.util.jit import bind, compile_cached, digest, jit
+from epuck_sim.util.jit import bind, compile_cached, digest, jit, name_after
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
 
@@ -68,7 +68,7 @@ def layout(value: object) -> Hashable:
     return type(value).__name__
 
 
-def _reader(kind: Any) -> Any:
+def _reader(kind: Any, contents_digest: str) -> Any:
     """Return a function for compiled code that returns the value of a held type at an address."""
 
     @_intrinsic
@@ -81,11 +81,10 @@ def _reader(kind: Any) -> Any:
 
         return kind(types.intp), generate
 
-    @njit
     def value_at(address: int) -> Any:
         return held_at(address).value
 
-    return value_at
+    return njit(name_after(value_at, contents_digest))
 
 
 def compile_at(function: Any, value: object, contents_digest: str, *, careful: bool) -> Any:
@@ -100,13 +99,13 @@ def compile_at(function: Any, value: object, contents_digest: str, *, careful: b
     kind: Any = _HeldType([("value", typeof(value))])  # type: ignore[no-untyped-call]
     # the type is no part of the compiled function's signature, and thus one of its digest
     whole_digest = digest([contents_digest.encode(), str(kind).encode()])
-    bound = bind(function, value_at=_reader(kind))
+    bound = name_after(bind(function, value_at=_reader(kind, whole_digest)), whole_digest)
     compiled: Any = compile_cached(bound, whole_digest, careful=careful, nogil=True)
     compiled.compile((types.intp,) * function.__code__.co_argcount)
     return compiled
 
 
-@lru_cache
+@cache
 def function_address(compiled: Any) -> int:
     """Return the address of a function of one address that `compile_at` has compiled, for `call_at`."""
     result = compiled.get_compile_result(types.void(types.intp))

@@ -109,6 +109,17 @@ def bind(function: Any, **names: object) -> Any:
     return FunctionType(function.__code__, {**function.__globals__, **names})
 
 
+def name_after(function: Any, contents_digest: str) -> Any:
+    """Name a function after the contents that it is compiled from, and return it.
+
+    numba finds compiled code by the function's name, the types of its arguments, and a number that counts the functions
+    of the process that compiled it. Two functions from the cache, of two processes, may have all three in common: one
+    of them would be called for the other.
+    """
+    function.__qualname__ = f"{function.__name__}_{contents_digest}"
+    return function
+
+
 def compile_cached(function: Function, contents_digest: str, *, careful: bool, **options: object) -> Function:
     """Return `function` compiled by numba, without fast-math and parallel loops: outcomes stay equal bit for bit.
 

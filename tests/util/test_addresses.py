@@ -1,5 +1,8 @@
 """Claims about values and functions at addresses: compiled code finds the value, and errors come through."""
 
+import os
+import subprocess
+import sys
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,3 +70,49 @@ def test_the_layout_of_a_value_does_not_depend_on_its_contents() -> None:
     assert layout(Pair(np.zeros(3), 1.0)) == layout(Pair(np.ones(5), 2.0))
     assert layout(Pair(np.zeros(3), 1.0)) != layout(Pair(np.zeros((3, 1)), 1.0))
     assert layout(Pair(np.zeros(3), 1.0)) != layout((np.zeros(3), 1.0))
+
+
+ADDS = """
+import sys
+
+import numpy as np
+from numba import njit
+
+from epuck_sim.util.addresses import call_at, compile_at, function_address, hold
+from epuck_sim.util.jit import bind, digest
+
+
+def _add_at(address):
+    value_at(address)[0] += NUMBER
+
+
+@njit
+def _call(function, address):
+    call_at(function, address)
+
+
+sums = np.zeros(1)
+owner, address = hold(sums)
+numbers = [int(number) for number in sys.argv[1:]]
+functions = [
+    compile_at(bind(_add_at, NUMBER=number), sums, digest([b"%d" % number]), careful=False) for number in numbers
+]
+for function in functions:
+    sums[0] = 0
+    _call(function_address(function), address)
+    print(int(sums[0]))
+"""
+
+
+def test_functions_of_one_name_from_two_processes_are_not_mistaken_for_each_other(tmp_path) -> None:
+    (tmp_path / "adds.py").write_text(ADDS)
+
+    def outcome(*numbers: str) -> list[str]:
+        command = [sys.executable, str(tmp_path / "adds.py"), *numbers]
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.split()
+
+    outcome()  # compiles `hold`, so that the next two processes do the same
+    assert outcome("1") == ["1"]
+    assert outcome("2") == ["2"]
+    assert outcome("1", "2") == ["1", "2"]
