@@ -7,8 +7,8 @@
     def step(sensors, memory, actuators, parameters, random): ...
     def check(parameters): ...           optional: raises ValueError on values that make no sense
 
-`step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets `actuators.left_cm_s`,
-`actuators.right_cm_s` and `actuators.ring_on`. `random` is the robot's own stream for `epuck_sim.util.rng`.
+`step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets the fields of `actuators` (see
+`ACTUATORS`). `random` is the robot's own stream for `epuck_sim.util.rng`.
 A robot whose memory has `phase_ms` and whose parameters have `period_s` is an oscillator: its synchrony is measured.
 A controller may import files that lie beside it, and the built-in controllers, by name.
 """
@@ -32,6 +32,13 @@ MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
 
 
+MAX_MESSAGES = 8
+"""Largest number of messages that a robot can read in one control step."""
+
+_NO_MESSAGES = np.zeros(MAX_MESSAGES, np.int64)
+_NO_MESSAGES.flags.writeable = False
+
+
 class Sensors(NamedTuple):
     """What one robot senses at the start of a control step."""
 
@@ -42,13 +49,27 @@ class Sensors(NamedTuple):
     distance_mm: IntArray
     """(8,) mm: distances computed from the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
     camera: IntArray
-    """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture."""
+    """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture. A robot with another
+    signal than the camera has one pixel: 1 if a flash or a pulse reaches it."""
     new_picture: bool = True
     """Whether `camera` holds a picture that the controller has not seen before. Cameras that take fewer pictures than
     there are control steps hold the last one until the next arrives."""
+    pulses: int = 0
+    """Number of radio pulses that arrive in this control step."""
+    messages: IntArray = _NO_MESSAGES
+    """(MAX_MESSAGES,): what the first of them say, as their senders have set `actuators.send`; 0 for a bare pulse."""
 
 
-ACTUATORS = np.dtype([("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)], align=True)
+ACTUATORS = np.dtype(
+    [
+        ("left_cm_s", np.float64),  # of the left wheel, within the wheels' limit
+        ("right_cm_s", np.float64),
+        ("ring_on", np.int64),  # 1 lights the ring
+        ("send", np.int64),  # a message, sent by radio in each control step in which it is not 0
+        ("turn_rad", np.float64),  # an instantaneous turn to the left in each control step, before the wheels move
+    ],
+    align=True,
+)
 """Record of what a controller commands, one for each robot; it keeps its values until they are set again."""
 
 

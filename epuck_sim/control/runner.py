@@ -34,6 +34,10 @@ class SensorArrays(NamedTuple):
     """(robots, pixels)"""
     new_picture: BoolArray
     """(robots,)"""
+    pulses: IntArray
+    """(robots,)"""
+    messages: IntArray
+    """(robots, MAX_MESSAGES)"""
 
     def of(self, rows: slice, pixels: int) -> "SensorArrays":
         """Return views of these rows, those of robots whose cameras have `pixels` pixels.
@@ -44,7 +48,13 @@ class SensorArrays(NamedTuple):
         if camera.shape[1] != pixels:
             camera = np.zeros((len(camera), pixels), camera.dtype)
         return SensorArrays(
-            self.step_ms[rows], self.infrared[rows], self.distance_mm[rows], camera, self.new_picture[rows]
+            self.step_ms[rows],
+            self.infrared[rows],
+            self.distance_mm[rows],
+            camera,
+            self.new_picture[rows],
+            self.pulses[rows],
+            self.messages[rows],
         )
 
 
@@ -92,6 +102,8 @@ def _step_all(address: int) -> None:
             senses.distance_mm[robot],
             senses.camera[robot],
             bool(senses.new_picture[robot]),
+            int(senses.pulses[robot]),
+            senses.messages[robot],
         )
         step(sensors, memory[robot], actuators[robot], arrays.parameters[robot], arrays.random[robot])  # noqa: F821
     arrays.serving[0] = -1

@@ -7,16 +7,19 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.control.interface import ACTUATORS
+from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.runner import ControllerRunner, SensorArrays
 from epuck_sim.embodied.camera_clock import CameraClock, start_camera_clock
 from epuck_sim.embodied.cell_list import CellList
+from epuck_sim.embodied.flash_cone import FlashCone, make_cone
 from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.embodied.radio import Radio, make_radio
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.sensing import SensingArrays, build_camera
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.signals import ConeSignal, RadioSignal
 
 NOISE_STEPS = 16
 """Steps for which noise is drawn at once: each call of numpy's generator costs as much as 80 of its numbers."""
@@ -32,6 +35,8 @@ class SwarmArrays(NamedTuple):
     """(robots, 3) cm/s, cm/s, rad/s: what the bodies move with."""
     wheels_cm_s: FloatArray
     """(robots, 2) cm/s: left and right wheel as commanded."""
+    turns_rad: FloatArray
+    """(robots,) rad: turns on the spot as commanded."""
     ring_on: BoolArray
     """(robots,) whether each robot's ring is lit."""
     cells: CellList
@@ -53,6 +58,7 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
         poses=world.poses,
         velocities=world.velocities,
         wheels_cm_s=np.zeros((robots, 2)),
+        turns_rad=np.zeros(robots),
         ring_on=np.zeros(robots, np.bool_),
         cells=world.bodies.cells,
         sensors=SensorArrays(
@@ -61,11 +67,25 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
             distance_mm=np.zeros((robots, SENSORS), np.int64),
             camera=np.zeros((robots, scenario.camera_pixels), np.int64),
             new_picture=np.ones(robots, np.bool_),
+            pulses=np.zeros(robots, np.int64),
+            messages=np.zeros((robots, MAX_MESSAGES), np.int64),
         ),
         actuators=np.zeros(robots, ACTUATORS),
         infrared_noise=np.zeros((NOISE_STEPS, robots, SENSORS)),
         wheel_noise=np.zeros((NOISE_STEPS, robots, 2)),
     )
+
+
+class LitRingSensor(NamedTuple):
+    """The ideal sensor of a group of robots."""
+
+    cone: FlashCone
+    occlusion: bool
+    """Whether robots and obstacles hide rings."""
+
+
+SignalReceiver = CameraClock | LitRingSensor | Radio
+"""What brings flashes to the robots of a group, by the kind of their `signal`."""
 
 
 class RobotGroupState(NamedTuple):
@@ -79,8 +99,8 @@ class RobotGroupState(NamedTuple):
     """Its controllers."""
     sensing: SensingArrays
     """What it senses."""
-    camera_clock: CameraClock
-    """Decides when its controllers receive which picture; of no robots if they receive one in each step."""
+    receiver: SignalReceiver
+    """What brings flashes to it."""
 
 
 def start_group(
@@ -91,7 +111,7 @@ def start_group(
     *,
     infrared_gain: FloatArray,
     controller_streams: StreamArray,
-    camera_streams: StreamArray,
+    signal_streams: StreamArray,
     interpret: bool,
 ) -> RobotGroupState:
     """Start the controllers of a group of robots.
@@ -103,7 +123,7 @@ def start_group(
         swarm: Arrays of all robots.
         infrared_gain: (robots, 8) factor of the reading of each sensor of all robots.
         controller_streams: (robots, 4) random streams from which controllers draw.
-        camera_streams: (robots, 4) random streams from which cameras draw.
+        signal_streams: (robots, 4) random streams from which cameras and radios draw.
         interpret: Whether controllers run as plain Python.
 
     Raises:
@@ -114,14 +134,31 @@ def start_group(
     controller = find_controller(group.controller)
     parameters = np.repeat(controller.parameter_record(group.parameters), group.count)
     period_ms = float(parameters["period_s"][0]) * 1000 if controller.is_oscillator else np.nan
-    sensors = swarm.sensors.of(rows, group.camera.pixels)
+    sensors = swarm.sensors.of(rows, group.pixels)
     runner = ControllerRunner(
         controller, parameters, controller_streams[rows], sensors, swarm.actuators[rows], interpret
     )
-    clock = _start_camera_clock(scenario, group, camera_streams[rows], sensors)
-    pixels = clock.in_view if len(clock.in_view) else sensors.camera
+    receiver = _start_receiver(scenario, group, signal_streams[rows], sensors, swarm.actuators)
+    # a picture that is delivered later is not yet the controller's
+    pixels = receiver.in_view if isinstance(receiver, CameraClock) and len(receiver.in_view) else sensors.camera
     arrays = _sensing_arrays(scenario, group, first_robot, swarm, sensors, infrared_gain[rows], pixels)
-    return RobotGroupState(first_robot, period_ms, runner, arrays, clock)
+    return RobotGroupState(first_robot, period_ms, runner, arrays, receiver)
+
+
+def _start_receiver(
+    scenario: EmbodiedScenario,
+    group: RobotGroup,
+    streams: StreamArray,
+    sensors: SensorArrays,
+    actuators: npt.NDArray[np.void],
+) -> SignalReceiver:
+    """Return what brings flashes to a group; `streams` and `sensors` are the group's, `actuators` all robots'."""
+    signal, step_ms = group.signal, scenario.timing.step_ms
+    if isinstance(signal, ConeSignal):
+        return LitRingSensor(make_cone(signal), signal.occlusion)
+    if isinstance(signal, RadioSignal):
+        return make_radio(signal, step_ms, streams, actuators, sensors.pulses, sensors.messages, sensors.camera)
+    return _start_camera_clock(scenario, group, streams, sensors)
 
 
 def _start_camera_clock(
@@ -163,6 +200,7 @@ def _sensing_arrays(
         infrared_noise=swarm.infrared_noise,
         noise_counts=scenario.noise.infrared_counts,
         by_table=group.infrared.distance == "firmware_table",
+        sees_robots=group.infrared.robots,
         infrared=sensors.infrared,
         distance_mm=sensors.distance_mm,
         pixels=pixels,

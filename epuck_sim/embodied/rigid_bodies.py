@@ -26,6 +26,9 @@ from epuck_sim.errors import EpuckSimError
 WALL_CM = 50.0
 """Thickness of the walls in cm: far more than a robot can cover in one physics step."""
 
+_ROBOTS = 1
+"""pymunk's group of shapes that do not touch each other: robots that pass through each other."""
+
 _POSE = BodyFields.POSITION | BodyFields.ANGLE
 _VELOCITY = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
 
@@ -40,7 +43,9 @@ class World:
     bodies: Bodies
     """What compiled code moves; it holds `poses` and `velocities`."""
 
-    def __init__(self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int) -> None:
+    def __init__(
+        self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int, *, touch: bool = True
+    ) -> None:
         """Put robots at (robots, 3) `poses` into the arena.
 
         Args:
@@ -48,6 +53,7 @@ class World:
             poses: (robots, 3) cm, cm, rad: x, y, heading.
             friction: Coefficient between any two bodies that touch.
             physics_hz: Physics steps in a second.
+            touch: Whether robots touch each other; else they pass through each other.
         """
         self._space = space = pymunk.Space()
         space.collision_slop = 2 * MARGIN_CM
@@ -56,7 +62,8 @@ class World:
         for shape in _walls(space.static_body, arena) + _obstacles(space.static_body, arena):
             shape.friction = root
             space.add(shape)
-        self._discs = [_disc(root) for _ in poses]  # in the space while they may touch something
+        own = pymunk.ShapeFilter(group=0 if touch else _ROBOTS)  # shapes of one group do not touch each other
+        self._discs = [_disc(root, own) for _ in poses]  # in the space while they may touch something
         self.poses = poses.copy()
         self.velocities = np.zeros_like(poses)
         # compiled code refers to both by their addresses only
@@ -69,6 +76,7 @@ class World:
             circles=arena.circles,
             edges=arena.edges,
             cells=make_cell_list(arena.width_cm, arena.height_cm, len(poses)),
+            touch=touch,
             step_s=1.0 / physics_hz,
             calls=_calls(space, *self._batches),
             pointers=np.array([[_pointer(body._body), _pointer(disc._shape)] for body, disc in self._discs]),
@@ -83,11 +91,12 @@ class World:
         move_bodies(self.bodies, steps)
 
 
-def _disc(friction: float) -> tuple[pymunk.Body, pymunk.Circle]:
+def _disc(friction: float, shape_filter: pymunk.ShapeFilter) -> tuple[pymunk.Body, pymunk.Circle]:
     """Return the body of a robot, and its shape."""
     body = pymunk.Body(epuck.MASS_G, pymunk.moment_for_circle(epuck.MASS_G, 0, epuck.RADIUS_CM))
     disc = pymunk.Circle(body, epuck.RADIUS_CM + MARGIN_CM)
     disc.friction = friction
+    disc.filter = shape_filter
     return body, disc
 
 

@@ -75,17 +75,18 @@ class Simulation:
         for_placement, for_infrared, for_wheels, *for_robots = np.random.SeedSequence(self.seed).spawn(6)
         self._infrared_random = np.random.Generator(np.random.SFC64(for_infrared))
         self._wheel_random = np.random.Generator(np.random.SFC64(for_wheels))
-        controller_streams, variation_streams, camera_streams = (
+        controller_streams, variation_streams, signal_streams = (
             robot_streams(sequence, scenario.robot_count) for sequence in for_robots
         )
 
         arena = scenario.arena.build()
         poses = place_robots(scenario, for_placement)
-        self._world = World(arena, poses, scenario.contact.friction, scenario.timing.physics_hz)
+        contact, physics_hz = scenario.contact, scenario.timing.physics_hz
+        self._world = World(arena, poses, contact.friction, physics_hz, touch=contact.robots)
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
         variation = draw_variation(scenario.spread, variation_streams)
         self._step = np.full(1, -1)  # the number of the last step taken
-        self._groups = self._start_groups(variation, controller_streams, camera_streams, interpret)
+        self._groups = self._start_groups(variation, controller_streams, signal_streams, interpret)
         self.period_ms = np.concatenate([np.full(len(group.runner.memory), group.period_ms) for group in self._groups])
         loop = make_control_loop(scenario, self._step, self._world.bodies, self._swarm, variation, variation_streams)
         start_loop = interpreted_loop if interpret else CompiledLoop
@@ -97,7 +98,7 @@ class Simulation:
         self,
         variation: RobotVariation,
         controller_streams: StreamArray,
-        camera_streams: StreamArray,
+        signal_streams: StreamArray,
         interpret: bool,
     ) -> list[RobotGroupState]:
         """Return all groups with their controllers started; a controller that raises is named with its robot."""
@@ -112,7 +113,7 @@ class Simulation:
                     self._swarm,
                     infrared_gain=variation.infrared_gain,
                     controller_streams=controller_streams,
-                    camera_streams=camera_streams,
+                    signal_streams=signal_streams,
                     interpret=interpret,
                 )
             except RobotError as error:
@@ -197,7 +198,9 @@ class Simulation:
                     raise self._located(fault, group.first_robot) from error
             raise
         if invalid >= 0:
-            raise ControllerError(f"{self._location(invalid)}: its controller sets a wheel speed that is not a number")
+            raise ControllerError(
+                f"{self._location(invalid)}: its controller sets a wheel speed or a turn that is not a number"
+            )
 
     def _draw_noise(self) -> None:
         """Draw the noise of the next `NOISE_STEPS` steps."""

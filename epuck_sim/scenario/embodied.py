@@ -53,6 +53,8 @@ class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
 
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
+    robots: bool = True
+    """Whether robots touch each other; else they pass through each other, and touch walls and obstacles only."""
 
 
 class TimingSection(ConfigModel):
@@ -187,8 +189,8 @@ class EmbodiedScenario(Scenario):
 
     @property
     def camera_pixels(self) -> int:
-        """Number of pixels of the camera that has the most."""
-        return max(group.camera.pixels for group in self.robots)
+        """Largest number of pixels in a row that a controller reads."""
+        return max(group.pixels for group in self.robots)
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with controllers, measures and their parameters filled in; see `Scenario.resolved`."""

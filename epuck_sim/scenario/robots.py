@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.signals import CameraSignal, SignalSection
 
 
 class CameraSection(ConfigModel):
@@ -49,6 +50,8 @@ class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
+    robots: bool = True
+    """Whether they see other robots; else walls and obstacles only, to avoid walls alone (thesis 3.1.4.1)."""
 
 
 class RobotGroup(ConfigModel):
@@ -63,6 +66,7 @@ class RobotGroup(ConfigModel):
     """Name of a shipped controller, or a file that ends in .py, relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
+    signal: SignalSection = CameraSignal()
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()
 
@@ -84,3 +88,16 @@ class RobotGroup(ConfigModel):
         if self.poses is not None and len(self.poses) != self.count:
             raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
         return self
+
+    @model_validator(mode="after")
+    def _check_signal(self) -> "RobotGroup":
+        if self.signal.kind != "camera" and self.camera != CameraSection():
+            raise ValueError(
+                f"signal.kind is {self.signal.kind!r} and a camera is given; leave the camera out, or choose camera"
+            )
+        return self
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels in the row that controllers read: the camera's, or one that other signals set."""
+        return self.camera.pixels if self.signal.kind == "camera" else 1

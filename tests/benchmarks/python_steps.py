@@ -50,7 +50,7 @@ class PythonSteps:
         slip, step_s = simulation.scenario.noise.wheel_speed, simulation.step_s
         self._apply = partial(
             apply_commands,
-            *(swarm.actuators, swarm.wheels_cm_s, swarm.ring_on, world.poses, gain, slip, step_s),
+            *(swarm.actuators, swarm.wheels_cm_s, swarm.ring_on, swarm.turns_rad, world.poses, gain, slip, step_s),
             *(self._velocities, swarm.wheel_noise),
         )
         self._steps = 0
