@@ -50,7 +50,7 @@ def swarm(tmp_path):
 
 def pulses(simulation: Simulation, steps: int) -> list[list[int]]:
     """Return for each step how many pulses each robot's controller has heard."""
-    return [[int(memory.pulses[0]) for memory in simulation.advance(1).memories] for _ in range(steps)]
+    return [[int(memory["pulses"][0]) for memory in simulation.advance(1).memories] for _ in range(steps)]
 
 
 LISTEN = {"first": NEVER}
@@ -69,10 +69,10 @@ def test_a_message_arrives_with_its_pulse_and_a_flash_without_one(swarm):
     simulation.advance(4)
     step = simulation.advance(1)
     heard = step.memories[2]
-    assert heard.pulses[0] == 2
-    assert heard.heard[0].tolist() == [77, 0, 0, 0, 0, 0, 0, 0]
+    assert heard["pulses"][0] == 2
+    assert heard["heard"][0].tolist() == [77, 0, 0, 0, 0, 0, 0, 0]
     assert step.camera[:, 0].tolist() == [1, 1, 1]
-    assert simulation.advance(1).memories[2].heard[0].tolist() == [0] * 8
+    assert simulation.advance(1).memories[2]["heard"][0].tolist() == [0] * 8
 
 
 def test_pulses_pass_through_bodies_and_end_at_the_range(swarm):
@@ -98,7 +98,7 @@ def test_pulses_are_lost_one_by_one_with_the_given_probability(swarm):
     steps = 4000
     step = swarm({"every": 2}, LISTEN, LISTEN, loss=0.3).advance(steps)
     sent = (steps - 4 + 1) // 2
-    totals = np.array([int(memory.total[0]) for memory in step.memories])
+    totals = np.array([int(memory["total"][0]) for memory in step.memories])
     assert totals[0] == 0
     assert (np.abs(totals[1:] - 0.7 * sent) < 4 * np.sqrt(0.21 * sent)).all()
     assert totals[1] != totals[2]
