@@ -8,10 +8,17 @@ import sys
 from pathlib import Path
 
 from epuck_sim.control.interface import Controller, record_type, typed
+from epuck_sim.control.names import check_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
-from epuck_sim.util.python_files import AS_LOADED, fingerprint, load_python_file
+from epuck_sim.util.python_files import (
+    AS_LOADED,
+    fingerprint,
+    line_of_definition,
+    line_of_error,
+    load_python_file,
+)
 
 PARTS = {
     "PARAMETERS": "a mapping of names to default values",
@@ -74,24 +81,33 @@ def _load(path: Path) -> Controller:
     try:
         file = load_python_file(path, (builtin_folder(CONTROLLERS),))
     except (Exception, SystemExit) as error:  # whatever a user's file may raise
-        raise ControllerError(f"{path}: cannot be loaded: {type(error).__name__}: {error}") from error
+        where = line_of_error(error, [path]) or path
+        raise ControllerError(f"{where}: cannot be loaded: {type(error).__name__}: {error}") from error
     parts = vars(file.module)
+    source = file.sources[path]
     for part, wanted in PARTS.items():
         if not (isinstance(parts.get(part), dict) if part.isupper() else callable(parts.get(part))):
-            raise ControllerError(f"{path}: a controller needs {part}: {wanted}")
+            where = f"{path}:{line_of_definition(part, source)}" if part in parts else path
+            raise ControllerError(f"{where}: a controller needs {part}: {wanted}")
     if not callable(parts.get("check", print)):
-        raise ControllerError(f"{path}: check must be a function check(parameters), or not be there")
+        where = f"{path}:{line_of_definition('check', source)}"
+        raise ControllerError(f"{where}: check must be a function check(parameters), or not be there")
     for name, default in parts["PARAMETERS"].items():
         if not isinstance(default, bool | int | float):
-            raise ControllerError(f"{path}: PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
+            where = f"{path}:{line_of_definition('PARAMETERS', source)}"
+            raise ControllerError(f"{where}: PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
+    part = "PARAMETERS"
     try:
-        parameters = {name: typed(name, default, default) for name, default in parts["PARAMETERS"].items()}
+        parameters = {name: typed(name, default, default) for name, default in parts[part].items()}
         record_type({name: type(default) for name, default in parameters.items()})
-        memory = record_type(parts["MEMORY"])
+        part = "MEMORY"
+        memory = record_type(parts[part])
     except (TypeError, ValueError) as error:
-        raise ControllerError(f"{path}: PARAMETERS or MEMORY: {error}") from error
+        raise ControllerError(f"{path}:{line_of_definition(part, source)}: {part}: {error}") from error
     start, step, check = parts["start"], parts["step"], parts.get("check")
-    return Controller(path.stem, path, parameters, memory, start, step, check, file.sources, file.modules)
+    controller = Controller(path.stem, path, parameters, memory, start, step, check, file.sources, file.modules)
+    check_names(controller)
+    return controller
 
 
 def check_imported_copies(controller: Controller) -> None:

@@ -197,7 +197,12 @@ class Simulation:
                     raise self._located(fault, group.first_robot) from error
             raise
         if invalid >= 0:
-            raise ControllerError(f"{self._location(invalid)}: its controller sets a wheel speed that is not a number")
+            controller = next(
+                group for group in reversed(self._groups) if group.first_robot <= invalid
+            ).runner.controller
+            raise ControllerError(
+                f"{self._location(invalid)}: {controller.path}: sets a wheel speed that is not a number"
+            )
 
     def _draw_noise(self) -> None:
         """Draw the noise of the next `NOISE_STEPS` steps."""

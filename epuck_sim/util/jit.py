@@ -29,8 +29,8 @@ Function = TypeVar("Function", bound=Callable[..., object])
 PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
-VALUE_FILES = ("epuck.py", "control/interface.py", "embodied/rigid_bodies.py")
-"""Files without kernels whose constants and types kernels refer to."""
+VALUE_FILES = ("epuck.py", "control/error_lines.py", "control/interface.py", "embodied/rigid_bodies.py")
+"""Files without kernels on whose constants, types or ways of compiling compiled code depends."""
 
 UNUSED_S = 30 * 24 * 3600.0
 """Time in seconds after which a cache folder that no process has used is removed."""
