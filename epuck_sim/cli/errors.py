@@ -2,6 +2,7 @@
 
 import errno
 import traceback
+import warnings
 from bdb import BdbQuit
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -45,6 +46,16 @@ def print_traceback() -> Iterator[None]:
         lines = traceback.format_list(frames[own:]) + traceback.format_exception_only(raised)
         typer.echo("Traceback of the controller:\n" + "".join(lines), err=True, nl=False)
         raise
+
+
+@contextmanager
+def print_warnings() -> Iterator[None]:
+    """Print what the block warns of as notes."""
+    with warnings.catch_warnings(record=True) as noted:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    for warning in noted:
+        typer.echo(f"note: {warning.message}", err=True)
 
 
 def reject_first(*mistakes: tuple[bool, str]) -> None:

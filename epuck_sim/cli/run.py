@@ -6,9 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, print_traceback, reject_first
+from epuck_sim.cli.errors import exit_on_error, print_traceback, print_warnings, reject_first
 from epuck_sim.cli.replay import WEB_PORT
-from epuck_sim.cli.scenarios import AxesOption, MeasureOption, QuickOption, ScenarioArgument, SetOption, TrialsOption
+from epuck_sim.cli.scenarios import (
+    AxesOption,
+    ControllerOption,
+    MeasureOption,
+    QuickOption,
+    ScenarioArgument,
+    SetOption,
+    TrialsOption,
+)
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording.level import Level
 
@@ -32,6 +40,7 @@ def run(
     settings: SetOption = None,
     axes: AxesOption = None,
     measures: MeasureOption = None,
+    controller: ControllerOption = None,
     quick: QuickOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON: one object for each trial, or one for a whole sweep.")
@@ -99,7 +108,10 @@ def run(
             ),
             *_conflicts(options, folder),
         )
-        loaded = load_scenario(scenario, settings or (), axes or (), measures=measures or (), quick=quick)
+        with print_warnings():
+            loaded = load_scenario(
+                scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
+            )
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         if point is not None and trial is not None:
