@@ -1,4 +1,4 @@
-"""Controllers from Python files: finds the file, loads it and checks that it describes a controller.
+"""Controllers from files: finds the file, loads it and checks that it describes a controller.
 
 Each controller is loaded with copies of its own of the files that it imports: two files of one name in two folders are
 never mistaken for each other, an edit is noticed, and a trial's outcome depends on files and parameters alone.
@@ -7,6 +7,7 @@ never mistaken for each other, an edit is noticed, and a trial's outcome depends
 import sys
 from pathlib import Path
 
+from epuck_sim.control.firmware import load_firmware
 from epuck_sim.control.interface import Controller, record_type, typed
 from epuck_sim.control.names import check_names
 from epuck_sim.errors import ControllerError
@@ -27,25 +28,33 @@ PARTS = {
     "step": "a function step(sensors, memory, actuators, parameters, random)",
 }
 
+SUFFIXES = (".py", ".c", ".so")
+"""Endings of controllers' files: Python, firmware in C, and the library that it was compiled to."""
+
 _loaded: dict[Path, tuple[list[int], Controller]] = {}
+
+
+def is_file(name: str) -> bool:
+    """Return whether a controller's name is that of a file."""
+    return name.endswith(SUFFIXES)
 
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:
     """Return a built-in controller, or the one that a file describes.
 
     Args:
-        name: The name of a built-in controller, or the path of a file, which ends in .py.
+        name: The name of a built-in controller, or the path of a file, which ends in .py, .c or .so.
         folder: Where a relative path begins; if there is no such file, it begins at the working directory.
 
     Raises:
         ControllerError: There is no such controller, or the file does not describe one.
     """
-    if not name.endswith(".py") and "/" not in name and "\\" not in name:
+    if not is_file(name) and "/" not in name and "\\" not in name:
         shipped = builtin_files(CONTROLLERS)
         if name not in shipped:
             raise ControllerError(
                 f"{did_you_mean(name, shipped)}; shipped controllers: {comma_list(shipped)}; "
-                "or give a file that ends in .py"
+                f"or give a file that ends in {' or '.join(SUFFIXES)}"
             )
         return load_controller(shipped[name])
     folders = dict.fromkeys([folder or Path(), Path()])
@@ -68,7 +77,7 @@ def load_controller(path: Path) -> Controller:
         stamps, controller = _loaded[path]
         if stamps == _stamps(controller):
             return controller
-    controller = _load(path)
+    controller = _load(path) if path.suffix == ".py" else load_firmware(path)
     _loaded[path] = (_stamps(controller), controller)
     return controller
 

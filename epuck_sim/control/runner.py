@@ -13,6 +13,8 @@ import numpy.typing as npt
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.compilation import compile_loops
 from epuck_sim.control.error_lines import take_error_place
+from epuck_sim.control.firmware import Firmware
+from epuck_sim.control.firmware_loop import firmware_loops
 from epuck_sim.control.interface import Controller, Sensors
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
@@ -146,7 +148,11 @@ class ControllerRunner:
             serving=np.full(1, -1),
         )
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
-        if interpret:
+        if isinstance(controller, Firmware):
+            start_all, self.step_all, self.address, self._owner = firmware_loops(
+                controller, arrays, interpret=interpret
+            )
+        elif interpret:
             start_all, self.step_all = _interpreted_loops(controller, arrays)
             self.address = 0
         else:

@@ -136,6 +136,14 @@ class Simulation:
         """Control steps taken so far."""
         return int(self._step[0]) + 1
 
+    def controller_at_work(self) -> tuple[int, int] | None:
+        """Return robot and step of the controller that is running, for another thread; None while none is."""
+        for group in self._groups:
+            robot = int(group.runner.arrays.serving[0])
+            if robot >= 0:
+                return group.first_robot + robot, int(self._step[0])
+        return None
+
     def __iter__(self) -> Self:
         """Return the simulation itself: a further loop continues where the last one stopped."""
         return self
