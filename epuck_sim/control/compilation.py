@@ -1,15 +1,19 @@
 """Compiles a controller's functions, and the loops that call them, into a cache that no edit leaves stale."""
 
+import re
 import warnings
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from functools import lru_cache
+from pathlib import Path
 from types import CellType, FunctionType, ModuleType
 from typing import Any
 
 import numba
 import numpy as np
 
+from epuck_sim.control.error_lines import FILE_NUMBER, ErrorPlaceCompiler
 from epuck_sim.control.interface import Controller
+from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import compile_at, layout
 from epuck_sim.util.jit import bind, digest, kernel_digest, name_after
@@ -41,9 +45,7 @@ def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
                 _compiled[key] = tuple(compile_at(loop, arrays, contents_digest, careful=True) for loop in bound)
         except Exception as error:  # numba's own errors, and what escapes it
-            raise ControllerError(
-                f"{controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{_reason(error)}"
-            ) from error
+            raise ControllerError(_explain(error, controller)) from error
     return _compiled[key]
 
 
@@ -105,21 +107,36 @@ def _jitted(controller: Controller, contents_digest: str) -> tuple[Any, Any]:
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
             named = name_after(copy, contents_digest)
-            dispatchers[value] = numba.njit(boundscheck=True, forceinline=True)(named)
+            compiler: Any = numba.njit(boundscheck=True, forceinline=True, pipeline_class=ErrorPlaceCompiler)
+            dispatchers[value] = compiler(named)
         return dispatchers[value]
 
-    for module in controller.modules.values():
-        vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})
+    for number, module in enumerate(controller.modules.values()):
+        named_values = {name: twin(value) for name, value in vars(module).items()}
+        vars(twins[id(vars(module))]).update(named_values, **{FILE_NUMBER: number})
     return twin(controller.start), twin(controller.step)
 
 
-INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from")
+INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from", "File ")
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
 
-def _reason(error: Exception) -> str:
-    """Return the essence of numba's long message: the innermost reason, and its place in the source."""
+def _explain(error: Exception, controller: Controller) -> str:
+    """Return what to say of code that numba cannot compile: file, line, its reason, and the line itself."""
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
-    kept = [line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)]
-    return "\n".join(f"  {line}" for line in kept[:6])
+    reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
+    place = _place(reason, innermost, controller.sources)
+    where = f"{place[0]}:{place[1]}" if place else str(controller.path)
+    code = f"\n    {line_at(*place, controller.sources)}" if place else ""
+    return f"{where}: cannot be compiled; --interpret runs it as plain Python: {reason}{code}"
+
+
+def _place(reason: str, message: str, sources: Mapping[Path, bytes]) -> tuple[Path, int] | None:
+    """Return file and line of what numba cannot compile: of a name that it lacks, or the first place that it names."""
+    lacking = re.match(r"(?:Name|Key|Attribute)Error:.*'(\w+)'[^']*$", reason)
+    if lacking and (place := first_use(lacking[1], sources)):
+        return place
+    named = re.findall(r'File "([^"]+)", line (\d+)', message)
+    own = [(path, int(line)) for file, line in named if (path := Path(file).resolve()) in sources]
+    return own[0] if own else None

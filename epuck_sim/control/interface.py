@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.python_files import line_of_error
 
 Value = bool | int | float
 
@@ -121,7 +122,9 @@ class Controller:
             try:
                 self.check(SimpleNamespace(**values))
             except Exception as error:  # whatever a user's file may raise
-                raise ValueError(str(error) if isinstance(error, ValueError) else f"check: {error!r}") from error
+                where = line_of_error(error, self.sources) or self.path
+                said = str(error) if isinstance(error, ValueError) else f"{where}: {type(error).__name__}: {error}"
+                raise ValueError(said) from error
         return values
 
     def parameter_record(self, values: Mapping[str, Value]) -> npt.NDArray[np.void]:

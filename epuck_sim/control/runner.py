@@ -12,11 +12,15 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.compilation import compile_loops
+from epuck_sim.control.error_lines import take_error_place
+from epuck_sim.control.firmware import Firmware
+from epuck_sim.control.firmware_loop import firmware_loops
 from epuck_sim.control.interface import Controller, Sensors
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import function_address, hold
 from epuck_sim.util.jit import bind
+from epuck_sim.util.python_files import line_of_error
 
 Records = npt.NDArray[np.void]
 
@@ -112,6 +116,8 @@ def _step_all(address: int) -> None:
 class ControllerRunner:
     """The controllers of one group of robots, with what they remember."""
 
+    controller: Controller
+    """What runs on the robots."""
     arrays: ControllerArrays
     """What the controllers work on."""
     step_all: Callable[[int], None]
@@ -144,7 +150,7 @@ class ControllerRunner:
         """
         check_imported_copies(controller)
         kind: Any = np.recarray if interpret else np.ndarray
-        self._controller = controller
+        self.controller = controller
         self.arrays = arrays = ControllerArrays(
             senses=senses,
             actuators=actuators.view(kind),
@@ -154,7 +160,11 @@ class ControllerRunner:
             serving=np.full(1, -1),
         )
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
-        if interpret:
+        if isinstance(controller, Firmware):
+            start_all, self.step_all, self.address, self._owner = firmware_loops(
+                controller, arrays, interpret=interpret
+            )
+        elif interpret:
             start_all, self.step_all = _interpreted_loops(controller, arrays)
             self.address = 0
         else:
@@ -193,7 +203,15 @@ class ControllerRunner:
         robot = int(self.arrays.serving[0])
         if robot < 0 or isinstance(error, BdbQuit):  # the user has left the debugger
             return None
-        return RobotError(self._controller, robot, error)
+        return RobotError(self.controller, robot, error, self._place_of(error))
+
+    def _place_of(self, error: BaseException) -> str:
+        """Return FILE:LINE of an error that a robot has raised, or its controller's file."""
+        sources = self.controller.sources
+        if self.address == 0:
+            return line_of_error(error, sources) or str(self.controller.path)
+        place = take_error_place()
+        return f"{list(sources)[place.file]}:{place.line}" if place else str(self.controller.path)
 
 
 def _interpreted_loops(controller: Controller, arrays: ControllerArrays) -> tuple[Any, Any]:
@@ -213,6 +231,7 @@ class RobotError(ControllerError):
         robot: The robot's number in its group.
     """
 
-    def __init__(self, controller: Controller, robot: int, error: BaseException) -> None:
-        super().__init__(f"{controller.path}: {type(error).__name__}: {error}")
+    def __init__(self, controller: Controller, robot: int, error: BaseException, place: str) -> None:
+        inside = "" if place.startswith(str(controller.path)) else f" (in the controller {controller.path})"
+        super().__init__(f"{place}: {type(error).__name__}: {error}{inside}")
         self.robot = robot

@@ -137,6 +137,14 @@ class Simulation:
         """Control steps taken so far."""
         return int(self._step[0]) + 1
 
+    def controller_at_work(self) -> tuple[int, int] | None:
+        """Return robot and step of the controller that is running, for another thread; None while none is."""
+        for group in self._groups:
+            robot = int(group.runner.arrays.serving[0])
+            if robot >= 0:
+                return group.first_robot + robot, int(self._step[0])
+        return None
+
     def __iter__(self) -> Self:
         """Return the simulation itself: a further loop continues where the last one stopped."""
         return self
@@ -150,7 +158,7 @@ class Simulation:
             The step; its arrays are overwritten by the next one.
 
         Raises:
-            ControllerError: A controller raises, or sets a wheel speed that is not a number.
+            ControllerError: A controller raises, or sets a wheel speed or a turn that is not a number.
         """
         return self.advance(1)
 
@@ -198,8 +206,11 @@ class Simulation:
                     raise self._located(fault, group.first_robot) from error
             raise
         if invalid >= 0:
+            controller = next(
+                group for group in reversed(self._groups) if group.first_robot <= invalid
+            ).runner.controller
             raise ControllerError(
-                f"{self._location(invalid)}: its controller sets a wheel speed or a turn that is not a number"
+                f"{self._location(invalid)}: {controller.path}: sets a wheel speed or a turn that is not a number"
             )
 
     def _draw_noise(self) -> None:

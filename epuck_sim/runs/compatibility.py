@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, is_file
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.measures import MeasureSection
@@ -52,7 +52,7 @@ def stored_point(point: Point) -> StoredPoint:
 
 
 def _controller(name: str) -> str:
-    return name if not name.endswith(".py") else _with_digest(Path(name).name, find_controller(name).sources)
+    return name if not is_file(name) else _with_digest(Path(name).name, find_controller(name).sources)
 
 
 def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:

@@ -1,7 +1,8 @@
 """The controllers that a scenario names: found in their files, with every parameter filled in."""
 
 import re
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+from epuck_sim.util.messages import short_repr
 
 
 def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
@@ -60,6 +62,73 @@ def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes
     }
     points = axes.points and tuple({key: resolve(key, value) for key, value in row.items()} for row in axes.points)
     return axes.model_copy(update={**columns, "points": points})
+
+
+def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dict[str, Any]:
+    """Return the mapping `given` in which all robots have another controller, with those parameters that it knows.
+
+    Args:
+        given: A scenario of robots.
+        name: A shipped controller, or a file, relative to the working directory.
+        origin: Begins every message.
+
+    Raises:
+        ScenarioError: There is no such controller, or there are no robots to have it.
+
+    Warns:
+        UserWarning: Parameters have been left out.
+    """
+    if given.get("model", "embodied") != "embodied":
+        raise ScenarioError(f"{origin}: --controller {name}: model is {given['model']}; controllers run on robots")
+    groups = given.get("robots", [{}])
+    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+        raise ScenarioError(f"{origin}: robots is {short_repr(groups)}; allowed: a list of groups")
+    try:
+        controller = find_controller(name)
+    except ControllerError as error:
+        raise ScenarioError(f"{origin}: --controller {name}: {error}") from error
+    parameters = [dict(group.get("parameters") or {}) for group in groups]
+    unknown = dict.fromkeys(key for each in parameters for key in each if key not in controller.parameters)
+    if unknown:
+        plural = "parameters" if len(unknown) > 1 else "the parameter"
+        warnings.warn(f"{origin}: {controller.name} lacks {plural} {', '.join(unknown)}: left out", stacklevel=3)
+    changes = {"controller": _stored_name(controller)}
+    return {
+        **given,
+        "robots": [
+            {**group, **changes, "parameters": {key: value for key, value in each.items() if key not in unknown}}
+            for group, each in zip(groups, parameters, strict=True)
+        ],
+    }
+
+
+def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Callable[[int], dict[str, Any]]:
+    """Return a function that gives, by its number, a point's scenario before its axes are set.
+
+    Where the controller of a group is an axis, each of its controllers gets those of the group's parameters that it
+    has. One that none of them has stays, and is refused with the point.
+
+    Args:
+        given: The scenario without its sweep.
+        rows: Values of the axes of each point.
+    """
+    swept = [number for number in range(len(given.get("robots", ()))) if f"robots.{number}.controller" in rows[0]]
+    known = {
+        number: {key for row in rows for key in find_controller(str(row[f"robots.{number}.controller"])).parameters}
+        for number in swept
+    }
+
+    def of_point(point: int) -> dict[str, Any]:
+        groups = list(given.get("robots", ()))
+        for number in swept:
+            group = groups[number]
+            controller = find_controller(str(rows[point][f"robots.{number}.controller"]))
+            lacking = {key for key in group["parameters"] if key in known[number] and key not in controller.parameters}
+            kept = {key: value for key, value in group["parameters"].items() if key not in lacking}
+            groups[number] = {**group, "parameters": kept}
+        return {**given, "robots": groups} if swept else dict(given)
+
+    return of_point
 
 
 def _stored_name(controller: Controller) -> str:

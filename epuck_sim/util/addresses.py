@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import njit, typeof
 from numba.core import cgutils, types
 from numba.experimental import structref
@@ -123,6 +124,19 @@ def call_at(context: Any, function: Any, argument: Any) -> Any:  # noqa: ARG001
         status, _ = convention.call_function(builder, function, types.void, (types.intp,), arguments[1:])
         with cgutils.if_unlikely(builder, status.is_error):
             convention.return_status_propagate(builder, status)
+        return context.get_dummy_value()
+
+    return types.void(types.intp, types.intp), generate
+
+
+@_intrinsic
+def call_c_at(context: Any, function: Any, argument: Any) -> Any:  # noqa: ARG001
+    """Call the C function at an address, which takes an address and returns nothing."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        function, argument = arguments
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t])
+        builder.call(builder.inttoptr(function, kind.as_pointer()), [builder.inttoptr(argument, cgutils.voidptr_t)])
         return context.get_dummy_value()
 
     return types.void(types.intp, types.intp), generate

@@ -55,7 +55,7 @@ class Bench:
             np.full(robots, step_ms),
             np.zeros((robots, 8)),
             np.full((robots, 8), OUT_OF_RANGE_MM),
-            np.zeros((robots, pixels), np.uint8),
+            np.zeros((robots, pixels), np.int64),
             np.ones(robots, np.bool_),
             np.zeros(robots, np.int64),
             np.zeros((robots, MAX_MESSAGES), np.int64),

@@ -15,7 +15,8 @@ import pytest
 from numba.core.registry import CPUDispatcher
 
 from epuck_sim.util import jit
-from epuck_sim.util.jit import PACKAGE, UNUSED_S, VALUE_FILES, digest, kernel_digest, remove_unused_caches
+from epuck_sim.util.cache_folder import UNUSED_S
+from epuck_sim.util.jit import PACKAGE, VALUE_FILES, digest, kernel_digest, remove_unused_caches
 
 MARK = "epuck_sim.util.jit import"
 
@@ -189,7 +190,7 @@ def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> N
     remove_unused_caches(root)
     assert len(list(root.iterdir())) == 2
     make_cache(root / "0123456789abcde3", OLD)
-    monkeypatch.setattr(jit, "_USER", os.getuid() + 1)
+    monkeypatch.setattr(jit, "USER", os.getuid() + 1)
     remove_unused_caches(root)
     assert len(list(root.iterdir())) == 3
     assert elsewhere.exists()
