@@ -7,7 +7,7 @@ never mistaken for each other, an edit is noticed, and a trial's outcome depends
 import sys
 from pathlib import Path
 
-from epuck_sim.control.interface import Controller, record_type, typed
+from epuck_sim.control.interface import EXTERNAL, Controller, record_type, typed
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
@@ -81,6 +81,11 @@ def _load(path: Path) -> Controller:
             raise ControllerError(f"{path}: a controller needs {part}: {wanted}")
     if not callable(parts.get("check", print)):
         raise ControllerError(f"{path}: check must be a function check(parameters), or not be there")
+    external = parts.get("EXTERNAL", ())
+    if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
+        raise ControllerError(
+            f"{path}: EXTERNAL is {short_repr(external)}; allowed: a tuple of {comma_list(list(EXTERNAL))}"
+        )
     for name, default in parts["PARAMETERS"].items():
         if not isinstance(default, bool | int | float):
             raise ControllerError(f"{path}: PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
@@ -91,7 +96,7 @@ def _load(path: Path) -> Controller:
     except (TypeError, ValueError) as error:
         raise ControllerError(f"{path}: PARAMETERS or MEMORY: {error}") from error
     start, step, check = parts["start"], parts["step"], parts.get("check")
-    return Controller(path.stem, path, parameters, memory, start, step, check, file.sources, file.modules)
+    return Controller(path.stem, path, parameters, memory, start, step, check, file.sources, file.modules, external)
 
 
 def check_imported_copies(controller: Controller) -> None:
