@@ -10,6 +10,7 @@ from .errors import (
     ScenarioError,
     StoreError,
 )
+from .overhead.render.arena_view import ArenaView
 from .overhead.render.film_trial import film_trial
 from .particles.simulation import Event, ParticleSimulation
 from .recording.reader import read_recording
@@ -27,6 +28,7 @@ from .trial.result import TrialResult
 from .trial.trace import Trace
 
 __all__ = [
+    "ArenaView",
     "ClusterError",
     "ControllerError",
     "EmbodiedScenario",

@@ -70,7 +70,7 @@ def load_firmware(path: Path) -> Firmware:
         assert all(offsets[name] == field.offset for name, field in named.items())
     library.e_check.restype = ctypes.c_char_p
     check = _check_of(library, parameters)
-    return Firmware(path.stem, path, defaults, memory, _runs_in_c, _runs_in_c, check, built.sources, {}, library)
+    return Firmware(path.stem, path, defaults, memory, _runs_in_c, _runs_in_c, check, built.sources, {}, (), library)
 
 
 def _read_fields(library: ctypes.CDLL, name: str) -> dict[str, _Field]:

@@ -6,6 +6,7 @@
     def start(memory, parameters, random): ...
     def step(sensors, memory, actuators, parameters, random): ...
     def check(parameters): ...           optional: raises ValueError on values that make no sense
+    EXTERNAL = ("wheels", "ring")        optional: what is commanded from outside, and left alone by `step`
 
 `step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets the fields of `actuators` (see
 `ACTUATORS`). `random` is the robot's own stream for `epuck_sim.util.rng`.
@@ -28,6 +29,9 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 from epuck_sim.util.python_files import line_of_error
 
 Value = bool | int | float
+
+EXTERNAL = ("wheels", "ring")
+"""What a controller may leave to commands from outside."""
 
 MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
@@ -91,6 +95,8 @@ class Controller:
     """Contents of every file that the controller's code comes from, at the time of loading."""
     modules: Mapping[Path, ModuleType]
     """The module made from each of these files: the controller's own copy, which no `import` statement returns."""
+    external: tuple[str, ...]
+    """What is commanded from outside, of `EXTERNAL`."""
 
     @property
     def is_oscillator(self) -> bool:

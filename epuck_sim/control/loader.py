@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from epuck_sim.control.firmware import load_firmware
-from epuck_sim.control.interface import Controller, record_type, typed
+from epuck_sim.control.interface import EXTERNAL, Controller, record_type, typed
 from epuck_sim.control.names import check_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
@@ -101,6 +101,12 @@ def _load(path: Path) -> Controller:
     if not callable(parts.get("check", print)):
         where = f"{path}:{line_of_definition('check', source)}"
         raise ControllerError(f"{where}: check must be a function check(parameters), or not be there")
+    external = parts.get("EXTERNAL", ())
+    if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
+        raise ControllerError(
+            f"{path}:{line_of_definition('EXTERNAL', source)}: EXTERNAL is {short_repr(external)}; allowed: a tuple of "
+            f"{comma_list(list(EXTERNAL))}"
+        )
     for name, default in parts["PARAMETERS"].items():
         if not isinstance(default, bool | int | float):
             where = f"{path}:{line_of_definition('PARAMETERS', source)}"
@@ -114,7 +120,9 @@ def _load(path: Path) -> Controller:
     except (TypeError, ValueError) as error:
         raise ControllerError(f"{path}:{line_of_definition(part, source)}: {part}: {error}") from error
     start, step, check = parts["start"], parts["step"], parts.get("check")
-    controller = Controller(path.stem, path, parameters, memory, start, step, check, file.sources, file.modules)
+    controller = Controller(
+        path.stem, path, parameters, memory, start, step, check, file.sources, file.modules, external
+    )
     check_names(controller)
     return controller
 

@@ -15,7 +15,7 @@ from epuck_sim.control.compilation import compile_loops
 from epuck_sim.control.error_lines import take_error_place
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.firmware_loop import firmware_loops
-from epuck_sim.control.interface import Controller, Sensors
+from epuck_sim.control.interface import ACTUATORS, Controller, Sensors
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import function_address, hold
@@ -134,7 +134,7 @@ class ControllerRunner:
         actuators: Records,
         interpret: bool = False,
     ) -> None:
-        """Start `controller` on each robot.
+        """Prepare `controller` for each robot, without starting it.
 
         Args:
             controller: What runs on the robots.
@@ -146,7 +146,6 @@ class ControllerRunner:
 
         Raises:
             ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
-            RobotError: Its `start` raises an error.
         """
         check_imported_copies(controller)
         kind: Any = np.recarray if interpret else np.ndarray
@@ -161,16 +160,15 @@ class ControllerRunner:
         )
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
         if isinstance(controller, Firmware):
-            start_all, self.step_all, self.address, self._owner = firmware_loops(
+            self._start_all, self.step_all, self.address, self._owner = firmware_loops(
                 controller, arrays, interpret=interpret
             )
         elif interpret:
-            start_all, self.step_all = _interpreted_loops(controller, arrays)
+            self._start_all, self.step_all = _interpreted_loops(controller, arrays)
             self.address = 0
         else:
-            start_all, self.step_all = compile_loops(controller, (_start_all, _step_all), arrays)
+            self._start_all, self.step_all = compile_loops(controller, (_start_all, _step_all), arrays)
             self._owner, self.address = hold(arrays)
-        self._run(start_all)
 
     @property
     def memory(self) -> Records:
@@ -181,6 +179,16 @@ class ControllerRunner:
     def step_address(self) -> int:
         """Address of `step_all` in compiled code."""
         return function_address(self.step_all)
+
+    def start(self) -> None:
+        """Start the controller of each robot, which remembers and commands nothing yet.
+
+        Raises:
+            RobotError: A robot's controller raises an error.
+        """
+        self.memory.view(np.ndarray)[:] = np.zeros(1, self.memory.dtype)
+        self.arrays.actuators.view(np.ndarray)[:] = np.zeros(1, ACTUATORS)
+        self._run(self._start_all)
 
     def step(self) -> None:
         """Run one control step of each robot.

@@ -4,7 +4,7 @@ The loop is compiled together with the controllers of a swarm; with interpreted 
 plain Python.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,12 +25,13 @@ from epuck_sim.embodied.variation import (
     RobotVariation,
     Stoppages,
     begin_stoppages,
+    restart_stoppages,
     stop_and_release,
     tick,
 )
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.util.addresses import call_at, compile_at, function_address, hold, layout
-from epuck_sim.util.jit import bind, jit, kernel_digest
+from epuck_sim.util.addresses import call_at, compiled_for, function_address, hold
+from epuck_sim.util.jit import bind, jit
 
 
 class GroupSensing(NamedTuple):
@@ -108,6 +109,12 @@ def make_control_loop(
             wheel_noise=swarm.wheel_noise,
         ),
     )
+
+
+def restart_loop(loop: ControlLoop, step_ms: int, variation: RobotVariation) -> None:
+    """Set a loop to before its first step; step_ms: length of a control step; variation: how robots differ."""
+    loop.clocks.step_ms[:] = step_ms * variation.clock_rate[: len(loop.clocks.step_ms)]
+    restart_stoppages(loop.stoppages)
 
 
 if TYPE_CHECKING:  # `bind` provides it
@@ -209,14 +216,14 @@ class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
     def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
-        self._take_steps = _compiled_for(_take_steps, loop)
+        self._take_steps = compiled_for(_take_steps, loop)
         self._owner, self._address = hold(loop)
         self._owners = []
         for number, group in enumerate(groups):
             sensing = _sensing(loop, group)
             owner, address = hold(sensing)
             self._owners.append(owner)
-            loop.calls[number] = function_address(_compiled_for(_SENSE[type(group.receiver)], sensing)), address
+            loop.calls[number] = function_address(compiled_for(_SENSE[type(group.receiver)], sensing)), address
             loop.calls[len(groups) + number] = group.runner.step_address, group.runner.address
 
     def __call__(self, steps: int, until_lit: int) -> int:
@@ -226,14 +233,3 @@ class CompiledLoop:
 
 def _sensing(loop: ControlLoop, group: RobotGroupState) -> GroupSensing:
     return GroupSensing(loop.step, group.sensing, group.receiver)
-
-
-_compiled: dict[Hashable, Any] = {}
-
-
-def _compiled_for(function: Any, value: ControlLoop | GroupSensing) -> Any:
-    """Return a function compiled for addresses of such values."""
-    key = function, layout(value)
-    if key not in _compiled:
-        _compiled[key] = compile_at(function, value, kernel_digest(), careful=False)
-    return _compiled[key]

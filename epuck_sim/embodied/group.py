@@ -1,5 +1,6 @@
 """Groups of robots at work: their controllers, and the arrays with which they sense and act."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -7,14 +8,14 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES
+from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, Controller, Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.runner import ControllerRunner, SensorArrays
-from epuck_sim.embodied.camera_clock import CameraClock, start_camera_clock
+from epuck_sim.embodied.camera_clock import CameraClock, restart_camera_clock, start_camera_clock
 from epuck_sim.embodied.cell_list import CellList
 from epuck_sim.embodied.flash_cone import FlashCone, make_cone
 from epuck_sim.embodied.infrared import SENSORS
-from epuck_sim.embodied.radio import Radio, make_radio
+from epuck_sim.embodied.radio import Radio, make_radio, restart_radio
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.sensing import SensingArrays, build_camera
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -91,10 +92,12 @@ SignalReceiver = CameraClock | LitRingSensor | Radio
 class RobotGroupState(NamedTuple):
     """A group of robots at work."""
 
-    first_robot: int
-    """Number of its first robot."""
-    period_ms: float
-    """Period of its oscillators in ms; NaN if it has none."""
+    robots: slice
+    """Numbers of its robots."""
+    controller: Controller
+    """What runs on them."""
+    first_parameters: npt.NDArray[np.void]
+    """(1,) the record of its parameters in the scenario."""
     runner: ControllerRunner
     """Its controllers."""
     sensing: SensingArrays
@@ -102,8 +105,29 @@ class RobotGroupState(NamedTuple):
     receiver: SignalReceiver
     """What brings flashes to it."""
 
+    @property
+    def parameters(self) -> dict[str, Value]:
+        """The parameters of its controllers, by name."""
+        record = self.runner.arrays.parameters[0]
+        return {name: type(default)(record[name]) for name, default in self.controller.parameters.items()}
 
-def start_group(
+    @property
+    def period_ms(self) -> float:
+        """Period of its oscillators in ms; NaN if it has none."""
+        if not self.controller.is_oscillator:
+            return np.nan
+        return float(self.runner.arrays.parameters["period_s"][0]) * 1000
+
+
+def restart_swarm_arrays(swarm: SwarmArrays, step_ms: int) -> None:
+    """Set the arrays that a trial changes to what they are before its first step; `World.place` sets the poses."""
+    for array in (swarm.wheels_cm_s, swarm.turns_rad, swarm.ring_on, *swarm.sensors):
+        array[:] = 0
+    swarm.sensors.step_ms[:] = step_ms
+    swarm.sensors.new_picture[:] = True
+
+
+def make_group(
     scenario: EmbodiedScenario,
     group: RobotGroup,
     first_robot: int,
@@ -114,7 +138,7 @@ def start_group(
     signal_streams: StreamArray,
     interpret: bool,
 ) -> RobotGroupState:
-    """Start the controllers of a group of robots.
+    """Return a group of robots whose controllers are ready to start; see `restart_group`.
 
     Args:
         scenario: The scenario with timing and noise.
@@ -128,12 +152,11 @@ def start_group(
 
     Raises:
         ControllerError: A controller cannot be compiled.
-        RobotError: A robot's controller raises.
     """
     rows = slice(first_robot, first_robot + group.count)
     controller = find_controller(group.controller)
-    parameters = np.repeat(controller.parameter_record(group.parameters), group.count)
-    period_ms = float(parameters["period_s"][0]) * 1000 if controller.is_oscillator else np.nan
+    first_parameters = controller.parameter_record(group.parameters)
+    parameters = np.repeat(first_parameters, group.count)
     sensors = swarm.sensors.of(rows, group.pixels)
     runner = ControllerRunner(
         controller, parameters, controller_streams[rows], sensors, swarm.actuators[rows], interpret
@@ -142,7 +165,7 @@ def start_group(
     # a picture that is delivered later is not yet the controller's
     pixels = receiver.in_view if isinstance(receiver, CameraClock) and len(receiver.in_view) else sensors.camera
     arrays = _sensing_arrays(scenario, group, first_robot, swarm, sensors, infrared_gain[rows], pixels)
-    return RobotGroupState(first_robot, period_ms, runner, arrays, receiver)
+    return RobotGroupState(rows, controller, first_parameters, runner, arrays, receiver)
 
 
 def _start_receiver(
@@ -159,6 +182,28 @@ def _start_receiver(
     if isinstance(signal, RadioSignal):
         return make_radio(signal, step_ms, streams, actuators, sensors.pulses, sensors.messages, sensors.camera)
     return _start_camera_clock(scenario, group, streams, sensors)
+
+
+def restart_group(group: RobotGroupState) -> None:
+    """Start a group's controllers with the scenario's parameters; raise RobotError if one of them raises."""
+    group.runner.arrays.senses.camera[:] = 0
+    restart_receiver(group.receiver)
+    group.runner.arrays.parameters.view(np.ndarray)[:] = group.first_parameters
+    group.runner.start()
+
+
+def set_parameters(group: RobotGroupState, values: Mapping[str, Value]) -> None:
+    """Set all parameters of a group's controllers."""
+    record = group.controller.parameter_record(values)
+    group.runner.arrays.parameters.view(np.ndarray)[:] = record
+
+
+def restart_receiver(receiver: SignalReceiver) -> None:
+    """Set what brings flashes to a group to before its first step."""
+    if isinstance(receiver, CameraClock):
+        restart_camera_clock(receiver)
+    elif isinstance(receiver, Radio):
+        restart_radio(receiver)
 
 
 def _start_camera_clock(

@@ -77,6 +77,12 @@ def make_radio(
     )
 
 
+def restart_radio(radio: Radio) -> None:
+    """Set receivers to before the first step: nothing is sent, and nothing on its way."""
+    for array in (radio.was_on, radio.is_sending, radio.counts_on_way, radio.messages_on_way):
+        array[:] = 0
+
+
 @jit
 def receive_pulses(radio: Radio, poses: FloatArray, ring_on: BoolArray, first_robot: int, step: int) -> None:
     """Send the pulses of the last control step on their way, and deliver those that arrive in this one.

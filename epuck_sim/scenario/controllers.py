@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from epuck_sim.control.interface import Controller
+from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
@@ -31,8 +31,20 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
         controller = find_controller(group.controller, folder)
     except ControllerError as error:
         raise ScenarioError(f"{origin}.controller: {error}") from error
+    parameters = resolve_parameters(controller, group.parameters, step_ms, origin)
+    return group.model_copy(update={"controller": _stored_name(controller), "parameters": parameters})
+
+
+def resolve_parameters(
+    controller: Controller, given: Mapping[str, object], step_ms: int, origin: str
+) -> dict[str, Value]:
+    """Return all parameters of a controller, as given or by default; see `resolve_group`.
+
+    Raises:
+        ScenarioError: The controller does not take these parameters.
+    """
     try:
-        parameters = controller.resolve(group.parameters)
+        parameters = controller.resolve(given)
     except ValueError as error:
         raise ScenarioError(f"{origin}.parameters: {error}") from error
     if controller.is_oscillator and parameters["period_s"] * 1000 <= step_ms:
@@ -40,7 +52,7 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
             f"{origin}.parameters: period_s is {parameters['period_s']}; allowed: longer than a control step, "
             f"{step_ms / 1000:g} s"
         )
-    return group.model_copy(update={"controller": _stored_name(controller), "parameters": parameters})
+    return parameters
 
 
 def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes:

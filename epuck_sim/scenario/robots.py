@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.signals import CameraSignal, SignalSection
+from epuck_sim.scenario.signals import CameraSignal, RadioSignal, SignalSection
 
 
 class CameraSection(ConfigModel):
@@ -96,6 +96,13 @@ class RobotGroup(ConfigModel):
                 f"signal.kind is {self.signal.kind!r} and a camera is given; leave the camera out, or choose camera"
             )
         return self
+
+    @property
+    def signal_is_random(self) -> bool:
+        """Whether random numbers decide when a flash reaches a robot, or if it does."""
+        if isinstance(self.signal, RadioSignal):
+            return self.signal.loss > 0
+        return self.camera.frames_per_s is not None
 
     @property
     def pixels(self) -> int:

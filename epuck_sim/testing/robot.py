@@ -82,6 +82,7 @@ class TestRobot:
         self._actuators = np.zeros(1, ACTUATORS)
         streams = robot_streams(np.random.SeedSequence(seed), 1)
         self._runner = ControllerRunner(found, record, streams, self._senses, self._actuators, interpret)
+        self._runner.start()
         self.memory = Record("memory", self._runner.memory)
         self.parameters = Record("parameters", record)
 

@@ -16,7 +16,7 @@ from numba.core import cgutils, types
 from numba.experimental import structref
 from numba.extending import intrinsic
 
-from epuck_sim.util.jit import bind, compile_cached, digest, jit, name_after
+from epuck_sim.util.jit import bind, compile_cached, digest, jit, kernel_digest, name_after
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
 
@@ -104,6 +104,17 @@ def compile_at(function: Any, value: object, contents_digest: str, *, careful: b
     compiled: Any = compile_cached(bound, whole_digest, careful=careful, nogil=True)
     compiled.compile((types.intp,) * function.__code__.co_argcount)
     return compiled
+
+
+_compiled: dict[Hashable, Any] = {}
+
+
+def compiled_for(function: Any, value: object) -> Any:
+    """Return a function of the package's kernels, compiled for addresses of such values; see `compile_at`."""
+    key = function, layout(value)
+    if key not in _compiled:
+        _compiled[key] = compile_at(function, value, kernel_digest(), careful=False)
+    return _compiled[key]
 
 
 @cache

@@ -63,6 +63,7 @@ class Bench:
         self.actuators = np.zeros(robots, ACTUATORS)
         self.streams = robot_streams(np.random.SeedSequence(seed), robots)
         self.control = ControllerRunner(controller, parameters, self.streams, self.senses, self.actuators, interpret)
+        self.control.start()
         self.memory = self.control.memory
 
     def sense(self, chance: np.random.Generator) -> None:
