@@ -247,14 +247,16 @@ class Simulation:
             ring_on: (m,) whether the ring of each of `external_rings` is lit, or one value for all.
 
         Raises:
-            ValueError: An array has another shape, a speed is not a number, or there is no such robot; then nothing is
-                commanded.
+            ValueError: An array has another shape, a speed is not a number, there is no such robot, or nothing is
+                given; then nothing is commanded.
         """
+        if left_cm_s is None and right_cm_s is None and ring_on is None:
+            raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
         self.commands.set(left_cm_s, right_cm_s, ring_on)
         self.commands.carry_out()
         self._changes.append(Command.of(self.steps, self.commands.arrays))
 
-    def set_parameters(self, group: int = 0, **values: Value) -> None:
+    def set_parameters(self, group: int = 0, /, **values: Value) -> None:
         """Change parameters of a group's controllers from the next step on; its robots keep what they remember.
 
         Args:

@@ -45,8 +45,8 @@ class SwarmBatch:
         self.spaces = AgentSpaces(first, discrete=discrete)
         self._oscillators_exist = not np.isnan(first.period_ms).all()
         self.control_steps = control_steps
-        self._last_step = round(episode_s / first.step_s)
-        if not self._last_step >= 1:
+        self._last_step = episode_s / first.step_s - 1e-6  # 6 s are 60 steps, however 0.1 s is rounded
+        if not episode_s >= first.step_s:
             raise ValueError(f"episode_s is {episode_s}; allowed: at least a control step, {first.step_s:g} s")
         self._masters = [first.seed] * swarms
         self._episodes = [-1] * swarms

@@ -13,7 +13,7 @@ from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import builtin_folder
 from tests.control.bench import EMPTY, with_step, write_controller, write_soon_after
 
-SHIPPED = ["constant", "firefly", "obstacle_avoidance", "oscillator"]
+SHIPPED = ["constant", "external", "external_ring", "external_wheels", "firefly", "obstacle_avoidance", "oscillator"]
 
 
 def gain(path, value):
@@ -31,7 +31,7 @@ def test_a_shipped_controller_is_found_by_its_name_from_any_folder(name, tmp_pat
     controller = find_controller(name, tmp_path)
     assert controller.name == name
     assert controller.path == builtin_folder("controllers") / f"{name}.py"
-    assert controller.is_oscillator == (name in ("firefly", "oscillator"))
+    assert controller.is_oscillator == (name in ("external_wheels", "firefly", "oscillator"))
 
 
 def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tmp_path, monkeypatch):

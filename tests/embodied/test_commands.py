@@ -108,6 +108,12 @@ def test_robots_that_have_controllers_are_not_commanded():
         Simulation({"robots": [{"controller": "external_wheels"}]}, 1).command(ring_on=True)
 
 
+@pytest.mark.parametrize("controller", ["firefly", "external"])
+def test_a_command_of_nothing_is_refused(controller):
+    with pytest.raises(ValueError, match="nothing is commanded; give left_cm_s, right_cm_s or ring_on"):
+        Simulation({"robots": [{"controller": controller}]}, 1).command()
+
+
 def test_a_file_says_what_is_external(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(EMPTY + "\nEXTERNAL = ('ring',)\n")
