@@ -4,7 +4,7 @@ The loop is compiled together with the controllers of a swarm; with interpreted 
 plain Python.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -27,8 +27,8 @@ from epuck_sim.embodied.variation import (
     tick,
 )
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.util.addresses import call_at, compile_at, function_address, hold, layout
-from epuck_sim.util.jit import bind, jit, kernel_digest
+from epuck_sim.util.addresses import call_at, compiled_for, function_address, hold
+from epuck_sim.util.jit import bind, jit, jit_no_alloc
 
 
 class GroupSensing(NamedTuple):
@@ -46,6 +46,8 @@ class Drive(NamedTuple):
     actuators: npt.NDArray[np.void]
     wheels_cm_s: FloatArray
     ring_on: BoolArray
+    ring_before: BoolArray
+    """(robots,) the rings of the step before, which are those that robots see; written."""
     wheel_gain: FloatArray
     slip: float
     step_s: float
@@ -98,6 +100,7 @@ def make_control_loop(
             actuators=swarm.actuators,
             wheels_cm_s=swarm.wheels_cm_s,
             ring_on=swarm.ring_on,
+            ring_before=swarm.ring_before,
             wheel_gain=variation.wheel_gain,
             slip=scenario.noise.wheel_speed,
             step_s=timing.step_ms / 1000,
@@ -124,6 +127,13 @@ def run_calls(calls: IntArray) -> None:
         call_at(calls[call, 0], calls[call, 1])
 
 
+@jit_no_alloc
+def copy_rings(ring_on: BoolArray, ring_before: BoolArray) -> None:
+    """Write which rings are lit to `ring_before`."""
+    for robot in range(len(ring_on)):
+        ring_before[robot] = ring_on[robot]
+
+
 def _take_steps(address: int, steps: int, until_lit: int) -> int:
     """Take a number of control steps, or as many as it takes until the ring of robot `until_lit` is lit, if not -1.
 
@@ -143,6 +153,7 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
         tick(loop.clocks, step)
         stop_and_release(loop.stoppages, step * drive.step_s)
         run_calls(loop.calls)
+        copy_rings(drive.ring_on, drive.ring_before)
         invalid = apply_commands(
             drive.actuators,
             drive.wheels_cm_s,
@@ -183,14 +194,14 @@ class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
     def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
-        self._take_steps = _compiled_for(_take_steps, loop)
+        self._take_steps = compiled_for(_take_steps, loop)
         self._owner, self._address = hold(loop)
         self._owners = []
         for number, group in enumerate(groups):
             sensing = _sensing(loop, group)
             owner, address = hold(sensing)
             self._owners.append(owner)
-            loop.calls[number] = function_address(_compiled_for(_sense, sensing)), address
+            loop.calls[number] = function_address(compiled_for(_sense, sensing)), address
             loop.calls[len(groups) + number] = group.runner.step_address, group.runner.address
 
     def __call__(self, steps: int, until_lit: int) -> int:
@@ -200,14 +211,3 @@ class CompiledLoop:
 
 def _sensing(loop: ControlLoop, group: RobotGroupState) -> GroupSensing:
     return GroupSensing(loop.step, group.sensing, group.camera_clock)
-
-
-_compiled: dict[Hashable, Any] = {}
-
-
-def _compiled_for(function: Any, value: ControlLoop | GroupSensing) -> Any:
-    """Return a function compiled for addresses of such values."""
-    key = function, layout(value)
-    if key not in _compiled:
-        _compiled[key] = compile_at(function, value, kernel_digest(), careful=False)
-    return _compiled[key]

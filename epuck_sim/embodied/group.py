@@ -34,6 +34,8 @@ class SwarmArrays(NamedTuple):
     """(robots, 2) cm/s: left and right wheel as commanded."""
     ring_on: BoolArray
     """(robots,) whether each robot's ring is lit."""
+    ring_before: BoolArray
+    """(robots,) whether it was in the step before, which is what the other robots see."""
     cells: CellList
     sensors: SensorArrays
     """What controllers read."""
@@ -54,6 +56,7 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
         velocities=world.velocities,
         wheels_cm_s=np.zeros((robots, 2)),
         ring_on=np.zeros(robots, np.bool_),
+        ring_before=np.zeros(robots, np.bool_),
         cells=world.bodies.cells,
         sensors=SensorArrays(
             step_ms=np.full(robots, scenario.timing.step_ms),

@@ -15,6 +15,7 @@ from epuck_sim.control.runner import RobotError
 from epuck_sim.embodied.control_loop import CompiledLoop, interpreted_loop, make_control_loop
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, make_swarm_arrays, start_group
 from epuck_sim.embodied.placement import place_robots
+from epuck_sim.embodied.relations import Relations
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.step import Step, shown_arrays
 from epuck_sim.embodied.variation import RobotVariation, draw_variation
@@ -90,7 +91,8 @@ class Simulation:
         loop = make_control_loop(scenario, self._step, self._world.bodies, self._swarm, variation, variation_streams)
         start_loop = interpreted_loop if interpret else CompiledLoop
         self._take_steps = start_loop(loop, self._groups)
-        self._step_arrays: tuple[Any, ...] = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        self._shown: tuple[Any, ...] = (*shown, Relations(scenario, self._swarm))
         self._short_rows = self._find_short_rows()
 
     def _start_groups(
@@ -185,7 +187,7 @@ class Simulation:
         for shown, camera in self._short_rows:
             shown[:] = camera
         number = int(self._step[0])
-        return Step(number, number * self._step_ms / 1000, *self._step_arrays)
+        return Step(number, number * self._step_ms / 1000, *self._shown)
 
     def _run(self, steps: int, until_lit: int) -> None:
         """Take control steps for which noise is drawn; a robot whose controller fails is named."""

@@ -11,15 +11,15 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.camera_pixels import Camera
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.embodied.visibility import find_sightings
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.arena import FAINT, LIT, ray_ends, strip_columns, unit_vectors
 from epuck_sim.recording.layers.images import SpaceTime, image_entities, static_image_entities
 from epuck_sim.recording.layers.time_series import static_wheel_series, wheel_series
 from epuck_sim.recording.population import Population
-from epuck_sim.recording.relations.contacts import find_contacts
-from epuck_sim.recording.relations.visibility import find_sightings
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 VIEWS = "/arena/views"
@@ -82,8 +82,8 @@ class RobotLayers:
         poses, time_ns = batch.poses, batch.time_ns
         yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(poses)))
         yield self._sightings(batch)
-        steps, points = find_contacts(poses, self._arena, self._cells)
-        touching = np.bincount(steps, minlength=len(poses))
+        found, points = find_contacts(poses, self._arena, self._cells)
+        touching = np.bincount(found[:, 0], minlength=len(poses))
         yield temporal_chunk(CONTACTS, time_ns, *rr.Points2D.columns(positions=points).partition(touching))
 
     def _views(self, poses: FloatArray) -> FloatArray:

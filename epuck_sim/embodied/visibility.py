@@ -31,18 +31,20 @@ def find_sightings(
     Returns:
         (sightings, 3) step, observer, robot seen: in the order of steps, observers, and from left to right.
     """
-    surfaces = (arena.circles, arena.edges)
+    numbers = np.arange(1, poses.shape[1] + 1)  # 0 is what a dark pixel holds
+    given = (numbers, arena.circles, arena.edges, cells, camera, first, observers)
     found = np.empty((2 * len(poses) * observers, 3), np.int64)  # most robots see no more than two
-    sightings = _write_sightings(poses, *surfaces, cells, camera, first, observers, found)
+    sightings = write_sightings(poses, *given, found)
     if sightings > len(found):
         found = np.empty((sightings, 3), np.int64)
-        _write_sightings(poses, *surfaces, cells, camera, first, observers, found)
+        write_sightings(poses, *given, found)
     return found[:sightings]
 
 
 @jit
-def _write_sightings(
+def write_sightings(
     poses: FloatArray,
+    labels: IntArray,
     circles: FloatArray,
     edges: FloatArray,
     cells: CellList,
@@ -51,14 +53,16 @@ def _write_sightings(
     observers: int,
     found: IntArray,
 ) -> int:
-    """Write what `find_sightings` returns, as far as there is room; return the number of sightings."""
-    numbers = np.arange(1, poses.shape[1] + 1)  # 0 is what a dark pixel holds
+    """Write what `find_sightings` returns, as far as there is room; return the number of sightings.
+
+    labels: (robots,) number of each robot, counted from 1; 0 for one that is not to be listed.
+    """
     rows = np.empty((observers, len(camera.cos)), np.int64)
     listed = np.zeros(poses.shape[1] + 1, np.int64)  # the last row, counted over all steps, that listed each robot
     sightings = 0
     for step in range(len(poses)):
         sort_into_cells(poses[step], cells)
-        see(poses[step], numbers, circles, edges, cells, camera, first, rows)
+        see(poses[step], labels, circles, edges, cells, camera, first, rows)
         for observer in range(observers):
             row = step * observers + observer + 1
             for pixel in range(camera.first, camera.end):
