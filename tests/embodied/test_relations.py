@@ -18,8 +18,8 @@ CROWD = load_scenario(
             "width_cm": 70,
             "height_cm": 60,
             "obstacles": [
-                {"kind": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 5},
-                {"kind": "box", "x_cm": 45, "y_cm": 40, "width_cm": 12, "height_cm": 6, "heading_deg": 30},
+                {"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 5},
+                {"shape": "box", "x_cm": 45, "y_cm": 40, "width_cm": 12, "height_cm": 6, "heading_rad": 0.5},
             ],
         },
         "robots": [
