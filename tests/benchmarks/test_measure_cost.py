@@ -29,27 +29,27 @@ FOR_AGENTS = ("perturbation", "perturbation_exponent", "perturbation_growth", "p
 FOR_ROBOTS = ("avoiding", "flashes_missed", "flashes_repeated", "flashes_seen", "in_contact", "memory")
 
 
-def cpu_s(scenario) -> float:
-    """Return the CPU time of a trial, without its making."""
+def cpu_s(scenario) -> tuple[float, int]:
+    """Return the CPU time of a trial, without its making, and its steps, or, of agents, cycles."""
     simulation = simulate(scenario, 1)
     began = time.process_time()
-    run_trial(simulation)
-    return time.process_time() - began
+    result = run_trial(simulation)
+    return time.process_time() - began, result.steps if scenario.model == "embodied" else result.cycles
 
 
-def compare(sections, name: str, cycles: int) -> tuple[float, float]:
-    """Return how many times as long trials take with a measure, and how much longer a cycle is, in us."""
+def compare(sections, name: str) -> tuple[float, float]:
+    """Return how many times as long trials take with a measure, and how much longer a step or cycle is, in us."""
     parameters = DISPLACEMENT if name in FOR_AGENTS else GIVEN.get(name, {})
     plain, measured = load_scenario(sections), load_scenario({**sections, "measures": [{name: parameters}]})
-    cpu_s(measured)
-    pairs = [(cpu_s(plain), cpu_s(measured)) for _ in range(PAIRS)]
+    _, parts = cpu_s(measured)
+    pairs = [(cpu_s(plain)[0], cpu_s(measured)[0]) for _ in range(PAIRS)]
     ratio = statistics.median(after / before for before, after in pairs)
-    return ratio, statistics.median(after - before for before, after in pairs) / cycles * 1e6
+    return ratio, statistics.median(after - before for before, after in pairs) / parts * 1e6
 
 
 @pytest.fixture(scope="module")
 def costs():
-    """(measure, trials) -> (ratio, us a cycle); printed as a table at the end."""
+    """(measure, trials) -> (ratio, us a step of robots or a cycle of agents); printed as a table at the end."""
     found: dict[tuple[str, str], tuple[float, float]] = {}
     yield found
     columns = list(dict.fromkeys(column for _, column in found))
@@ -59,7 +59,7 @@ def costs():
         cells = [found.get((name, column)) for column in columns]
         print(
             f"| `{name}` | "
-            + " | ".join("" if cell is None else "{:.2f}, {:.0f}".format(*cell) for cell in cells)
+            + " | ".join("" if cell is None else "{:.2f}, {:.1f}".format(*cell) for cell in cells)
             + " |"
         )
 
@@ -73,7 +73,7 @@ def test_measures_of_robots(benchmark, costs, robots: int, name: str) -> None:
         "arena": {"width_cm": side_cm, "height_cm": side_cm},
         "stop": {"order_parameter": 1.0, "max_cycles": cycles},
     }
-    costs[name, f"{robots:,} robots"] = benchmark.pedantic(compare, (sections, name, cycles), rounds=1)
+    costs[name, f"{robots:,} robots"] = benchmark.pedantic(compare, (sections, name), rounds=1)
 
 
 @pytest.mark.parametrize("name", [name for name in SHIPPED if name not in FOR_ROBOTS])
@@ -82,4 +82,4 @@ def test_measures_of_agents(benchmark, costs, agents: int, name: str) -> None:
     cycles = AGENTS[agents]
     stop = {"order_parameter": None, "max_cycles": cycles}
     sections = {"model": "particles", "agents": {"count": agents}, "stop": stop}
-    costs[name, f"{agents:,} agents"] = benchmark.pedantic(compare, (sections, name, cycles), rounds=1)
+    costs[name, f"{agents:,} agents"] = benchmark.pedantic(compare, (sections, name), rounds=1)
