@@ -49,6 +49,13 @@ def run(
         Path | None,
         typer.Option(metavar="FILE.parquet", help="Write every robot and step; several trials to FILE-0, FILE-1, ..."),
     ] = None,
+    memory: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FIELD", help="Add a field of the controllers' MEMORY to --trace; repeatable."),
+    ] = None,
+    relations: Annotated[
+        bool, typer.Option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches.")
+    ] = False,
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE.rrd", help="Record for rerun's viewer; several trials to FILE-0, FILE-1, ..."),
@@ -91,6 +98,7 @@ def run(
             (level is not None and record is None and not live, "--record-level is for --record and --live"),
             ((speed is not None or web) and not live, "--speed and --web are for --live"),
             (port is not None and not web, "--port is for --web"),
+            (trace is None and (bool(memory) or relations), "--memory and --relations are for --trace"),
         )
         from epuck_sim.cli.observers import LiveView, RunOptions
         from epuck_sim.cli.trials import run_one, run_some, sweep_into
@@ -98,6 +106,7 @@ def run(
 
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         options = RunOptions(as_json, trace, record, view, film, level or Level.FULL, interpret, workers, dask)
+        options = options._replace(memory=tuple(memory or ()), relations=relations)
         one = point is not None or trial is not None
         file = find_scenario(scenario)
         folder = out or (file.parent if file.parent == Path(scenario) and not one else None)

@@ -16,8 +16,8 @@ from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
 from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.differential_drive import apply_commands
-from epuck_sim.embodied.flash_cone import Obstruction, perceive_flashes
-from epuck_sim.embodied.group import NOISE_STEPS, LitRingSensor, RobotGroupState, SignalReceiver, SwarmArrays
+from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_flashes
+from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SignalReceiver, SwarmArrays
 from epuck_sim.embodied.radio import Radio, receive_pulses
 from epuck_sim.embodied.sensing import SensingArrays, sense, sense_proximity
 from epuck_sim.embodied.variation import (
@@ -31,7 +31,7 @@ from epuck_sim.embodied.variation import (
 )
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.addresses import call_at, compiled_for, function_address, hold
-from epuck_sim.util.jit import bind, jit
+from epuck_sim.util.jit import bind, jit, jit_no_alloc
 
 
 class GroupSensing(NamedTuple):
@@ -50,6 +50,8 @@ class Drive(NamedTuple):
     wheels_cm_s: FloatArray
     ring_on: BoolArray
     turns_rad: FloatArray
+    ring_before: BoolArray
+    """(robots,) the rings of the step before, which are those that robots see; written."""
     wheel_gain: FloatArray
     slip: float
     step_s: float
@@ -103,6 +105,7 @@ def make_control_loop(
             wheels_cm_s=swarm.wheels_cm_s,
             ring_on=swarm.ring_on,
             turns_rad=swarm.turns_rad,
+            ring_before=swarm.ring_before,
             wheel_gain=variation.wheel_gain,
             slip=scenario.noise.wheel_speed,
             step_s=timing.step_ms / 1000,
@@ -156,6 +159,13 @@ def run_calls(calls: IntArray) -> None:
         call_at(calls[call, 0], calls[call, 1])
 
 
+@jit_no_alloc
+def copy_rings(ring_on: BoolArray, ring_before: BoolArray) -> None:
+    """Write which rings are lit to `ring_before`."""
+    for robot in range(len(ring_on)):
+        ring_before[robot] = ring_on[robot]
+
+
 def _take_steps(address: int, steps: int, until_lit: int) -> int:
     """Take a number of control steps, or as many as it takes until the ring of robot `until_lit` is lit, if not -1.
 
@@ -175,6 +185,7 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
         tick(loop.clocks, step)
         stop_and_release(loop.stoppages, step * drive.step_s)
         run_calls(loop.calls)
+        copy_rings(drive.ring_on, drive.ring_before)
         invalid = apply_commands(
             drive.actuators,
             drive.wheels_cm_s,

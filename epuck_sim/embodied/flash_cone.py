@@ -12,7 +12,7 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.cell_list import CellList, cell_index, cells_around, members_in_row
-from epuck_sim.scenario.signals import ConeSection
+from epuck_sim.scenario.signals import ConeSection, ConeSignal
 from epuck_sim.util.jit import jit
 
 _RADIUS = epuck.RADIUS_CM
@@ -29,6 +29,14 @@ class FlashCone(NamedTuple):
     """Cosine of half the opening angle; -2 for a full circle."""
     of_vision: bool
     """Whether the cone is the receiver's; else it is the sender's."""
+
+
+class LitRingSensor(NamedTuple):
+    """The ideal sensor of a group of robots."""
+
+    cone: FlashCone
+    occlusion: bool
+    """Whether robots and obstacles hide rings."""
 
 
 class Obstruction(NamedTuple):
@@ -51,6 +59,11 @@ def make_cone(section: ConeSection) -> FlashCone:
         _FULL_CIRCLE_COS if section.angle_deg == 360 else math.cos(math.radians(section.angle_deg / 2)),
         section.of == "vision",
     )
+
+
+def make_lit_ring_sensor(section: ConeSignal) -> LitRingSensor:
+    """Return the sensor that a group's section of a scenario describes."""
+    return LitRingSensor(make_cone(section), section.occlusion)
 
 
 @jit

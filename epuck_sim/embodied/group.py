@@ -13,7 +13,7 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.control.runner import ControllerRunner, SensorArrays
 from epuck_sim.embodied.camera_clock import CameraClock, restart_camera_clock, start_camera_clock
 from epuck_sim.embodied.cell_list import CellList
-from epuck_sim.embodied.flash_cone import FlashCone, make_cone
+from epuck_sim.embodied.flash_cone import LitRingSensor, make_lit_ring_sensor
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.embodied.radio import Radio, make_radio, restart_radio
 from epuck_sim.embodied.rigid_bodies import World
@@ -40,6 +40,8 @@ class SwarmArrays(NamedTuple):
     """(robots,) rad: turns on the spot as commanded."""
     ring_on: BoolArray
     """(robots,) whether each robot's ring is lit."""
+    ring_before: BoolArray
+    """(robots,) whether it was in the step before, which is what the other robots see."""
     cells: CellList
     sensors: SensorArrays
     """What controllers read."""
@@ -61,6 +63,7 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
         wheels_cm_s=np.zeros((robots, 2)),
         turns_rad=np.zeros(robots),
         ring_on=np.zeros(robots, np.bool_),
+        ring_before=np.zeros(robots, np.bool_),
         cells=world.bodies.cells,
         sensors=SensorArrays(
             step_ms=np.full(robots, scenario.timing.step_ms),
@@ -75,14 +78,6 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
         infrared_noise=np.zeros((NOISE_STEPS, robots, SENSORS)),
         wheel_noise=np.zeros((NOISE_STEPS, robots, 2)),
     )
-
-
-class LitRingSensor(NamedTuple):
-    """The ideal sensor of a group of robots."""
-
-    cone: FlashCone
-    occlusion: bool
-    """Whether robots and obstacles hide rings."""
 
 
 SignalReceiver = CameraClock | LitRingSensor | Radio
@@ -121,7 +116,7 @@ class RobotGroupState(NamedTuple):
 
 def restart_swarm_arrays(swarm: SwarmArrays, step_ms: int) -> None:
     """Set the arrays that a trial changes to what they are before its first step; `World.place` sets the poses."""
-    for array in (swarm.wheels_cm_s, swarm.turns_rad, swarm.ring_on, *swarm.sensors):
+    for array in (swarm.wheels_cm_s, swarm.turns_rad, swarm.ring_on, swarm.ring_before, *swarm.sensors):
         array[:] = 0
     swarm.sensors.step_ms[:] = step_ms
     swarm.sensors.new_picture[:] = True
@@ -161,7 +156,7 @@ def make_group(
     runner = ControllerRunner(
         controller, parameters, controller_streams[rows], sensors, swarm.actuators[rows], interpret
     )
-    receiver = _start_receiver(scenario, group, signal_streams[rows], sensors, swarm.actuators)
+    receiver = _start_receiver(scenario, group, signal_streams[rows], sensors, swarm)
     # a picture that is delivered later is not yet the controller's
     pixels = receiver.in_view if isinstance(receiver, CameraClock) and len(receiver.in_view) else sensors.camera
     arrays = _sensing_arrays(scenario, group, first_robot, swarm, sensors, infrared_gain[rows], pixels)
@@ -173,14 +168,14 @@ def _start_receiver(
     group: RobotGroup,
     streams: StreamArray,
     sensors: SensorArrays,
-    actuators: npt.NDArray[np.void],
+    swarm: SwarmArrays,
 ) -> SignalReceiver:
-    """Return what brings flashes to a group; `streams` and `sensors` are the group's, `actuators` all robots'."""
-    signal, step_ms = group.signal, scenario.timing.step_ms
+    """Return what brings flashes to a group; `streams` and `sensors` are the group's."""
+    signal = group.signal
     if isinstance(signal, ConeSignal):
-        return LitRingSensor(make_cone(signal), signal.occlusion)
+        return make_lit_ring_sensor(signal)
     if isinstance(signal, RadioSignal):
-        return make_radio(signal, step_ms, streams, actuators, sensors.pulses, sensors.messages, sensors.camera)
+        return make_radio(signal, scenario.timing.step_ms, streams, swarm.actuators, swarm.ring_before, sensors)
     return _start_camera_clock(scenario, group, streams, sensors)
 
 

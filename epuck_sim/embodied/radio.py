@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.interface import MAX_MESSAGES
+from epuck_sim.control.runner import SensorArrays
 from epuck_sim.embodied.flash_cone import FlashCone, in_cone, make_cone
 from epuck_sim.scenario.signals import RadioSignal
 from epuck_sim.util.jit import jit
@@ -33,7 +34,7 @@ class Radio(NamedTuple):
     """(group, 4) random streams."""
     actuators: npt.NDArray[np.void]
     """(robots,) records that controllers set, see `control.interface.ACTUATORS`."""
-    was_on: BoolArray
+    ring_before: BoolArray
     """(robots,) whether each ring was lit one control step earlier."""
     is_sending: BoolArray
     """(robots,) whether each robot's pulse is on the air in this control step."""
@@ -54,12 +55,21 @@ def make_radio(
     step_ms: int,
     streams: StreamArray,
     actuators: npt.NDArray[np.void],
-    counts: IntArray,
-    messages: IntArray,
-    flashes: IntArray,
+    ring_before: BoolArray,
+    sensors: SensorArrays,
 ) -> Radio:
-    """Return the receivers that a group's section of a scenario describes; see `Radio` for the arrays."""
-    robots, slots = len(actuators), math.ceil(section.latency_ms / step_ms) + 1
+    """Return the receivers that a group's section of a scenario describes.
+
+    Args:
+        section: The group's signal.
+        step_ms: Length of a control step.
+        streams: See `Radio`, for the next two, too.
+        actuators: See `Radio`.
+        ring_before: See `Radio`.
+        sensors: What the group's controllers read; written.
+    """
+    robots, group = len(actuators), len(streams)
+    slots = math.ceil(section.latency_ms / step_ms) + 1
     return Radio(
         cone=make_cone(section),
         loss=section.loss,
@@ -67,19 +77,19 @@ def make_radio(
         half_duplex=section.half_duplex,
         streams=streams,
         actuators=actuators,
-        was_on=np.zeros(robots, np.bool_),
+        ring_before=ring_before,
         is_sending=np.zeros(robots, np.bool_),
-        counts_on_way=np.zeros((slots, len(counts)), np.int64),
-        messages_on_way=np.zeros((slots, len(counts), MAX_MESSAGES), np.int64),
-        counts=counts,
-        messages=messages,
-        flashes=flashes,
+        counts_on_way=np.zeros((slots, group), np.int64),
+        messages_on_way=np.zeros((slots, group, MAX_MESSAGES), np.int64),
+        counts=sensors.pulses,
+        messages=sensors.messages,
+        flashes=sensors.camera,
     )
 
 
 def restart_radio(radio: Radio) -> None:
     """Set receivers to before the first step: nothing is sent, and nothing on its way."""
-    for array in (radio.was_on, radio.is_sending, radio.counts_on_way, radio.messages_on_way):
+    for array in (radio.is_sending, radio.counts_on_way, radio.messages_on_way):
         array[:] = 0
 
 
@@ -95,9 +105,8 @@ def receive_pulses(radio: Radio, poses: FloatArray, ring_on: BoolArray, first_ro
         step: Number of the control step.
     """
     for robot in range(len(ring_on)):
-        goes_on = ring_on[robot] and not radio.was_on[robot]
+        goes_on = ring_on[robot] and not radio.ring_before[robot]
         radio.is_sending[robot] = goes_on or radio.actuators[robot].send != 0
-        radio.was_on[robot] = ring_on[robot]
     senders = np.flatnonzero(radio.is_sending)
     slots = len(radio.counts_on_way)
     for row in range(len(radio.counts)):

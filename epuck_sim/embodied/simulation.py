@@ -27,6 +27,7 @@ from epuck_sim.embodied.group import (
 )
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.randomness import Part, Randomness, spawned
+from epuck_sim.embodied.relations import Relations
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
@@ -108,7 +109,9 @@ class Simulation:
         self.commands = Commands(self._loop, self._groups, interpret=interpret)
         self.external_wheels = self.commands.arrays.wheel_robots
         self.external_rings = self.commands.arrays.ring_robots
-        self._step_arrays: tuple[Any, ...] = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        self._relations = Relations(scenario, self._swarm)
+        self._shown: tuple[Any, ...] = (*shown, self._relations)
         self._short_rows = self._find_short_rows()
         self.reset(seed)
 
@@ -154,6 +157,7 @@ class Simulation:
         self._randomness.restart(seed)
         restart_loop(self._loop, self._step_ms, self._randomness.variation)
         self.commands.restart()
+        self._relations.restart()
         for group in self._groups:
             try:
                 restart_group(group)
@@ -309,7 +313,7 @@ class Simulation:
         for shown, camera in self._short_rows:
             shown[:] = camera
         number = int(self._step[0])
-        return Step(number, number * self._step_ms / 1000, *self._step_arrays)
+        return Step(number, number * self._step_ms / 1000, *self._shown)
 
     def _run(self, steps: int, until_lit: int) -> None:
         """Take control steps for which noise is drawn; a robot whose controller fails is named."""
@@ -322,7 +326,7 @@ class Simulation:
             raise
         if invalid >= 0:
             controller = next(
-                group for group in reversed(self._groups) if group.first_robot <= invalid
+                group for group in reversed(self._groups) if group.robots.start <= invalid
             ).runner.controller
             raise ControllerError(
                 f"{self._location(invalid)}: {controller.path}: sets a wheel speed or a turn that is not a number"

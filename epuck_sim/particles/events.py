@@ -94,6 +94,8 @@ class Instant(NamedTuple):
     """(agents,) scratch: whether each agent has fired or received a pulse at this instant."""
     order_parameter: FloatArray
     """(1,) the order parameter at the last firing of the reference; NaN before it is measured."""
+    headings: FloatArray
+    """(dimensions, agents) unit vectors: headings at this instant before any agent reoriented, if agents do so."""
     counters: IntArray
     """(5,) counts at the indices `INSTANTS`, `CYCLES`, `FIRINGS`, `PULSES` and `SYNCHRONISED`."""
 
@@ -114,11 +116,12 @@ def make_rules(scenario: ParticleScenario) -> Rules:
     )
 
 
-def make_instant(agents: int) -> Instant:
+def make_instant(dimensions: int, agents: int) -> Instant:
     """Return an instant at which nothing has happened yet."""
+    headings = np.zeros((dimensions, agents))
     fired, received = np.zeros((2, agents + 1), np.uint32)
     counts, counters = np.zeros(2, np.int64), np.zeros(5, np.int64)
-    return Instant(fired, received, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), counters)
+    return Instant(fired, received, counts, np.zeros(agents, np.bool_), np.full(1, np.nan), headings, counters)
 
 
 @jit_no_alloc
@@ -251,6 +254,9 @@ def fire(
 def reorient_agents(trajectories: Trajectories, rules: Rules, instant: Instant, time: float) -> None:
     """Reorient the agents that emitted, or received, a pulse, whichever the rules ask for; none of them twice."""
     advance_all(trajectories, time)
+    for axis in range(len(trajectories.heading)):
+        for agent in range(len(trajectories.speed)):
+            instant.headings[axis, agent] = trajectories.heading[axis, agent]
     fired, received = instant.fired[: instant.counts[0]], instant.received[: instant.counts[1]]
     if rules.reorients_on_emitting:
         for agent in fired:

@@ -5,10 +5,23 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IndexArray
-from epuck_sim.particles.motion import start_trajectories
+from epuck_sim.particles.motion import Trajectories, start_trajectories
 from epuck_sim.particles.neighbour_search import find_neighbours
-from epuck_sim.particles.neighbourhood import make_neighbourhood
+from epuck_sim.particles.neighbourhood import Neighbourhood, make_neighbourhood
 from epuck_sim.scenario.particles import Everybody, ParticleScenario
+
+
+def make_search(scenario: ParticleScenario) -> tuple[Trajectories, Neighbourhood]:
+    """Return what finds neighbours of agents that stand still and draw no directions, and are put where agents are."""
+    agents, space = scenario.agents.count, scenario.space
+    nowhere = np.zeros((space.dimensions, agents))
+    streams = np.zeros((agents, 4), np.uint64)
+    is_cyclic = space.boundary == "cyclic"
+    trajectories = start_trajectories(space.side_cm, is_cyclic, nowhere, nowhere.copy(), np.zeros(agents), streams)
+    neighbourhood = make_neighbourhood(scenario, 0.0)
+    # neighbours may change until the next instant, unless all agents are neighbours
+    is_cached = neighbourhood.is_cached and isinstance(scenario.neighbourhood, Everybody)
+    return trajectories, neighbourhood._replace(is_cached=is_cached)
 
 
 class NeighbourLists:
@@ -16,18 +29,7 @@ class NeighbourLists:
 
     def __init__(self, scenario: ParticleScenario) -> None:
         """Compile what finds neighbours, before any clock runs."""
-        agents, space = scenario.agents.count, scenario.space
-        nowhere = np.zeros((space.dimensions, agents))
-        streams = np.zeros((agents, 4), np.uint64)
-        is_cyclic = space.boundary == "cyclic"
-        # these stand still and draw no directions: at each instant they are put where the agents are
-        self._trajectories = start_trajectories(
-            space.side_cm, is_cyclic, nowhere, nowhere.copy(), np.zeros(agents), streams
-        )
-        neighbourhood = make_neighbourhood(scenario, 0.0)
-        # neighbours may change until the next instant, unless all agents are neighbours
-        is_cached = neighbourhood.is_cached and isinstance(scenario.neighbourhood, Everybody)
-        self._neighbourhood = neighbourhood._replace(is_cached=is_cached)
+        self._trajectories, self._neighbourhood = make_search(scenario)
         find_neighbours(self._neighbourhood, self._trajectories, 0, 0.0)
 
     def receivers(self, positions: FloatArray, headings: FloatArray, senders: Iterable[int]) -> Iterator[IndexArray]:

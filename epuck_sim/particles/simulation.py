@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,14 @@ from epuck_sim.particles.events import (
     PULSES,
     SYNCHRONISED,
     UNLIMITED,
-    advance,
     make_instant,
     make_rules,
-    reflect_if_next,
 )
 from epuck_sim.particles.initial_conditions import initial_oscillators, initial_trajectories
-from epuck_sim.particles.motion import compute_positions
+from epuck_sim.particles.neighbour_links import NeighbourLinks
 from epuck_sim.particles.neighbourhood import make_neighbourhood
+from epuck_sim.particles.pulse_links import PulseLinks
+from epuck_sim.particles.state import HeldState, SwarmState, make_observed
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
@@ -42,6 +42,34 @@ class Event(NamedTuple):
     """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
 
 
+class LastInstant:
+    """The last instant at which agents fired, as an `Event` that is made when it is asked for.
+
+    It is that of the simulation's present time: what is kept beyond that must be read before.
+    """
+
+    def __init__(self, simulation: "ParticleSimulation") -> None:
+        self._simulation = simulation
+
+    turned: None = None
+    """Agents fired: none reached a wall."""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time of the instant."""
+        return self._simulation.time_s
+
+    @property
+    def fired(self) -> IntArray:
+        """Indices of the agents that fired, in the order of the cascade."""
+        return self._simulation.last_instant().fired
+
+    @property
+    def received(self) -> IntArray:
+        """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
+        return self._simulation.last_instant().received
+
+
 class ParticleSimulation:
     """Point-like agents and their oscillators; iteration goes from event to event, without end.
 
@@ -55,8 +83,6 @@ class ParticleSimulation:
     """The scenario, with all defaults filled in."""
     seed: int
     """Seed of the trial."""
-    _is_compiled: ClassVar[bool] = False
-    """Whether the kernel is compiled; its arguments are of the same types in all simulations."""
 
     def __init__(self, scenario: Scenario | str | Path | Mapping[str, Any], seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
@@ -75,12 +101,18 @@ class ParticleSimulation:
         position_seed, phase_seed, motion_seed = np.random.SeedSequence(self.seed).spawn(3)
         self._trajectories = initial_trajectories(loaded, position_seed, motion_seed)
         self._oscillators = initial_oscillators(loaded, phase_seed)
-        self._instant = make_instant(loaded.agents.count)
-        neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()))
-        self._state = self._trajectories, neighbourhood, self._oscillators, make_rules(loaded), self._instant
-        if not ParticleSimulation._is_compiled:
-            self.run(0)  # compiles the kernel now, so that no measured time includes it
-            ParticleSimulation._is_compiled = True
+        self._instant = make_instant(loaded.space.dimensions, loaded.agents.count)
+        self._state = SwarmState(
+            self._trajectories,
+            make_neighbourhood(loaded, float(self._trajectories.speed.max())),
+            self._oscillators,
+            make_rules(loaded),
+            self._instant,
+            make_observed(loaded.space.dimensions, loaded.agents.count),
+        )
+        self._held = HeldState(self._state)
+        self._neighbour_links: NeighbourLinks | None = None
+        self._pulse_links: PulseLinks | None = None
 
     def __iter__(self) -> Iterator[Event]:
         """Return the simulation itself, which continues from its present state."""
@@ -88,12 +120,11 @@ class ParticleSimulation:
 
     def __next__(self) -> Event:
         """Simulate up to the next event and return it."""
-        trajectories, neighbourhood, oscillators, _, instant = self._state
-        turned = reflect_if_next(trajectories, neighbourhood, oscillators, instant)
+        turned = self._held.reflect_if_next()
         if turned >= 0:
             no_agents = np.empty(0, np.int64)
             return Event(self.time_s, turned, no_agents, no_agents)
-        advance(*self._state, int(instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED, 0.0)
+        self._held.advance(int(self._instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED)
         return self.last_instant()
 
     def last_instant(self) -> Event:
@@ -115,7 +146,7 @@ class ParticleSimulation:
         """
         last_cycle = UNLIMITED if periods is None else int(self._oscillators.cycle[0]) + periods
         last_pulse = UNLIMITED if pulses is None else int(self._instant.counters[PULSES]) + pulses
-        advance(*self._state, last_pulse, cycles, last_cycle, 0.0)
+        self._held.advance(last_pulse, cycles, last_cycle)
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -130,12 +161,28 @@ class ParticleSimulation:
         if not self.time_s - 1e-9 * period_s <= time_s < math.inf:
             raise ValueError(f"time_s is {time_s}; the simulation is at {self.time_s} s and cannot go back")
         cycle, time = divmod(time_s / period_s, 1.0)
-        trajectories, neighbourhood, oscillators, rules, instant = self._state
-        # between events the order parameter at the reference's last firing may be asked for: always measure it
-        measuring = rules._replace(max_offset=1.0)
-        advance(trajectories, neighbourhood, oscillators, measuring, instant, UNLIMITED, UNLIMITED, int(cycle), time)
+        self._held.advance_to(int(cycle), time)
         if not self.is_synchronised:
-            oscillators.now[0] = int(cycle) - oscillators.cycle[0] + time
+            self._oscillators.now[0] = int(cycle) - self._oscillators.cycle[0] + time
+
+    def displace(self, agent: int, cycles: float) -> None:
+        """Bring the next firing of an agent forward, before the first event; its phase is ahead by so much at most.
+
+        Args:
+            agent: Index of the agent.
+            cycles: By how much, 0 or more; no further than to the present time.
+
+        Raises:
+            ValueError: Agents have fired already, or `cycles` is negative.
+        """
+        if self.instants or cycles < 0:
+            raise ValueError(
+                f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more, before the first"
+            )
+        oscillators = self._oscillators
+        forward = cycles * oscillators.period[agent]
+        oscillators.next_firing[agent] = max(oscillators.next_firing[agent] - forward, oscillators.now[0])
+        oscillators.is_stale[:] = True
 
     @property
     def time_s(self) -> float:
@@ -150,7 +197,7 @@ class ParticleSimulation:
     @property
     def next_period(self) -> int:
         """Number of the nominal period, from 0, in which the next agent fires."""
-        return int(self._oscillators.cycle[0] + np.floor(self._oscillators.next_firing.min()))
+        return self._held.period_of_next_firing()
 
     @property
     def cycles(self) -> int:
@@ -187,9 +234,7 @@ class ParticleSimulation:
 
     def phases(self) -> FloatArray:
         """Return (agents,) phases at the present time; an agent that has just fired has phase 0."""
-        oscillators = self._oscillators
-        phases: FloatArray = 1 - (oscillators.next_firing - oscillators.now[0]) / oscillators.period
-        return np.maximum(phases, 0.0)  # rounding may leave -1e-16 to an agent that has just fired
+        return self._held.phases()
 
     @property
     def periods_s(self) -> FloatArray:
@@ -205,11 +250,33 @@ class ParticleSimulation:
 
     def positions(self) -> FloatArray:
         """Return (agents, dimensions) cm: positions at the present time."""
-        positions = np.empty_like(self._trajectories.origin)
-        compute_positions(self._trajectories, self._oscillators.now[0], positions)
-        return positions.T
+        return self._held.positions()
 
     def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""
         self.positions()  # continues trajectories that have ended
         return self._trajectories.heading.T.copy()
+
+    def neighbour_links(self) -> IntArray:
+        """Return the links from each agent to those that would receive its pulse at the present time.
+
+        Returns:
+            (links,) ascending: the sender times the number of agents, plus the receiver.
+        """
+        if self._neighbour_links is None:
+            self._neighbour_links = NeighbourLinks(self.scenario, self._state)
+        return self._neighbour_links.find()
+
+    def pulse_links(self) -> IntArray:
+        """Return who received whose pulse at the last instant at which agents fired, if no time has passed since.
+
+        Returns:
+            (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase, in the order of the
+            cascade; of 50 agents or more, those alone that shift a phase.
+        """
+        if self._pulse_links is None:
+            self._pulse_links = PulseLinks(self.scenario)
+        turns = bool(self.scenario.agents.reorient_on)
+        headings = self._instant.headings.T if turns else self.headings()
+        event = self.last_instant()
+        return self._pulse_links.find(self.positions(), headings, event.fired, event.received)

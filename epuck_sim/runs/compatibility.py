@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import find_controller, is_file
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.measures import MeasureSection
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT
@@ -56,7 +55,7 @@ def _controller(name: str) -> str:
 
 
 def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
-    measure = find_measure(section.measure)
+    measure = section.find()
     name = Path(measure.stored_name).name
     shown = _with_digest(name, measure.sources) if measure.sources else name
     return measure.name, {"measure": shown, **section.parameters}

@@ -202,4 +202,5 @@ class EmbodiedScenario(Scenario):
             for number, group in enumerate(self.robots)
         )
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
-        return super().resolved(origin, folder).model_copy(update={"robots": robots, "sweep": sweep})
+        resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
+        return super(EmbodiedScenario, resolved).resolved(origin, folder)

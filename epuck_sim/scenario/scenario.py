@@ -98,8 +98,7 @@ class Scenario(ConfigModel):
         """
         if not self.measures:
             return self
-        measures = resolve_measures(self.measures, self.model, self.event_method, origin, folder)
-        return self.model_copy(update={"measures": measures})
+        return self.model_copy(update={"measures": resolve_measures(self, origin, folder)})
 
     def __repr__(self) -> str:
         """Return one line; `write_scenario` gives every key."""

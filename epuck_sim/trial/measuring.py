@@ -9,7 +9,6 @@ import numpy as np
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import CYCLE_METHOD, Measure, Scalar, Value
-from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.observer import Observer
 from epuck_sim.util.messages import short_repr
@@ -46,7 +45,7 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
     at_cycles: list[Observer] = []
     final: dict[str, Callable[[], Value]] = {}
     for section in scenario.measures:
-        measure = find_measure(section.measure)
+        measure = section.find()
         origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
         if measure.is_function:
             final[measure.name] = _final(measure, origin, _bound(measure.make, simulation, section.parameters))

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 
-from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
 
@@ -33,24 +33,28 @@ def run_agents(
     limit = simulation.scenario.stop.max_cycles
     longest = 2 * limit  # periods: a reference that others hold back for ever must not keep a trial for ever
     began = time.perf_counter()
+    last_instant = LastInstant(simulation)
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
-    while not simulation.is_synchronised and simulation.cycles < limit and simulation.next_period < longest:
-        cycles = simulation.cycles
+    cycles = simulation.cycles
+    while not simulation.is_synchronised and cycles < limit and simulation.next_period < longest:
         if observers:
             event = next(simulation)
             for observer in observers:
                 observer(event, simulation)
+            now = simulation.cycles
         else:
             asked = time.perf_counter()
-            simulation.run(min(cycles + 1, limit) if at_cycles else limit, longest - simulation.period, pulses)
+            simulation.run(cycles + 1 if at_cycles else limit, longest - simulation.period, pulses)
             took = time.perf_counter() - asked
+            now = simulation.cycles
             if took > 2 * SLICE_S:
                 pulses = max(1, pulses // 2)
-            elif took < SLICE_S / 2 and not (at_cycles and simulation.cycles > cycles):
+            elif took < SLICE_S / 2 and not (at_cycles and now > cycles):
                 pulses *= 2  # a slice that a firing has ended tells nothing of how long a whole one takes
-        if simulation.cycles > cycles:
+        if now > cycles:
             for observer in at_cycles:
-                observer(simulation.last_instant(), simulation)
+                observer(last_instant, simulation)
+        cycles = now
         if progress is not None:
             progress(simulation)
     # where the reference was held back until the end, no firing ended the trial

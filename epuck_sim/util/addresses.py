@@ -92,7 +92,7 @@ def compile_at(function: Any, value: object, contents_digest: str, *, careful: b
     """Compile a function of an address, in which `value_at(address)` is a value of the same type as this one.
 
     Args:
-        function: A function whose arguments are an address and perhaps integers.
+        function: A function whose arguments are an address and perhaps further ints and floats, as annotated.
         value: What it will be given the address of.
         contents_digest: See `compile_cached`.
         careful: See `compile_cached`.
@@ -102,9 +102,12 @@ def compile_at(function: Any, value: object, contents_digest: str, *, careful: b
     whole_digest = digest([contents_digest.encode(), str(kind).encode()])
     bound = name_after(bind(function, value_at=_reader(kind, whole_digest)), whole_digest)
     compiled: Any = compile_cached(bound, whole_digest, careful=careful, nogil=True)
-    compiled.compile((types.intp,) * function.__code__.co_argcount)
+    arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
+    compiled.compile(tuple(_KINDS[function.__annotations__[argument]] for argument in arguments))
     return compiled
 
+
+_KINDS = {int: types.intp, float: types.float64}
 
 _compiled: dict[Hashable, Any] = {}
 

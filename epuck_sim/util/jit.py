@@ -88,7 +88,9 @@ def _is_cache(folder: Path) -> bool:
 
 def bind(function: Any, **names: object) -> Any:
     """Return a copy of a function in which these global names have these values."""
-    return FunctionType(function.__code__, {**function.__globals__, **names})
+    bound = FunctionType(function.__code__, {**function.__globals__, **names})
+    bound.__annotations__ = function.__annotations__
+    return bound
 
 
 def name_after(function: Any, contents_digest: str) -> Any:

@@ -29,22 +29,27 @@ def find_contacts(poses: FloatArray, arena: Arena, cells: CellList) -> tuple[Int
         cells: A cell list of the arena, which is overwritten.
 
     Returns:
-        (contacts,) steps, in their order, and (contacts, 2) cm: points of contact. Two robots have one, midway between
-        them; on walls and obstacles it is the point nearest to the robot.
+        (contacts, 3) step, robot, and the robot that it touches, or -1: a wall or obstacle; in the order of the steps.
+        And (contacts, 2) cm: points of contact. Two robots have one, midway between them; on walls and obstacles it is
+        the point nearest to the robot.
     """
-    corners = np.cumsum([0, *map(len, arena.polygons)])
-    surfaces = (float(arena.width_cm), float(arena.height_cm), arena.circles, arena.edges, corners)
     room = len(poses) * poses.shape[1]
-    steps, points = np.empty(room, np.int64), np.empty((room, 2))
-    contacts = _write_contacts(poses, *surfaces, cells, steps, points)
+    found, points = np.empty((room, 3), np.int64), np.empty((room, 2))
+    contacts = write_contacts(poses, *surfaces_of(arena), cells, found, points)
     if contacts > room:
-        steps, points = np.empty(contacts, np.int64), np.empty((contacts, 2))
-        _write_contacts(poses, *surfaces, cells, steps, points)
-    return steps[:contacts], points[:contacts]
+        found, points = np.empty((contacts, 3), np.int64), np.empty((contacts, 2))
+        write_contacts(poses, *surfaces_of(arena), cells, found, points)
+    return found[:contacts], points[:contacts]
+
+
+def surfaces_of(arena: Arena) -> tuple[float, float, FloatArray, FloatArray, IntArray]:
+    """Return width and height, cm, of an arena, its circles and edges, and where each polygon begins in the edges."""
+    corners = np.cumsum([0, *map(len, arena.polygons)])
+    return float(arena.width_cm), float(arena.height_cm), arena.circles, arena.edges, corners
 
 
 @jit
-def _write_contacts(
+def write_contacts(
     poses: FloatArray,
     width_cm: float,
     height_cm: float,
@@ -52,7 +57,7 @@ def _write_contacts(
     edges: FloatArray,
     corners: IntArray,
     cells: CellList,
-    steps: IntArray,
+    found: IntArray,
     points: FloatArray,
 ) -> int:
     """Write what `find_contacts` returns, as far as there is room; return the number of contacts.
@@ -65,28 +70,27 @@ def _write_contacts(
         sort_into_cells(poses[step], cells)
         for robot in range(poses.shape[1]):
             x, y = poses[step, robot, 0], poses[step, robot, 1]
-            contacts = _find_robot_contacts(poses[step], robot, cells, step, steps, points, contacts)
+            contacts = _find_robot_contacts(poses[step], robot, cells, step, found, points, contacts)
             for wall_x, wall_y in ((0.0, y), (width_cm, y), (x, 0.0), (x, height_cm)):
                 if abs(wall_x - x) + abs(wall_y - y) <= reach:
-                    contacts = _add_contact(step, wall_x, wall_y, steps, points, contacts)
+                    contacts = _add_contact(step, robot, -1, wall_x, wall_y, found, points, contacts)
             for circle in circles:
                 dx, dy = x - circle[0], y - circle[1]
                 distance = math.sqrt(dx * dx + dy * dy)
                 if 0.0 < distance <= circle[2] + reach:
                     share = circle[2] / distance
-                    contacts = _add_contact(
-                        step, circle[0] + share * dx, circle[1] + share * dy, steps, points, contacts
-                    )
+                    near_x, near_y = circle[0] + share * dx, circle[1] + share * dy
+                    contacts = _add_contact(step, robot, -1, near_x, near_y, found, points, contacts)
             for polygon in range(len(corners) - 1):
                 near_x, near_y = _nearest_point(edges[corners[polygon] : corners[polygon + 1]], x, y)
                 if (near_x - x) ** 2 + (near_y - y) ** 2 <= reach * reach:
-                    contacts = _add_contact(step, near_x, near_y, steps, points, contacts)
+                    contacts = _add_contact(step, robot, -1, near_x, near_y, found, points, contacts)
     return contacts
 
 
 @jit
 def _find_robot_contacts(
-    poses: FloatArray, robot: int, cells: CellList, step: int, steps: IntArray, points: FloatArray, contacts: int
+    poses: FloatArray, robot: int, cells: CellList, step: int, found: IntArray, points: FloatArray, contacts: int
 ) -> int:
     """Write the contacts of a robot with those of higher numbers; return the number of contacts so far."""
     x, y = poses[robot, 0], poses[robot, 1]
@@ -97,7 +101,8 @@ def _find_robot_contacts(
         for other in cells.members[start:end]:
             dx, dy = poses[other, 0] - x, poses[other, 1] - y
             if other > robot and dx * dx + dy * dy <= apart * apart:
-                contacts = _add_contact(step, x + 0.5 * dx, y + 0.5 * dy, steps, points, contacts)
+                middle_x, middle_y = x + 0.5 * dx, y + 0.5 * dy
+                contacts = _add_contact(step, robot, other, middle_x, middle_y, found, points, contacts)
     return contacts
 
 
@@ -117,9 +122,11 @@ def _nearest_point(edges: FloatArray, x: float, y: float) -> tuple[float, float]
 
 
 @jit
-def _add_contact(step: int, x: float, y: float, steps: IntArray, points: FloatArray, contacts: int) -> int:
+def _add_contact(
+    step: int, robot: int, other: int, x: float, y: float, found: IntArray, points: FloatArray, contacts: int
+) -> int:
     """Write a contact if there is room; return the number of contacts so far."""
-    if contacts < len(steps):
-        steps[contacts] = step
+    if contacts < len(found):
+        found[contacts] = step, robot, other
         points[contacts] = x, y
     return contacts + 1

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.rigid_bodies import MARGIN_CM
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
-from epuck_sim.recording.relations.contacts import find_contacts
 from tests.embodied.scenes import RADIUS_CM, Scene, scenes
 
 GAP_CM = 2 * MARGIN_CM
@@ -23,7 +23,8 @@ EDGE_CM = 1e-9
 
 def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
     """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
-    steps, points = find_contacts(poses, arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1]))
+    found, points = find_contacts(poses, arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1]))
+    steps = found[:, 0]
     assert steps.tolist() == sorted(steps)
     assert points.shape == (len(steps), 2)
     return np.column_stack([steps, points])

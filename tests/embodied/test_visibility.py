@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.visibility import find_sightings
 from epuck_sim.geometry import box_corners
-from epuck_sim.recording.relations.visibility import find_sightings
 from tests.embodied.scenes import (
     EDGE_CM,
     RADIUS_CM,
