@@ -63,7 +63,8 @@ def hold(value: Any) -> Any:
 def layout(value: object) -> Hashable:
     """Return all that numba's type of a value depends on, faster than numba finds the type."""
     if isinstance(value, np.ndarray):
-        return type(value), value.dtype, value.ndim, value.flags.c_contiguous, value.flags.f_contiguous
+        rows, columns = value.flags.c_contiguous, value.flags.f_contiguous  # an array of one row is both: then C
+        return type(value), value.dtype, value.ndim, rows, columns and not rows
     if isinstance(value, tuple):
         return type(value), *map(layout, value)
     return type(value).__name__
