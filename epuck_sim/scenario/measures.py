@@ -7,9 +7,10 @@ from typing import Any
 from pydantic import model_serializer, model_validator
 
 from epuck_sim.errors import MeasureError, ScenarioError
+from epuck_sim.measures.interface import CYCLE_METHOD
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.base import ConfigModel
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 ONE_MEASURE = "a measure's name, or a mapping of one name to its parameters"
 
@@ -35,6 +36,11 @@ class MeasureSection(ConfigModel):
             if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
                 return {"measure": name, "parameters": parameters or {}}
         raise ValueError(f"is {short_repr(given)}; allowed: {ONE_MEASURE}")
+
+    @property
+    def name(self) -> str:
+        """Name of its value in results, once `resolve_measures` has found it."""
+        return self.measure.rpartition(":")[2]
 
     @model_serializer
     def _write(self) -> dict[str, dict[str, Any]]:
@@ -70,3 +76,25 @@ def resolve_measures(
             raise ScenarioError(f"{where}: {measure.name} is the name of two measures; results have one of each name")
         resolved[measure.name] = MeasureSection.model_construct(measure=measure.stored_name, parameters=parameters)
     return tuple(resolved.values())
+
+
+def check_condition(name: str, measures: Sequence[MeasureSection], event_method: str, origin: str) -> None:
+    """Check that a measure on which the end of a trial depends can be looked at while the trial runs.
+
+    Args:
+        name: Name of the measure.
+        measures: The scenario's measures, as `resolve_measures` returns them.
+        event_method: Name of the method that trials of this model tell of every event.
+        origin: Begins the error message.
+
+    Raises:
+        ScenarioError: It is not among the measures, or is asked for its value at the end alone.
+    """
+    found = {measure.name: measure for measure in (find_measure(section.measure) for section in measures)}
+    if name not in found:
+        raise ScenarioError(f"{origin}: {did_you_mean(name, dict(found))}; measures: {comma_list(found)}")
+    if not any(found[name].is_told(method) for method in (event_method, CYCLE_METHOD)):
+        raise ScenarioError(
+            f"{origin}: {name} is measured at the end alone; allowed: measures with a method {CYCLE_METHOD} or "
+            f"{event_method}"
+        )
