@@ -195,7 +195,7 @@ def read_status(folder: Path) -> Status:
         points, trials = connection.execute("SELECT count(*), total(trials) FROM points").fetchone()
         (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
         stored, censored, wall_s = connection.execute(
-            "SELECT count(*), CASE count(*) WHEN 0 THEN 0 ELSE sum(censored) END, total(wall_s) FROM trials WHERE error IS NULL"
+            "SELECT count(*), sum(censored), total(wall_s) FROM trials WHERE error IS NULL"
         ).fetchone()
         problem = "coalesce(error, measuring_error)" if has_later_columns(connection, "trials") else "error"
         failed = connection.execute(
@@ -209,7 +209,7 @@ def read_status(folder: Path) -> Status:
         points=points,
         trials=int(trials),
         stored=stored,
-        censored=censored,
+        censored=censored if stored else 0,
         failed=[Failure(*row) for row in failed],
         wall_s=wall_s,
         versions=[TrialsByOrigin(*row) for row in made],

@@ -79,7 +79,7 @@ def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
     ends = np.unique(lengths[lengths > 0])  # between two of these the trials are the same
     blocks = [
         np.stack([each[start:end] for each in longest_first[: np.count_nonzero(lengths >= end)]])
-        for start, end in zip([0, *ends[:-1]], ends, strict=True)
+        for start, end in zip(np.append(0, ends)[:-1], ends, strict=True)
     ]
     cycles = np.arange(1, lengths.max(initial=0) + 1)
     parts = [_block_statistics(block) for block in blocks]

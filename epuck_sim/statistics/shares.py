@@ -32,7 +32,7 @@ def wilson_interval(share: float, trials: int) -> tuple[float, float]:
     weight = QUANTILE**2 / trials
     centre = (share + weight / 2) / (1 + weight)
     reach = math.sqrt(weight * (share * (1 - share) + weight / 4)) / (1 + weight)
-    return max(centre - reach, 0.0), min(centre + reach, 1.0)
+    return max(0.0, min(centre - reach, share)), min(1.0, max(centre + reach, share))  # whatever is rounded
 
 
 def share_difference(first: Measured, second: Measured) -> Estimate:
