@@ -113,7 +113,7 @@ def test_series_are_summarised_and_drawn_over_the_cycles(tmp_path):
     assert found[0]["cycle"] == [1, 2, 3, 4, 5, 6]
     assert found[0]["trials"][:3] == [25, 25, 25]
     assert found[0]["trials"][5] < 25
-    assert "course at cycles" in called("summarize", folder, "--of", "course")
+    assert "those that reach the cycle" in called("summarize", folder, "--of", "course")
     called("plot", folder, "--of", "course", "--to", "course")
     drawn = rows(Path("course.csv"))
     assert float(drawn[1]["mean"]) == pytest.approx(found[0]["mean"][1], rel=1e-5)
