@@ -103,7 +103,8 @@ class SweepProgressBar(_ProgressLine):
 
     def _words(self, progress: SweepProgress, now: float) -> str:
         failed = f", {progress.failed} failed" if progress.failed else ""
-        words = f"{progress.stored} of {progress.trials} trials, {progress.censored} censored{failed}"
+        censored = "" if progress.censored is None else f", {progress.censored} censored"
+        words = f"{progress.stored} of {progress.trials} trials{censored}{failed}"
         left = progress.trials - progress.stored - progress.failed
         if self._began is None or progress.ended < 2:
             return f"{words}; starting workers" if left else words

@@ -134,7 +134,7 @@ class ParticleSimulation:
         received = instant.received[: instant.counts[1]].astype(np.int64)
         return Event(self.time_s, None, fired, received)
 
-    def run(self, cycles: int, periods: int | None = None, pulses: int | None = None) -> None:
+    def run(self, cycles: int, periods: int | None = None, pulses: int | None = None, *, share: float = 0.0) -> None:
         """Simulate until the reference has fired `cycles` times since the beginning, or until synchrony.
 
         Args:
@@ -143,10 +143,11 @@ class ParticleSimulation:
                 limit, with which the call never returns if other agents hold the reference back for ever.
             pulses: Limit of pulses whose receivers are looked for, 1 or more, counted from now: a measure of the time
                 that the call takes. The instant that reaches it is completed. None for no limit.
+            share: Part of a period, below 1, by which the limit of periods lies later.
         """
         last_cycle = UNLIMITED if periods is None else int(self._oscillators.cycle[0]) + periods
         last_pulse = UNLIMITED if pulses is None else int(self._instant.counters[PULSES]) + pulses
-        self._held.advance(last_pulse, cycles, last_cycle)
+        self._held.advance(last_pulse, cycles, last_cycle, share)
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -195,9 +196,10 @@ class ParticleSimulation:
         return int(self._oscillators.cycle[0])
 
     @property
-    def next_period(self) -> int:
-        """Number of the nominal period, from 0, in which the next agent fires."""
-        return self._held.period_of_next_firing()
+    def next_firing(self) -> tuple[int, float]:
+        """Number of the nominal period, from 0, in which the next agent fires, and the share of it that has passed."""
+        periods, share = divmod(self._held.next_firing(), 1.0)
+        return int(self._oscillators.cycle[0]) + int(periods), share
 
     @property
     def cycles(self) -> int:

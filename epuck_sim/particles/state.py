@@ -1,6 +1,5 @@
 """The state of a swarm of point agents, and what compiled code does with it at an address (see `util.addresses`)."""
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -45,13 +44,6 @@ def observe(trajectories: Trajectories, oscillators: Oscillators, observed: Obse
         observed.phases[agent] = max(phase_at(oscillators, agent, now), 0.0)
 
 
-@jit_no_alloc
-def period_of_next_firing(oscillators: Oscillators) -> int:
-    """Return the number of the nominal period, from 0, in which the next agent fires."""
-    number: int = oscillators.cycle[0] + math.floor(earliest_firing(oscillators))
-    return number
-
-
 if TYPE_CHECKING:  # `bind` provides it
     value_at: Callable[[int], SwarmState]
 
@@ -84,9 +76,9 @@ def _observe(address: int) -> None:
     observe(state.trajectories, state.oscillators, state.observed)
 
 
-def _period_of_next_firing(address: int) -> int:
-    """Carry out `period_of_next_firing`."""
-    return period_of_next_firing(value_at(address).oscillators)  # noqa: F821 see `bind`
+def _next_firing(address: int) -> float:
+    """Carry out `oscillators.earliest_firing`."""
+    return earliest_firing(value_at(address).oscillators)  # noqa: F821 see `bind`
 
 
 class HeldState:
@@ -96,8 +88,8 @@ class HeldState:
         """Hold a state; compile what works on it, before any clock runs."""
         self._state = state
         self._owner, self._address = hold(state)
-        self._advance, self._reflect_if_next, self._observe, self._period_of_next_firing = (
-            compiled_for(function, state) for function in (_advance, _reflect_if_next, _observe, _period_of_next_firing)
+        self._advance, self._reflect_if_next, self._observe, self._next_firing = (
+            compiled_for(function, state) for function in (_advance, _reflect_if_next, _observe, _next_firing)
         )
 
     def advance(self, pulses: int, cycles: int, last_cycle: int, last_time: float = 0.0) -> None:
@@ -125,9 +117,9 @@ class HeldState:
         self._observe(self._address)
         return self._state.observed.phases.copy()
 
-    def period_of_next_firing(self) -> int:
-        """Return the number of the nominal period, from 0, in which the next agent fires."""
-        return int(self._period_of_next_firing(self._address))
+    def next_firing(self) -> float:
+        """Return when the next agent fires, in cycles since the present one began."""
+        return float(self._next_firing(self._address))
 
 
 def make_observed(dimensions: int, agents: int) -> Observed:

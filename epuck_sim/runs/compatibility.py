@@ -101,7 +101,10 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
 
 
 def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -> None:
-    """Raise StoreError if trials with results were measured otherwise than those to come would be."""
+    """Raise StoreError if trials with results were measured otherwise than those to come would be.
+
+    Measures that were added are none of these: stored trials are run again for them.
+    """
     for name, measure in stored.items():
         if name not in now:
             raise StoreError(
@@ -114,12 +117,6 @@ def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -
                     f"{folder}: holds results of another measure {name}; give another folder: "
                     f"{key}: {short_repr(old)} in the folder, {short_repr(new)} now"
                 )
-    added = [name for name in now if name not in stored]
-    if added:
-        raise StoreError(
-            f"{folder}: holds trials without the measures {', '.join(added)}, which are new; stored trials are not "
-            "run again for them: give another folder"
-        )
 
 
 def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:

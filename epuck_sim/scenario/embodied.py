@@ -15,7 +15,8 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.controllers import resolve_axes, resolve_group
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.stop import StopSection
 
 
 class NoiseSection(ConfigModel):
@@ -84,15 +85,22 @@ class TimingSection(ConfigModel):
 class EmbodiedStop(StopSection):
     """When a trial ends (thesis 4.2.1)."""
 
-    order_parameter: Annotated[Number, Field(gt=0, le=1)] = 0.95
+    order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 0.95
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10_000
-    """The trial is censored after this number of cycles; without an oscillator, 5 s count as a cycle."""
-    max_time_s: Annotated[Number, Field(gt=0, le=1e10)] | None = None
-    """The trial is also censored after this time."""
+    """The trial ends after this number of cycles; without an oscillator, 5 s count as a cycle."""
     reference_robot: Annotated[WholeNumber, Field(ge=0)] = 0
     """Number of the robot whose firings are counted: from 0, in the order of the groups."""
     further_cycles: Annotated[WholeNumber, Field(ge=0, le=10**9)] = 0
     """Number of firings of the reference for which a trial goes on after synchrony, within its limits."""
+
+    @model_validator(mode="after")
+    def _check_further_cycles(self) -> Self:
+        if self.further_cycles and self.order_parameter is None:
+            raise ValueError(
+                f"further_cycles is {self.further_cycles} and order_parameter is null; allowed: 0, as no trial is "
+                "synchronised"
+            )
+        return self
 
 
 class EmbodiedScenario(Scenario):

@@ -1,5 +1,6 @@
 """The measures that a scenario names: found by name or in their files, with every parameter filled in."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -7,10 +8,10 @@ from typing import Any
 from pydantic import model_serializer, model_validator
 
 from epuck_sim.errors import MeasureError, ScenarioError
-from epuck_sim.measures.interface import Measure
+from epuck_sim.measures.interface import CYCLE_METHOD, Measure
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.base import ConfigModel
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 AS = "as"
 """Key among a measure's parameters that names its value, so that a scenario may have one measure several times."""
@@ -42,6 +43,11 @@ class MeasureSection(ConfigModel):
                 others = {key: value for key, value in (parameters or {}).items() if key != AS}
                 return {"measure": name, "parameters": others, "shown_as": (parameters or {}).get(AS)}
         raise ValueError(f"is {short_repr(given)}; allowed: {ONE_MEASURE}")
+
+    @property
+    def name(self) -> str:
+        """Name of its value in results, once `resolve_measures` has found it."""
+        return self.measure.rpartition(":")[2] if self.shown_as is None else self.shown_as
 
     @model_serializer
     def _write(self) -> dict[str, dict[str, Any]]:
@@ -84,3 +90,25 @@ def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[M
             measure=measure.stored_name, parameters=parameters, shown_as=section.shown_as
         )
     return tuple(resolved.values())
+
+
+def check_condition(name: str, measures: Sequence[MeasureSection], event_method: str, origin: str) -> None:
+    """Check that a measure on which the end of a trial depends can be looked at while the trial runs.
+
+    Args:
+        name: Name of the measure.
+        measures: The scenario's measures, as `resolve_measures` returns them.
+        event_method: Name of the method that trials of this model tell of every event.
+        origin: Begins the error message.
+
+    Raises:
+        ScenarioError: It is not among the measures, or is asked for its value at the end alone.
+    """
+    found = {measure.name: measure for measure in (section.find() for section in measures)}
+    if name not in found:
+        raise ScenarioError(f"{origin}: {did_you_mean(name, dict(found))}; measures: {comma_list(found)}")
+    if not any(found[name].is_told(method) for method in (event_method, CYCLE_METHOD)):
+        raise ScenarioError(
+            f"{origin}: {name} is measured at the end alone; allowed: measures with a method {CYCLE_METHOD} or "
+            f"{event_method}"
+        )

@@ -9,7 +9,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.stop import StopSection
 
 MOST_SIDES = 1000
 """Largest mean distance, in sides of the space, that agents may move in a cycle; the thesis's fastest move one."""
@@ -23,7 +24,6 @@ _ELSEWHERE = {
     "contact": "no counterpart, because agents are points",
     "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",
-    "stop.max_time_s": "stop.max_cycles",
     "stop.further_cycles": "no counterpart, because its trials end with synchrony",
 }
 """Keys of embodied scenarios, and the keys of particle scenarios that correspond to them."""
@@ -138,8 +138,10 @@ class StartSection(ConfigModel):
 class ParticleStop(StopSection):
     """When a trial ends (3.1.5, 5.1.4)."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("when", "max_time_s")
+
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 1 - 1e-9
-    """Threshold of the order parameter; null: every trial lasts `max_cycles`."""
+    """Threshold of the order parameter; null: trials do not end with synchrony."""
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10**7
     reference: Annotated[WholeNumber, Field(ge=0)] = 0
     """Number of the agent whose firings are counted, from 0."""

@@ -8,8 +8,9 @@ from pydantic import Field
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
-from epuck_sim.scenario.measures import MeasureSection, resolve_measures
+from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.measures import MeasureSection, check_condition, resolve_measures
+from epuck_sim.scenario.stop import StopSection
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
@@ -27,17 +28,6 @@ class FigureSection(ConfigModel):
     """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
-
-
-class StopSection(ConfigModel):
-    """When a trial ends."""
-
-    order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
-    """The swarm is synchronised once the order parameter reaches this value at a firing of the reference."""
-    metric: Literal["complex", "reference"] = "complex"
-    """`complex`: eqs. 4.2 and 5.7; `reference`: eq. 3.4."""
-    max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)]
-    """Firings of the reference after which the trial is censored."""
 
 
 class Scenario(ConfigModel):
@@ -96,9 +86,10 @@ class Scenario(ConfigModel):
         Raises:
             ScenarioError: A file is missing, or does not fit the scenario.
         """
-        if not self.measures:
-            return self
-        return self.model_copy(update={"measures": resolve_measures(self, origin, folder)})
+        measures = resolve_measures(self, origin, folder)
+        if self.stop.when is not None:
+            check_condition(self.stop.when.measure, measures, self.event_method, f"{origin}: stop.when")
+        return self.model_copy(update={"measures": measures}) if measures else self
 
     def __repr__(self) -> str:
         """Return one line; `write_scenario` gives every key."""

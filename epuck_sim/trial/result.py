@@ -15,8 +15,11 @@ class TrialResult(NamedTuple):
     """Seed with which the trial can be run again, alone."""
     t_sync_cycles: int | None
     """Firings of the reference robot until the swarm was synchronised; None if it never was."""
-    censored: bool
-    """Whether the trial ended, at its limit of cycles or time, before the swarm was synchronised."""
+    censored: bool | None
+    """Whether the trial ended, at its limit of cycles or time, before the swarm was synchronised.
+
+    None of a trial without T_sync: its reference is no oscillator, or `stop.order_parameter` is null.
+    """
     cycles: int
     """Firings of the reference robot, until synchrony if there was any."""
     order_parameter: float | None
