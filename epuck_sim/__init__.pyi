@@ -14,6 +14,7 @@ from .overhead.render.film_trial import film_trial
 from .particles.simulation import Event, ParticleSimulation
 from .recording.reader import read_recording
 from .recording.recorder import record
+from .report.writer import write_report
 from .runs.reader import read_points
 from .scenario.embodied import EmbodiedScenario
 from .scenario.loader import load_scenario
@@ -54,6 +55,7 @@ __all__ = [
     "run_sweep",
     "run_trial",
     "summarize",
+    "write_report",
 ]
 
 __version__: str

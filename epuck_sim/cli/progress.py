@@ -9,6 +9,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
+from epuck_sim.display.numbers import in_words
 from epuck_sim.overhead.film.frame import ProgressWrapper, Timed
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.observer import TrialState
@@ -114,17 +115,6 @@ class SweepProgressBar(_ProgressLine):
 def print_stderr(line: str) -> None:
     """Print a line on stderr, at once."""
     print(line, file=sys.stderr, flush=True)
-
-
-def in_words(seconds: float) -> str:
-    """Return a time as people say it.
-
-    >>> in_words(42), in_words(200), in_words(20000)
-    ('42 s', '3 min', '5.6 h')
-    """
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def progress_bar(doing: str) -> ProgressWrapper:

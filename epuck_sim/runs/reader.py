@@ -141,6 +141,12 @@ def measures_in(connection: sqlite3.Connection) -> list[str]:
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
 
 
+def read_measure_names(folder: Path | str) -> list[str]:
+    """Return the names of the measures in a run folder, in their order."""
+    with reading(database_of(folder)) as connection:
+        return measures_in(connection)
+
+
 def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool] | None:
     """Return the cycles of one trial and whether it is censored; None if it has no result."""
     with reading(database_of(folder)) as connection:

@@ -1,7 +1,7 @@
 """Statistics of a measure at each point of a sweep; censored trials are taken into account (thesis Appendix A)."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 from epuck_sim.runs.reader import PointTrials
@@ -9,6 +9,14 @@ from epuck_sim.statistics.estimate import UNDETERMINED, without_interval
 from epuck_sim.statistics.measured import Measured, measure_t_sync
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
+
+STATISTIC_NAMES = {
+    "mean": "mean",
+    "median": "median",
+    "restricted_mean": "restricted mean",
+    "weibull_mean": "Weibull mean",
+}
+"""Name of each statistic of a `PointSummary`, by its field."""
 
 
 class PointSummary(NamedTuple):
@@ -77,6 +85,13 @@ def _summarize_point(point: PointTrials, measured: Measured) -> PointSummary:
         horizon = measured.horizon
     numbers = [finite_or_none(number) for each in (mean, median, restricted, weibull) for number in each]
     return PointSummary._make([*head, *numbers, horizon])
+
+
+def applicable_statistics(points: Sequence[PointSummary]) -> list[str]:
+    """Return the fields of the statistics that say something of some points, in the order of tables."""
+    is_censored = any(point.censored for point in points)
+    names = [name for name in STATISTIC_NAMES if is_censored or name in ("mean", "median")]
+    return [name for name in names if name != "mean" or not all(point.censored for point in points)]
 
 
 def finite_or_none(number: float) -> float | None:

@@ -1,0 +1,88 @@
+"""What a page about a run folder shows, read from the folder."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from epuck_sim.runs.reader import PointTrials, Status, database_of, read_measure_names, read_points, read_status
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.statistics.measured import Measured, measure_t_sync, measure_values
+from epuck_sim.statistics.summary import PointSummary, summarize
+
+
+class Quantity(NamedTuple):
+    """T_sync, or a measure of one value a trial, at all points."""
+
+    name: str
+    label: str
+    """Its name, with a unit if it has one."""
+    points: list[PointTrials]
+    measured: list[Measured]
+    """Its values at each point; at some there may be none."""
+    summaries: list[PointSummary]
+    is_time: bool
+    """Whether it is T_sync, which may be censored."""
+
+
+class Series(NamedTuple):
+    """A measure with a value for each cycle, at all points."""
+
+    name: str
+    points: list[PointTrials]
+
+
+class Contents(NamedTuple):
+    """Everything on the page of a run folder."""
+
+    folder: str
+    """The folder, as it was given."""
+    scenario: str
+    """The scenario as the folder keeps it, YAML."""
+    changed: datetime
+    """When a result was last stored, UTC."""
+    status: Status
+    points: list[PointTrials]
+    quantities: list[Quantity]
+    series: list[Series]
+
+
+def read_contents(folder: Path | str) -> Contents:
+    """Read a run folder, also an unfinished one.
+
+    Raises:
+        StoreError: The folder is not a run folder, or its database is damaged.
+    """
+    points = read_points(folder)
+    measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
+    series = [Series(name, found) for name, found in measures.items() if _is_series(found)]
+    quantities = [_quantity("T_sync", "T_sync [cycles]", points, measure_t_sync)] if _has_oscillators(points) else []
+    quantities += [
+        _quantity(name, name, found, measure_values) for name, found in measures.items() if not _is_series(found)
+    ]
+    stored = Path(folder) / RUN_SCENARIO
+    text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
+    changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)
+    return Contents(str(folder), text, changed, read_status(Path(folder)), points, quantities, series)
+
+
+def _quantity(name: str, label: str, points: list[PointTrials], measure: Callable[[PointTrials], Measured]) -> Quantity:
+    measured = [measure(point) for point in points]
+    return Quantity(name, label, points, measured, summarize(points, measure), measure is measure_t_sync)
+
+
+def _is_series(points: list[PointTrials]) -> bool:
+    return any(isinstance(value, list) for point in points for value in point.measured)
+
+
+def _has_oscillators(points: list[PointTrials]) -> bool:
+    return any(_oscillates(point.scenario) for point in points)
+
+
+def _oscillates(scenario: Scenario) -> bool:
+    """Return whether any robot or agent has an oscillator, without which there is no T_sync."""
+    return not isinstance(scenario, EmbodiedScenario) or any(
+        "period_s" in group.parameters for group in scenario.robots
+    )
