@@ -12,6 +12,7 @@ from .errors import (
 )
 from .overhead.render.film_trial import film_trial
 from .particles.simulation import Event, ParticleSimulation
+from .recording.notebook import show
 from .recording.reader import read_recording
 from .recording.recorder import record
 from .report.writer import write_report
@@ -54,6 +55,7 @@ __all__ = [
     "record",
     "run_sweep",
     "run_trial",
+    "show",
     "summarize",
     "write_report",
 ]

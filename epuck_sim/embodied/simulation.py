@@ -199,6 +199,12 @@ class Simulation:
         if invalid >= 0:
             raise ControllerError(f"{self._location(invalid)}: its controller sets a wheel speed that is not a number")
 
+    def _repr_html_(self) -> str:
+        """Return the arena with the robots as they are now, for notebooks."""
+        from epuck_sim.embodied.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
+
+        return show_simulation(self.scenario, self.seed, self._last_step())
+
     def _draw_noise(self) -> None:
         """Draw the noise of the next `NOISE_STEPS` steps."""
         if self.scenario.noise.infrared_counts > 0:

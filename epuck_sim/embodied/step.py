@@ -49,6 +49,12 @@ class Step(NamedTuple):
         decided = np.concatenate([memory_field(memory, "flash_seen", np.nan) for memory in self.memories])
         return np.where(np.isnan(decided), self.camera.any(axis=1), decided > 0)
 
+    def _repr_html_(self) -> str:
+        """Return a table of the robots, for notebooks."""
+        from epuck_sim.embodied.notebook import show_step  # noqa: PLC0415 is for notebooks alone
+
+        return show_step(self)
+
 
 def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tuple[Any, ...]:
     """Return the fields of every `Step` of a simulation after the first two, as views that refuse to be written to."""

@@ -213,3 +213,9 @@ class ParticleSimulation:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""
         self.positions()  # continues trajectories that have ended
         return self._trajectories.heading.T.copy()
+
+    def _repr_html_(self) -> str:
+        """Return the space with the agents as they are now, for notebooks."""
+        from epuck_sim.particles.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
+
+        return show_simulation(self)

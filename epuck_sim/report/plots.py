@@ -207,10 +207,11 @@ def _steps(quantity: Quantity, place: int, name: str, colour: str) -> go.Scatter
     shift = min(float(measured.values.min()), 0.0)  # the estimate takes no negative values
     times, survival = kaplan_meier(measured.values - shift, measured.observed)
     chosen = np.unique(np.linspace(0, len(times) - 1, min(len(times), MOST_STEPS)).round().astype(int))
-    x, y = (times + shift)[chosen].astype(np.float32), (1 - survival)[chosen].astype(np.float32)
+    x, y = (times + shift)[chosen], (1 - survival)[chosen]
+    last = measured.values.max()  # of censored trials, it is known that they take longer
     return go.Scatter(
-        x=np.append(x[0], x),
-        y=np.append(np.float32(0), y),
+        x=np.array([x[0], *x, last], np.float32),
+        y=np.array([0.0, *y, y[-1]], np.float32),
         mode="lines",
         line={"shape": "hv", "color": colour, "width": 1.5},
         name=name,

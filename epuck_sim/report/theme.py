@@ -34,8 +34,9 @@ nav a { margin-right: 1rem } a { color: inherit }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums }
 th, td { padding: .25rem .75rem; text-align: right; vertical-align: top; white-space: nowrap }
 thead th { position: sticky; top: 0; background: var(--box) } tbody tr:nth-child(even) { background: var(--box) }
-.facts th, .facts td, .left th, .left td { text-align: left } .facts th { color: var(--faint); font-weight: 400 }
-.facts td { white-space: normal; overflow-wrap: anywhere } .left td { white-space: pre-wrap; overflow-wrap: anywhere }
+.facts { table-layout: fixed; width: 100%; max-width: 56rem } .facts th { width: 38%; color: var(--faint) }
+.facts th, .facts td, .left th, .left td { text-align: left } .facts th { font-weight: 400 }
+.facts th, .facts td { white-space: normal; overflow-wrap: anywhere } .left td { white-space: pre-wrap }
 pre, code { font: .875em/1.45 ui-monospace, monospace } code { overflow-wrap: anywhere }
 pre { background: var(--box); border-radius: 6px; padding: .75rem 1rem; overflow: auto; max-height: 34rem }
 summary { cursor: pointer; margin: .75rem 0 }

@@ -44,6 +44,27 @@ class PointTrials(NamedTuple):
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 
 
+class PointList(list[PointTrials]):
+    """The points of a sweep, in its order; a list that notebooks show as a table."""
+
+    def _repr_html_(self) -> str:
+        """Return a table of the points, for notebooks; `summarize` gives statistics."""
+        from epuck_sim.display.html import table, to_html  # noqa: PLC0415 is for notebooks alone
+
+        axes = list(self[0].axes) if self else []
+        rows = (
+            [
+                str(point.number),
+                *(str(point.axes[key]) for key in axes),
+                str(len(point.times)),
+                str(int((~point.observed).sum())),
+                f"{point.times.min():g} to {point.times.max():g}" if len(point.times) else "-",
+            ]
+            for point in self
+        )
+        return to_html(table(["point", *axes, "trials", "censored", "cycles"], rows))
+
+
 class Failure(NamedTuple):
     """A trial that failed."""
 
@@ -89,7 +110,7 @@ class Status(NamedTuple):
     """The process that is running the sweep."""
 
 
-def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
+def read_points(folder: Path | str, of: str | None = None) -> PointList:
     """Return the results of each point, in the sweep's order.
 
     Args:
@@ -109,7 +130,7 @@ def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
         ):
             ends[key].append((cycles, censored))
             seeds[key].append(seed)
-    results = []
+    results = PointList()
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
         try:
