@@ -39,9 +39,8 @@ class TrialResult(NamedTuple):
         """Return the result as a table, for notebooks."""
         from epuck_sim.display.html import facts, to_html  # noqa: PLC0415 is for notebooks alone
 
-        fields = {**self._asdict(), **self.measures}
-        del fields["measures"]
-        return to_html(facts((name.replace("_", " "), _format(value)) for name, value in fields.items()))
+        fields = [*self._replace(measures={})._asdict().items(), *self.measures.items()]
+        return to_html(facts((name, _format(value)) for name, value in fields if name != "measures"))
 
 
 def _format(value: object) -> str:
