@@ -45,7 +45,7 @@ def test_agents_are_shown_in_every_space(dimensions: int) -> None:
     simulation = ParticleSimulation({"model": "particles", "space": {"dimensions": dimensions}}, seed=1)
     simulation.run(3)
     drawn = fromstring("<div>" + simulation._repr_html_() + "</div>")
-    places = [float(circle.get("cx")) for circle in drawn.iter("{*}circle")]
+    places = [float(circle.get("cx")) for circle in drawn.findall(".//{*}circle")]
     assert np.allclose(places, simulation.positions()[:, 0], rtol=1e-4)
     assert ("a cube" in simulation._repr_html_()) == (dimensions == 3)
 
