@@ -20,8 +20,14 @@ from epuck_sim.report.sections import (
 from epuck_sim.report.series_plot import count_series, draw_series
 from epuck_sim.report.theme import STYLE
 
-CONFIG = {"responsive": True, "displaylogo": False, "toImageButtonOptions": {"format": "svg"}}
-"""How plotly shows figures: as wide as the window, with a button that saves them as SVG."""
+CONFIG = {
+    "responsive": True,
+    "displaylogo": False,
+    "showSendToCloud": False,
+    "modeBarButtonsToRemove": ["select2d", "lasso2d"],
+    "toImageButtonOptions": {"format": "svg"},
+}
+"""How plotly shows figures: as wide as the window, with buttons to zoom and to save as SVG, none that uploads data."""
 
 ZOOM = "Hover for numbers; drag to zoom, double-click to zoom out."
 ESTIMATES = "Estimates of the trials of each point, with 95 % intervals."

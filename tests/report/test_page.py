@@ -196,7 +196,10 @@ def test_a_browser_draws_the_figures(tmp_path) -> None:
     assert {"N = 5", "N = 10", "V = 0.2 cm/s"} <= set(texts(html, "legendtext"))
     assert texts(html, "xtitle") == ["V [cm/s]", "V [cm/s]", "T_sync [cycles]"]
     assert len(re.findall(r'<path class="point"', html)) >= 2 * len(SPEEDS)
-    assert re.findall(r'(?:src|href)="[^#"]', html) == []
+    without_scripts = re.sub(r"<script.*?</script>", "", html, flags=re.DOTALL)
+    assert re.findall(r'(?:src|href)="(?!#|data:)', without_scripts) == []
+    buttons = set(re.findall(r'data-title="([^"]*)"', without_scripts))
+    assert buttons == {"Download plot", "Zoom", "Pan", "Zoom in", "Zoom out", "Autoscale", "Reset axes"}
 
 
 @needs_browser
