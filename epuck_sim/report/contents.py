@@ -5,6 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from epuck_sim.report.groups import point_labels
 from epuck_sim.runs.reader import PointTrials, Status, database_of, read_measure_names, read_points, read_status
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import RUN_SCENARIO
@@ -20,6 +21,8 @@ class Quantity(NamedTuple):
     label: str
     """Its name, with a unit if it has one."""
     points: list[PointTrials]
+    labels: list[str]
+    """What distinguishes each point, as text."""
     measured: list[Measured]
     """Its values at each point; at some there may be none."""
     summaries: list[PointSummary]
@@ -69,8 +72,8 @@ def read_contents(folder: Path | str) -> Contents:
 
 
 def _quantity(name: str, label: str, points: list[PointTrials], measure: Callable[[PointTrials], Measured]) -> Quantity:
-    measured = [measure(point) for point in points]
-    return Quantity(name, label, points, measured, summarize(points, measure), measure is measure_t_sync)
+    measured, summaries = [measure(point) for point in points], summarize(points, measure)
+    return Quantity(name, label, points, point_labels(points), measured, summaries, measure is measure_t_sync)
 
 
 def _is_series(points: list[PointTrials]) -> bool:

@@ -7,7 +7,8 @@ from plotly.offline import get_plotlyjs
 
 from epuck_sim.display.html import element, to_html
 from epuck_sim.report.contents import Contents, Quantity, Series
-from epuck_sim.report.plots import draw_distributions, draw_estimates, draw_map
+from epuck_sim.report.distribution_plot import draw_distributions
+from epuck_sim.report.estimate_plots import draw_estimates, draw_map
 from epuck_sim.report.sections import (
     anchor,
     count_trials,
