@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
 from types import TracebackType
 from typing import Self
 
@@ -22,11 +23,12 @@ LINE_S = 10.0
 
 
 class _ProgressLine:
-    """One line on stderr, in a `with` block: redrawn in place on a terminal, printed anew now and then in a log."""
+    """One line, in a `with` block: redrawn on a terminal or in a notebook, printed anew now and then in a log."""
 
     def __init__(self, *columns: ProgressColumn, is_redrawn: bool = True) -> None:
         console = Console(stderr=True)
-        self._bar = Progress(*columns, console=console) if console.is_terminal and is_redrawn else None
+        can_redraw = console.is_terminal or (console.is_jupyter and find_spec("ipywidgets") is not None)
+        self._bar = Progress(*columns, console=console) if can_redraw and is_redrawn else None
         self._pause_s = REFRESH_S if self._bar else LINE_S
         self._next = 0.0
 

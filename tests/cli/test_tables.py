@@ -317,3 +317,10 @@ def test_a_table_of_trials_has_units_and_whole_seeds_on_any_terminal(monkeypatch
     assert str(seed) in shown
     assert shown.count("[s]") == 2
     assert "[cycles]" in shown
+
+
+@pytest.mark.parametrize("has_widgets", [True, False])
+def test_a_notebook_redraws_progress_if_it_has_widgets(has_widgets: bool, monkeypatch) -> None:
+    monkeypatch.setattr(progress_module, "Console", lambda **_: Console(force_jupyter=True, file=StringIO()))
+    monkeypatch.setattr(progress_module, "find_spec", lambda _: has_widgets or None)
+    assert (SweepProgressBar()._bar is not None) == has_widgets
