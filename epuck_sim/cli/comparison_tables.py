@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.tables import WIDE, in_digits
+from epuck_sim.cli.tables import WIDE
+from epuck_sim.display.numbers import in_digits
 from epuck_sim.figures.labels import axis_label, quantity_label
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.comparison import Comparison, PointComparison

@@ -9,7 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.tables import WIDE, in_digits
+from epuck_sim.cli.tables import WIDE
+from epuck_sim.display.numbers import in_digits
 from epuck_sim.figures.labels import axis_label, distinguishing_labels
 from epuck_sim.statistics.estimate import Estimate
 from epuck_sim.statistics.measure_fit import MeasureFit

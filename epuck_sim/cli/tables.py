@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.progress import in_words
+from epuck_sim.display.numbers import format_estimate, in_digits, in_words
 from epuck_sim.figures.labels import axis_label, quantity_label
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.reader import Failure, Status
@@ -54,32 +54,19 @@ def print_failures(failures: Sequence[Failure]) -> None:
         print(f"  and {len(failures) - MOST_FAILURES} more")
 
 
-STATISTICS = {
-    "mean": "mean",
-    "median": "median",
-    "restricted_mean": "restricted mean",
-    "weibull_mean": "Weibull mean",
-}
-"""Heading of each statistic of a summary."""
-
-
 def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]", as_json: bool) -> None:
     """Print the statistics of T_sync, or of the measure `of`, at a sweep's points on stdout."""
+    from epuck_sim.statistics.summary import applicable_statistics  # which loads scipy
+
     if as_json:
         print(json.dumps([point._asdict() for point in points]))
         return
-    is_censored = any(point.censored for point in points)
-    names = [name for name in STATISTICS if is_censored or name in ("mean", "median")]
-    if all(point.censored for point in points):
-        names.remove("mean")
+    statistics = applicable_statistics(points)
     title = f"{folder}: {quantity_label(of)}, with 95 % intervals"
     table = Table(title=Text(title), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
-    if any(point.is_share for point in points):
-        names.remove("median")
-    headings = [STATISTICS[name] for name in names] if "median" in names else ["share"]
     censored = ["censored"] * (of is None)
-    for heading in ("point", *map(axis_label, shown[0]), "trials", *censored, *headings):
+    for heading in ("point", *map(axis_label, shown[0]), "trials", *censored, *statistics.values()):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(points, shown, strict=True):
         table.add_row(
@@ -87,10 +74,13 @@ def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]",
             *(Text(str(value)) for value in axes.values()),
             str(point.trials),
             *[f"{point.censored:.0%}"] * len(censored),
-            *(_format_estimate(*(getattr(point, f"{name}{end}") for end in ("", "_low", "_high"))) for name in names),
+            *(
+                format_estimate(*(getattr(point, f"{name}{end}") for end in ("", "_low", "_high")))
+                for name in statistics
+            ),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
-    if is_censored:
+    if any(point.censored for point in points):
         print("Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit of")
         print("cycles, or the longest trial. Weibull mean: extrapolated by Appendix A. -: undetermined.")
     _print_missing_intervals([point.trials for point in points])
@@ -101,21 +91,6 @@ def _print_missing_intervals(trials: Sequence[int]) -> None:
     few = sum(0 < count < MIN_TRIALS for count in trials)
     if few:
         print(f"No intervals at {few} of {len(trials)} points: one takes {MIN_TRIALS} trials or more.")
-
-
-def _format_estimate(value: float | None, low: float | None, high: float | None) -> str:
-    if value is None or low is None:
-        return "-" if value is None else in_digits(value)
-    return f"{in_digits(value)} ({in_digits(low)} to {'?' if high is None else in_digits(high)})"
-
-
-def in_digits(value: float) -> str:
-    """Return a number of cycles with four digits, or with all digits before the point if they are more.
-
-    >>> in_digits(12345.6), in_digits(47.0271)
-    ('12346', '47.03')
-    """
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def print_trials(results: Sequence[TrialResult]) -> None:

@@ -332,6 +332,12 @@ class Simulation:
                 f"{self._location(invalid)}: {controller.path}: sets a wheel speed or a turn that is not a number"
             )
 
+    def _repr_html_(self) -> str:
+        """Return the arena with the robots as they are now, for notebooks."""
+        from epuck_sim.embodied.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
+
+        return show_simulation(self.scenario, self.seed, self._last_step())
+
     def _location(self, robot: int) -> str:
         """Return where a controller failed, for an error."""
         return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"

@@ -69,6 +69,12 @@ class Step(NamedTuple):
         """
         return self.relations.contacts(self.number)
 
+    def _repr_html_(self) -> str:
+        """Return a table of the robots, for notebooks."""
+        from epuck_sim.embodied.notebook import show_step  # noqa: PLC0415 is for notebooks alone
+
+        return show_step(self)
+
 
 def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tuple[Any, ...]:
     """Return the arrays of every `Step` of a simulation, in order, as views that refuse to be written to."""

@@ -282,3 +282,9 @@ class ParticleSimulation:
         headings = self._instant.headings.T if turns else self.headings()
         event = self.last_instant()
         return self._pulse_links.find(self.positions(), headings, event.fired, event.received)
+
+    def _repr_html_(self) -> str:
+        """Return the space with the agents as they are now, for notebooks."""
+        from epuck_sim.particles.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
+
+        return show_simulation(self)

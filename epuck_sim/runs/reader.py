@@ -50,6 +50,27 @@ class PointTrials(NamedTuple):
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 
 
+class PointList(list[PointTrials]):
+    """The points of a sweep, in its order; a list that notebooks show as a table."""
+
+    def _repr_html_(self) -> str:
+        """Return a table of the points, for notebooks; `summarize` gives statistics."""
+        from epuck_sim.display.html import table, to_html  # noqa: PLC0415 is for notebooks alone
+
+        axes = list(self[0].axes) if self else []
+        rows = (
+            [
+                str(point.number),
+                *(str(point.axes[key]) for key in axes),
+                str(len(point.times)),
+                str(int((~point.observed).sum())),
+                f"{point.times.min():g} to {point.times.max():g}" if len(point.times) else "-",
+            ]
+            for point in self
+        )
+        return to_html(table(["point", *axes, "trials", "censored", "cycles"], rows))
+
+
 class Failure(NamedTuple):
     """A trial that failed."""
 
@@ -99,7 +120,7 @@ class Status(NamedTuple):
     """Number of stored trials that lack a measure which was added later."""
 
 
-def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
+def read_points(folder: Path | str, of: str | None = None) -> PointList:
     """Return the results of each point, in the sweep's order.
 
     Args:
@@ -119,7 +140,7 @@ def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
         ):
             ends[key].append((cycles, censored))
             seeds[key].append(seed)
-    results = []
+    results = PointList()
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.float64).reshape(-1, 2).T  # NaN for null
         try:
@@ -149,6 +170,12 @@ def measures_in(connection: sqlite3.Connection) -> list[str]:
         return []
     rows = connection.execute("SELECT measures FROM points ORDER BY number")
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
+
+
+def read_measure_names(folder: Path | str) -> list[str]:
+    """Return the names of the measures in a run folder, in their order."""
+    with reading(database_of(folder)) as connection:
+        return measures_in(connection)
 
 
 def count_unmeasured(connection: sqlite3.Connection) -> int:

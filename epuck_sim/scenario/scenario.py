@@ -98,6 +98,12 @@ class Scenario(ConfigModel):
 
     __str__ = __repr__
 
+    def _repr_html_(self) -> str:
+        """Return what the scenario is, with every key to open, for notebooks."""
+        from epuck_sim.scenario.notebook import show_scenario  # noqa: PLC0415 is for notebooks alone
+
+        return show_scenario(self)
+
 
 Kind = TypeVar("Kind", bound=Scenario)
 

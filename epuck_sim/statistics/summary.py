@@ -1,7 +1,7 @@
 """Statistics of a measure at each point of a sweep; censored trials are taken into account (thesis Appendix A)."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 from epuck_sim.runs.reader import PointTrials
@@ -9,6 +9,14 @@ from epuck_sim.statistics.estimate import UNDETERMINED, without_interval
 from epuck_sim.statistics.measured import measure
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
+
+STATISTIC_NAMES = {
+    "mean": "mean",
+    "median": "median",
+    "restricted_mean": "restricted mean",
+    "weibull_mean": "Weibull mean",
+}
+"""Name of each statistic of a `PointSummary`, by its field."""
 
 
 class PointSummary(NamedTuple):
@@ -83,6 +91,17 @@ def _summarize_point(point: PointTrials) -> PointSummary:
         horizon = measured.horizon
     numbers = [finite_or_none(number) for each in (mean, median, restricted, weibull) for number in each]
     return PointSummary._make([*head, *numbers, horizon, measured.is_share])
+
+
+def applicable_statistics(points: Sequence[PointSummary]) -> dict[str, str]:
+    """Return the names of the statistics that say something of some points, by their fields, in the order of tables."""
+    if any(point.is_share for point in points):
+        return {"mean": "share"}
+    is_censored = any(point.censored for point in points)
+    names = {field: name for field, name in STATISTIC_NAMES.items() if is_censored or field in ("mean", "median")}
+    return {
+        field: name for field, name in names.items() if field != "mean" or not all(point.censored for point in points)
+    }
 
 
 def finite_or_none(number: float) -> float | None:
