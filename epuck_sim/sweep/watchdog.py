@@ -54,8 +54,10 @@ class Watchdog:
     def _end(self, robot: int, step: int) -> None:
         where = f"robot {robot}, step {step}" if step >= 0 else "at the start"
         line = f"{self._name}: {where}: its controller has not returned for {self._limit_s:g} s; its worker is ended\n"
-        os.write(sys.stderr.fileno(), line.encode())
-        os._exit(EXIT_CODE)
+        try:
+            os.write(sys.stderr.fileno(), line.encode())
+        finally:  # whether or not there is somewhere to write to
+            os._exit(EXIT_CODE)
 
 
 @contextmanager

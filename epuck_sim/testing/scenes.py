@@ -24,7 +24,7 @@ def facing_wall(
         parameters: The controller's parameters.
 
     >>> facing_wall("obstacle_avoidance", gap_cm=1).advance(2).wheels_cm_s[0]
-    array([-12.8,  12.8])
+    array([ 12.8, -12.8])
     """
     pose = (SIDE_CM - RADIUS_CM - gap_cm, SIDE_CM / 2, 0.0)
     return _simulation([_group(controller, pose, parameters)], seed, interpret=interpret)
