@@ -4,8 +4,13 @@
 swarms. The package `epuck-sim[learning]` brings what both need. See docs/learning.md.
 """
 
-from epuck_sim.environments.parallel import parallel_env
-from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
-from epuck_sim.environments.vector import vector_env
+try:
+    from epuck_sim.environments.parallel import parallel_env
+    from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
+    from epuck_sim.environments.vector import vector_env
+except ModuleNotFoundError as error:
+    if error.name not in ("gymnasium", "pettingzoo"):
+        raise
+    raise ModuleNotFoundError(f"{error}; pip install 'epuck-sim[learning]'", name=error.name) from error
 
 __all__ = ["Situation", "aggregation", "coverage", "parallel_env", "synchrony", "vector_env"]
