@@ -147,9 +147,9 @@ def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
 
 
 def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", options: FigureOptions) -> Sketch:
-    from epuck_sim.figures.curves import curves_tables, draw_curves, find_extrema
-    from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
-    from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
+    from epuck_sim.figures.forms.curves import curves_tables, draw_curves, find_extrema
+    from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
+    from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
     from epuck_sim.scenario.figure_axes import check_panels, choose_axis, choose_second_axis
     from epuck_sim.statistics.curves import read_curves
 
@@ -176,7 +176,7 @@ def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", op
 
 def _note(curves: "Sequence[Curve]", searches: "Sequence[ExtremaSearch]") -> str:
     """Return why there are no bands or marks, where there cannot be any."""
-    from epuck_sim.figures.curves import NOT_A_SPEED
+    from epuck_sim.figures.forms.curves import NOT_A_SPEED
     from epuck_sim.statistics.estimate import MIN_TRIALS
     from epuck_sim.statistics.extrema import MIN_SPEEDS
 
@@ -190,8 +190,8 @@ def _note(curves: "Sequence[Curve]", searches: "Sequence[ExtremaSearch]") -> str
 
 
 def _sketch_over_time(stem: Path, title: str, form: Form, points: "Sequence[PointTrials]") -> Sketch:
-    from epuck_sim.figures.courses import courses_table, draw_courses, read_courses
-    from epuck_sim.figures.perturbations import draw_perturbations, perturbations_table, read_perturbations
+    from epuck_sim.figures.forms.courses import courses_table, draw_courses, read_courses
+    from epuck_sim.figures.forms.perturbations import draw_perturbations, perturbations_table, read_perturbations
 
     if form == Form.COURSE:
         courses = read_courses(points)

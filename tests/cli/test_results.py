@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.figures.csv_tables import Table, save_table
-from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
-from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
+from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
+from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.store import Store

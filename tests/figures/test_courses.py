@@ -10,7 +10,7 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.courses import MAX_MOMENTS, Courses, choose_moments, courses_table, draw_courses, read_courses
+from epuck_sim.figures.forms.courses import MAX_MOMENTS, Courses, choose_moments, courses_table, draw_courses, read_courses
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import points

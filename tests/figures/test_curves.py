@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
 from epuck_sim.figures.csv_tables import Table
-from epuck_sim.figures.curves import EXTREMA_COLUMNS, curves_tables, draw_curves, find_extrema
+from epuck_sim.figures.forms.curves import EXTREMA_COLUMNS, curves_tables, draw_curves, find_extrema
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curve_extrema import ExtremaSearch
 from epuck_sim.statistics.curves import Curve

@@ -14,7 +14,7 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.maps import COLOURS, GREY, MAX_LEVELS, Map, choose_levels, draw_maps, maps_table, read_maps
+from epuck_sim.figures.forms.maps import COLOURS, GREY, MAX_LEVELS, Map, choose_levels, draw_maps, maps_table, read_maps
 from epuck_sim.figures.style import MAX_PANELS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import read_curves

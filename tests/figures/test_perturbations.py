@@ -11,7 +11,7 @@ from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import perturbations
-from epuck_sim.figures.perturbations import (
+from epuck_sim.figures.forms.perturbations import (
     MIN_DEVIATION,
     Perturbation,
     draw_perturbations,

@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.figures.violins import LINE, VIOLIN, density, draw_violins, read_violins, violins_table
+from epuck_sim.figures.forms.violins import LINE, VIOLIN, density, draw_violins, read_violins, violins_table
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, estimate_weibull_mean, weibull_mean
 from tests.figures.drawn import laid_out, written

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.figures.courses import require_particles
+from epuck_sim.figures.forms.courses import require_particles
 from epuck_sim.figures.csv_tables import Table, rounded
 from epuck_sim.figures.labels import distinguishing_labels
 from epuck_sim.figures.style import make_panels
