@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE, in_digits
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.figures.labels import axis_labels
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.comparison import Comparison, PointComparison
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate
@@ -28,7 +28,7 @@ def print_comparison(names: Sequence[str], comparison: Comparison, as_json: bool
     title = f"T_sync [cycles] with 95 % intervals\nA: {names[0]}\nB: {names[1]}"
     table = Table(title=Text(title), title_justify="left")
     shown = distinguishing_axes([point.axes for point in comparison.points])
-    for heading in (*map(axis_label, shown[0]), *HEADINGS):
+    for heading in (*axis_labels(shown[0]), *HEADINGS):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(comparison.points, shown, strict=True):
         table.add_row(*(Text(str(value)) for value in axes.values()), *_cells(point))

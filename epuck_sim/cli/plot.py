@@ -47,6 +47,7 @@ class FigureOptions(NamedTuple):
     panels: str | None
     censored_at: int | None
     statistic: Statistic | None
+    width_cm: float | None
 
 
 class Sketch(NamedTuple):
@@ -89,13 +90,22 @@ def plot(
         typer.Option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
     ] = None,
     statistic: Annotated[Statistic | None, STATISTIC] = None,
+    width_cm: Annotated[
+        float | None,
+        typer.Option(
+            metavar="CM",
+            min=5,
+            max=100,
+            help="Width of a sweep's figure: 8.5 cm, that of a column, or 17.5 cm, that of a page, for several panels.",
+        ),
+    ] = None,
 ) -> None:
     """Draw a sweep's T_sync as curves, a map or violins, or the course of its trials over time; or a recorded trial."""
     with exit_on_error():
         from epuck_sim.figures.saving import Target, parse_target, save_figure
 
         target = parse_target(to) if to else None
-        options = FigureOptions(form, x, y, panels, censored_at, statistic)
+        options = FigureOptions(form, x, y, panels, censored_at, statistic, width_cm)
         sketch = _sketch_sweep(results, options) if results.is_dir() else _sketch_trial(results, options)
         for file in save_figure(target or Target(sketch.default_stem), sketch.draw, sketch.tables):
             typer.echo(file)
@@ -107,7 +117,7 @@ def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    names = ("--form", "--x", "--y", "--panels", "--censored-at", "--statistic")
+    names = ("--form", "--x", "--y", "--panels", "--censored-at", "--statistic", "--width-cm")
     reject_first(
         *(
             (value is not None, f"{name} is for run folders; {recording} is none")
@@ -120,7 +130,7 @@ def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
 
 
 def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
-    from epuck_sim.runs.reader import read_points, read_status
+    from epuck_sim.runs.reader import read_points
 
     points = read_points(folder)
     form = options.form or Form(points[0].scenario.figure.form)
@@ -140,38 +150,46 @@ def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
     )
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
-    title = read_status(folder).scenario
     if over_time:
-        return _sketch_over_time(folder / form, title, form, points)
-    return _sketch_t_sync(folder, title, points, options._replace(form=form))
+        return _sketch_over_time(folder / form, form, points, options.width_cm)
+    return _sketch_t_sync(folder, points, options._replace(form=form))
 
 
-def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", options: FigureOptions) -> Sketch:
+def _sketch_t_sync(folder: Path, points: "Sequence[PointTrials]", options: FigureOptions) -> Sketch:
     from epuck_sim.figures.forms.curves import curves_tables, draw_curves, find_extrema
+    from epuck_sim.figures.forms.fitness import check_has_synchronised, check_has_t_sync, check_statistic_of_map
     from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
     from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
+    from epuck_sim.figures.labels import sweep_title
     from epuck_sim.scenario.figure_axes import check_panels, choose_axis, choose_second_axis
     from epuck_sim.statistics.curves import read_curves
 
-    stem, figure = folder / "T_sync", points[0].scenario.figure
+    check_has_t_sync(points)
+    stem, figure, title = folder / "T_sync", points[0].scenario.figure, sweep_title(points[0].scenario)
+    width_cm = options.width_cm
     rows, statistic = [point.axes for point in points], options.statistic or Statistic.MEAN
     x = choose_axis(rows, *_option_or_key(options.x, "--x", figure.x, f"{folder}: figure.x"))
+    if options.form != Form.CURVES:
+        check_has_synchronised(points, str(options.form))
     if options.form == Form.MAP:
+        check_statistic_of_map(statistic)
         key = None if figure.y == x else figure.y  # --x may have taken it
         y = choose_second_axis(rows, x, *_option_or_key(options.y, "--y", key, f"{folder}: figure.y"))
         maps = read_maps(points, x, y, statistic)
-        return Sketch(stem, lambda: draw_maps(title, x, y, maps), {".csv": maps_table(x, maps)})
+        return Sketch(stem, lambda: draw_maps(title, x, y, maps, width_cm), {".csv": maps_table(x, maps)})
     if options.form == Form.VIOLINS:
         limit = options.censored_at or figure.censored_at_cycles
         violins = read_violins(points, x, limit)
-        return Sketch(stem, lambda: draw_violins(title, x, violins, limit), {".csv": violins_table(x, violins)})
+        table = violins_table(x, violins)
+        return Sketch(stem, lambda: draw_violins(title, x, violins, limit, width_cm), {".csv": table})
     key = None if figure.panels == x else figure.panels
     panels, origin = _option_or_key(options.panels, "--panels", key, f"{folder}: figure.panels")
     curves = read_curves(points, x, statistic)
     check_panels(rows, x, panels, origin)
     extrema = find_extrema(x, curves)
     tables = curves_tables(x, curves, extrema)
-    return Sketch(stem, lambda: draw_curves(title, x, curves, extrema, panels), tables, _note(curves, extrema))
+    note = _note(curves, extrema)
+    return Sketch(stem, lambda: draw_curves(title, x, curves, extrema, panels, width_cm), tables, note)
 
 
 def _note(curves: "Sequence[Curve]", searches: "Sequence[ExtremaSearch]") -> str:
@@ -189,15 +207,17 @@ def _note(curves: "Sequence[Curve]", searches: "Sequence[ExtremaSearch]") -> str
     return "\n".join(f"note: {note}" for note in notes)
 
 
-def _sketch_over_time(stem: Path, title: str, form: Form, points: "Sequence[PointTrials]") -> Sketch:
+def _sketch_over_time(stem: Path, form: Form, points: "Sequence[PointTrials]", width_cm: float | None) -> Sketch:
     from epuck_sim.figures.forms.courses import courses_table, draw_courses, read_courses
     from epuck_sim.figures.forms.perturbations import draw_perturbations, perturbations_table, read_perturbations
+    from epuck_sim.figures.labels import sweep_title
 
+    title = sweep_title(points[0].scenario)
     if form == Form.COURSE:
         courses = read_courses(points)
-        return Sketch(stem, lambda: draw_courses(title, courses), {".csv": courses_table(courses)})
-    perturbations = read_perturbations(points)
-    return Sketch(stem, lambda: draw_perturbations(title, perturbations), {".csv": perturbations_table(perturbations)})
+        return Sketch(stem, lambda: draw_courses(title, courses, width_cm), {".csv": courses_table(courses)})
+    found = read_perturbations(points)
+    return Sketch(stem, lambda: draw_perturbations(title, found, width_cm), {".csv": perturbations_table(found)})
 
 
 def _option_or_key(option: str | None, name: str, value: str | None, key: str) -> tuple[str | None, str]:

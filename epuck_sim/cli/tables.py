@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.cli.progress import in_words
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.figures.labels import axis_labels
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.reader import Failure, Status
 from epuck_sim.scenario.figure_axes import distinguishing_axes
@@ -72,7 +72,7 @@ def print_summary(title: str, points: "Sequence[PointSummary]", as_json: bool) -
     table = Table(title=Text(f"{title}, with 95 % intervals"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
     headings = [STATISTICS[name] for name in names]
-    for heading in ("point", *map(axis_label, shown[0]), "trials", "censored", *headings):
+    for heading in ("point", *axis_labels(shown[0]), "trials", "censored", *headings):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(points, shown, strict=True):
         table.add_row(

@@ -3,13 +3,14 @@
 import hashlib
 import json
 import sqlite3
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.database import DATABASE, has_later_column, reading
 from epuck_sim.runs.run_lock import current_holder
@@ -17,6 +18,9 @@ from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import comma_list, did_you_mean
 from epuck_sim.util.provenance import PROVENANCE
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class PointTrials(NamedTuple):
@@ -42,6 +46,36 @@ class PointTrials(NamedTuple):
         """Seed for resampling this point: if all points were resampled alike, their errors would be the same."""
         everything = self.key + self.scenario.model_dump_json(exclude=WITHOUT_EFFECT)
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
+
+
+class SweepTrials(list[PointTrials]):
+    """The points of a sweep, in its order, with their trials."""
+
+    def __init__(self, points: Iterable[PointTrials] = (), of: str | None = None) -> None:
+        super().__init__(points)
+        self.of = of
+        """Name of the measure that was asked for."""
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a DataFrame of pandas with a row for each trial.
+
+        Its columns are `point`, the number of the point; the axes by their dotted keys; `seed`; `cycles`, at which the
+        trial ended; `censored`; `t_sync_cycles`, NaN where it is censored; and the measure that was asked for.
+
+        Raises:
+            EpuckSimError: pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: PLC0415 - few need it
+        except ImportError as error:
+            raise EpuckSimError("to_pandas needs pandas, which is not installed: pip install pandas") from error
+        return pandas.DataFrame([row for point in self for row in self._rows(point)])
+
+    def _rows(self, point: PointTrials) -> Iterator[dict[str, Any]]:
+        for trial, (cycles, observed) in enumerate(zip(point.times.tolist(), point.observed.tolist(), strict=True)):
+            ends = {"cycles": cycles, "censored": not observed, "t_sync_cycles": cycles if observed else np.nan}
+            measured = {} if self.of is None else {self.of: point.measured[trial]}
+            yield {"point": point.number, **point.axes, "seed": point.seeds[trial], **ends, **measured}
 
 
 class Failure(NamedTuple):
@@ -89,7 +123,7 @@ class Status(NamedTuple):
     """The process that is running the sweep."""
 
 
-def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
+def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
     """Return the results of each point, in the sweep's order.
 
     Args:
@@ -109,7 +143,7 @@ def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
         ):
             ends[key].append((cycles, censored))
             seeds[key].append(seed)
-    results = []
+    results = SweepTrials(of=of)
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
         try:

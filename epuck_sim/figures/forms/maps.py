@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
@@ -15,13 +15,8 @@ from matplotlib.figure import Figure
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.figures.csv_tables import Table, curves_table
 from epuck_sim.figures.labels import axis_label, distinguishing_labels
-from epuck_sim.figures.style import (
-    add_shared_legend,
-    format_tick,
-    is_logarithmic,
-    make_logarithmic,
-    make_panels,
-)
+from epuck_sim.figures.scales import format_tick, is_logarithmic, is_plain, make_logarithmic
+from epuck_sim.figures.style import BAR, BAR_ASPECT, STYLE, count_trials, finish, make_panels, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
 from epuck_sim.statistics.names import Statistic
@@ -84,25 +79,37 @@ def maps_table(x: str, maps: Sequence[Map]) -> Table:
     return curves_table(x, [row for each in maps for row in each.rows])
 
 
-def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
-    """Draw a panel for each map, all in the same colours.
-
-    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored; one without
-    trials is blank. Between four neighbours that are neither, contours are drawn over the cells; nothing else is
-    interpolated. The colour bar names the statistic.
+@rc_context(STYLE)
+def draw_maps(title: str, x: str, y: str, maps: Sequence[Map], width_cm: float | None = None) -> Figure:
+    """Draw a panel for each map, all in the same colours; `plot_maps` says how.
 
     Args:
-        title: Title of the figure.
+        title: Title of the figure, to which the numbers of trials are added.
         x: Dotted key of the horizontal axis.
         y: Dotted key of the vertical axis.
         maps: The maps, at least one.
+        width_cm: Width of the figure; by default that of a column, or of a page for several panels.
 
     Raises:
         EpuckSimError: There are more maps than panels of a figure.
     """
-    titles = distinguishing_labels([each.axes for each in maps])
-    size = (5.2, 3.8) if len(maps) == 1 else (2.9, 2.5)
-    figure, panels = make_panels(title, titles, (axis_label(x), axis_label(y)), size)
+    among = (x, y, *maps[0].axes)
+    titles = distinguishing_labels([each.axes for each in maps], among)
+    trials = np.concatenate([row.trials for each in maps for row in each.rows]).tolist()
+    labels = axis_label(x, among), axis_label(y, among)
+    figure, panels = make_panels(f"{title}\n{count_trials(trials)}", titles, labels, width_cm)
+    plot_maps(panels, x, y, maps)
+    finish(figure, panels)
+    return figure
+
+
+def plot_maps(panels: Sequence[Axes], x: str, y: str, maps: Sequence[Map]) -> None:
+    """Draw maps over `x` and `y`, dotted keys, into panels that share their scales, and a colour bar beside them.
+
+    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored; one without
+    trials is blank. Between four neighbours that are neither, contours are drawn over the cells; nothing else is
+    interpolated. The colour bar names the statistic.
+    """
     logarithmic = (
         is_logarithmic(x, np.concatenate([each.x for each in maps])),
         is_logarithmic(y, np.concatenate([each.y for each in maps])),
@@ -113,9 +120,7 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
     for panel, each in zip(panels, maps, strict=True):
         _draw_map(panel, each, levels, logarithmic, has_contours)
     _set_limits(panels[0], maps, logarithmic, has_contours)
-    _add_colour_bar(figure, panels, levels, _label(maps))
-    add_shared_legend(figure, panels)
-    return figure
+    _add_colour_bar(panels, levels, _label(maps))
 
 
 def choose_levels(values: FloatArray) -> FloatArray:
@@ -163,22 +168,25 @@ def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool]
 
 def _label(maps: Sequence[Map]) -> str:
     names = dict.fromkeys(name for each in maps for row in each.rows for name in row.names)
-    return f"T_sync [cycles],\n{' or '.join(names)}"
+    return typeset(f"{' or '.join(names)}\nof T_sync [cycles]")
 
 
-def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray, label: str) -> None:
-    """Add a colour bar beside the panels, with powers of ten, or with numbers between where it holds only one."""
+def _add_colour_bar(panels: Sequence[Axes], levels: FloatArray, label: str) -> None:
+    """Add a colour bar beside the panels, with the powers of ten, or with numbers between where it holds only one."""
     colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
-    bar = figure.colorbar(colours, ax=list(panels), label=label, spacing="proportional")
-    powers = range(math.ceil(levels[0]), math.floor(levels[-1]) + 1)
-    if len(powers) > 1:
-        bar.set_ticks(list(powers), labels=[f"$10^{{{power}}}$" for power in powers])
-    else:
+    figure = panels[0].get_figure()
+    assert figure is not None
+    bar = figure.colorbar(
+        colours, ax=list(panels), label=label, spacing="proportional", fraction=BAR, aspect=BAR_ASPECT
+    )
+    plain = is_plain(10 ** levels[0], 10 ** levels[-1])
+    logs = [float(power) for power in range(math.ceil(levels[0]), math.floor(levels[-1]) + 1)]
+    if len(logs) < 2:
         decades = range(math.floor(levels[0]), math.ceil(levels[-1]))
-        logs = [power + math.log10(factor) for power in decades for factor in range(1, 10)]
-        within = [each for each in logs if levels[0] <= each <= levels[-1]]
-        ticks = within if len(within) > 1 else levels.tolist()
-        bar.set_ticks(ticks, labels=[format_tick(float(f"{10**each:.3g}")) for each in ticks])
+        between = [power + math.log10(factor) for power in decades for factor in range(1, 10)]
+        within = [each for each in between if levels[0] <= each <= levels[-1]]
+        logs = within if len(within) > 1 else levels.tolist()
+    bar.set_ticks(logs, labels=[format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
     bar.ax.minorticks_off()
 
 

@@ -4,19 +4,15 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.figures.csv_tables import Table, rounded
 from epuck_sim.figures.labels import axis_label, distinguishing_labels
-from epuck_sim.figures.style import (
-    add_shared_legend,
-    format_tick,
-    is_logarithmic,
-    make_logarithmic,
-    make_panels,
-)
+from epuck_sim.figures.scales import format_tick, is_logarithmic, is_plain, make_logarithmic
+from epuck_sim.figures.style import BAND, GREY, STYLE, count_trials, finish, make_panels, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import group_by_other_axes
 from epuck_sim.statistics.estimate import Estimate
@@ -29,10 +25,13 @@ COLUMNS = ("trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull
 HEIGHTS = 100
 """Number of times at which the density of a violin is evaluated."""
 
+LABEL = typeset("T_sync [cycles]")
+"""Label of the vertical axis."""
+
 HALF_WIDTH = 0.4
 """Half the largest width of a violin, relative to the smallest distance between two."""
 
-VIOLIN = "#6baed6"
+VIOLIN = "#5f9fd0"
 """Colour of violins."""
 
 LINE = "#b2182b"
@@ -101,25 +100,39 @@ def _rows(groups: Sequence[Violins]) -> Iterator[list[Any]]:
             yield [*group.axes.values(), *map(rounded, row)]
 
 
-def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: int | None = None) -> Figure:
-    """Draw a panel for each group, T_sync on a logarithmic scale.
-
-    A violin is the density of log T_sync of the trials that synchronised, a bar where they all took one time. The line
-    is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the mean of all
-    trials, where none is censored; a dashed line is where the estimate takes trials to be censored.
+@rc_context(STYLE)
+def draw_violins(
+    title: str, axis: str, groups: Sequence[Violins], censored_at: int | None = None, width_cm: float | None = None
+) -> Figure:
+    """Draw a panel for each group; `plot_violins` says how.
 
     Args:
-        title: Title of the figure.
+        title: Title of the figure, to which the numbers of trials are added, and how many of them are censored.
         axis: Dotted key of the horizontal axis.
         groups: Violins of each panel, at least one.
         censored_at: Cycle with which they were read.
+        width_cm: Width of the figure; by default that of a column, or of a page for several panels.
 
     Raises:
         EpuckSimError: There are more groups than panels of a figure.
     """
-    titles = distinguishing_labels([each.axes for each in groups])
-    size = (6.2, 3.8) if len(groups) == 1 else (3.6, 2.7)
-    figure, panels = make_panels(_heading(title, groups), titles, (axis_label(axis), "T_sync [cycles]"), size)
+    among = (axis, *groups[0].axes)
+    titles = distinguishing_labels([each.axes for each in groups], among)
+    labels = axis_label(axis, among), LABEL
+    figure, panels = make_panels(_heading(title, groups), titles, labels, width_cm)
+    plot_violins(panels, axis, groups, censored_at)
+    finish(figure, panels)
+    return figure
+
+
+def plot_violins(panels: Sequence[Axes], axis: str, groups: Sequence[Violins], censored_at: int | None = None) -> None:
+    """Draw each group into a panel, T_sync on a logarithmic scale; the panels share their scales.
+
+    A violin is the density of log T_sync of the trials that synchronised, a bar where they all took one time. The line
+    is the estimate in its 95 % band, with a cross at the upper edge where it is undetermined; a dot is the mean of all
+    trials, where none is censored; a dashed line is where the estimate takes trials to be censored. Every mark has a
+    label, which `panel.legend()` shows.
+    """
     x = np.concatenate([each.x for each in groups])
     is_log = is_logarithmic(axis, x)
     make_logarithmic(panels[0], "y", *["x"] * is_log)
@@ -131,16 +144,17 @@ def draw_violins(title: str, axis: str, groups: Sequence[Violins], censored_at: 
         _draw_violins(panel, group, half_width, is_log)
         _draw_estimates(panel, group, highest)
         if censored_at is not None:
-            limit = f"T_cens of the Weibull mean: {format_tick(censored_at)}"
-            panel.axhline(censored_at, color="0.3", linestyle="--", linewidth=1, label=limit)
+            limit = format_tick(censored_at, plain=is_plain(1, censored_at))
+            label = f"{typeset('T_cens')} of the Weibull mean: {limit}"
+            panel.axhline(censored_at, color=GREY, linestyle="--", linewidth=1, label=label)
     panels[0].set_ylim(top=3 * highest)
-    add_shared_legend(figure, panels)
-    return figure
 
 
 def _heading(title: str, groups: Sequence[Violins]) -> str:
+    numbers = count_trials(np.concatenate([each.trials for each in groups]).tolist())
     censored, trials = (int(sum(getattr(each, name).sum() for each in groups)) for name in ("censored", "trials"))
-    return f"{title}\n{censored} of {trials} trials censored, not in the violins" if censored else title
+    left_out = f"; {censored} of {trials} trials censored, not in the violins" if censored else ""
+    return f"{title}\n{numbers}{left_out}"
 
 
 def _draw_violins(panel: Axes, group: Violins, half_width: float, is_log: bool) -> None:
@@ -173,10 +187,12 @@ def density(times: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _draw_estimates(panel: Axes, group: Violins, highest: float) -> None:
     means, low, high = np.nan_to_num(group.estimates, posinf=1e12, nan=np.nan).T
-    panel.fill_between(group.x, low, high, color=LINE, alpha=0.25, linewidth=0)
-    panel.plot(group.x, means, ".-", color=LINE, linewidth=1.2, markersize=3, label="Weibull mean (Appendix A)")
+    panel.fill_between(group.x, low, high, color=LINE, alpha=BAND, linewidth=0, label="its 95 % interval")
+    panel.plot(group.x, means, ".-", color=LINE, label="Weibull mean (Appendix A)")
     unknown = group.x[np.isnan(means)]
     if len(unknown):
-        panel.plot(unknown, np.full(len(unknown), 2 * highest), "x", color=LINE, label="undetermined")
+        panel.plot(
+            unknown, np.full(len(unknown), 2 * highest), "x", color=LINE, label="undetermined: too many censored"
+        )
     if not np.isnan(group.sample_means).all():
-        panel.plot(group.x, group.sample_means, "o", color="black", markersize=4, label="mean of all trials")
+        panel.plot(group.x, group.sample_means, "D", color="black", markersize=3, label="mean of all trials")
