@@ -29,7 +29,7 @@ ACROSS = 4
 SHOWN_PERIODS = 1.3
 """Number of periods of the past that a snapshot of the histogram shows."""
 
-BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#1a9641", "#39ff14"
+BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#5a0096", "#00e5ff"
 
 
 def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None) -> list[Path]:

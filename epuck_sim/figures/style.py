@@ -143,7 +143,9 @@ def make_panels(
 def make_figure(title: str, width_cm: float) -> Figure:
     """Make an empty figure of this width; `finish` gives it its height."""
     figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), layout="constrained")
-    lines = (textwrap.fill(line, int(width_cm * LETTERS_PER_CM), break_on_hyphens=False) for line in title.split("\n"))
+    letters = int(width_cm * LETTERS_PER_CM)
+    title = title.replace("Fig. ", "Fig.\N{NO-BREAK SPACE}")
+    lines = (textwrap.fill(line, letters, break_on_hyphens=False) for line in title.split("\n"))
     figure.suptitle(typeset("\n".join(lines)))
     return figure
 
@@ -156,6 +158,9 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
         panels: Its panels, which differ neither in width nor in height.
         shape: Height of each panel over its width.
     """
+    for panel in panels:
+        # matplotlib would choose as many ticks as labels of its own size have room when the figure is saved
+        panel.tick_params(labelsize=STYLE["xtick.labelsize"])
     add_shared_legend(figure, panels)
     width, height = figure.get_size_inches()
     rows = len({panel.get_subplotspec().rowspan.start for panel in panels})  # type: ignore[union-attr] # has one

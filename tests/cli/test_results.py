@@ -366,7 +366,9 @@ def test_a_form_that_would_be_blank_because_all_trials_are_censored_is_refused(t
 
 @pytest.mark.parametrize("form", ["curves", "map", "violins"])
 def test_a_sweep_without_t_sync_is_refused_by_the_forms_that_show_it(tmp_path, form: str) -> None:
-    scenario = sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=3, stop={"order_parameter": None, "max_cycles": 9})
+    stop = {"order_parameter": None, "max_cycles": 9}
+    grid = {"space.side_cm": [40, 60], "agents.speed_cm_s": [1, 2]}
+    scenario = sweep(grid, trials=3, model="particles", stop=stop)
     folder = store(tmp_path / "run", scenario, lambda _: ended([9] * 3, [False] * 3))
     assert "there is no T_sync to draw" in refused("plot", folder, "--form", form)
 

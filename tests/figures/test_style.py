@@ -8,13 +8,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib import rc_context
 from matplotlib.cbook import is_math_text
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.figures.film_tracking import BAR, FOUND, MARK, SYNC
 from epuck_sim.figures.forms.violins import LINE, VIOLIN
 from epuck_sim.figures.scales import format_tick, is_plain
 from epuck_sim.figures.style import COLOURS, GREY, MARKERS, STYLE, choose_looks, make_panels, typeset
+from epuck_sim.overhead.track.annotate import CYAN
 
 MIN_CONTRAST = 3.0
 """Least contrast of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)."""
@@ -78,6 +80,13 @@ def test_violins_have_as_much_contrast_as_the_line_over_them_leaves() -> None:
 @pytest.mark.parametrize("vision", VISIONS)
 def test_all_eyes_tell_any_two_curves_apart(vision: str) -> None:
     assert min(distance(one, other, vision) for one, other in combinations(COLOURS, 2)) >= MIN_DISTANCE
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_all_eyes_see_what_is_marked_beside_red(vision: str) -> None:
+    ring, found = "#dc2828", to_hex(np.array(CYAN) / 255)
+    for one, other in ((ring, found), (ring, FOUND), (BAR, SYNC), (BAR, MARK)):
+        assert distance(one, other, vision) >= MIN_DISTANCE, (one, other)
 
 
 @given(st.integers(1, len(COLOURS) * len(MARKERS)))
