@@ -236,8 +236,8 @@ def test_the_title_says_how_many_trials_are_censored_and_nothing_where_none_is()
 def test_the_legend_names_each_mark_once() -> None:
     assert legend_texts(draw_violins("title", SPEED, GROUPS, CENSORED_AT)) == [
         "trials that synchronised",
-        "its 95 % interval",
         "Weibull mean (Appendix A)",
+        "its 95 % interval",
         "undetermined: too many censored",
         "mean of all trials",
         r"$T_\mathrm{cens}$ of the Weibull mean: 60",

@@ -187,8 +187,8 @@ def density(times: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _draw_estimates(panel: Axes, group: Violins, highest: float) -> None:
     means, low, high = np.nan_to_num(group.estimates, posinf=1e12, nan=np.nan).T
-    panel.fill_between(group.x, low, high, color=LINE, alpha=BAND, linewidth=0, label="its 95 % interval")
     panel.plot(group.x, means, ".-", color=LINE, label="Weibull mean (Appendix A)")
+    panel.fill_between(group.x, low, high, color=LINE, alpha=BAND, linewidth=0, label="its 95 % interval")
     unknown = group.x[np.isnan(means)]
     if len(unknown):
         panel.plot(
