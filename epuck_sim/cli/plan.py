@@ -79,7 +79,7 @@ def plan(
 
 def _duration_of_folder(folder: Path, trials: int | None, workers: int) -> "Duration":
     from epuck_sim.cli.plan_tables import Duration
-    from epuck_sim.runs.reader import read_wall_times
+    from epuck_sim.runs.status import read_wall_times
     from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
     from epuck_sim.statistics.estimate import without_interval
 

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE
 from epuck_sim.display.numbers import in_digits, in_words
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.figures.labels import axis_labels, quantity_label
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate
 from epuck_sim.statistics.planning import TrialPlan
@@ -63,9 +63,9 @@ def print_power(name: str, plan: TrialPlan, duration: Duration, as_json: bool) -
 
 
 def _print_points(name: str, plan: TrialPlan) -> None:
-    table = Table(title=Text(f"{name}: T_sync [cycles]"), title_justify="left")
+    table = Table(title=Text(f"{name}: {quantity_label(None)}"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in plan.points])
-    for heading in ("point", *map(axis_label, shown[0]), "stored", "statistic", "estimate", "spread / mean", "trials"):
+    for heading in ("point", *axis_labels(shown[0]), "stored", "statistic", "estimate", "spread / mean", "trials"):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(plan.points, shown, strict=True):
         table.add_row(

@@ -167,6 +167,6 @@ def status(
     """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it."""
     with exit_on_error():
         from epuck_sim.cli.tables import print_status
-        from epuck_sim.runs.reader import read_status
+        from epuck_sim.runs.status import read_status
 
         print_status(read_status(folder), as_json)

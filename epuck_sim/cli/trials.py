@@ -13,7 +13,7 @@ from epuck_sim.cli.progress import SweepProgressBar, TrialProgress, print_stderr
 from epuck_sim.cli.tables import print_status, print_trial_json, print_trials
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_outcome, read_status
+from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario

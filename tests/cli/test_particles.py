@@ -12,7 +12,8 @@ from matplotlib import image
 
 from epuck_sim.cli import progress
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.runs.reader import read_outcome, read_points
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.trial.model import run_trial
@@ -374,8 +375,14 @@ def test_the_scenario_says_which_form_is_drawn(tmp_path) -> None:
         (("--form", "map"), f"a map needs a second axis, beside {SPEED}: there is no other axis whose numbers differ"),
         (("--form", "map", "--y", RADIUS), f"--y: unknown '{RADIUS}'; axes with numbers: {SPEED}"),
         (("--x", REORIENT), f"--x: unknown '{REORIENT}'"),
-        (("--form", "course", "--x", SPEED), "--x is for figures of T_sync, but this is course, over time"),
-        (("--form", "perturbation", "--x", SPEED), "--x is for figures of T_sync, but this is perturbation"),
+        (
+            ("--form", "course", "--x", SPEED),
+            "--x is for --form curves, map and violins, but this is course",
+        ),
+        (
+            ("--form", "perturbation", "--x", SPEED),
+            "--x is for --form curves, map and violins, but this is perturbation",
+        ),
         (("--form", "course", "--y", SPEED), "--y is for --form map, but this is course"),
         (("--form", "perturbation", "--censored-at", 5), "--censored-at is for --form violins, but this is pert"),
     ],

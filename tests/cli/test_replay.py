@@ -26,7 +26,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.viewer import live, process, viewer
 from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_outcome
+from epuck_sim.runs.status import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario

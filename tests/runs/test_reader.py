@@ -13,7 +13,8 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs import database, export, reader
 from epuck_sim.runs.compatibility import stored_point
 from epuck_sim.runs.database import ENTER_POINT, create_database
-from epuck_sim.runs.reader import Failure, Status, TrialsByOrigin, read_points, read_status
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
