@@ -50,6 +50,9 @@ stop: {{order_parameter: null, max_cycles: 10}}
 trials: 2
 sweep: {{grid: {{{COUNT}: [4, 5], {SPEED}: [3, 30]}}}}
 """
+UNTIL_SYNCHRONY = OVER_TIME.replace("start: {phases: synchronised, displacement: 0.01}\n", "").replace(
+    "order_parameter: null, max_cycles: 10", "max_cycles: 300"
+)
 
 
 def called(*arguments: str | Path) -> str:
@@ -85,6 +88,14 @@ def over_time(tmp_path_factory) -> Path:
     return place / "run"
 
 
+@pytest.fixture(scope="module")
+def until_synchrony(tmp_path_factory) -> Path:
+    """Return a run folder of the same sweep whose trials end with synchrony, which no test changes."""
+    place = tmp_path_factory.mktemp("until_synchrony")
+    called("run", written(place, "over", UNTIL_SYNCHRONY), "--out", place / "run", "--workers", 1)
+    return place / "run"
+
+
 # Trials
 
 
@@ -114,7 +125,7 @@ def test_trials_have_seeds_of_their_own_with_which_each_can_be_run_alone() -> No
 
 
 def test_a_censored_trial_says_so() -> None:
-    never = ("particles", "--set", "stop.max_cycles=7", "--set", "stop.order_parameter=null")
+    never = ("particles", "--set", "stop.max_cycles=7", "--set", "stop.order_parameter=1")
     assert "yes, at 7" in called("run", *never)
     (row,) = trials(*never)
     assert (row["censored"], row["t_sync_cycles"], row["cycles"]) == (True, None, 7)
@@ -309,19 +320,20 @@ def test_summarize_has_a_row_for_each_point(folder) -> None:
         (("--form", "curves"), "T_sync"),
         (("--form", "map", "--y", COUNT), "T_sync"),
         (("--form", "violins"), "T_sync"),
-        (("--form", "violins", "--x", COUNT, "--censored-at", 5), "T_sync"),
+        (("--form", "violins", "--x", COUNT, "--censored-at", 200), "T_sync"),
         (("--form", "perturbation"), "perturbation"),
         (("--form", "course"), "course"),
     ],
 )
-def test_every_form_is_drawn_with_its_table_and_the_same_again(over_time, tmp_path, options, name: str) -> None:
-    files = [Path(line) for line in called("plot", over_time, *options).splitlines()]
+def test_every_form_is_drawn_with_its_table_and_the_same_again(request, tmp_path, options, name: str) -> None:
+    run = request.getfixturevalue("until_synchrony" if name == "T_sync" else "over_time")
+    files = [Path(line) for line in called("plot", run, *options).splitlines()]
     assert [file.name for file in files[:3]] == [f"{name}.png", f"{name}.svg", f"{name}.csv"]
-    assert all(file.parent == over_time for file in files)
+    assert all(file.parent == run for file in files)
     assert image.imread(files[0]).std() > 0.03
     assert len(rows(files[2])) >= 4
-    for file in called("plot", over_time, *options, "--to", tmp_path / name).splitlines():
-        assert Path(file).read_bytes() == (over_time / Path(file).name).read_bytes()
+    for file in called("plot", run, *options, "--to", tmp_path / name).splitlines():
+        assert Path(file).read_bytes() == (run / Path(file).name).read_bytes()
     for file in files:
         file.unlink()
 

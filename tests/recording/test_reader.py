@@ -138,7 +138,7 @@ def test_what_was_run_and_how_it_ended_is_read(trial: Trial) -> None:
     read, result = read_recording(trial.path), trial.result
     assert (read.scenario, read.seed, read.level) == (trial.scenario, result.seed, trial.level)
     assert read.versions == {**versions(), "rerun": version("rerun-sdk")}
-    assert (read.cycles, read.synchronised) == (result.cycles, not result.censored)
+    assert (read.cycles, read.synchronised) == (result.cycles, result.t_sync_cycles is not None)
 
 
 @pytest.mark.parametrize("scenario", [THESIS, PAIR], ids=lambda scenario: scenario.name)
