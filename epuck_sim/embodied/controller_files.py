@@ -55,7 +55,7 @@ class ControllerFiles:
             if new.sources == old.sources:
                 return
             replaced = [self._simulation.replace_controller(group, new) for group in groups]
-        except EpuckSimError as error:
+        except (EpuckSimError, OSError) as error:
             self._announce(f"{error}; the old one goes on")
             return
         self._stamps[path] = _stamps(new)
@@ -72,10 +72,8 @@ def _of_memory(kept: Sequence[str], started: Sequence[str]) -> str:
 
 def _stamps(controller: Controller) -> dict[Path, int]:
     """Return when each file was last written that a controller is made from, or might be after an edit."""
-    beside = [
-        file for file in controller.path.parent.iterdir() if file.suffix in SOURCES.get(controller.path.suffix, ())
-    ]
-    files = dict.fromkeys([*controller.sources, *beside])
+    folder, endings = controller.path.parent, SOURCES[controller.path.suffix]
+    files = dict.fromkeys([*controller.sources, *(file for ending in endings for file in folder.glob(f"*{ending}"))])
     stamps = {}
     for file in files:
         try:

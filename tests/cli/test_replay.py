@@ -459,7 +459,8 @@ def step(sensors, memory, actuators, parameters, random):
 """
 
 
-def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_then_on(monkeypatch) -> None:
+def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_then_on(monkeypatch, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
     file, rings, given = Path("blinker.py"), [], {}
     file.write_text(BLINKER)
 
@@ -491,7 +492,8 @@ def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_t
     assert given["memory"] == ("steps",)
 
 
-def test_memory_is_recorded_by_name() -> None:
+def test_memory_is_recorded_by_name(monkeypatch, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
     result = call("run", "pair", "--record", "t.rrd", "--record-level", "summary", "--memory", "phase_ms")
     assert result.exit_code == 0, result.stderr
     found = read_recording(Path("t.rrd"))

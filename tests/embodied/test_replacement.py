@@ -131,7 +131,7 @@ OSCILLATES = source('"phase_ms": float, "drawn": float').replace("left_over", "p
         (True, source(rise="wiat"), "mine.py:13: NameError"),
         (True, source(right="parameters.speed"), "mine.py:16: parameters have no 'speed'"),
         (False, DIVIDES, "mine.py:16: ZeroDivisionError"),
-        (True, DIVIDES, "mine.py:16: ZeroDivisionError"),
+        (True, DIVIDES, "mine.py:16: FloatingPointError"),
         (True, source(right="float('nan')"), "mine.py: sets right_cm_s to what is not a number"),
         (True, OSCILLATES, "has become an oscillator"),
         (True, source() + 'EXTERNAL = ("ring",)\n', "EXTERNAL has changed from () to ('ring',)"),
