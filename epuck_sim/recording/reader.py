@@ -207,7 +207,7 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
 
 
 def _fields(trial: dict[str, Any]) -> list[str]:
-    """Return the fields of memory in a recording; older recordings have none."""
+    """Return the fields of memory in a recording."""
     fields: list[str] = json.loads(trial.get("memory", "[]"))
     return fields
 

@@ -161,7 +161,7 @@ def _description(scenario: Scenario, seed: int, level: Level, memory: Sequence[s
         scenario=write_scenario(scenario),
         seed=str(seed),  # which may exceed 64 bits
         versions=json.dumps(made_by),
-        memory=json.dumps(memory),
+        **({"memory": json.dumps(memory)} if memory else {}),
     )
     yield Chunk.from_property(TRIAL, trial)
     yield static_chunk("/__properties", rr.archetypes.RecordingInfo(name=f"{scenario.name}, seed {seed}"))
