@@ -88,6 +88,12 @@ def _run_trial(
 ) -> TrialResult:
     """Run one trial; its simulation is gone when this returns, as Ctrl-C may be lost while pymunk frees a space."""
     simulation = simulate(scenario, seed, interpret=options.interpret)
+    if options.live is not None:
+        from epuck_sim.embodied.controller_files import ControllerFiles  # numba takes a while
+        from epuck_sim.embodied.simulation import Simulation
+
+        assert isinstance(simulation, Simulation), "what is shown live has bodies"
+        observers = [*observers, ControllerFiles(simulation, print_stderr)]
     progress.begin(trial)
     return run_trial(simulation, observers, progress)
 
