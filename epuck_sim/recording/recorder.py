@@ -155,13 +155,14 @@ def recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[s
 def _description(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> Iterator[Chunk]:
     """Yield the properties that describe the trial."""
     made_by = {**versions(), "rerun": version("rerun-sdk")}
+    remembered: dict[str, Any] = {"memory": json.dumps(memory)} if memory else {}
     trial = rr.AnyValues(
         format=FORMAT,
         level=str(level),
         scenario=write_scenario(scenario),
         seed=str(seed),  # which may exceed 64 bits
         versions=json.dumps(made_by),
-        **({"memory": json.dumps(memory)} if memory else {}),
+        **remembered,
     )
     yield Chunk.from_property(TRIAL, trial)
     yield static_chunk("/__properties", rr.archetypes.RecordingInfo(name=f"{scenario.name}, seed {seed}"))

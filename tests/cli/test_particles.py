@@ -338,14 +338,13 @@ def test_every_form_is_drawn_with_its_table_and_the_same_again(request, tmp_path
         file.unlink()
 
 
-@pytest.mark.parametrize("form", ["curves", "violins", "perturbation", "course"])
+@pytest.mark.parametrize("form", ["curves", "violins", "course"])
 def test_axes_of_lists_and_null_are_drawn_too(folder, tmp_path, form: str) -> None:
     files = [Path(line) for line in called("plot", folder, "--form", form, "--to", tmp_path / "f").splitlines()]
     with files[2].open(newline="") as text:
         header = next(csv.reader(text))
     assert header[:2] == [REORIENT, RADIUS]
-    combinations = len({tuple(row.values())[:2] for row in rows(files[2])})
-    assert combinations == (0 if form == "perturbation" else 6)  # nothing disturbs
+    assert len({tuple(row.values())[:2] for row in rows(files[2])}) == 6
     assert image.imread(files[0]).std() > 0.03
 
 
@@ -354,21 +353,23 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_the_scenario_names(
     called("run", written(tmp_path, "tiny", text), "--out", tmp_path / "run", "--workers", 1)
     svg = (tmp_path / "run" / "T_sync.svg").read_text() if called("plot", tmp_path / "run") else ""
     for words in ("reorienting on = nothing", "reorienting on = emitting", "reorienting on = emitting and receiving"):
-        assert svg.count(f"<!-- {words} -->") == 1
+        assert svg.count(f">{words}<") == 1
     assert "reorienting on" not in called("plot", folder, "--to", tmp_path / "other")
 
 
-def test_panels_are_those_wanted_rather_than_the_scenario_s(over_time, folder, tmp_path) -> None:
-    called("plot", over_time, "--panels", COUNT, "--to", tmp_path / "f")
+def test_panels_are_those_wanted_rather_than_the_scenario_s(until_synchrony, folder, tmp_path) -> None:
+    called("plot", until_synchrony, "--panels", COUNT, "--to", tmp_path / "f")
     drawn = (tmp_path / "f.svg").read_text()
-    assert [drawn.count(f"<!-- N = {count} -->") for count in (4, 5)] == [1, 1]
-    assert "--panels: unknown 'agents.cuont', did you mean" in refused("plot", over_time, "--panels", "agents.cuont")
+    assert [drawn.count(f">N = {count}<") for count in (4, 5)] == [1, 1]
+    assert "--panels: unknown 'agents.cuont', did you mean" in refused(
+        "plot", until_synchrony, "--panels", "agents.cuont"
+    )
     stderr = refused("plot", folder, "--form", "course", "--panels", RADIUS)
     assert stderr == "error: --panels is for --form curves, but this is course\n"
 
 
 def test_curves_are_drawn_against_the_axis_that_the_scenario_has_for_panels(tmp_path) -> None:
-    path = written(tmp_path, "over", f"{OVER_TIME}figure: {{panels: {COUNT}}}\n")
+    path = written(tmp_path, "over", f"{UNTIL_SYNCHRONY}figure: {{panels: {COUNT}}}\n")
     called("run", path, "--out", tmp_path / "run", "--workers", 1)
     called("plot", tmp_path / "run", "--x", COUNT, "--to", tmp_path / "fig")
     assert [*rows(tmp_path / "fig.csv")[0]][:2] == [SPEED, COUNT]
