@@ -61,7 +61,7 @@ def read_contents(folder: Path | str) -> Contents:
     measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
     series = [Series(name, found) for name, found in measures.items() if _is_series(found)]
     has_t_sync = all(point.has_t_sync for point in points)
-    quantities = [_quantity("T_sync", quantity_label(None), points)] * has_t_sync
+    quantities = [_quantity("T_sync", quantity_label(None), points)] if has_t_sync else []
     quantities += [
         _quantity(name, quantity_label(name), found) for name, found in measures.items() if not _is_series(found)
     ]
