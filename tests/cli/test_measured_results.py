@@ -139,7 +139,7 @@ def test_measures_without_any_value_are_no_mistake(tmp_path):
 def test_plan_says_how_many_trials_show_a_difference_of_a_measure(tmp_path):
     numbers = folder_of(tmp_path, "number")
     printed = called("plan", numbers, "--of", "number", "--difference", 5)
-    assert f"{numbers}: number" in printed
+    assert f"{numbers}: number" in " ".join(printed.split())
     assert "a difference of 5 % in 80 % of all cases" in printed
     found = json.loads(called("plan", numbers, "--of", "number", "--difference", 5, "--json"))
     assert (found["of"], found["is_of_shares"], len(found["points"])) == ("number", False, 14)
