@@ -33,7 +33,9 @@ class SpaceSection(ConfigModel):
     """The space in which agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
 
     dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
+    """1: a segment; 2: a square; 3: a cube."""
     side_cm: Positive = 100.0
+    """Side L of the space."""
     boundary: Literal["bounded", "cyclic"] = "bounded"
     """`bounded`: agents leave a wall in a random direction; `cyclic`: they leave on one side and enter opposite."""
 
@@ -42,6 +44,7 @@ class AgentsSection(ConfigModel):
     """Number of agents, and how they move."""
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 20
+    """Number N of agents."""
     speed_cm_s: Annotated[Number, Field(ge=0, le=1e6)] = 1.0
     """Speed of each agent, or the mean of the distribution of speeds."""
     speed_distribution: Literal["fixed", "uniform", "normal", "exponential"] = "fixed"
@@ -65,6 +68,7 @@ class Nearest(ConfigModel):
 
     kind: Literal["nearest"]
     k: Annotated[WholeNumber, Field(ge=1)] = 1
+    """Number K of agents that receive a pulse."""
 
 
 class Range(ConfigModel):
@@ -72,12 +76,14 @@ class Range(ConfigModel):
 
     kind: Literal["range"]
     radius_cm: Positive
+    """Radius R."""
 
 
 class Cone(ConfigModel):
     """A cone in the direction of motion: of vision, around the agent that receives, or of emission."""
 
     kind: Literal["cone_of_vision", "cone_of_emission"]
+    """`cone_of_vision`: around the agent that receives; `cone_of_emission`: around the one that fires."""
     radius_cm: Positive | None = None
     """Reach of the cone; unlimited by default."""
     angle_deg: Annotated[Number, Field(gt=0, le=360)]
@@ -98,6 +104,7 @@ class ResponseSection(ConfigModel):
     """How a pulse shifts the phase of an agent that receives it (5.1.1)."""
 
     curve: Literal["multiplicative", "sawtooth", "sine"] = "multiplicative"
+    """Phase response curve: shift of the phase against the phase (5.1.1)."""
     coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
     """Factor epsilon of the multiplicative curve; kappa, up to 1, of the others."""
     refractory: Annotated[Number, Field(ge=0, lt=0.5)] = 0.0
@@ -114,6 +121,7 @@ class ClocksSection(ConfigModel):
     """The oscillators' periods."""
 
     period_s: Positive = 1.0
+    """Period tau."""
     jitter: Annotated[Number, Field(ge=0, le=0.2)] = 0.0
     """Standard deviation of the periods relative to `period_s` (5.4.2); no period is below a tenth of it."""
 
@@ -122,6 +130,7 @@ class StartSection(ConfigModel):
     """The phases at the start of a trial."""
 
     phases: Literal["random", "synchronised"] = "random"
+    """`random`: uniform over the period; `synchronised`: all 0."""
     displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     """Phase of agent 0, where all others start at 0 (5.4.1)."""
 
