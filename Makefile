@@ -41,6 +41,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim run thesis --seed 13 --record runs/thesis_run.rrd
 	$(BIN)/epuck-sim plot runs/thesis_run.rrd --to docs/figures/thesis_run
 	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
+	$(BIN)/python docs/figures/animation.py
 	$(BIN)/python docs/figures/base_curve.py
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \

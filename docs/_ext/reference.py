@@ -14,7 +14,7 @@ from sphinx.util.typing import ExtensionMetadata
 
 import epuck_sim
 
-PAGES_OF_FILES = {"README": "index", "CHANGELOG": "changes"}
+PAGES_OF_FILES = {"README": "index", "CHANGELOG": "changes", "CONTRIBUTING": "contributing"}
 """Pages that show files from outside the folder of the docs, by the names of these files."""
 
 
