@@ -92,6 +92,21 @@ def test_the_reference_has_every_command_and_all_that_is_shipped_and_public(site
     assert all(any(word.startswith(f"epuck_sim.{name}") for word in public) for name in epuck_sim.__all__)
 
 
+PROBE = """<script>
+const problems = [];
+addEventListener("error", event => problems.push(event.message || event.target.src || event.target.href), true);
+addEventListener("load", () => document.documentElement.dataset.problems = problems.join(" ") || "none");
+</script>"""
+
+
+@needs_browser
+@pytest.mark.parametrize("name", ["index", "gallery", "keys"])
+def test_pages_open_without_an_error_or_a_missing_picture(name: str, site: Path, tmp_path: Path) -> None:
+    page = site / f"{name}-probed.html"
+    page.write_text((site / f"{name}.html").read_text(encoding="utf-8").replace("<head>", f"<head>{PROBE}", 1))
+    assert 'data-problems="none"' in shown(page, tmp_path / "profile")
+
+
 @needs_browser
 def test_words_are_found(site: Path, tmp_path: Path) -> None:
     found = shown(site / "search.html", tmp_path / "profile", "?q=refractory")
