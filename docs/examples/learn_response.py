@@ -7,7 +7,6 @@ with other responses and speeds, in trials that the evolution never saw). It tak
 """
 
 import csv
-import math
 import sys
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -35,9 +34,12 @@ STRONGEST = 0.1
 """Largest change of phase, either way, in periods: that of the thesis's response, at the end of the cycle."""
 
 THESIS = STRONGEST * PHASES
-SPEED_CM_S = 2.0
+SPEED_CM_S, PERIOD_S = 2.0, 5.0
 LIMIT_PERIODS = 60
 """Periods after which a trial of the evolution ends, synchronised or not."""
+
+NO_LIMIT_PERIODS = 1e6
+"""Periods that no trial reaches: the thesis's limit of 10,000 cycles comes first."""
 
 GENERATIONS = 14
 CANDIDATES = 16
@@ -76,11 +78,12 @@ class Generation(NamedTuple):
 @cache
 def swarm(speed_cm_s: float, limit_periods: float) -> Simulation:
     """Return the simulation of the thesis's base case in which all trials of a process take place."""
-    robots = f"robots.0={{controller: {CONTROLLER}, count: 10, parameters: {{speed_cm_s: {speed_cm_s}}}}}"
-    scenario = load_scenario("thesis", [robots])
-    if math.isinf(limit_periods):
-        return Simulation(scenario)
-    return Simulation(load_scenario("thesis", [robots, f"stop.max_time_s={5.0 * limit_periods}"]))
+    settings = [
+        f"robots.0.controller={CONTROLLER}",
+        f"robots.0.parameters={{speed_cm_s: {speed_cm_s}, period_s: {PERIOD_S}}}",
+        f"stop.max_time_s={PERIOD_S * limit_periods}",
+    ]
+    return Simulation(load_scenario("thesis", settings))
 
 
 def synchronise(
@@ -97,7 +100,7 @@ def mean_periods(executor: Executor, responses: Response, seeds: list[int]) -> n
     """Return (responses, seeds) periods until each trial ended."""
     pairs = [(response, seed) for response in responses for seed in seeds]
     results = executor.map(synchronise, *zip(*pairs, strict=True), chunksize=4)
-    return np.reshape([result.simulated_s / 5.0 for result in results], (len(responses), len(seeds)))
+    return np.reshape([result.simulated_s / PERIOD_S for result in results], (len(responses), len(seeds)))
 
 
 def evolve(executor: Executor, generations: int = GENERATIONS) -> Iterator[Generation]:
@@ -119,12 +122,13 @@ def evolve(executor: Executor, generations: int = GENERATIONS) -> Iterator[Gener
 
 
 def held_out(executor: Executor, response: Response, speed_cm_s: float, trials: int) -> PointTrials:
-    """Return T_sync of trials that the evolution never saw, none of them censored but at the thesis's limit."""
+    """Return T_sync of trials that the evolution never saw, with the thesis's limit of cycles."""
     seeds = [trial_seed(TESTING, trial) for trial in range(trials)]
-    results = list(executor.map(partial(synchronise, response, speed_cm_s=speed_cm_s, limit_periods=math.inf), seeds))
+    run = partial(synchronise, response, speed_cm_s=speed_cm_s, limit_periods=NO_LIMIT_PERIODS)
+    results = list(executor.map(run, seeds))
     cycles = np.array([result.cycles for result in results], float)
     observed = np.array([not result.censored for result in results])
-    return PointTrials(0, "", {}, swarm(speed_cm_s, math.inf).scenario, cycles, observed, tuple(seeds))
+    return PointTrials(0, "", {}, swarm(speed_cm_s, NO_LIMIT_PERIODS).scenario, cycles, observed, tuple(seeds))
 
 
 def table(executor: Executor, learnt: Response) -> Iterator[str]:
