@@ -116,7 +116,7 @@ class RobotEnv(gymnasium.Env[Float32Array, Any]):
         observation: Float32Array = self._batch.observe(situation)[0, 0]
         return observation
 
-    def render(self) -> Picture | None:  # type: ignore[override] # of Gymnasium's pictures, it returns one kind
+    def render(self) -> Picture | None:
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
         return self._screen.render(self._batch.look())
 
