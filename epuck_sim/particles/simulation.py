@@ -2,28 +2,23 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.errors import CurveError
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.events import (
-    CYCLES,
-    FIRINGS,
-    INSTANTS,
-    PULSES,
-    SYNCHRONISED,
-    UNLIMITED,
-    advance,
-    make_instant,
-    make_rules,
-    reflect_if_next,
-)
-from epuck_sim.particles.initial_conditions import initial_oscillators, initial_trajectories
+from epuck_sim.particles.cascade import CYCLES, FIRINGS, INSTANTS, PULSES, SYNCHRONISED, make_instant
+from epuck_sim.particles.curve_compilation import make_response
+from epuck_sim.particles.events import UNLIMITED, advance, reflect_if_next
+from epuck_sim.particles.initial_conditions import initial_oscillators, initial_trajectories, receiver_streams
 from epuck_sim.particles.motion import compute_positions
+from epuck_sim.particles.neighbour_lists import NeighbourLists
 from epuck_sim.particles.neighbourhood import make_neighbourhood
+from epuck_sim.particles.rules import Rules, make_rules
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
@@ -76,8 +71,10 @@ class ParticleSimulation:
         self._trajectories = initial_trajectories(loaded, position_seed, motion_seed)
         self._oscillators = initial_oscillators(loaded, phase_seed)
         self._instant = make_instant(loaded.agents.count)
-        neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()))
-        self._state = self._trajectories, neighbourhood, self._oscillators, make_rules(loaded), self._instant
+        streams = receiver_streams(loaded, self.seed)
+        neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()), streams)
+        rules = make_rules(loaded, make_response(loaded.response), neighbourhood)
+        self._state = self._trajectories, neighbourhood, self._oscillators, rules, self._instant
         if not ParticleSimulation._is_compiled:
             self.run(0)  # compiles the kernel now, so that no measured time includes it
             ParticleSimulation._is_compiled = True
@@ -88,12 +85,12 @@ class ParticleSimulation:
 
     def __next__(self) -> Event:
         """Simulate up to the next event and return it."""
-        trajectories, neighbourhood, oscillators, _, instant = self._state
+        trajectories, neighbourhood, oscillators, rules, instant = self._state
         turned = reflect_if_next(trajectories, neighbourhood, oscillators, instant)
         if turned >= 0:
             no_agents = np.empty(0, np.int64)
             return Event(self.time_s, turned, no_agents, no_agents)
-        advance(*self._state, int(instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED, 0.0)
+        self._advance(rules, int(instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED, 0.0)
         return self.last_instant()
 
     def last_instant(self) -> Event:
@@ -115,7 +112,7 @@ class ParticleSimulation:
         """
         last_cycle = UNLIMITED if periods is None else int(self._oscillators.cycle[0]) + periods
         last_pulse = UNLIMITED if pulses is None else int(self._instant.counters[PULSES]) + pulses
-        advance(*self._state, last_pulse, cycles, last_cycle, 0.0)
+        self._advance(self._state[3], last_pulse, cycles, last_cycle, 0.0)
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -130,12 +127,22 @@ class ParticleSimulation:
         if not self.time_s - 1e-9 * period_s <= time_s < math.inf:
             raise ValueError(f"time_s is {time_s}; the simulation is at {self.time_s} s and cannot go back")
         cycle, time = divmod(time_s / period_s, 1.0)
-        trajectories, neighbourhood, oscillators, rules, instant = self._state
         # between events the order parameter at the reference's last firing may be asked for: always measure it
-        measuring = rules._replace(max_offset=1.0)
-        advance(trajectories, neighbourhood, oscillators, measuring, instant, UNLIMITED, UNLIMITED, int(cycle), time)
+        self._advance(self._state[3]._replace(max_offset=1.0), UNLIMITED, UNLIMITED, int(cycle), time)
         if not self.is_synchronised:
-            oscillators.now[0] = int(cycle) - oscillators.cycle[0] + time
+            self._oscillators.now[0] = int(cycle) - self._oscillators.cycle[0] + time
+
+    def _advance(self, rules: Rules, pulses: int, cycles: int, last_cycle: int, last_time: float) -> None:
+        """Simulate up to a limit of `advance`.
+
+        Raises:
+            CurveError: A user's response curve raises.
+        """
+        trajectories, neighbourhood, oscillators, _, instant = self._state
+        try:
+            advance(trajectories, neighbourhood, oscillators, rules, instant, pulses, cycles, last_cycle, last_time)
+        except Exception as error:  # nothing else in the kernel raises
+            raise CurveError(f"{self.scenario.response.curve}: {type(error).__name__}: {error}") from error
 
     @property
     def time_s(self) -> float:
@@ -208,6 +215,20 @@ class ParticleSimulation:
         positions = np.empty_like(self._trajectories.origin)
         compute_positions(self._trajectories, self._oscillators.now[0], positions)
         return positions.T
+
+    def adjacency(self) -> BoolArray:
+        """Return (agents, agents) the adjacency matrix at the present time (eq. 5.6).
+
+        Row i, column j: whether agent j would receive a pulse of agent i; its phase is another matter.
+
+        Raises:
+            ScenarioError: Receivers are drawn anew for each pulse.
+        """
+        return self._neighbour_lists.adjacency(self.positions(), self.headings())
+
+    @cached_property
+    def _neighbour_lists(self) -> NeighbourLists:
+        return NeighbourLists(self.scenario)
 
     def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""

@@ -29,7 +29,7 @@ Function = TypeVar("Function", bound=Callable[..., object])
 PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
-VALUE_FILES = ("epuck.py", "control/interface.py", "embodied/rigid_bodies.py")
+VALUE_FILES = ("epuck.py", "control/interface.py", "embodied/rigid_bodies.py", "particles/rules.py")
 """Files without kernels whose constants and types kernels refer to."""
 
 UNUSED_S = 30 * 24 * 3600.0

@@ -112,7 +112,7 @@ def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, growth, ag
     cycles = max(3, 20_000 // agents)
     in_cells, all_pairs = (make_simulation(agents, RANGE, side_cm, 1.0, 0) for _ in range(2))
     trajectories, neighbourhood, *rest = all_pairs._state
-    all_pairs._state = (trajectories, neighbourhood._replace(uses_cell_list=False), *rest)
+    all_pairs._state = (trajectories, neighbourhood._replace(searches_all=True), *rest)
     _, firings_s = benchmark.pedantic(measure, ([in_cells], cycles), rounds=1)
     found = [1e9 / firings_s, 1e9 / measure([all_pairs], cycles)[1]]
     growth.append((agents, *found))

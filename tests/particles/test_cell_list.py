@@ -29,8 +29,8 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
 
 def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
     trajectories, neighbourhood, *rest = swarm._state
-    assert neighbourhood.uses_cell_list
-    swarm._state = (trajectories, neighbourhood._replace(uses_cell_list=False), *rest)
+    assert not neighbourhood.searches_all
+    swarm._state = (trajectories, neighbourhood._replace(searches_all=True), *rest)
     return swarm
 
 
