@@ -118,6 +118,8 @@ def start_group(
     runner = ControllerRunner(
         controller, parameters, controller_streams[rows], sensors, swarm.actuators[rows], interpret
     )
+    for name, value in group.memory.items():
+        runner.memory[name] = value
     clock = _start_camera_clock(scenario, group, camera_streams[rows], sensors)
     pixels = clock.in_view if len(clock.in_view) else sensors.camera
     arrays = _sensing_arrays(scenario, group, first_robot, swarm, sensors, infrared_gain[rows], pixels)

@@ -5,12 +5,15 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from epuck_sim.control.interface import Controller
+import numpy as np
+
+from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 
 def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | None) -> RobotGroup:
@@ -38,7 +41,33 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
             f"{origin}.parameters: period_s is {parameters['period_s']}; allowed: longer than a control step, "
             f"{step_ms / 1000:g} s"
         )
+    for name, value in group.memory.items():
+        try:
+            _check_memory(controller, name, value, group.count, parameters)
+        except ValueError as error:
+            raise ScenarioError(f"{origin}.memory: {error}") from error
     return group.model_copy(update={"controller": _stored_name(controller), "parameters": parameters})
+
+
+def _check_memory(controller: Controller, name: str, given: Any, robots: int, parameters: Mapping[str, Value]) -> None:
+    """Raise ValueError if what robots are to remember at the start does not fit what the controller remembers."""
+    known = list(controller.memory.names or ())
+    if name not in known:
+        raise ValueError(f"{did_you_mean(name, known)}; {controller.name} has {comma_list(known)}")
+    field = controller.memory[name]
+    try:
+        values = np.asarray(given, np.float64)
+    except (TypeError, ValueError):
+        values = np.full(1, np.nan)
+    shapes = {(): "a number", (robots, *field.shape): f"a list of {robots}, one for each robot"}
+    is_whole = np.issubdtype(field.base, np.integer)
+    if values.shape not in shapes or not np.isfinite(values).all() or (is_whole and (values % 1).any()):
+        numbers = "whole numbers" if is_whole else "numbers"
+        raise ValueError(f"{name} is {short_repr(given)}; allowed: {' or '.join(shapes.values())}, {numbers}")
+    if name == "phase_ms" and controller.is_oscillator:
+        period_ms = parameters["period_s"] * 1000
+        if not ((values >= 0) & (values < period_ms)).all():
+            raise ValueError(f"phase_ms is {short_repr(given)}; allowed: 0 to below the period, {period_ms:g}")
 
 
 def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes:
@@ -54,12 +83,7 @@ def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes
         except ControllerError as error:
             raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
 
-    columns = {
-        name: {key: tuple(resolve(key, value) for value in values) for key, values in getattr(axes, name).items()}
-        for name in ("zip", "grid")
-    }
-    points = axes.points and tuple({key: resolve(key, value) for key, value in row.items()} for row in axes.points)
-    return axes.model_copy(update={**columns, "points": points})
+    return axes.mapped(resolve)
 
 
 def _stored_name(controller: Controller) -> str:

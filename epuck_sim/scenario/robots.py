@@ -63,6 +63,9 @@ class RobotGroup(ConfigModel):
     """Name of a shipped controller, or a file that ends in .py, relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
+    memory: dict[str, Any] = Field(default_factory=dict)
+    """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
+    for each robot; `phase_ms` is an oscillator's phase."""
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()
 
