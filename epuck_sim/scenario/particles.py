@@ -250,8 +250,9 @@ class ParticleScenario(Scenario):
 
     @property
     def compiled(self) -> tuple[str, ...]:
-        """Names of what is compiled for its trials."""
-        return (self.model, self.response.curve)
+        """Names of what is compiled for its trials: the model, and a user's response curve."""
+        curve = self.response.curve
+        return (self.model, curve) if curve.endswith(".py") else (self.model,)
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with the response curve, measures and their parameters; see `Scenario.resolved`."""
