@@ -47,6 +47,8 @@ def make_arena(
 def clearance_cm(arena: Arena, x_cm: float, y_cm: float) -> float:
     """Return the distance from a point to the nearest wall or obstacle; negative beyond that wall or inside it."""
     walls = min(x_cm, y_cm, arena.width_cm - x_cm, arena.height_cm - y_cm)
+    if not len(arena.circles) and not arena.polygons:
+        return walls
     circles = np.hypot(arena.circles[:, 0] - x_cm, arena.circles[:, 1] - y_cm) - arena.circles[:, 2]
     polygons = [polygon_distance_cm(corners, x_cm, y_cm) for corners in arena.polygons]
-    return float(min(walls, *circles, *polygons)) if len(circles) or polygons else walls
+    return float(min(walls, *circles, *polygons))

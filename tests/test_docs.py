@@ -4,6 +4,8 @@ import doctest
 import pkgutil
 import re
 import shlex
+import subprocess
+import sys
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
@@ -60,6 +62,26 @@ def test_controllers_run_compiled_and_interpreted_alike(block: str, tmp_path) ->
         assert compiled.poses.tobytes() == interpreted.poses.tobytes()
         assert compiled.ring_on.tobytes() == interpreted.ring_on.tobytes()
     assert compiled.wheels_cm_s[:5].any()
+
+
+def test_tests_shown_pass(tmp_path) -> None:
+    shown = [block for block in blocks(ROOT / "docs/testing.md", "python") if "def test_" in block]
+    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
+    (tmp_path / "turner.py").write_text(controller)
+    (tmp_path / "test_shown.py").write_text("".join(shown))
+    command = [sys.executable, "-m", "pytest", "-p", "epuck_sim.pytest_plugin", "-q", tmp_path / "test_shown.py"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "4 passed" in run.stdout, run.stdout
+
+
+def test_the_firmware_shown_runs(tmp_path) -> None:
+    (block,) = blocks(ROOT / "docs/firmware.md", "c")
+    path = tmp_path / "shown.c"
+    path.write_text(block)
+    simulation = Simulation(load_scenario({"robots": [{"controller": str(path), "count": 5}]}), 3)
+    seen = [(step.ring_on.sum(), step.wheels_cm_s.min()) for step in islice(simulation, 100)]
+    assert 0 < sum(lit for lit, _ in seen) < 100 * 5
+    assert min(slowest for _, slowest in seen) == -400 * 12.8 / 1000
 
 
 @pytest.mark.parametrize("block", code(lambda block: "def value(self)" in block))

@@ -31,6 +31,7 @@ def test_arenas_and_controllers_are_inside(wheel: Path) -> None:
         shipped = {path.name for path in (ROOT / kind).iterdir() if path.is_file()}
         assert {path.name for path in (wheel / "epuck_sim" / kind).iterdir() if path.is_file()} == shipped
     assert (wheel / "epuck_sim" / "py.typed").exists()
+    assert (wheel / "epuck_sim" / "control" / "include" / "epuck.h").exists()
 
 
 def test_it_runs_from_any_folder(wheel: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from epuck_sim.cli.new import news
 from epuck_sim.cli.plan import plans
 from epuck_sim.cli.plot import plots
 from epuck_sim.cli.replay import replays
+from epuck_sim.cli.report import reports
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
 from epuck_sim.cli.scenarios import scenarios
@@ -21,7 +22,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for commands in (runs, scenarios, replays, films, results, plots, plans):
+for commands in (runs, scenarios, replays, films, results, plots, reports, plans):
     app.add_typer(commands)
 app.add_typer(news, name="new")
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from epuck_sim.cli.progress import print_stderr
 from epuck_sim.recording.level import Level
@@ -41,6 +41,10 @@ class RunOptions(NamedTuple):
     """Worker processes of a sweep; all cores if None."""
     dask: str | None = None
     """Address of the Dask scheduler that runs a sweep."""
+    memory: tuple[str, ...] = ()
+    """Fields of the controllers' MEMORY that traces have."""
+    relations: bool = False
+    """Whether traces list whom each robot sees lit, and whom it touches."""
 
 
 @contextmanager
@@ -58,7 +62,8 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
         from epuck_sim.trial.trace import Trace  # which needs pyarrow
 
         traced, trace = require_bodies(scenario), options.trace
-        factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), traced, seed))
+        columns: dict[str, Any] = {"memory": options.memory, "relations": options.relations}
+        factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), traced, seed, **columns))
     if options.record is not None:
         from epuck_sim.recording.recorder import record  # rerun takes half a second
         from epuck_sim.recording.rrd_file import check_recording_target

@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.progress import in_words
-from epuck_sim.cli.tables import WIDE, in_digits
+from epuck_sim.cli.tables import WIDE
+from epuck_sim.display.numbers import in_digits, in_words
 from epuck_sim.figures.labels import axis_label
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate

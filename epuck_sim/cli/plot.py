@@ -34,6 +34,7 @@ class Form(StrEnum):
     CURVES = "curves"
     MAP = "map"
     VIOLINS = "violins"
+    SERIES = "series"
     PERTURBATION = "perturbation"
     COURSE = "course"
 
@@ -47,6 +48,7 @@ class FigureOptions(NamedTuple):
     panels: str | None
     censored_at: int | None
     statistic: Statistic | None
+    of: str | None
 
 
 class Sketch(NamedTuple):
@@ -71,7 +73,8 @@ def plot(
         typer.Option(
             metavar="STEM|FILE",
             help="Write STEM.png, STEM.svg and so on, or one picture, FILE.png, FILE.svg or FILE.pdf, with its numbers "
-            "as CSV beside it. By default STEM is FOLDER/T_sync, FOLDER/FORM, or the recording's name.",
+            "as CSV beside it. By default STEM is FOLDER/T_sync, FOLDER/NAME_OF_MEASURE, FOLDER/FORM, or the "
+            "recording's name.",
         ),
     ] = None,
     form: Annotated[
@@ -89,13 +92,20 @@ def plot(
         typer.Option(metavar="CYCLES", min=1, help="For violins: estimate the mean as if trials were censored there."),
     ] = None,
     statistic: Annotated[Statistic | None, STATISTIC] = None,
+    of: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Draw a measure of the folder's trials instead of T_sync; one that is a series against the cycles.",
+        ),
+    ] = None,
 ) -> None:
     """Draw a sweep's T_sync as curves, a map or violins, or the course of its trials over time; or a recorded trial."""
     with exit_on_error():
         from epuck_sim.figures.saving import Target, parse_target, save_figure
 
         target = parse_target(to) if to else None
-        options = FigureOptions(form, x, y, panels, censored_at, statistic)
+        options = FigureOptions(form, x, y, panels, censored_at, statistic, of)
         sketch = _sketch_sweep(results, options) if results.is_dir() else _sketch_trial(results, options)
         for file in save_figure(target or Target(sketch.default_stem), sketch.draw, sketch.tables):
             typer.echo(file)
@@ -107,7 +117,7 @@ def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    names = ("--form", "--x", "--y", "--panels", "--censored-at", "--statistic")
+    names = ("--form", "--x", "--y", "--panels", "--censored-at", "--statistic", "--of")
     reject_first(
         *(
             (value is not None, f"{name} is for run folders; {recording} is none")
@@ -120,13 +130,18 @@ def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
 
 
 def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
+    from epuck_sim.cli.measure_plots import check_measure, sketch_series, usual_form
     from epuck_sim.runs.reader import read_points, read_status
 
-    points = read_points(folder)
-    form = options.form or Form(points[0].scenario.figure.form)
+    points = read_points(folder, options.of)
+    form = options.form or usual_form(points)
+    check_measure(points, form, options.censored_at)
     over_time = form in (Form.PERTURBATION, Form.COURSE)
     reject_first(
-        (options.x is not None and over_time, f"--x is for figures of T_sync, but this is {form}, over time"),
+        (
+            options.x is not None and (over_time or form == Form.SERIES),
+            f"--x is for figures of T_sync, but this is {form}, over time",
+        ),
         (options.y is not None and form != Form.MAP, f"--y is for --form map, but this is {form}"),
         (options.panels is not None and form != Form.CURVES, f"--panels is for --form curves, but this is {form}"),
         (
@@ -141,6 +156,8 @@ def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
     if not any(len(point.times) for point in points):
         raise StoreError(f"{folder}: holds no results yet")
     title = read_status(folder).scenario
+    if form == Form.SERIES:
+        return Sketch(folder / str(options.of), *sketch_series(title, points))
     if over_time:
         return _sketch_over_time(folder / form, title, form, points)
     return _sketch_t_sync(folder, title, points, options._replace(form=form))
@@ -153,7 +170,7 @@ def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", op
     from epuck_sim.scenario.figure_axes import check_panels, choose_axis, choose_second_axis
     from epuck_sim.statistics.curves import read_curves
 
-    stem, figure = folder / "T_sync", points[0].scenario.figure
+    stem, figure = folder / (options.of or "T_sync"), points[0].scenario.figure
     rows, statistic = [point.axes for point in points], options.statistic or Statistic.MEAN
     x = choose_axis(rows, *_option_or_key(options.x, "--x", figure.x, f"{folder}: figure.x"))
     if options.form == Form.MAP:
@@ -162,7 +179,7 @@ def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", op
         maps = read_maps(points, x, y, statistic)
         return Sketch(stem, lambda: draw_maps(title, x, y, maps), {".csv": maps_table(x, maps)})
     if options.form == Form.VIOLINS:
-        limit = options.censored_at or figure.censored_at_cycles
+        limit = options.censored_at or (figure.censored_at_cycles if options.of is None else None)
         violins = read_violins(points, x, limit)
         return Sketch(stem, lambda: draw_violins(title, x, violins, limit), {".csv": violins_table(x, violins)})
     key = None if figure.panels == x else figure.panels
@@ -176,13 +193,13 @@ def _sketch_t_sync(folder: Path, title: str, points: "Sequence[PointTrials]", op
 
 def _note(curves: "Sequence[Curve]", searches: "Sequence[ExtremaSearch]") -> str:
     """Return why there are no bands or marks, where there cannot be any."""
-    from epuck_sim.figures.curves import NOT_A_SPEED
+    from epuck_sim.figures.curves import NOT_A_SPEED, NOT_T_SYNC
     from epuck_sim.statistics.estimate import MIN_TRIALS
     from epuck_sim.statistics.extrema import MIN_SPEEDS
 
     # that there are few speeds is plain to see
     many = (search.reason for curve, search in zip(curves, searches, strict=True) if len(curve.x) >= MIN_SPEEDS)
-    reasons = [reason for reason in dict.fromkeys(many) if reason not in ("", NOT_A_SPEED.reason)]
+    reasons = [reason for reason in dict.fromkeys(many) if reason not in ("", NOT_A_SPEED.reason, NOT_T_SYNC.reason)]
     notes = [f"no minimum and peak are looked for: {reason}" for reason in reasons]
     if any((curve.trials < MIN_TRIALS).any() for curve in curves):
         notes.insert(0, f"no bands where a point has fewer than {MIN_TRIALS} trials")

@@ -1,13 +1,22 @@
 """The commands `run` and `status`: their options, and which of them go together."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.errors import exit_on_error, print_traceback, print_warnings, reject_first
 from epuck_sim.cli.replay import WEB_PORT
-from epuck_sim.cli.scenarios import AxesOption, MeasureOption, QuickOption, ScenarioArgument, SetOption, TrialsOption
+from epuck_sim.cli.scenarios import (
+    AxesOption,
+    ControllerOption,
+    MeasureOption,
+    QuickOption,
+    ScenarioArgument,
+    SetOption,
+    TrialsOption,
+)
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording.level import Level
 
@@ -31,6 +40,7 @@ def run(
     settings: SetOption = None,
     axes: AxesOption = None,
     measures: MeasureOption = None,
+    controller: ControllerOption = None,
     quick: QuickOption = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON: one object for each trial, or one for a whole sweep.")
@@ -39,6 +49,13 @@ def run(
         Path | None,
         typer.Option(metavar="FILE.parquet", help="Write every robot and step; several trials to FILE-0, FILE-1, ..."),
     ] = None,
+    memory: Annotated[
+        list[str] | None,
+        typer.Option(metavar="FIELD", help="Add a field of the controllers' MEMORY to --trace; repeatable."),
+    ] = None,
+    relations: Annotated[
+        bool, typer.Option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches.")
+    ] = False,
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE.rrd", help="Record for rerun's viewer; several trials to FILE-0, FILE-1, ..."),
@@ -58,6 +75,9 @@ def run(
     web: Annotated[bool, typer.Option("--web", help="Show --live in a browser instead of a window.")] = False,
     port: Annotated[int | None, typer.Option(min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default.")] = None,
     interpret: Annotated[bool, typer.Option("--interpret", help="Run controllers as plain Python.")] = False,
+    traceback: Annotated[
+        bool, typer.Option("--traceback", help="Print the traceback of what a controller raises; for --interpret.")
+    ] = False,
     out: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Run all points and trials into this run folder.")
     ] = None,
@@ -68,11 +88,17 @@ def run(
     status: Annotated[bool, typer.Option("--status", hidden=True, callback=_refuse_status)] = False,  # noqa: ARG001
 ) -> None:
     """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep of thousands into a run folder."""
-    with exit_on_error():
+    with exit_on_error(), print_traceback() if traceback else nullcontext():
         reject_first(
+            (traceback and not interpret, "--traceback is for --interpret: compiled code has none"),
+            (
+                traceback and out is not None,
+                "--traceback is for single trials: give --point and --trial, without --out",
+            ),
             (level is not None and record is None and not live, "--record-level is for --record and --live"),
             ((speed is not None or web) and not live, "--speed and --web are for --live"),
             (port is not None and not web, "--port is for --web"),
+            (trace is None and (bool(memory) or relations), "--memory and --relations are for --trace"),
         )
         from epuck_sim.cli.observers import LiveView, RunOptions
         from epuck_sim.cli.trials import run_one, run_some, sweep_into
@@ -80,6 +106,7 @@ def run(
 
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         options = RunOptions(as_json, trace, record, view, film, level or Level.FULL, interpret, workers, dask)
+        options = options._replace(memory=tuple(memory or ()), relations=relations)
         one = point is not None or trial is not None
         file = find_scenario(scenario)
         folder = out or (file.parent if file.parent == Path(scenario) and not one else None)
@@ -90,7 +117,10 @@ def run(
             ),
             *_conflicts(options, folder),
         )
-        loaded = load_scenario(scenario, settings or (), axes or (), measures=measures or (), quick=quick)
+        with print_warnings():
+            loaded = load_scenario(
+                scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
+            )
         given = {"seed": seed, "trials": trials}
         loaded = loaded.model_copy(update={key: value for key, value in given.items() if value is not None})
         if point is not None and trial is not None:

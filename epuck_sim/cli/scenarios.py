@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, prefix_scenario
+from epuck_sim.cli.errors import exit_on_error, prefix_scenario, print_warnings
 
 scenarios = typer.Typer()
 
@@ -30,12 +30,22 @@ MeasureOption = Annotated[
         "--measure", metavar="NAME_OR_FILE", help="Measure more: order_parameter, mine.py:coverage (list --measures)"
     ),
 ]
+ControllerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME_OR_FILE", help="Run this controller on all robots; parameters that it has are kept: mine.py"
+    ),
+]
 QuickOption = Annotated[bool, typer.Option("--quick", help="Take the scenario's quick version, if it has one.")]
 
 
 @scenarios.command()
 def check(
-    scenario: ScenarioArgument, settings: SetOption = None, axes: AxesOption = None, quick: QuickOption = False
+    scenario: ScenarioArgument,
+    settings: SetOption = None,
+    axes: AxesOption = None,
+    controller: ControllerOption = None,
+    quick: QuickOption = False,
 ) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out."""
     with exit_on_error():
@@ -43,7 +53,8 @@ def check(
         from epuck_sim.scenario.points import points
         from epuck_sim.sweep.checks import check_sweep
 
-        loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
+        with print_warnings():
+            loaded = load_scenario(scenario, settings or (), axes or (), controller=controller, quick=quick)
         with prefix_scenario(scenario):
             check_sweep(points(loaded))
         sys.stdout.write(write_scenario(loaded))

@@ -1,5 +1,6 @@
 """Compiles a controller's functions, and the loops that call them, into a cache that no edit leaves stale."""
 
+import re
 import warnings
 from collections.abc import Hashable, Iterable, Mapping
 from functools import lru_cache
@@ -10,7 +11,9 @@ from typing import Any
 import numba
 import numpy as np
 
+from epuck_sim.control.error_lines import FILE_NUMBER, ErrorPlaceCompiler
 from epuck_sim.control.interface import Controller
+from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import compile_at, layout
 from epuck_sim.util.jit import bind, digest, kernel_digest, name_after
@@ -42,9 +45,10 @@ def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
                 _compiled[key] = tuple(compile_at(loop, arrays, contents_digest, careful=True) for loop in bound)
         except Exception as error:  # numba's own errors, and what escapes it
-            raise ControllerError(
-                f"{controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{reason_of(error)}"
-            ) from error
+            message = explain_refusal(
+                error, controller.path, controller.sources, "; --interpret runs it as plain Python"
+            )
+            raise ControllerError(message) from error
     return _compiled[key]
 
 
@@ -113,21 +117,43 @@ def jit_functions(
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
             named = name_after(copy, contents_digest)
-            dispatchers[value] = numba.njit(boundscheck=True, forceinline=True)(named)
+            compiler: Any = numba.njit(boundscheck=True, forceinline=True, pipeline_class=ErrorPlaceCompiler)
+            dispatchers[value] = compiler(named)
         return dispatchers[value]
 
-    for module in modules.values():
-        vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})
+    for number, module in enumerate(modules.values()):
+        named_values = {name: twin(value) for name, value in vars(module).items()}
+        vars(twins[id(vars(module))]).update(named_values, **{FILE_NUMBER: number})
     return tuple(map(twin, functions))
 
 
-INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from")
+INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from", "File ")
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
 
-def reason_of(error: Exception) -> str:
-    """Return the essence of numba's long message: the innermost reason, and its place in the source."""
+def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes], instead: str = "") -> str:
+    """Return what to say of a file that numba cannot compile: file, line, its reason, and the line itself.
+
+    Args:
+        error: What numba raised.
+        path: The file.
+        sources: Contents of every file that it comes from.
+        instead: What else can be done with it.
+    """
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
-    kept = [line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)]
-    return "\n".join(f"  {line}" for line in kept[:6])
+    reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
+    place = _place(reason, innermost, sources)
+    where = f"{place[0]}:{place[1]}" if place else str(path)
+    code = f"\n    {line_at(*place, sources)}" if place else ""
+    return f"{where}: cannot be compiled{instead}: {reason}{code}"
+
+
+def _place(reason: str, message: str, sources: Mapping[Path, bytes]) -> tuple[Path, int] | None:
+    """Return file and line of what numba cannot compile: of a name that it lacks, or the first place that it names."""
+    lacking = re.match(r"(?:Name|Key|Attribute)Error:.*'(\w+)'[^']*$", reason)
+    if lacking and (place := first_use(lacking[1], sources)):
+        return place
+    named = re.findall(r'File "([^"]+)", line (\d+)', message)
+    own = [(path, int(line)) for file, line in named if (path := Path(file).resolve()) in sources]
+    return own[0] if own else None

@@ -26,6 +26,8 @@ class Bodies(NamedTuple):
     """(m, 4) cm: edges of the other obstacles, see `arena.Arena`."""
     cells: CellList
     """Cell list sorted by the poses."""
+    touch: bool
+    """Whether robots touch each other; else they pass through each other."""
     step_s: float
     """Seconds of a physics step."""
     calls: npt.NDArray[np.void]

@@ -49,11 +49,11 @@ def find_contact_candidates(bodies: Bodies, time_s: float) -> None:
     found = 0
     for robot in range(len(poses)):
         meets = _meets_wall(bodies, robot, time_s) or _is_near_obstacle(bodies, robot, _WALL_TOUCH_CM + path_cm)
-        bodies.is_candidate[robot] = meets or _meets_robot(bodies, robot, time_s, reach_cm)
+        bodies.is_candidate[robot] = meets or (bodies.touch and _meets_robot(bodies, robot, time_s, reach_cm))
         if bodies.is_candidate[robot]:
             bodies.reached[found] = robot
             found += 1
-    while found > 0:
+    while bodies.touch and found > 0:
         found -= 1
         found = _reach_others(bodies, bodies.reached[found], reach_cm, found)
 

@@ -4,7 +4,7 @@ The loop is compiled together with the controllers of a swarm; with interpreted 
 plain Python.
 """
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,19 +16,22 @@ from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
 from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.differential_drive import apply_commands
-from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SwarmArrays
-from epuck_sim.embodied.sensing import SensingArrays, sense
+from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_flashes
+from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SignalReceiver, SwarmArrays
+from epuck_sim.embodied.radio import Radio, receive_pulses
+from epuck_sim.embodied.sensing import SensingArrays, sense, sense_proximity
 from epuck_sim.embodied.variation import (
     RobotClocks,
     RobotVariation,
     Stoppages,
     begin_stoppages,
+    restart_stoppages,
     stop_and_release,
     tick,
 )
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.util.addresses import call_at, compile_at, function_address, hold, layout
-from epuck_sim.util.jit import bind, jit, kernel_digest
+from epuck_sim.util.addresses import call_at, compiled_for, function_address, hold
+from epuck_sim.util.jit import bind, jit, jit_no_alloc
 
 
 class GroupSensing(NamedTuple):
@@ -37,7 +40,7 @@ class GroupSensing(NamedTuple):
     step: IntArray
     """(1,) number of the control step."""
     sensing: SensingArrays
-    camera_clock: CameraClock
+    receiver: SignalReceiver
 
 
 class Drive(NamedTuple):
@@ -46,6 +49,9 @@ class Drive(NamedTuple):
     actuators: npt.NDArray[np.void]
     wheels_cm_s: FloatArray
     ring_on: BoolArray
+    turns_rad: FloatArray
+    ring_before: BoolArray
+    """(robots,) the rings of the step before, which are those that robots see; written."""
     wheel_gain: FloatArray
     slip: float
     step_s: float
@@ -98,6 +104,8 @@ def make_control_loop(
             actuators=swarm.actuators,
             wheels_cm_s=swarm.wheels_cm_s,
             ring_on=swarm.ring_on,
+            turns_rad=swarm.turns_rad,
+            ring_before=swarm.ring_before,
             wheel_gain=variation.wheel_gain,
             slip=scenario.noise.wheel_speed,
             step_s=timing.step_ms / 1000,
@@ -106,15 +114,42 @@ def make_control_loop(
     )
 
 
+def restart_loop(loop: ControlLoop, step_ms: int, variation: RobotVariation) -> None:
+    """Set a loop to before its first step; step_ms: length of a control step; variation: how robots differ."""
+    loop.clocks.step_ms[:] = step_ms * variation.clock_rate[: len(loop.clocks.step_ms)]
+    restart_stoppages(loop.stoppages)
+
+
 if TYPE_CHECKING:  # `bind` provides it
     value_at: Callable[[int], Any]
 
 
-def _sense(address: int) -> None:
-    """Have the robots of a group sense."""
+def _sense_with_camera(address: int) -> None:
+    """Have the robots of a group sense that see flashes with their cameras."""
     group = value_at(address)  # noqa: F821 see `bind`
     sense(group.sensing, group.step[0] % NOISE_STEPS)
-    take_pictures(group.camera_clock, group.step[0])
+    take_pictures(group.receiver, group.step[0])
+
+
+def _sense_with_cone(address: int) -> None:
+    """Have the robots of a group sense that perceive flashes with the ideal sensor."""
+    group = value_at(address)  # noqa: F821 see `bind`
+    arrays, sensor = group.sensing, group.receiver
+    sense_proximity(arrays, group.step[0] % NOISE_STEPS)
+    among = Obstruction(arrays.poses, arrays.circles, arrays.edges, arrays.cells)
+    perceive_flashes(sensor.cone, sensor.occlusion, arrays.ring_on, among, arrays.first_robot, arrays.pixels)
+
+
+def _sense_with_radio(address: int) -> None:
+    """Have the robots of a group sense that receive pulses by radio."""
+    group = value_at(address)  # noqa: F821 see `bind`
+    arrays = group.sensing
+    sense_proximity(arrays, group.step[0] % NOISE_STEPS)
+    receive_pulses(group.receiver, arrays.poses, arrays.ring_on, arrays.first_robot, group.step[0])
+
+
+_SENSE = {CameraClock: _sense_with_camera, LitRingSensor: _sense_with_cone, Radio: _sense_with_radio}
+"""How a group of robots senses, by what brings flashes to it."""
 
 
 @jit
@@ -124,6 +159,13 @@ def run_calls(calls: IntArray) -> None:
         call_at(calls[call, 0], calls[call, 1])
 
 
+@jit_no_alloc
+def copy_rings(ring_on: BoolArray, ring_before: BoolArray) -> None:
+    """Write which rings are lit to `ring_before`."""
+    for robot in range(len(ring_on)):
+        ring_before[robot] = ring_on[robot]
+
+
 def _take_steps(address: int, steps: int, until_lit: int) -> int:
     """Take a number of control steps, or as many as it takes until the ring of robot `until_lit` is lit, if not -1.
 
@@ -131,7 +173,7 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
     all controllers have run.
 
     Returns:
-        The first robot whose controller set a wheel speed that is not a number, which ends the loop; or -1.
+        The first robot whose controller set a speed or a turn that is no number, which ends the loop; or -1.
     """
     loop = value_at(address)  # noqa: F821 see `bind`
     drive = loop.drive
@@ -143,10 +185,12 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
         tick(loop.clocks, step)
         stop_and_release(loop.stoppages, step * drive.step_s)
         run_calls(loop.calls)
+        copy_rings(drive.ring_on, drive.ring_before)
         invalid = apply_commands(
             drive.actuators,
             drive.wheels_cm_s,
             drive.ring_on,
+            drive.turns_rad,
             loop.bodies.poses,
             drive.wheel_gain,
             drive.slip,
@@ -165,7 +209,7 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
 def interpreted_loop(loop: ControlLoop, groups: Sequence[RobotGroupState]) -> Callable[[int, int], int]:
     """Return `_take_steps` of this loop as a function of its other arguments, as plain Python."""
     sensing = [_sensing(loop, group) for group in groups]
-    sense_groups = [bind(_sense, value_at=lambda _, group=group: group) for group in sensing]
+    sense_groups = [bind(_SENSE[type(group.receiver)], value_at=lambda _, group=group: group) for group in sensing]
     for sense_group in sense_groups:  # now, so that compiling it belongs to no trial's time
         sense_group(0)
     move_bodies(loop.bodies, 0)
@@ -183,14 +227,14 @@ class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
     def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
-        self._take_steps = _compiled_for(_take_steps, loop)
+        self._take_steps = compiled_for(_take_steps, loop)
         self._owner, self._address = hold(loop)
         self._owners = []
         for number, group in enumerate(groups):
             sensing = _sensing(loop, group)
             owner, address = hold(sensing)
             self._owners.append(owner)
-            loop.calls[number] = function_address(_compiled_for(_sense, sensing)), address
+            loop.calls[number] = function_address(compiled_for(_SENSE[type(group.receiver)], sensing)), address
             loop.calls[len(groups) + number] = group.runner.step_address, group.runner.address
 
     def __call__(self, steps: int, until_lit: int) -> int:
@@ -199,15 +243,4 @@ class CompiledLoop:
 
 
 def _sensing(loop: ControlLoop, group: RobotGroupState) -> GroupSensing:
-    return GroupSensing(loop.step, group.sensing, group.camera_clock)
-
-
-_compiled: dict[Hashable, Any] = {}
-
-
-def _compiled_for(function: Any, value: ControlLoop | GroupSensing) -> Any:
-    """Return a function compiled for addresses of such values."""
-    key = function, layout(value)
-    if key not in _compiled:
-        _compiled[key] = compile_at(function, value, kernel_digest(), careful=False)
-    return _compiled[key]
+    return GroupSensing(loop.step, group.sensing, group.receiver)

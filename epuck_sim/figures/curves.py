@@ -1,4 +1,4 @@
-"""Curves of T_sync against speed, or another axis, from a run folder: a line for each combination of the others."""
+"""Curves of T_sync, or of a measure, against speed or another axis: a line for each combination of the others."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.csv_tables import Table, curves_table, rounded
-from epuck_sim.figures.labels import axis_label, format_axis_values
+from epuck_sim.figures.labels import axis_label, format_axis_values, quantity_label
 from epuck_sim.figures.style import (
     add_shared_legend,
     disable_mathtext,
@@ -31,14 +31,23 @@ MAX_EXTRAPOLATION = 100
 
 NOT_A_SPEED = ExtremaSearch(None, "the axis is no speed")
 
+NOT_T_SYNC = ExtremaSearch(None, "those of a measure are printed by fit")
+
 
 def find_extrema(axis: str, curves: Sequence[Curve]) -> list[ExtremaSearch]:
-    """Look for the minimum and the peak of each curve over `axis`, a dotted key."""
+    """Look for the minimum and the peak of each curve of T_sync over `axis`, a dotted key."""
+    if curves[0].of is not None:
+        return [NOT_T_SYNC] * len(curves)
     return [search_extrema(curve) if axis.endswith(SPEED) else NOT_A_SPEED for curve in curves]
 
 
 def curves_tables(axis: str, curves: Sequence[Curve], searches: Sequence[ExtremaSearch]) -> dict[str, Table]:
-    """Return the points of curves over `axis`, and their minima and peaks, as tables by the endings of their files."""
+    """Return the points of curves over `axis`, and their minima and peaks, as tables by the endings of their files.
+
+    Of a measure there is the first table alone.
+    """
+    if curves[0].of is not None:
+        return {".csv": curves_table(axis, curves)}
     columns = (*curves[0].axes, *EXTREMA_COLUMNS, "p_value", "reason")
     return {".csv": curves_table(axis, curves), "-regimes.csv": Table(columns, _extrema_rows(curves, searches))}
 
@@ -48,8 +57,8 @@ def draw_curves(
 ) -> Figure:
     """Draw the curves with their 95 % bands, T_sync on a logarithmic scale, hollow where trials are censored.
 
-    A cross at the upper edge is undetermined; triangles are the local minimum and the peak, where found. The label of
-    the vertical axis names the statistic.
+    Measures have a logarithmic scale where they are positive and far apart. A cross at the upper edge is undetermined;
+    triangles are the local minimum and the peak, where found. The label of the vertical axis names the statistic.
 
     Args:
         title: Title of the figure.
@@ -63,15 +72,15 @@ def draw_curves(
     labels = [format_axis_values({key: row[key] for key in row if key != split_by}) for row in distinguishing]
     titles, size = list(dict.fromkeys(heads)), (6.0, 3.8) if len(set(heads)) == 1 else (3.8, 3.4)
     figure, panels = make_panels(title, titles, (axis_label(axis), _label(curves)), size)
-    highest = max((np.nanmax(each, initial=1.0) for each in (curve.values for curve in curves)), default=1.0)
-    highest = min(highest, MAX_EXTRAPOLATION * max(curve.scenario.stop.max_cycles for curve in curves))
+    is_log, unknown_at = _vertical_scale(curves)
     x = np.concatenate([curve.x for curve in curves])
-    make_logarithmic(panels[0], "y", *["x"] * is_logarithmic(axis, x))
+    make_logarithmic(panels[0], *["y"] * is_log, *["x"] * is_logarithmic(axis, x))
     names = list(dict.fromkeys(labels))
     colours = dict(zip(names, colormaps["viridis"](np.linspace(0, 0.9, len(names))), strict=True))
     for curve, search, head, label in zip(curves, searches, heads, labels, strict=True):
-        _draw_curve(panels[titles.index(head)], curve, search.extrema, colours[label], label, 2 * highest)
-    panels[0].set_ylim(top=min(panels[0].get_ylim()[1], 3 * highest))
+        _draw_curve(panels[titles.index(head)], curve, search.extrema, colours[label], label, unknown_at)
+    if curves[0].of is None:
+        panels[0].set_ylim(top=min(panels[0].get_ylim()[1], 1.5 * unknown_at))
     if any(labels) and len(panels) == 1:
         disable_mathtext(panels[0].legend(fontsize="small"))
     elif any(labels):
@@ -81,7 +90,19 @@ def draw_curves(
 
 def _label(curves: Sequence[Curve]) -> str:
     names = dict.fromkeys(name for curve in curves for name in curve.names)
-    return f"T_sync [cycles], {' or '.join(names)}"
+    return f"{quantity_label(curves[0].of)}, {' or '.join(names)}"
+
+
+def _vertical_scale(curves: Sequence[Curve]) -> tuple[bool, float]:
+    """Return whether the vertical scale is logarithmic, and where on it marks of undetermined points are."""
+    of, values = curves[0].of, np.concatenate([curve.values for curve in curves])
+    known = values[np.isfinite(values)]
+    if of is not None:
+        is_log = bool(len(known)) and is_logarithmic(of, known)
+        low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
+        return is_log, float(2 * high if is_log else high + 0.2 * (high - low))
+    longest = MAX_EXTRAPOLATION * max(curve.scenario.stop.max_cycles for curve in curves)
+    return True, 2 * min(float(known.max(initial=1.0)), longest)
 
 
 def _draw_curve(

@@ -29,6 +29,15 @@ SYMBOLS = {
 """Symbol in the thesis, and unit, by the last part of a key."""
 
 
+def quantity_label(of: str | None) -> str:
+    """Return the label of T_sync, or of the measure of this name.
+
+    >>> quantity_label(None), quantity_label("near_walls")
+    ('T_sync [cycles]', 'near_walls')
+    """
+    return "T_sync [cycles]" if of is None else of
+
+
 def key_name(key: str) -> str:
     """Return the thesis's symbol for a key, or the key itself.
 

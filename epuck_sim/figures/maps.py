@@ -1,4 +1,4 @@
-"""Maps of T_sync over two axes, a panel for each combination of the others (thesis Figs. 3.5, 5.6, D.4)."""
+"""Maps of T_sync (thesis Figs. 3.5, 5.6, D.4), or of a measure, over two axes; a panel for each value of the others."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.figures.csv_tables import Table, curves_table
-from epuck_sim.figures.labels import axis_label, distinguishing_labels
+from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity_label
 from epuck_sim.figures.style import (
     add_shared_legend,
     format_tick,
@@ -43,7 +43,7 @@ GREY = "0.88"
 
 
 class Map(NamedTuple):
-    """A statistic of T_sync, in cycles, at the points of two axes; the grid may have holes."""
+    """A statistic of T_sync, in cycles, or of a measure, at the points of two axes; the grid may have holes."""
 
     axes: dict[str, Any]
     """Values of the other axes."""
@@ -109,13 +109,37 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
     )
     make_logarithmic(panels[0], *(name for name, chosen in zip("xy", logarithmic, strict=True) if chosen))
     has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in maps)
-    levels = choose_levels(np.concatenate([each.values.ravel() for each in maps]))
+    values = np.concatenate([each.values.ravel() for each in maps])
+    is_log = has_log_colours(maps[0].rows[0].of, values)
+    levels = choose_levels(values) if is_log else choose_linear_levels(values)
     for panel, each in zip(panels, maps, strict=True):
-        _draw_map(panel, each, levels, logarithmic, has_contours)
+        _draw_map(
+            panel, each._replace(values=np.log10(each.values)) if is_log else each, levels, logarithmic, has_contours
+        )
     _set_limits(panels[0], maps, logarithmic, has_contours)
-    _add_colour_bar(figure, panels, levels, _label(maps))
+    _add_colour_bar(figure, panels, levels, _label(maps), is_log=is_log)
     add_shared_legend(figure, panels)
     return figure
+
+
+def has_log_colours(of: str | None, values: FloatArray) -> bool:
+    """Return whether colours stand for logarithms of values, (n,): of T_sync, and of measures that are far apart."""
+    known = values[~np.isnan(values)]
+    return of is None or (len(known) > 0 and is_logarithmic(of, known))
+
+
+def choose_linear_levels(values: FloatArray) -> FloatArray:
+    """Return the ends of the ranges of one colour, ascending; all values, (n,), lie between them.
+
+    >>> choose_linear_levels(np.array([0.1, 0.32, np.nan])).round(9).tolist()
+    [0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26, 0.28, 0.3, 0.32, 0.34]
+    """
+    known = values[~np.isnan(values)]
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    span = (high - low) or abs(high) or 1.0
+    unit = 10 ** math.floor(math.log10(span / MAX_LEVELS))
+    step = unit * next(factor for factor in (1, 2, 5, 10, 20) if span / (unit * factor) <= MAX_LEVELS - 2)
+    return np.arange(math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 2) * float(step)
 
 
 def choose_levels(values: FloatArray) -> FloatArray:
@@ -135,9 +159,9 @@ def choose_levels(values: FloatArray) -> FloatArray:
 
 def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[bool, bool], has_contours: bool) -> None:
     norm = BoundaryNorm(levels, COLOURS.N)
-    logs = np.ma.log10(np.ma.masked_invalid(each.values))
-    edges = [_edges(values, is_log) for values, is_log in zip((each.x, each.y), logarithmic, strict=True)]
-    panel.pcolormesh(*edges, logs, cmap=COLOURS, norm=norm, edgecolors="face", linewidth=0.2)
+    values = np.ma.masked_invalid(each.values)
+    edges = [_edges(places, is_log) for places, is_log in zip((each.x, each.y), logarithmic, strict=True)]
+    panel.pcolormesh(*edges, values, cmap=COLOURS, norm=norm, edgecolors="face", linewidth=0.2)
     is_undetermined = each.is_tried & np.isnan(each.values)
     if is_undetermined.any():
         grey = np.ma.masked_where(~is_undetermined, np.zeros(each.values.shape))
@@ -150,7 +174,7 @@ def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[boo
         # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
         scaled = [_scaled(values, is_log) for values, is_log in zip((each.x, each.y), logarithmic, strict=True)]
         on_page = panel.transLimits + panel.transAxes
-        panel.contourf(*scaled, logs, levels=levels, cmap=COLOURS, norm=norm, corner_mask=False, transform=on_page)
+        panel.contourf(*scaled, values, levels=levels, cmap=COLOURS, norm=norm, corner_mask=False, transform=on_page)
 
 
 def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool], has_contours: bool) -> None:
@@ -163,13 +187,16 @@ def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool]
 
 def _label(maps: Sequence[Map]) -> str:
     names = dict.fromkeys(name for each in maps for row in each.rows for name in row.names)
-    return f"T_sync [cycles],\n{' or '.join(names)}"
+    return f"{quantity_label(maps[0].rows[0].of)},\n{' or '.join(names)}"
 
 
-def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray, label: str) -> None:
-    """Add a colour bar beside the panels, with powers of ten, or with numbers between where it holds only one."""
+def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray, label: str, *, is_log: bool) -> None:
+    """Add a colour bar beside the panels; of logarithms with powers of ten, or numbers between where it holds one."""
     colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
     bar = figure.colorbar(colours, ax=list(panels), label=label, spacing="proportional")
+    if not is_log:
+        bar.ax.minorticks_off()
+        return
     powers = range(math.ceil(levels[0]), math.floor(levels[-1]) + 1)
     if len(powers) > 1:
         bar.set_ticks(list(powers), labels=[f"$10^{{{power}}}$" for power in powers])

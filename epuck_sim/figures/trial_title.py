@@ -27,6 +27,8 @@ def page_title(recorded: Recorded, *, has_oscillators: bool) -> str:
     """Return the title: scenario, seed and outcome, and a second line if the scenario is not as it is known."""
     if recorded.synchronised:
         outcome = f"synchronised after {recorded.cycles} cycles"
+    elif recorded.scenario.stop.order_parameter is None and has_oscillators:
+        outcome = f"{recorded.cycles} cycles"
     else:
         outcome = "not synchronised" if has_oscillators else "without oscillators"
     changes = describe_changes(changed_values(recorded.scenario))

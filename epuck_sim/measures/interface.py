@@ -12,7 +12,8 @@ point agents, `cycle` after every firing of the reference. `event` is what obser
 `state` how far the trial is. Without `step` and `event`, compiled code runs from one cycle to the next.
 The value is a number, a truth value, None where it is undetermined, or a list of them, one for each cycle.
 A class attribute `MODELS` names the models that it can measure, if it cannot measure all; a static method
-`check(parameters)` raises ValueError on parameters that make no sense.
+`check(parameters)` raises ValueError on parameters that make no sense, `check_scenario(scenario, parameters)` on a
+scenario that it cannot measure.
 """
 
 import inspect
@@ -73,14 +74,22 @@ class Measure:
             event_method: Name of the method that trials of this model tell of every event.
         """
         models = getattr(self.make, "MODELS", None)
-        if models is not None and model not in models:
-            raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+        if models is not None:
+            if model not in models:
+                raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+            return
         methods = [method for method in EVENT_METHODS if self.is_told(method)]
         if methods and event_method not in methods:
             raise ValueError(
                 f"{self.name} asks for {EVENT_METHODS[methods[0]]}, by its method {methods[0]}; model: {model} tells "
                 f"of {EVENT_METHODS[event_method]}, by {event_method}"
             )
+
+    def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
+        """Raise ValueError if it cannot measure trials of a scenario, which has everything filled in, with these."""
+        check = getattr(self.make, "check_scenario", None)
+        if check is not None:
+            check(scenario, SimpleNamespace(**parameters))
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Parameter]:
         """Return every parameter with its given value or its default.

@@ -60,16 +60,19 @@ class Instant(NamedTuple):
     """(agents,) scratch: whether each agent is in `reached`."""
     order_parameter: FloatArray
     """(1,) the order parameter at the last firing of the reference; NaN before it is measured."""
+    headings: FloatArray
+    """(dimensions, agents) unit vectors: headings at this instant before any agent reoriented, if agents do so."""
     counters: IntArray
     """(5,) counts at the indices `INSTANTS`, `CYCLES`, `FIRINGS`, `PULSES` and `SYNCHRONISED`."""
 
 
-def make_instant(agents: int) -> Instant:
+def make_instant(dimensions: int, agents: int) -> Instant:
     """Return an instant at which nothing has happened yet."""
     fired, received, reached = np.zeros((3, agents + 1), np.uint32)
     counts, counters = np.zeros(3, np.int64), np.zeros(5, np.int64)
     is_done, is_reached = np.zeros((2, agents), np.bool_)
-    return Instant(fired, received, reached, counts, is_done, is_reached, np.full(1, np.nan), counters)
+    order_parameter, headings = np.full(1, np.nan), np.zeros((dimensions, agents))
+    return Instant(fired, received, reached, counts, is_done, is_reached, order_parameter, headings, counters)
 
 
 @jit_inline
@@ -147,6 +150,9 @@ def note_arrivals(instant: Instant, receivers: IndexArray) -> None:
 def reorient_agents(trajectories: Trajectories, rules: Rules, instant: Instant, time: float) -> None:
     """Reorient the agents that emitted, received or were reached by a pulse, as the rules ask; none of them twice."""
     advance_all(trajectories, time)
+    for axis in range(len(trajectories.heading)):
+        for agent in range(len(trajectories.speed)):
+            instant.headings[axis, agent] = trajectories.heading[axis, agent]
     fired, received = instant.fired[: instant.counts[0]], instant.received[: instant.counts[1]]
     reached = instant.reached[: instant.counts[2]]
     for agents, are_turned in (

@@ -3,6 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable, Hashable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numba
@@ -10,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.control.compilation import digest_sources, frozen_values, jit_functions, reason_of
+from epuck_sim.control.compilation import digest_sources, explain_refusal, frozen_values, jit_functions
+from epuck_sim.control.error_lines import take_error_place
 from epuck_sim.control.interface import Value, record_type
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.phase_response import CURVES, FROM_FILE, CurveFromFile, Response
@@ -21,12 +23,8 @@ from epuck_sim.util.jit import bind, digest
 
 
 class CurveArrays(NamedTuple):
-    """What a user's curve works on."""
+    """What a user's curve works on, beside the phase; nothing changes it, so that simulations in threads share it."""
 
-    phase: FloatArray
-    """(1,) its argument."""
-    shift: FloatArray
-    """(1,) its result."""
     coupling: FloatArray
     """(1,) strength of the response."""
     parameters: npt.NDArray[np.void]
@@ -67,23 +65,30 @@ def _compile_curve(curve: Curve, coupling: float, parameters: Mapping[str, Value
         record = np.zeros(1, record_type({name: type(value) for name, value in parameters.items()}))
         for name, value in parameters.items():
             record[name] = value
-        arrays = CurveArrays(np.zeros(1), np.zeros(1), np.full(1, coupling), record)
+        arrays = CurveArrays(np.full(1, coupling), record)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
                 (function,) = jit_functions([curve.phase_shift], curve.modules, contents_digest)
-                compiled = compile_at(bind(_write_shift, phase_shift=function), arrays, contents_digest, careful=True)
+                compiled = compile_at(bind(_shift_at, phase_shift=function), arrays, contents_digest, careful=True)
         except Exception as error:  # numba's own errors, and what escapes it
-            raise CurveError(f"{curve.name}: cannot be compiled\n{reason_of(error)}") from error
+            raise CurveError(explain_refusal(error, Path(curve.name), curve.sources)) from error
         owner, address = hold(arrays)
-        _compiled[key] = owner, CurveFromFile(function_address(compiled), address, arrays.phase, arrays.shift)
+        _compiled[key] = (owner, arrays), CurveFromFile(function_address(compiled), address)
     return _compiled[key][1]
 
 
-def _write_shift(address: int) -> None:
-    """Compute the shift of a phase by a user's curve."""
+def _shift_at(address: int, phase: float) -> float:
+    """Return the shift of a phase by a user's curve."""
     arrays = value_at(address)  # noqa: F821 see `bind`
-    shift = phase_shift(arrays.phase[0], arrays.coupling[0], arrays.parameters[0])  # noqa: F821
+    shift = float(phase_shift(phase, arrays.coupling[0], arrays.parameters[0]))  # noqa: F821
     if not math.isfinite(shift):
         raise ValueError("phase_shift returns a number that is not finite")
-    arrays.shift[0] = shift
+    return shift
+
+
+def trial_error(name: str, error: Exception) -> CurveError:
+    """Return what to raise for what a user's curve, of this name, has raised in compiled code."""
+    place = take_error_place()
+    where = f"{list(find_curve(name).sources)[place.file]}:{place.line}" if place else name
+    return CurveError(f"{where}: {type(error).__name__}: {error}")

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.util.addresses import call_at
+from epuck_sim.util.addresses import evaluate_at
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
@@ -39,16 +39,12 @@ class CurveFromFile(NamedTuple):
     """A user's response curve, compiled; see `curve_compilation`."""
 
     function: int
-    """Address of the function that writes the shift at `phase` to `shift`."""
+    """Address of the function from an address and a phase to the shift."""
     arrays: int
-    """Address of what it works on: its argument."""
-    phase: FloatArray
-    """(1,) the phase at which the shift is asked for."""
-    shift: FloatArray
-    """(1,) the shift."""
+    """Address of what else it works on."""
 
 
-NO_FILE = CurveFromFile(0, 0, np.zeros(1), np.zeros(1))
+NO_FILE = CurveFromFile(0, 0)
 """Stands for the curve of a file where a shipped one is used."""
 
 
@@ -99,15 +95,7 @@ def other_shift(response: Response, phase: float) -> float:
         return math.expm1(response.dissipation * coupling) * (phase + 1 / math.expm1(response.dissipation))
     if response.curve == PIECEWISE_LINEAR:
         return coupling * phase * (response.early_slope if phase <= response.knee else 1.0)
-    return shift_from_file(response.from_file, phase)
-
-
-@jit_inline
-def shift_from_file(curve: CurveFromFile, phase: float) -> float:
-    """Return the shift of a phase by a user's curve; raise what its function raises."""
-    curve.phase[0] = phase
-    call_at(curve.function, curve.arrays)
-    shift: float = curve.shift[0]
+    shift: float = evaluate_at(response.from_file.function, response.from_file.arrays, phase)
     return shift
 
 

@@ -38,6 +38,7 @@ def make_rules(scenario: ParticleScenario, response: Response, neighbourhood: Ne
     stop, reorient_on = scenario.stop, scenario.agents.reorient_on
     is_single = scenario.agents.count == 1  # a single agent is never synchronised
     threshold = math.inf if is_single or stop.order_parameter is None else stop.order_parameter
+    max_offset = max_phase_offset(scenario.agents.count, threshold) if threshold < math.inf else -1.0
     return Rules(
         response,
         "emitting" in reorient_on,
@@ -47,5 +48,5 @@ def make_rules(scenario: ParticleScenario, response: Response, neighbourhood: Ne
         stop.reference,
         METRIC_CODES[stop.metric],
         threshold,
-        max_phase_offset(scenario.agents.count, threshold) if threshold < math.inf else -1.0,
+        1.0 if stop.max_time_s is not None else max_offset,  # then a trial may end between two firings
     )

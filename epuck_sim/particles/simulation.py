@@ -2,23 +2,22 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.errors import CurveError
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.cascade import CYCLES, FIRINGS, INSTANTS, PULSES, SYNCHRONISED, make_instant
 from epuck_sim.particles.curve_compilation import make_response
-from epuck_sim.particles.events import UNLIMITED, advance, reflect_if_next
+from epuck_sim.particles.events import UNLIMITED
 from epuck_sim.particles.initial_conditions import initial_oscillators, initial_trajectories, receiver_streams
-from epuck_sim.particles.motion import compute_positions
-from epuck_sim.particles.neighbour_lists import NeighbourLists
+from epuck_sim.particles.neighbour_links import NeighbourLinks
 from epuck_sim.particles.neighbourhood import make_neighbourhood
-from epuck_sim.particles.rules import Rules, make_rules
+from epuck_sim.particles.pulse_links import PulseLinks
+from epuck_sim.particles.rules import make_rules
+from epuck_sim.particles.state import HeldState, SwarmState, make_observed
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
@@ -37,6 +36,34 @@ class Event(NamedTuple):
     """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
 
 
+class LastInstant:
+    """The last instant at which agents fired, as an `Event` that is made when it is asked for.
+
+    It is that of the simulation's present time: what is kept beyond that must be read before.
+    """
+
+    def __init__(self, simulation: "ParticleSimulation") -> None:
+        self._simulation = simulation
+
+    turned: None = None
+    """Agents fired: none reached a wall."""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time of the instant."""
+        return self._simulation.time_s
+
+    @property
+    def fired(self) -> IntArray:
+        """Indices of the agents that fired, in the order of the cascade."""
+        return self._simulation.last_instant().fired
+
+    @property
+    def received(self) -> IntArray:
+        """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
+        return self._simulation.last_instant().received
+
+
 class ParticleSimulation:
     """Point-like agents and their oscillators; iteration goes from event to event, without end.
 
@@ -50,8 +77,6 @@ class ParticleSimulation:
     """The scenario, with all defaults filled in."""
     seed: int
     """Seed of the trial."""
-    _is_compiled: ClassVar[bool] = False
-    """Whether the kernel is compiled; its arguments are of the same types in all simulations."""
 
     def __init__(self, scenario: Scenario | str | Path | Mapping[str, Any], seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
@@ -70,14 +95,20 @@ class ParticleSimulation:
         position_seed, phase_seed, motion_seed = np.random.SeedSequence(self.seed).spawn(3)
         self._trajectories = initial_trajectories(loaded, position_seed, motion_seed)
         self._oscillators = initial_oscillators(loaded, phase_seed)
-        self._instant = make_instant(loaded.agents.count)
+        self._instant = make_instant(loaded.space.dimensions, loaded.agents.count)
         streams = receiver_streams(loaded, self.seed)
         neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()), streams)
-        rules = make_rules(loaded, make_response(loaded.response), neighbourhood)
-        self._state = self._trajectories, neighbourhood, self._oscillators, rules, self._instant
-        if not ParticleSimulation._is_compiled:
-            self.run(0)  # compiles the kernel now, so that no measured time includes it
-            ParticleSimulation._is_compiled = True
+        self._state = SwarmState(
+            self._trajectories,
+            neighbourhood,
+            self._oscillators,
+            make_rules(loaded, make_response(loaded.response), neighbourhood),
+            self._instant,
+            make_observed(loaded.space.dimensions, loaded.agents.count),
+        )
+        self._held = HeldState(self._state, loaded.response.curve)
+        self._neighbour_links: NeighbourLinks | None = None
+        self._pulse_links: PulseLinks | None = None
 
     def __iter__(self) -> Iterator[Event]:
         """Return the simulation itself, which continues from its present state."""
@@ -85,12 +116,11 @@ class ParticleSimulation:
 
     def __next__(self) -> Event:
         """Simulate up to the next event and return it."""
-        trajectories, neighbourhood, oscillators, rules, instant = self._state
-        turned = reflect_if_next(trajectories, neighbourhood, oscillators, instant)
+        turned = self._held.reflect_if_next()
         if turned >= 0:
             no_agents = np.empty(0, np.int64)
             return Event(self.time_s, turned, no_agents, no_agents)
-        self._advance(rules, int(instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED, 0.0)
+        self._held.advance(int(self._instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED)
         return self.last_instant()
 
     def last_instant(self) -> Event:
@@ -100,7 +130,7 @@ class ParticleSimulation:
         received = instant.received[: instant.counts[1]].astype(np.int64)
         return Event(self.time_s, None, fired, received)
 
-    def run(self, cycles: int, periods: int | None = None, pulses: int | None = None) -> None:
+    def run(self, cycles: int, periods: int | None = None, pulses: int | None = None, *, share: float = 0.0) -> None:
         """Simulate until the reference has fired `cycles` times since the beginning, or until synchrony.
 
         Args:
@@ -109,10 +139,11 @@ class ParticleSimulation:
                 limit, with which the call never returns if other agents hold the reference back for ever.
             pulses: Limit of pulses whose receivers are looked for, 1 or more, counted from now: a measure of the time
                 that the call takes. The instant that reaches it is completed. None for no limit.
+            share: Part of a period, below 1, by which the limit of periods lies later.
         """
         last_cycle = UNLIMITED if periods is None else int(self._oscillators.cycle[0]) + periods
         last_pulse = UNLIMITED if pulses is None else int(self._instant.counters[PULSES]) + pulses
-        self._advance(self._state[3], last_pulse, cycles, last_cycle, 0.0)
+        self._held.advance(last_pulse, cycles, last_cycle, share)
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -127,22 +158,28 @@ class ParticleSimulation:
         if not self.time_s - 1e-9 * period_s <= time_s < math.inf:
             raise ValueError(f"time_s is {time_s}; the simulation is at {self.time_s} s and cannot go back")
         cycle, time = divmod(time_s / period_s, 1.0)
-        # between events the order parameter at the reference's last firing may be asked for: always measure it
-        self._advance(self._state[3]._replace(max_offset=1.0), UNLIMITED, UNLIMITED, int(cycle), time)
+        self._held.advance_to(int(cycle), time)
         if not self.is_synchronised:
             self._oscillators.now[0] = int(cycle) - self._oscillators.cycle[0] + time
 
-    def _advance(self, rules: Rules, pulses: int, cycles: int, last_cycle: int, last_time: float) -> None:
-        """Simulate up to a limit of `advance`.
+    def displace(self, agent: int, cycles: float) -> None:
+        """Bring the next firing of an agent forward, before the first event; its phase is ahead by so much at most.
+
+        Args:
+            agent: Index of the agent.
+            cycles: By how much, 0 or more; no further than to the present time.
 
         Raises:
-            CurveError: A user's response curve raises.
+            ValueError: Agents have fired already, or `cycles` is negative.
         """
-        trajectories, neighbourhood, oscillators, _, instant = self._state
-        try:
-            advance(trajectories, neighbourhood, oscillators, rules, instant, pulses, cycles, last_cycle, last_time)
-        except Exception as error:  # nothing else in the kernel raises
-            raise CurveError(f"{self.scenario.response.curve}: {type(error).__name__}: {error}") from error
+        if self.instants or cycles < 0:
+            raise ValueError(
+                f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more, before the first"
+            )
+        oscillators = self._oscillators
+        forward = cycles * oscillators.period[agent]
+        oscillators.next_firing[agent] = max(oscillators.next_firing[agent] - forward, oscillators.now[0])
+        oscillators.is_stale[:] = True
 
     @property
     def time_s(self) -> float:
@@ -155,9 +192,10 @@ class ParticleSimulation:
         return int(self._oscillators.cycle[0])
 
     @property
-    def next_period(self) -> int:
-        """Number of the nominal period, from 0, in which the next agent fires."""
-        return int(self._oscillators.cycle[0] + np.floor(self._oscillators.next_firing.min()))
+    def next_firing(self) -> tuple[int, float]:
+        """Number of the nominal period, from 0, in which the next agent fires, and the share of it that has passed."""
+        periods, share = divmod(self._held.next_firing(), 1.0)
+        return int(self._oscillators.cycle[0]) + int(periods), share
 
     @property
     def cycles(self) -> int:
@@ -194,9 +232,7 @@ class ParticleSimulation:
 
     def phases(self) -> FloatArray:
         """Return (agents,) phases at the present time; an agent that has just fired has phase 0."""
-        oscillators = self._oscillators
-        phases: FloatArray = 1 - (oscillators.next_firing - oscillators.now[0]) / oscillators.period
-        return np.maximum(phases, 0.0)  # rounding may leave -1e-16 to an agent that has just fired
+        return self._held.phases()
 
     @property
     def periods_s(self) -> FloatArray:
@@ -212,9 +248,7 @@ class ParticleSimulation:
 
     def positions(self) -> FloatArray:
         """Return (agents, dimensions) cm: positions at the present time."""
-        positions = np.empty_like(self._trajectories.origin)
-        compute_positions(self._trajectories, self._oscillators.now[0], positions)
-        return positions.T
+        return self._held.positions()
 
     def adjacency(self) -> BoolArray:
         """Return (agents, agents) the adjacency matrix at the present time (eq. 5.6).
@@ -224,13 +258,46 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        return self._neighbour_lists.adjacency(self.positions(), self.headings())
-
-    @cached_property
-    def _neighbour_lists(self) -> NeighbourLists:
-        return NeighbourLists(self.scenario)
+        agents = self.scenario.agents.count
+        matrix = np.zeros(agents * agents, np.bool_)
+        matrix[self.neighbour_links()] = True
+        return matrix.reshape(agents, agents)
 
     def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""
         self.positions()  # continues trajectories that have ended
         return self._trajectories.heading.T.copy()
+
+    def neighbour_links(self) -> IntArray:
+        """Return the links from each agent to those that would receive its pulse at the present time.
+
+        Returns:
+            (links,) ascending: the sender times the number of agents, plus the receiver.
+
+        Raises:
+            ScenarioError: Receivers are drawn anew for each pulse.
+        """
+        if self._neighbour_links is None:
+            self._neighbour_links = NeighbourLinks(self.scenario, self._state)
+        return self._neighbour_links.find()
+
+    def pulse_links(self) -> IntArray:
+        """Return who received whose pulse at the last instant at which agents fired, if no time has passed since.
+
+        Returns:
+            (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase, in the order of the
+            cascade; of 50 agents or more, those alone that shift a phase. There are no links if receivers are
+            drawn anew for each pulse: nobody else is shown whom.
+        """
+        if self._pulse_links is None:
+            self._pulse_links = PulseLinks(self.scenario)
+        turns = bool(self.scenario.agents.reorient_on)
+        headings = self._instant.headings.T if turns else self.headings()
+        event = self.last_instant()
+        return self._pulse_links.find(self.positions(), headings, event.fired, event.received)
+
+    def _repr_html_(self) -> str:
+        """Return the space with the agents as they are now, for notebooks."""
+        from epuck_sim.particles.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
+
+        return show_simulation(self)

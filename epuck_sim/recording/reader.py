@@ -86,6 +86,12 @@ class Recorded(NamedTuple):
         """
         return self._linked("pulses", "particles")
 
+    def _repr_html_(self) -> str:
+        """Return the last moment at which most rings were lit, and what is recorded, for notebooks."""
+        from epuck_sim.recording.notebook import show_recorded  # noqa: PLC0415 is for notebooks alone
+
+        return show_recorded(self)
+
     def _linked(self, what: str, model: str) -> IntArray:
         if self.scenario.model != model:
             raise RecordingError(

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, is_file
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.measures import MeasureSection
 from epuck_sim.scenario.particles import ParticleScenario
@@ -55,7 +54,7 @@ def stored_point(point: Point) -> StoredPoint:
 
 
 def _controller(name: str) -> str:
-    return name if not name.endswith(".py") else _with_digest(Path(name).name, find_controller(name).sources)
+    return name if not is_file(name) else _with_digest(Path(name).name, find_controller(name).sources)
 
 
 def _own_curve(scenario: Scenario) -> list[str]:
@@ -65,7 +64,7 @@ def _own_curve(scenario: Scenario) -> list[str]:
 
 
 def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
-    measure = find_measure(section.measure)
+    measure = section.find()
     name = Path(measure.stored_name).name
     shown = _with_digest(name, measure.sources) if measure.sources else name
     return measure.name, {"measure": shown, **section.parameters}
@@ -111,7 +110,10 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
 
 
 def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -> None:
-    """Raise StoreError if trials with results were measured otherwise than those to come would be."""
+    """Raise StoreError if trials with results were measured otherwise than those to come would be.
+
+    Measures that were added are none of these: stored trials are run again for them.
+    """
     for name, measure in stored.items():
         if name not in now:
             raise StoreError(
@@ -124,12 +126,6 @@ def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -
                     f"{folder}: holds results of another measure {name}; give another folder: "
                     f"{key}: {short_repr(old)} in the folder, {short_repr(new)} now"
                 )
-    added = [name for name in now if name not in stored]
-    if added:
-        raise StoreError(
-            f"{folder}: holds trials without the measures {', '.join(added)}, which are new; stored trials are not "
-            "run again for them: give another folder"
-        )
 
 
 def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:

@@ -48,14 +48,23 @@ CREATE TABLE trials (
 
 
 LATER_COLUMNS = {
-    "points": ("measures", "TEXT NOT NULL DEFAULT '{}'"),  # JSON: see `compatibility.StoredPoint.measures`
-    "trials": ("measured", "TEXT"),  # JSON: value of each measure by its name; NULL without measures
+    "points": {"measures": "TEXT NOT NULL DEFAULT '{}'"},  # JSON: see `compatibility.StoredPoint.measures`
+    "trials": {
+        "measured": "TEXT",  # JSON: value of each measure by its name; NULL without measures
+        "measuring_error": "TEXT",  # why a stored trial could not be measured again for new measures; NULL if it could
+    },
 }
-"""A column of each table that folders from before there were measures do not have, and its type."""
+"""Columns of each table that earlier folders do not have, and their types."""
+
+UNMEASURED = """
+    EXISTS (SELECT 1 FROM json_each(measures) AS one WHERE json_type(measured, '$."' || one.key || '"') IS NULL)
+"""
+"""Condition on a trial, joined with its point: it lacks the value of a measure."""
 
 ENTER_POINT = (
     "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures) VALUES (?, ?, ?, ?, ?, ?, ?) "
-    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario"
+    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario, "
+    "measures = excluded.measures"
 )
 
 
@@ -75,16 +84,19 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
 
 
 def add_later_columns(connection: sqlite3.Connection) -> None:
-    """Add the columns that a folder from before there were measures does not have."""
-    for table, (name, kind) in LATER_COLUMNS.items():
-        if not has_later_column(connection, table):
-            connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {kind}")
+    """Add the columns that an earlier folder does not have."""
+    for table, columns in LATER_COLUMNS.items():
+        for name in columns.keys() - _columns(connection, table):
+            connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
 
 
-def has_later_column(connection: sqlite3.Connection, table: str) -> bool:
-    """Return whether a table has its column of `LATER_COLUMNS`."""
-    names = {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
-    return LATER_COLUMNS[table][0] in names
+def has_later_columns(connection: sqlite3.Connection, table: str) -> bool:
+    """Return whether a table has all its columns of `LATER_COLUMNS`."""
+    return LATER_COLUMNS[table].keys() <= _columns(connection, table)
+
+
+def _columns(connection: sqlite3.Connection, table: str) -> set[str]:
+    return {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
 
 
 def check_database(path: Path) -> None:

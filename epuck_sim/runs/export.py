@@ -68,7 +68,7 @@ def export(folder: Path, target: Path) -> int:
         (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
     *found, values = zip(*rows, strict=True) if rows else [()] * (len(COLUMNS) + 1)
     columns = dict(zip(COLUMNS, found, strict=True))
-    columns["censored"] = [bool(value) for value in columns["censored"]]
+    columns["censored"] = [None if value is None else bool(value) for value in columns["censored"]]
     axes = {key: _axis([as_column(points[number][key]) for number in columns["point"]]) for key in points[0]}
     arrays = {**axes, **{name: pa.array(columns[name], kind) for name, kind in COLUMNS.items()}}
     trials = [json.loads(text or "{}") for text in values]

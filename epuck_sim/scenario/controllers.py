@@ -1,7 +1,8 @@
 """The controllers that a scenario names: found in their files, with every parameter filled in."""
 
 import re
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,8 +33,25 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
         controller = find_controller(group.controller, folder)
     except ControllerError as error:
         raise ScenarioError(f"{origin}.controller: {error}") from error
+    parameters = resolve_parameters(controller, group.parameters, step_ms, origin)
+    for name, value in group.memory.items():
+        try:
+            _check_memory(controller, name, value, group.count, parameters)
+        except ValueError as error:
+            raise ScenarioError(f"{origin}.memory: {error}") from error
+    return group.model_copy(update={"controller": _stored_name(controller), "parameters": parameters})
+
+
+def resolve_parameters(
+    controller: Controller, given: Mapping[str, object], step_ms: int, origin: str
+) -> dict[str, Value]:
+    """Return all parameters of a controller, as given or by default; see `resolve_group`.
+
+    Raises:
+        ScenarioError: The controller does not take these parameters.
+    """
     try:
-        parameters = controller.resolve(group.parameters)
+        parameters = controller.resolve(given)
     except ValueError as error:
         raise ScenarioError(f"{origin}.parameters: {error}") from error
     if controller.is_oscillator and parameters["period_s"] * 1000 <= step_ms:
@@ -41,12 +59,7 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
             f"{origin}.parameters: period_s is {parameters['period_s']}; allowed: longer than a control step, "
             f"{step_ms / 1000:g} s"
         )
-    for name, value in group.memory.items():
-        try:
-            _check_memory(controller, name, value, group.count, parameters)
-        except ValueError as error:
-            raise ScenarioError(f"{origin}.memory: {error}") from error
-    return group.model_copy(update={"controller": _stored_name(controller), "parameters": parameters})
+    return parameters
 
 
 def _check_memory(controller: Controller, name: str, given: Any, robots: int, parameters: Mapping[str, Value]) -> None:
@@ -84,6 +97,86 @@ def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes
             raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
 
     return axes.mapped(resolve)
+
+
+def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dict[str, Any]:
+    """Return the mapping `given` in which all robots have another controller, with what it knows of theirs.
+
+    Args:
+        given: A scenario of robots.
+        name: A shipped controller, or a file, relative to the working directory.
+        origin: Begins every message.
+
+    Raises:
+        ScenarioError: There is no such controller, or there are no robots to have it.
+
+    Warns:
+        UserWarning: Parameters or memory have been left out.
+    """
+    if given.get("model", "embodied") != "embodied":
+        raise ScenarioError(f"{origin}: --controller {name}: model is {given['model']}; controllers run on robots")
+    groups = given.get("robots", [{}])
+    if not isinstance(groups, list | tuple) or not all(isinstance(group, Mapping) for group in groups):
+        raise ScenarioError(f"{origin}: robots is {short_repr(groups)}; allowed: a list of groups")
+    try:
+        controller = find_controller(name)
+    except ControllerError as error:
+        raise ScenarioError(f"{origin}: --controller {name}: {error}") from error
+    lacking = {
+        section: dict.fromkeys(key for group in groups for key in group.get(section) or {} if key not in names)
+        for section, names in _own_names(controller).items()
+    }
+    for section, unknown in lacking.items():
+        if unknown:
+            kind = "memory" if section == "memory" else "parameters" if len(unknown) > 1 else "the parameter"
+            warnings.warn(f"{origin}: {controller.name} lacks {kind} {', '.join(unknown)}: left out", stacklevel=3)
+    changes = {"controller": _stored_name(controller)}
+    return {**given, "robots": [{**_without(group, lacking), **changes} for group in groups]}
+
+
+def share_parameters(given: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> Callable[[int], dict[str, Any]]:
+    """Return a function that gives, by its number, a point's scenario before its axes are set.
+
+    Where the controller of a group is an axis, each of its controllers gets those of the group's parameters and memory
+    that it has. One that none of them has stays, and is refused with the point.
+
+    Args:
+        given: The scenario without its sweep.
+        rows: Values of the axes of each point.
+    """
+    swept = [number for number in range(len(given.get("robots", ()))) if f"robots.{number}.controller" in rows[0]]
+    own = {
+        number: [_own_names(find_controller(str(row[f"robots.{number}.controller"]))) for row in rows]
+        for number in swept
+    }
+    of_any = {
+        number: {section: set().union(*(names[section] for names in own[number])) for section in own[number][0]}
+        for number in swept
+    }
+
+    def of_point(point: int) -> dict[str, Any]:
+        groups = list(given.get("robots", ()))
+        for number in swept:
+            lacking = {section: of_any[number][section] - names for section, names in own[number][point].items()}
+            groups[number] = _without(groups[number], lacking)
+        return {**given, "robots": groups} if swept else dict(given)
+
+    return of_point
+
+
+def _own_names(controller: Controller) -> dict[str, set[str]]:
+    """Return the names that a controller has in each section of a group where it has its own."""
+    return {"parameters": set(controller.parameters), "memory": set(controller.memory.names or ())}
+
+
+def _without(group: Mapping[str, Any], lacking: Mapping[str, Collection[str]]) -> dict[str, Any]:
+    """Return a group without these names in these sections."""
+    kept = {
+        section: {name: value for name, value in (group[section] or {}).items() if name not in names}
+        for section, names in lacking.items()
+        if section in group
+    }
+    return {**group, **kept}
 
 
 def _stored_name(controller: Controller) -> str:

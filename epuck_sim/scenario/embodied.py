@@ -15,7 +15,8 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.controllers import resolve_axes, resolve_group
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.stop import StopSection
 
 
 class NoiseSection(ConfigModel):
@@ -53,6 +54,8 @@ class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
 
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
+    robots: bool = True
+    """Whether robots touch each other; else they pass through each other, and touch walls and obstacles only."""
 
 
 class TimingSection(ConfigModel):
@@ -82,15 +85,22 @@ class TimingSection(ConfigModel):
 class EmbodiedStop(StopSection):
     """When a trial ends (thesis 4.2.1)."""
 
-    order_parameter: Annotated[Number, Field(gt=0, le=1)] = 0.95
+    order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 0.95
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10_000
-    """The trial is censored after this number of cycles; without an oscillator, 5 s count as a cycle."""
-    max_time_s: Annotated[Number, Field(gt=0, le=1e10)] | None = None
-    """The trial is also censored after this time."""
+    """The trial ends after this number of cycles; without an oscillator, 5 s count as a cycle."""
     reference_robot: Annotated[WholeNumber, Field(ge=0)] = 0
     """Number of the robot whose firings are counted: from 0, in the order of the groups."""
     further_cycles: Annotated[WholeNumber, Field(ge=0, le=10**9)] = 0
     """Number of firings of the reference for which a trial goes on after synchrony, within its limits."""
+
+    @model_validator(mode="after")
+    def _check_further_cycles(self) -> Self:
+        if self.further_cycles and self.order_parameter is None:
+            raise ValueError(
+                f"further_cycles is {self.further_cycles} and order_parameter is null; allowed: 0, as no trial is "
+                "synchronised"
+            )
+        return self
 
 
 class EmbodiedScenario(Scenario):
@@ -187,8 +197,8 @@ class EmbodiedScenario(Scenario):
 
     @property
     def camera_pixels(self) -> int:
-        """Number of pixels of the camera that has the most."""
-        return max(group.camera.pixels for group in self.robots)
+        """Largest number of pixels in a row that a controller reads."""
+        return max(group.pixels for group in self.robots)
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with controllers, measures and their parameters filled in; see `Scenario.resolved`."""
@@ -200,4 +210,5 @@ class EmbodiedScenario(Scenario):
             for number, group in enumerate(self.robots)
         )
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
-        return super().resolved(origin, folder).model_copy(update={"robots": robots, "sweep": sweep})
+        resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
+        return super(EmbodiedScenario, resolved).resolved(origin, folder)

@@ -1,5 +1,6 @@
 """Changes to a scenario by dotted key: single values (`--set`) and axes of a sweep (`--sweep`)."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -149,3 +150,10 @@ def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:
         for axis in axes.keys if axes else ():
             if f"{key}.".startswith(f"{axis}."):
                 raise ScenarioError(f"--set {setting}: {axis} is an axis of the sweep; use --sweep {axis}=... instead")
+
+
+def reject_swept_controllers(controller: str, axes: SweepAxes | None) -> None:
+    """Raise ScenarioError for a controller of all robots that the points of the sweep override."""
+    for axis in axes.keys if axes else ():
+        if axis == "robots" or re.fullmatch(r"robots\.\d+(\.controller)?", axis):
+            raise ScenarioError(f"--controller {controller}: {axis} is an axis of the sweep")

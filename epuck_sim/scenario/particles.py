@@ -12,7 +12,8 @@ from pydantic import Field, PlainValidator, model_validator
 from epuck_sim.errors import CurveError, ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.curves import UP_TO_1, find_curve, map_curves
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.stop import StopSection
 
 MOST_SIDES = 1000
 """Largest mean distance, in sides of the space, that agents may move in a cycle; the thesis's fastest move one."""
@@ -26,7 +27,6 @@ _ELSEWHERE = {
     "contact": "no counterpart, because agents are points",
     "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",
-    "stop.max_time_s": "stop.max_cycles",
     "stop.further_cycles": "no counterpart, because its trials end with synchrony",
 }
 """Keys of embodied scenarios, and the keys of particle scenarios that correspond to them."""
@@ -109,6 +109,8 @@ Neighbourhood = Nearest | Range | Cone | Everybody | RandomAgents
 class ResponseSection(ConfigModel):
     """How a pulse shifts the phase of an agent that receives it (2.4, 5.1.1)."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("parameters",)
+
     curve: str = "multiplicative"
     """Name of a shipped curve, or a file that ends in .py, relative to the scenario's file."""
     coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
@@ -149,6 +151,8 @@ Vectors = tuple[tuple[Number, ...], ...]
 class StartSection(ConfigModel):
     """Phases, positions and headings at the start of a trial; positions and headings are random unless given."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings")
+
     phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], PlainValidator(_check_phases)] = "random"
     displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     """Phase of agent 0, where all others start at 0 (5.4.1)."""
@@ -186,8 +190,10 @@ class StartSection(ConfigModel):
 class ParticleStop(StopSection):
     """When a trial ends (3.1.5, 5.1.4)."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("when", "max_time_s")
+
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 1 - 1e-9
-    """Threshold of the order parameter; null: every trial lasts `max_cycles`."""
+    """Threshold of the order parameter; null: trials do not end with synchrony."""
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10**7
     reference: Annotated[WholeNumber, Field(ge=0)] = 0
     """Number of the agent whose firings are counted, from 0."""

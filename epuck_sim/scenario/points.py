@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import canonical_text
-from epuck_sim.scenario.controllers import map_controllers
+from epuck_sim.scenario.controllers import map_controllers, share_parameters
 from epuck_sim.scenario.curves import map_curves
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overrides import set_value
@@ -55,7 +55,8 @@ def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, 
     base = loaded.model_copy(update={"sweep": None}).model_dump(mode="json")
     rows = loaded.sweep.rows()
     names = _short_names(rows)
-    found = tuple(_point(number, row, base, names) for number, row in enumerate(rows))
+    base_of = share_parameters(base, rows)
+    found = tuple(_point(number, row, base_of(number), names) for number, row in enumerate(rows))
     first: dict[str, int] = {}
     for point in found:
         if point.key in first:

@@ -1,10 +1,11 @@
 """One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.signals import CameraSignal, RadioSignal, SignalSection
 
 
 class CameraSection(ConfigModel):
@@ -49,10 +50,14 @@ class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
+    robots: bool = True
+    """Whether they see other robots; else walls and obstacles only, to avoid walls alone (thesis 3.1.4.1)."""
 
 
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal")
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     placement: Literal["random", "grid", "poses"] = "random"
@@ -60,12 +65,13 @@ class RobotGroup(ConfigModel):
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
     """`x_cm, y_cm, heading_rad` of each robot, instead of a placement."""
     controller: str = "firefly"
-    """Name of a shipped controller, or a file that ends in .py, relative to the scenario's file."""
+    """Name of a shipped controller, or a file (.py, .c or .so), relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
     memory: dict[str, Any] = Field(default_factory=dict)
     """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
     for each robot; `phase_ms` is an oscillator's phase."""
+    signal: SignalSection = CameraSignal()
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()
 
@@ -87,3 +93,23 @@ class RobotGroup(ConfigModel):
         if self.poses is not None and len(self.poses) != self.count:
             raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
         return self
+
+    @model_validator(mode="after")
+    def _check_signal(self) -> "RobotGroup":
+        if self.signal.kind != "camera" and self.camera != CameraSection():
+            raise ValueError(
+                f"signal.kind is {self.signal.kind!r} and a camera is given; leave the camera out, or choose camera"
+            )
+        return self
+
+    @property
+    def signal_is_random(self) -> bool:
+        """Whether random numbers decide when a flash reaches a robot, or if it does."""
+        if isinstance(self.signal, RadioSignal):
+            return self.signal.loss > 0
+        return self.camera.frames_per_s is not None
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels in the row that controllers read: the camera's, or one that other signals set."""
+        return self.camera.pixels if self.signal.kind == "camera" else 1

@@ -8,8 +8,9 @@ from pydantic import Field
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
-from epuck_sim.scenario.measures import MeasureSection, resolve_measures
+from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.measures import MeasureSection, check_condition, resolve_measures
+from epuck_sim.scenario.stop import StopSection
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
@@ -27,17 +28,6 @@ class FigureSection(ConfigModel):
     """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
-
-
-class StopSection(ConfigModel):
-    """When a trial ends."""
-
-    order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
-    """The swarm is synchronised once the order parameter reaches this value at a firing of the reference."""
-    metric: Literal["complex", "reference"] = "complex"
-    """`complex`: eqs. 4.2 and 5.7; `reference`: eq. 3.4."""
-    max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)]
-    """Firings of the reference after which the trial is censored."""
 
 
 class Scenario(ConfigModel):
@@ -96,10 +86,10 @@ class Scenario(ConfigModel):
         Raises:
             ScenarioError: A file is missing, or does not fit the scenario.
         """
-        if not self.measures:
-            return self
-        measures = resolve_measures(self.measures, self.model, self.event_method, origin, folder)
-        return self.model_copy(update={"measures": measures})
+        measures = resolve_measures(self, origin, folder)
+        if self.stop.when is not None:
+            check_condition(self.stop.when.measure, measures, self.event_method, f"{origin}: stop.when")
+        return self.model_copy(update={"measures": measures}) if measures else self
 
     def __repr__(self) -> str:
         """Return one line; `write_scenario` gives every key."""
@@ -107,6 +97,12 @@ class Scenario(ConfigModel):
         return f"{type(self).__name__}(name={self.name!r}, model={self.model!r}, population={self.population}{points})"
 
     __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return what the scenario is, with every key to open, for notebooks."""
+        from epuck_sim.scenario.notebook import show_scenario  # noqa: PLC0415 is for notebooks alone
+
+        return show_scenario(self)
 
 
 Kind = TypeVar("Kind", bound=Scenario)

@@ -28,6 +28,11 @@ class Pair(NamedTuple):
     second: Measured
 
     @property
+    def is_share(self) -> bool:
+        """Whether both are of truth values."""
+        return self.first.is_share and self.second.is_share
+
+    @property
     def is_comparable(self) -> bool:
         """Whether there are trials enough, some of which are uncensored."""
         enough = min(len(each.values) for each in self) >= MIN_TRIALS
@@ -47,13 +52,18 @@ class Contrast(NamedTuple):
 
     @property
     def has_interval(self) -> bool:
+        """Whether their ratio has one: both are positive, and known with an error."""
+        return self.is_spread and min(self.first.mean, self.second.mean) > 0
+
+    @property
+    def is_spread(self) -> bool:
         """Whether both means are known with an error: those of trials that are all censored are not."""
-        return self.first.error > 0 and self.second.error > 0 and min(self.first.mean, self.second.mean) > 0
+        return self.first.error > 0 and self.second.error > 0
 
     @property
     def difference(self) -> Estimate:
         """The second mean minus the first."""
-        return _student(self.second.mean - self.first.mean, self._parts([1.0, 1.0]))
+        return _student(self.second.mean - self.first.mean, self.parts)
 
     @property
     def log_ratio(self) -> Estimate:
@@ -61,6 +71,11 @@ class Contrast(NamedTuple):
         if min(self.first.mean, self.second.mean) <= 0:
             return UNDETERMINED
         return _student(math.log(self.second.mean / self.first.mean), self.log_parts)
+
+    @property
+    def parts(self) -> list[tuple[float, int]]:
+        """Variance of each mean, and its degrees of freedom."""
+        return self._parts([1.0, 1.0])
 
     @property
     def log_parts(self) -> list[tuple[float, int]]:
@@ -91,6 +106,15 @@ def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
     count = len(contrasts)
     value = sum(each.log_ratio.value for each in contrasts) / count
     return _student(value, [(part / count**2, freedom) for each in contrasts for part, freedom in each.log_parts])
+
+
+def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
+    """Return the mean of the differences of several pairs, each of which counts alike."""
+    spread = [each for each in contrasts if each.is_spread]
+    if not spread:
+        return UNDETERMINED
+    value = sum(each.difference.value for each in spread) / len(spread)
+    return _student(value, [(part / len(spread) ** 2, freedom) for each in spread for part, freedom in each.parts])
 
 
 def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial.observer import Observer, Progress
+from epuck_sim.trial.observer import EndCondition, Observer, Progress
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.trial.synchrony import SynchronyWatch
 
@@ -17,6 +17,7 @@ def run_robots(
     observers: Sequence[Observer],
     progress: Progress | None = None,
     at_cycles: Sequence[Observer] = (),
+    is_over: EndCondition = lambda: False,
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
@@ -26,7 +27,7 @@ def run_robots(
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
     began = time.perf_counter()
-    while not watch.is_over:
+    while not (watch.is_over or is_over()):
         unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
         cycles = watch.cycles
         step = simulation.advance(unseen, watch.lit_robot)
@@ -43,7 +44,7 @@ def run_robots(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
         t_sync_cycles=outcome.cycles if watch.is_synchronised else None,
-        censored=not watch.is_synchronised,
+        censored=not watch.is_synchronised if watch.has_t_sync else None,
         cycles=outcome.cycles,
         order_parameter=outcome.order_parameter,
         steps=simulation.steps,

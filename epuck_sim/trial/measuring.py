@@ -9,9 +9,9 @@ import numpy as np
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import CYCLE_METHOD, Measure, Scalar, Value
-from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.trial.observer import Observer
+from epuck_sim.scenario.stop import StopCondition
+from epuck_sim.trial.observer import EndCondition, Observer
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.python_files import line_of_error
 
@@ -25,6 +25,8 @@ class Measuring(NamedTuple):
     """Tell the measures that ask for every firing of the reference."""
     final: Mapping[str, Callable[[], Value]]
     """Returns the value of each measure, by its name, when the trial is over."""
+    is_over: EndCondition
+    """Returns whether the condition on a measure that ends the trial has come to hold."""
 
     def values(self) -> dict[str, Value]:
         """Return the value of each measure of a trial that is over."""
@@ -45,19 +47,47 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
     at_events: list[Observer] = []
     at_cycles: list[Observer] = []
     final: dict[str, Callable[[], Value]] = {}
+    condition = _Condition(scenario.stop.when)
     for section in scenario.measures:
-        measure = find_measure(section.measure)
+        measure = section.find()
         origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
         if measure.is_function:
-            final[measure.name] = _final(measure, origin, _bound(measure.make, simulation, section.parameters))
+            bound = _bound(measure.make, simulation, section.parameters)
+            final[measure.name] = _checked(measure, origin, bound, as_value)
             continue
         with _located(measure, origin):
             instance = measure.make(simulation, **section.parameters)
+        final[measure.name] = _checked(measure, origin, instance.value, as_value)
         for method, observers in ((scenario.event_method, at_events), (CYCLE_METHOD, at_cycles)):
             if measure.is_told(method):
                 observers.append(_observer(measure, origin, getattr(instance, method)))
-        final[measure.name] = _final(measure, origin, instance.value)
-    return Measuring(at_events, at_cycles, final)
+                if condition.is_on(measure.name):
+                    observers.append(condition.observer(_checked(measure, origin, instance.value, last_scalar)))
+    return Measuring(at_events, at_cycles, final, lambda: condition.has_held)
+
+
+class _Condition:
+    """The condition on a measure that ends a trial, if there is one, and whether it has held."""
+
+    def __init__(self, condition: StopCondition | None) -> None:
+        self._condition = condition
+        self.has_held = False
+
+    def is_on(self, name: str) -> bool:
+        """Return whether it is on the measure of this name."""
+        return self._condition is not None and self._condition.measure == name
+
+    def observer(self, value: Callable[[], Value]) -> Observer:
+        """Return what looks at the value of the measure, after the measure was told of an event or a cycle."""
+        condition = self._condition
+        assert condition is not None
+
+        def look(*_: Any) -> None:
+            found = value()
+            if isinstance(found, int | float) and condition.holds(found):
+                self.has_held = True
+
+        return look
 
 
 def _bound(function: Callable[..., Any], simulation: Any, parameters: Mapping[str, Any]) -> Callable[[], Any]:
@@ -74,12 +104,14 @@ def _observer(measure: Measure, origin: str, method: Callable[[Any, Any], object
     return tell
 
 
-def _final(measure: Measure, origin: str, value: Callable[[], Any]) -> Callable[[], Value]:
+def _checked(
+    measure: Measure, origin: str, value: Callable[[], Any], convert: Callable[[Any], Value]
+) -> Callable[[], Value]:
     def checked() -> Value:
         with _located(measure, origin):
             found = value()
         try:
-            return as_value(found)
+            return convert(found)
         except ValueError as error:
             where = f"{measure.stored_name}: " if measure.sources else ""
             raise MeasureError(f"{origin}: {where}its value {error}") from error
@@ -114,6 +146,13 @@ def as_value(given: Any) -> Value:
     if isinstance(given, np.ndarray) and given.ndim == 1:
         given = given.tolist()
     return [_as_scalar(each) for each in given] if isinstance(given, list | tuple) else _as_scalar(given)
+
+
+def last_scalar(given: Any) -> Scalar:
+    """Return what a measure has returned as a plain scalar; of a series its last one, None if it is empty."""
+    if isinstance(given, list | tuple | np.ndarray):
+        return _as_scalar(given[-1]) if len(given) else None
+    return _as_scalar(given)
 
 
 def _as_scalar(given: Any) -> Scalar:

@@ -38,3 +38,7 @@ Observer = Callable[[Any, Any], None]
 
 Progress = Callable[[TrialState], None]
 """Called now and then while a trial runs, to show how far it is."""
+
+
+EndCondition = Callable[[], bool]
+"""Returns whether a trial is to end now, whatever its limits."""

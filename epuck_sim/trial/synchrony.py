@@ -32,7 +32,7 @@ class SynchronyWatch:
     def __init__(self, simulation: Simulation) -> None:
         stop = simulation.scenario.stop
         self._metric = METRICS[stop.metric]
-        self._threshold = stop.order_parameter
+        self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter
         self._max_cycles = stop.max_cycles
         self._further_cycles = stop.further_cycles
         self._reference = stop.reference_robot
@@ -102,6 +102,11 @@ class SynchronyWatch:
         if not self._measures:
             end = min(end, math.ceil((self.cycles + 1) * self._steps_a_cycle))
         return max(end - self._steps, 1)
+
+    @property
+    def has_t_sync(self) -> bool:
+        """Whether the trial has a T_sync, known or censored: there is a threshold for an oscillator to fire at."""
+        return self._measures and self._threshold < math.inf
 
     @property
     def is_synchronised(self) -> bool:

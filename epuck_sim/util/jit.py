@@ -9,7 +9,6 @@ import hashlib
 import os
 import re
 import shutil
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -19,23 +18,25 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
 
-import platformdirs
 from numba import __version__ as numba_version
 from numba import njit
 from numba.core import config
+
+from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
-VALUE_FILES = ("epuck.py", "control/interface.py", "embodied/rigid_bodies.py", "particles/rules.py")
-"""Files without kernels whose constants and types kernels refer to."""
-
-UNUSED_S = 30 * 24 * 3600.0
-"""Time in seconds after which a cache folder that no process has used is removed."""
-
-_USER = os.getuid() if hasattr(os, "getuid") else 0
+VALUE_FILES = (
+    "epuck.py",
+    "control/error_lines.py",
+    "control/interface.py",
+    "embodied/rigid_bodies.py",
+    "particles/rules.py",
+)
+"""Files without kernels on whose constants, types or ways of compiling compiled code depends."""
 
 _redirecting = threading.Lock()
 
@@ -59,19 +60,6 @@ def kernel_digest(package: Path = PACKAGE) -> str:
     return digest([*values, *(source for source in sources if b"epuck_sim.util.jit import" in source)])
 
 
-@lru_cache
-def cache_root() -> Path:
-    """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError:  # a home that cannot be written to: compile once a machine, not once a run
-        return Path(tempfile.gettempdir()) / f"epuck-sim-{_USER}"
-
-
 def _open_cache(contents_digest: str) -> Path:
     """Return the cache folder of these contents, marked as used now; unused ones are removed when a new one is made."""
     folder = cache_root() / contents_digest
@@ -93,7 +81,7 @@ def remove_unused_caches(root: Path) -> None:
     for folder in root.iterdir():
         with suppress(OSError):  # another process is removing it
             status = folder.lstat()
-            if status.st_mtime < limit_s and status.st_uid == _USER and _is_cache(folder):
+            if status.st_mtime < limit_s and status.st_uid == USER and _is_cache(folder):
                 shutil.rmtree(folder)
 
 
@@ -106,7 +94,9 @@ def _is_cache(folder: Path) -> bool:
 
 def bind(function: Any, **names: object) -> Any:
     """Return a copy of a function in which these global names have these values."""
-    return FunctionType(function.__code__, {**function.__globals__, **names})
+    bound = FunctionType(function.__code__, {**function.__globals__, **names})
+    bound.__annotations__ = function.__annotations__
+    return bound
 
 
 def name_after(function: Any, contents_digest: str) -> Any:

@@ -260,3 +260,21 @@ def test_phases_can_be_swept() -> None:
     sweep = {"grid": {"robots.0.memory.phase_ms": [0, 100]}}
     early, late = points({"robots": [{"count": 2}], "sweep": sweep})
     assert (early.scenario.robots[0].memory, late.scenario.robots[0].memory) == ({"phase_ms": 0}, {"phase_ms": 100})
+
+
+def test_another_controller_gets_what_it_can_remember() -> None:
+    given = {"robots": [{"memory": {"phase_ms": 700, "rotation_time": 3}}]}
+    with pytest.warns(UserWarning, match=r"^scenario: oscillator lacks memory rotation_time: left out$"):
+        replaced = load_scenario(given, controller="oscillator")
+    assert replaced.robots[0].memory == {"phase_ms": 700}
+    swept = points({**given, "sweep": {"grid": {"robots.0.controller": ["oscillator", "firefly"]}}})
+    assert [point.scenario.robots[0].memory for point in swept] == [
+        {"phase_ms": 700},
+        {"phase_ms": 700, "rotation_time": 3},
+    ]
+
+
+def test_what_no_controller_of_a_sweep_remembers_is_refused() -> None:
+    sweep = {"grid": {"robots.0.controller": ["oscillator", "firefly"]}}
+    with pytest.raises(ScenarioError, match=r"robots.0.memory: .*'wait'"):
+        points({"robots": [{"memory": {"wait": 1}}], "sweep": sweep})

@@ -338,7 +338,11 @@ def failing(path, kind):
 @pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
 @pytest.mark.parametrize(
     ("kind", "message"),
-    [(0, "ValueError: too near"), (1, "wheel speed that is not a number"), (2, "wheel speed that is not a number")],
+    [
+        (0, "ValueError: too near"),
+        (1, "wheel speed or a turn that is not a number"),
+        (2, "wheel speed or a turn that is not a number"),
+    ],
 )
 def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, kind, message, interpret):
     simulation = Simulation(failing(controller(FAIL), kind), 5, interpret=interpret)

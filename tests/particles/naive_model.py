@@ -41,7 +41,7 @@ class NaiveModel:
         self.periods = [float(period) for period in oscillators.period]
         self.phases = [1 - float(oscillators.next_firing[agent]) / self.periods[agent] for agent in agents]
         self.streams = trajectories.streams.copy()
-        self.receiver_streams = swarm._state[1].streams.copy()
+        self.receiver_streams = swarm._state.neighbourhood.streams.copy()
         self.time = 0.0
         self.cycles = 0
         self.order: float | None = None
@@ -233,7 +233,8 @@ class NaiveModel:
                 if self.scenario.response.curve == "piecewise_linear":
                     margins.append(abs(phase - self.scenario.response.parameters["knee"]))
                 if self.scenario.response.coupling:
-                    margins.append(abs(after - 1) or 1.0)  # sawtooth and kappa = 1: exactly 1
+                    is_exact = self.scenario.response.curve == "sawtooth"  # and kappa = 1: exactly 1
+                    margins.append(abs(after - 1) or float(is_exact))
                 self.phases[receiver] = min(max(after, 0.0), 1.0)
                 if after >= 1:
                     fired.add(receiver)

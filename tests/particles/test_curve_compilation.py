@@ -131,16 +131,23 @@ def test_what_is_no_curve_is_refused_when_a_scenario_is_read(source, message, tm
 
 def test_what_numba_cannot_compile_is_refused_before_a_trial(tmp_path):
     path = write(tmp_path, "def phase_shift(phase, coupling, parameters):\n    return float(str(phase) or '0')")
-    with pytest.raises(CurveError, match=r"curve.py: cannot be compiled"):
+    with pytest.raises(CurveError, match=r"curve.py:2: cannot be compiled: "):
         ParticleSimulation(scenario_of(path))
 
 
-@pytest.mark.parametrize("failure", ["raise ValueError('not here')", "return math.inf"])
-def test_an_error_during_a_trial_names_the_file(tmp_path, failure):
+FAILURES = [
+    ("raise ValueError('not here')", r"curve.py:6: ValueError: not here"),
+    ("return 1 / int(phase)", r"curve.py:6: ZeroDivisionError: "),
+    ("return math.inf", r"curve.py: ValueError: phase_shift returns a number that is not finite"),
+]
+
+
+@pytest.mark.parametrize(("failure", "message"), FAILURES, ids=lambda text: text[:10])
+def test_an_error_during_a_trial_names_the_file(tmp_path, failure, message):
     # between the phases at which curves are tried
     path = write(tmp_path, FAILING.format(failure))
     swarm = ParticleSimulation(scenario_of(path), 1)
-    with pytest.raises(CurveError, match=r"curve.py: ValueError: (not here|phase_shift returns a number)"):
+    with pytest.raises(CurveError, match=message):
         swarm.run(10_000)
 
 

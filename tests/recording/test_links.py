@@ -7,18 +7,18 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.contacts import GAP_CM
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.visibility import find_sightings
 from epuck_sim.errors import RecordingError
+from epuck_sim.particles.pulse_links import PulseLinks
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import nearest
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.relations.contacts import GAP_CM
-from epuck_sim.recording.relations.pulses import PulseLinks
-from epuck_sim.recording.relations.visibility import find_sightings
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 

@@ -14,13 +14,13 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.trial_page import RED, check_drawable, draw_page
 from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles import pulse_links as pulses
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import recorder
 from epuck_sim.recording.buffers import agents
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.relations import pulses
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario

@@ -16,6 +16,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
@@ -24,7 +25,6 @@ from epuck_sim.recording.layers import images
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.relations.contacts import find_contacts
 from epuck_sim.recording.viewer.process import PROGRAM, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -386,7 +386,8 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
 def test_contacts_are_those_of_the_bodies(trial: Trial) -> None:
     arena = trial.scenario.arena.build()
     cells = make_cell_list(arena.width_cm, arena.height_cm, trial.scenario.robot_count)
-    steps, points = find_contacts(trial.watched["poses"], arena, cells)
+    found, points = find_contacts(trial.watched["poses"], arena, cells)
+    steps = found[:, 0]
     rows = trial.found.lists("/arena/contacts", "Points2D:positions")
     assert [step for step, row in enumerate(rows) for _ in row] == steps.tolist()
     assert [point for row in rows for point in row] == points.astype(np.float32).tolist()

@@ -134,6 +134,20 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
     return folder
 
 
+def store_measured(folder: Path, scenario: Scenario, law: Callable[[Point], Sequence[Any]]) -> Path:
+    """Make a run folder of a scenario with one measure, of which the law gives the value in each trial of a point."""
+    found = points(scenario)
+    (section,) = scenario.measures
+    made = {**versions(), "host": "here"}
+    with Store(folder, scenario, found) as opened:
+        for point in found:
+            for trial, value in enumerate(law(point)):
+                measures = {section.name: value}
+                result = TrialResult(scenario.name, point.seed(trial), None, None, 9, None, 9, 9.0, 0.01, measures)
+                opened.add(Outcome(point.number, trial, result.seed, result, None, made))
+    return folder
+
+
 def rows(file: Path) -> list[dict[str, str]]:
     """Return the rows of a CSV file, each value as it is written."""
     with file.open(newline="", encoding="utf-8") as text:

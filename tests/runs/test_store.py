@@ -100,7 +100,7 @@ def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path)
     folder = tmp_path / "runs" / "new"
     with Store(folder, DEMO, points(DEMO)) as store:
         assert store.finished() == set()
-        assert store.censored() == 0
+        assert store.censored() is None
     assert stored(folder) == []
     assert {path.name for path in folder.iterdir()} - {".lock"} == {DATABASE, "scenario.yaml"}
     assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
@@ -136,6 +136,7 @@ def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_h
         "host": host(),
         "error": None,
         "measured": None,
+        "measuring_error": None,
     }
     assert [*row][3:7] == [COUNT, SPEED, "seed", "t_sync_cycles"]
 

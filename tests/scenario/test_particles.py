@@ -237,7 +237,6 @@ def test_a_mistake_is_named_with_key_value_and_what_is_allowed(sections, message
         ({"stuck": {"per_hour": 1}}, "stuck", "no counterpart, because agents are points"),
         ({"timing": {"control_hz": 10}}, "timing", "no counterpart, because time has no steps"),
         ({"stop": {"reference_robot": 1}}, "stop.reference_robot", "stop.reference"),
-        ({"stop": {"max_time_s": 1}}, "stop.max_time_s", "stop.max_cycles"),
         (
             {"stop": {"further_cycles": 1}},
             "stop.further_cycles",

@@ -12,11 +12,11 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles.pulse_links import PulseLinks
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import ROWS_PER_PERIOD
-from epuck_sim.recording.relations.pulses import PulseLinks
 from epuck_sim.scenario.particles import ParticleScenario
 
 GLOW = 0.075

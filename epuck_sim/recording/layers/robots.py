@@ -9,21 +9,20 @@ from rerun.chunk import Chunk
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.camera_pixels import Camera
 from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.embodied.contacts import find_contacts
+from epuck_sim.embodied.flash_cone import LitRingSensor
+from epuck_sim.embodied.visibility import View, find_sightings, view_of
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.arena import FAINT, LIT, ray_ends, strip_columns, unit_vectors
 from epuck_sim.recording.layers.images import SpaceTime, image_entities, static_image_entities
 from epuck_sim.recording.layers.time_series import static_wheel_series, wheel_series
 from epuck_sim.recording.population import Population
-from epuck_sim.recording.relations.contacts import find_contacts
-from epuck_sim.recording.relations.visibility import find_sightings
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 VIEWS = "/arena/views"
-"""Entity with (robots,) strips at each step, along the outermost rays of the camera's central window."""
+"""Entity with (robots,) strips at each step, along the outermost rays of the camera's central window, or the cone."""
 
 SIGHTINGS = "/arena/sightings"
 """Entity with arrows at each step, from a camera to each robot in its view; of class 1 if it sees that robot lit."""
@@ -46,15 +45,18 @@ class RobotLayers:
         self._scenario, self._population = scenario, population
         self._arena = arena = population.arena
         self._cells = make_cell_list(arena.width_cm, arena.height_cm, scenario.robot_count)
-        self._cameras: list[tuple[int, int, Camera]] = []
-        """For each group: number of its first robot, number of its robots, and their camera."""
+        self._groups: list[tuple[int, int, View | None]] = []
+        """For each group: number of its first robot, number of its robots, and what they see with."""
         first = 0
         for group in scenario.robots:
-            self._cameras.append((first, group.count, build_camera(group.camera)))
+            self._groups.append((first, group.count, view_of(group)))
             first += group.count
+        self._forward_cm = np.repeat(
+            [_outline(view)[0] for _, _, view in self._groups], [g.count for g in scenario.robots]
+        )
         self._space_time = SpaceTime(scenario)
         alone = np.zeros((1, 1, 3))
-        find_sightings(alone, arena, self._cells, self._cameras[0][2], 0, 1)
+        find_sightings(alone, arena, self._cells, self._groups[0][2], 0, 1)
         find_contacts(alone, arena, self._cells)
 
     def static_chunks(self) -> Iterator[Chunk]:
@@ -82,20 +84,24 @@ class RobotLayers:
         poses, time_ns = batch.poses, batch.time_ns
         yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(poses)))
         yield self._sightings(batch)
-        steps, points = find_contacts(poses, self._arena, self._cells)
-        touching = np.bincount(steps, minlength=len(poses))
+        found, points = find_contacts(poses, self._arena, self._cells)
+        touching = np.bincount(found[:, 0], minlength=len(poses))
         yield temporal_chunk(CONTACTS, time_ns, *rr.Points2D.columns(positions=points).partition(touching))
 
     def _views(self, poses: FloatArray) -> FloatArray:
-        """Return (steps, robots, 3, 2) cm: left end, camera and right end of each field of view, within the walls."""
+        """Return (steps, robots, 3, 2) cm: left end, apex and right end of each field of view, within the walls.
+
+        Views all around, and those of robots that see nothing, have no length.
+        """
         views = np.empty((*poses.shape[:2], 3, 2))
-        for first, robots, camera in self._cameras:
+        for first, robots, view in self._groups:
             x, y, heading = poses[:, first : first + robots].transpose(2, 0, 1)
-            eye = np.stack([x, y], axis=-1) + epuck.CAMERA_FORWARD_CM * unit_vectors(heading)
+            forward_cm, range_cm, half_view_rad = _outline(view)
+            eye = np.stack([x, y], axis=-1) + forward_cm * unit_vectors(heading)
             views[:, first : first + robots, 1] = eye
-            longest_cm = camera.range_cm if camera.range_cm < math.inf else UNBOUNDED_VIEW_CM
+            longest_cm = range_cm if range_cm < math.inf else UNBOUNDED_VIEW_CM
             for place, side in ((0, 1), (2, -1)):
-                rays = unit_vectors(heading + side * camera.half_view_rad)
+                rays = unit_vectors(heading + side * half_view_rad)
                 views[:, first : first + robots, place] = ray_ends(eye, rays, longest_cm, self._arena)
         return views
 
@@ -103,12 +109,21 @@ class RobotLayers:
         """Return the arrows to the robots in view; a ring is seen as it was commanded a step before."""
         poses = batch.poses
         groups = [
-            find_sightings(poses, self._arena, self._cells, camera, first, robots)
-            for first, robots, camera in self._cameras
+            find_sightings(poses, self._arena, self._cells, view, first, robots) for first, robots, view in self._groups
         ]
         found = np.concatenate(groups)
         steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
-        origins = poses[steps, observers, :2] + epuck.CAMERA_FORWARD_CM * unit_vectors(poses[steps, observers, 2])
+        forward_cm = self._forward_cm[observers, None]
+        origins = poses[steps, observers, :2] + forward_cm * unit_vectors(poses[steps, observers, 2])
         lit = batch.ring_before[steps, seen].astype(np.uint16)
         arrows = rr.Arrows2D.columns(origins=origins, vectors=poses[steps, seen, :2] - origins, class_ids=lit)
         return temporal_chunk(SIGHTINGS, batch.time_ns, *arrows.partition(np.bincount(steps, minlength=len(poses))))
+
+
+def _outline(view: View | None) -> tuple[float, float, float]:
+    """Return cm, cm, rad: how far ahead of a robot's centre a view begins, its range, and half its angle."""
+    if view is None or (isinstance(view, LitRingSensor) and (view.cone.cos < -1 or not view.cone.of_vision)):
+        return 0.0, 0.0, 0.0
+    if isinstance(view, LitRingSensor):
+        return 0.0, view.cone.range_cm, math.acos(view.cone.cos)
+    return epuck.CAMERA_FORWARD_CM, view.range_cm, view.half_view_rad
