@@ -235,11 +235,16 @@ class CompiledLoop:
             owner, address = hold(sensing)
             self._owners.append(owner)
             loop.calls[number] = function_address(compiled_for(_SENSE[type(group.receiver)], sensing)), address
-            loop.calls[len(groups) + number] = group.runner.step_address, group.runner.address
+            call_controllers(loop, number, group)
 
     def __call__(self, steps: int, until_lit: int) -> int:
         """Carry out `_take_steps`."""
         return int(self._take_steps(self._address, steps, until_lit))
+
+
+def call_controllers(loop: ControlLoop, number: int, group: RobotGroupState) -> None:
+    """Have a compiled loop call the controllers of group `number` from its next step on."""
+    loop.calls[len(loop.calls) // 2 + number] = group.runner.step_address, group.runner.address
 
 
 def _sensing(loop: ControlLoop, group: RobotGroupState) -> GroupSensing:

@@ -12,10 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.control.interface import Value
+from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.runner import RobotError
 from epuck_sim.embodied.commands import Commands
-from epuck_sim.embodied.control_loop import CompiledLoop, interpreted_loop, make_control_loop, restart_loop
+from epuck_sim.embodied.control_loop import (
+    CompiledLoop,
+    call_controllers,
+    interpreted_loop,
+    make_control_loop,
+    restart_loop,
+)
 from epuck_sim.embodied.group import (
     NOISE_STEPS,
     RobotGroupState,
@@ -28,6 +34,7 @@ from epuck_sim.embodied.group import (
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.randomness import Part, Randomness, spawned
 from epuck_sim.embodied.relations import Relations
+from epuck_sim.embodied.replacement import Replaced, replace_controller
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
@@ -109,9 +116,8 @@ class Simulation:
         self.commands = Commands(self._loop, self._groups, interpret=interpret)
         self.external_wheels = self.commands.arrays.wheel_robots
         self.external_rings = self.commands.arrays.ring_robots
-        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
         self._relations = Relations(scenario, self._swarm)
-        self._shown: tuple[Any, ...] = (*shown, self._relations)
+        self._show()
         self._short_rows = self._find_short_rows()
         self.reset(seed)
 
@@ -134,6 +140,11 @@ class Simulation:
             first_robot += section.count
         return groups
 
+    def _show(self) -> None:
+        """Find the arrays that steps show."""
+        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        self._shown: tuple[Any, ...] = (*shown, self._relations)
+
     def reset(self, seed: int | None = None) -> None:
         """Start anew, to the same outcome as a new simulation with this seed, but several times as fast.
 
@@ -151,6 +162,7 @@ class Simulation:
         poses = place_robots(scenario, spawned(seed, Part.PLACEMENT))
         self.seed = seed
         self._changes: list[Change] = []
+        self._replaced_at: int | None = None
         self._step[0] = -1
         self._world.place(poses)
         restart_swarm_arrays(self._swarm, self._step_ms)
@@ -280,8 +292,45 @@ class Simulation:
         self.period_ms[changed.robots] = changed.period_ms
         self._changes.append(ParameterChange(self.steps, group, values))
 
+    @property
+    def controllers(self) -> list[Controller]:
+        """What runs on the robots of each group."""
+        return [group.controller for group in self._groups]
+
+    def replace_controller(self, group: int, controller: Controller) -> Replaced:
+        """Have the robots of a group go on with another controller from the next step on.
+
+        See `embodied.replacement` for what they remember, and which parameters they keep. Until it is reset, the
+        simulation is no longer what its scenario and seed alone decide.
+
+        Args:
+            group: Number of the group in the scenario.
+            controller: See `control.loader.load_controller`.
+
+        Returns:
+            What robots still remember.
+
+        Raises:
+            EpuckSimError: It cannot be compiled, raises, or does not fit; then the old one goes on.
+        """
+        origin = f"{self.scenario.name}: robots.{group}"
+        replaced = replace_controller(self._groups[group], controller, self._step_ms, origin, interpret=self._interpret)
+        self._groups[group] = replaced.group
+        if not self._interpret:
+            call_controllers(self._loop, group, replaced.group)
+        self.period_ms[replaced.group.robots] = replaced.group.period_ms
+        self._replaced_at = self.steps
+        self._show()
+        return replaced
+
     def snapshot(self) -> Snapshot:
-        """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later."""
+        """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later.
+
+        Raises:
+            ValueError: A controller was replaced since the last reset: the steps before could not be simulated again.
+        """
+        if self._replaced_at is not None:
+            raise ValueError(f"a controller was replaced after step {self._replaced_at - 1}; there is no snapshot")
         return Snapshot(self.scenario, self.seed, self.steps, tuple(self._changes))
 
     def restore(self, snapshot: Snapshot) -> None:

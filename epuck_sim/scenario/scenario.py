@@ -2,7 +2,7 @@
 
 from numbers import Integral
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field
 
@@ -28,6 +28,8 @@ class FigureSection(ConfigModel):
     """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
+    base_case: dict[str, Any] = Field(default_factory=dict)
+    """Values of axes, by dotted key, of the curve that is dashed because it is the base case."""
 
 
 class Scenario(ConfigModel):

@@ -12,6 +12,7 @@ from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
@@ -39,10 +40,13 @@ UNIONS = {
             "random": RandomAgents,
         },
     ),
+    "signal": Union("kind", {"camera": CameraSignal, "cone": ConeSignal, "radio": RadioSignal}),
 }
 """Sections that are one of several classes, by their key."""
 
 ALLOWED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
     "dict_type": "a mapping of keys to values",
     "finite_number": "a finite number",
     "float_parsing": "a number",
