@@ -25,7 +25,7 @@ from epuck_sim.particles.neighbourhood import Neighbourhood
 from epuck_sim.particles.oscillators import Oscillators, firing_now, phase_at, set_next_firing
 from epuck_sim.particles.phase_response import phase_after_pulse
 from epuck_sim.particles.rules import Rules
-from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.jit import jit_inline, unlikely
 
 INSTANTS = 0
 """Index of the counter of instants at which agents fired."""
@@ -51,7 +51,7 @@ class Instant(NamedTuple):
     received: IndexArray
     """(agents + 1,) the agents whose phases were shifted, even to 1: the first `counts[1]` entries."""
     reached: IndexArray
-    """(agents + 1,) the agents at which a pulse arrived, if every pulse is sent: the first `counts[2]` entries."""
+    """(agents + 1,) scratch: agents at which a pulse arrived, until they are turned: the first `counts[2]` entries."""
     counts: IntArray
     """(3,) numbers of agents in `fired`, `received` and `reached`."""
     is_done: BoolArray
@@ -90,15 +90,11 @@ def fire(
     fired_count, received_count = firing_now(oscillators, time, fired), 0
     for agent in fired[:fired_count]:
         is_done[agent] = True
-    done = fired_count
-    last_done = agents
-    if rules.sends_every_pulse:
-        last_done += 1  # which is never reached
-        forget_arrivals(instant)
-    sent = 0
+    done, sent = fired_count, 0
+    last_done = agents + rules.sends_every_pulse  # one more than there can be, if every pulse is sent
     while sent < fired_count and done < last_done:
         row = find_neighbours(neighbourhood, trajectories, fired[sent], time)
-        if rules.sends_every_pulse:
+        if unlikely(rules.reorients_on_arriving):
             note_arrivals(instant, neighbourhood.members[row, : neighbourhood.counts[fired[sent]]])
         for other in neighbourhood.members[row, : neighbourhood.counts[fired[sent]]]:
             if is_done[other]:
@@ -129,14 +125,6 @@ def fire(
 
 
 @jit_inline
-def forget_arrivals(instant: Instant) -> None:
-    """Empty the list of the agents that pulses have reached."""
-    for agent in instant.reached[: instant.counts[2]]:
-        instant.is_reached[agent] = False
-    instant.counts[2] = 0
-
-
-@jit_inline
 def note_arrivals(instant: Instant, receivers: IndexArray) -> None:
     """Add the agents that a pulse reaches to those that pulses have reached at this instant."""
     for agent in receivers:
@@ -154,16 +142,26 @@ def reorient_agents(trajectories: Trajectories, rules: Rules, instant: Instant, 
         for agent in range(len(trajectories.speed)):
             instant.headings[axis, agent] = trajectories.heading[axis, agent]
     fired, received = instant.fired[: instant.counts[0]], instant.received[: instant.counts[1]]
-    reached = instant.reached[: instant.counts[2]]
-    for agents, are_turned in (
-        (fired, rules.reorients_on_emitting),
-        (received, rules.reorients_on_receiving),
-        (reached, rules.reorients_on_arriving),
-    ):
-        for agent in agents:
-            if are_turned and not instant.is_done[agent]:
-                reorient(trajectories, agent, time)
-                instant.is_done[agent] = True
-    for agents in (fired, received, reached):
-        for agent in agents:
-            instant.is_done[agent] = False
+    if rules.reorients_on_emitting:
+        turn(trajectories, instant, fired, time)
+    if rules.reorients_on_receiving:
+        turn(trajectories, instant, received, time)
+    if rules.reorients_on_arriving:
+        reached = instant.reached[: instant.counts[2]]
+        turn(trajectories, instant, reached, time)
+        for agent in reached:
+            instant.is_reached[agent] = instant.is_done[agent] = False
+        instant.counts[2] = 0
+    for agent in fired:
+        instant.is_done[agent] = False
+    for agent in received:
+        instant.is_done[agent] = False
+
+
+@jit_inline
+def turn(trajectories: Trajectories, instant: Instant, agents: IndexArray, time: float) -> None:
+    """Reorient agents that have not been turned at this instant."""
+    for agent in agents:
+        if not instant.is_done[agent]:
+            reorient(trajectories, agent, time)
+            instant.is_done[agent] = True

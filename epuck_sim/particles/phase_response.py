@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.util.addresses import evaluate_at
-from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.jit import jit_inline, jit_no_alloc, unlikely
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
 """Names of the shipped response curves; the index of a name is the number of its curve."""
@@ -76,7 +76,7 @@ def phase_after_pulse(response: Response, phase: float) -> float:
     """
     if phase <= response.refractory:
         return phase
-    shift = response.coupling * phase if response.curve == MULTIPLICATIVE else other_shift(response, phase)
+    shift = other_shift(response, phase) if unlikely(response.curve != MULTIPLICATIVE) else response.coupling * phase
     return min(max(phase + shift, 0.0), 1.0)
 
 
