@@ -1,7 +1,7 @@
 """Groups of robots at work: their controllers, and the arrays with which they sense and act."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -93,6 +93,8 @@ class RobotGroupState(NamedTuple):
     """What runs on them."""
     first_parameters: npt.NDArray[np.void]
     """(1,) the record of its parameters in the scenario."""
+    first_memory: Mapping[str, Any]
+    """What its robots remember at the start in the scenario, by name; the controllers' `start` has set the rest."""
     runner: ControllerRunner
     """Its controllers."""
     sensing: SensingArrays
@@ -159,7 +161,7 @@ def make_group(
     # a picture that is delivered later is not yet the controller's
     pixels = receiver.in_view if isinstance(receiver, CameraClock) and len(receiver.in_view) else sensors.camera
     arrays = _sensing_arrays(scenario, group, first_robot, swarm, sensors, infrared_gain[rows], pixels)
-    return RobotGroupState(rows, controller, first_parameters, runner, arrays, receiver)
+    return RobotGroupState(rows, controller, first_parameters, group.memory, runner, arrays, receiver)
 
 
 def _start_receiver(
@@ -179,11 +181,17 @@ def _start_receiver(
 
 
 def restart_group(group: RobotGroupState) -> None:
-    """Start a group's controllers with the scenario's parameters; raise RobotError if one of them raises."""
+    """Start a group's controllers with the scenario's parameters and memory.
+
+    Raises:
+        RobotError: A controller raises.
+    """
     group.runner.arrays.senses.camera[:] = 0
     restart_receiver(group.receiver)
     group.runner.arrays.parameters.view(np.ndarray)[:] = group.first_parameters
     group.runner.start()
+    for name, value in group.first_memory.items():
+        group.runner.memory[name] = value
 
 
 def set_parameters(group: RobotGroupState, values: Mapping[str, Value]) -> None:

@@ -13,6 +13,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.database import DATABASE, has_later_columns, reading
+from epuck_sim.scenario.base import ConfigModel
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import comma_list, did_you_mean
@@ -47,7 +48,12 @@ class PointTrials(NamedTuple):
     def seed(self) -> int:
         """Seed for resampling this point: if all points were resampled alike, their errors would be the same."""
         left_out: dict[str, Any] = dict.fromkeys(WITHOUT_EFFECT, True)
-        left_out["stop"] = dict.fromkeys(self.scenario.stop.later_keys, True)
+        for name, section in self.scenario:
+            is_list = isinstance(section, tuple)
+            kind = section[0] if is_list and section else section
+            if isinstance(kind, ConfigModel) and kind.later_keys and name not in WITHOUT_EFFECT:
+                keys = dict.fromkeys(kind.later_keys, True)
+                left_out[name] = {"__all__": keys} if is_list else keys
         everything = self.key + self.scenario.model_dump_json(exclude=left_out)
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 

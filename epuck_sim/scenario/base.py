@@ -1,6 +1,6 @@
 """The base of all sections of a scenario, and the kinds of numbers in them."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -20,3 +20,6 @@ class ConfigModel(BaseModel):
     """A section of a scenario: it has no unknown keys and no NaN, and cannot be changed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    later_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that came later; seeds of resamples leave them out, so that earlier folders keep their numbers."""

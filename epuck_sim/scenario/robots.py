@@ -1,6 +1,6 @@
 """One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -57,6 +57,8 @@ class InfraredSection(ConfigModel):
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal")
+
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     placement: Literal["random", "grid", "poses"] = "random"
     """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
@@ -66,6 +68,9 @@ class RobotGroup(ConfigModel):
     """Name of a shipped controller, or a file (.py, .c or .so), relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
+    memory: dict[str, Any] = Field(default_factory=dict)
+    """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
+    for each robot; `phase_ms` is an oscillator's phase."""
     signal: SignalSection = CameraSignal()
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()

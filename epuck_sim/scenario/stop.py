@@ -44,7 +44,6 @@ class StopSection(ConfigModel):
     """When a trial ends."""
 
     later_keys: ClassVar[tuple[str, ...]] = ("when",)
-    """Keys that came later; seeds of resamples leave them out, so that earlier folders keep their numbers."""
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
     """The swarm is synchronised once the order parameter reaches this value at a firing of the reference.

@@ -10,7 +10,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import Box, Circle, Polygon
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, Range
+from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
@@ -31,7 +31,14 @@ UNIONS = {
     "obstacles": Union("shape", {"circle": Circle, "box": Box, "polygon": Polygon}),
     "neighbourhood": Union(
         "kind",
-        {"nearest": Nearest, "range": Range, "cone_of_vision": Cone, "cone_of_emission": Cone, "all": Everybody},
+        {
+            "nearest": Nearest,
+            "range": Range,
+            "cone_of_vision": Cone,
+            "cone_of_emission": Cone,
+            "all": Everybody,
+            "random": RandomAgents,
+        },
     ),
     "signal": Union("kind", {"camera": CameraSignal, "cone": ConeSignal, "radio": RadioSignal}),
 }
