@@ -13,7 +13,7 @@ QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-5-3 fig-5-4 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
 
-.PHONY: run test lint bench slow figures clean
+.PHONY: run test lint docs bench slow figures clean
 
 run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
@@ -27,6 +27,10 @@ lint: $(VENV)/test-tools
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
+docs: $(VENV)/docs-tools ## build the site of the docs into site/
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --fresh-env --quiet --doctree-dir site/.doctrees docs site
+	@echo "site/index.html"
+
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
 
@@ -38,6 +42,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim run thesis --seed 13 --record runs/thesis_run.rrd
 	$(BIN)/epuck-sim plot runs/thesis_run.rrd --to docs/figures/thesis_run
 	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
+	$(BIN)/python docs/figures/animation.py
 	$(BIN)/python docs/figures/base_curve.py
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
@@ -76,5 +81,9 @@ $(VENV)/test-tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
 	touch $@
 
+$(VENV)/docs-tools: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	touch $@
+
 clean:
-	rm -rf $(VENV) dist
+	rm -rf $(VENV) dist site

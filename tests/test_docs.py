@@ -1,6 +1,7 @@
 """What README and docs show is run as it stands."""
 
 import doctest
+import json
 import pkgutil
 import re
 import shlex
@@ -26,7 +27,7 @@ from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial, simulate
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -126,18 +127,47 @@ def shown(monkeypatch) -> list[str]:
     return noted
 
 
+def named_files(page: Path) -> dict[str, str]:
+    """Return the contents of the files that a page shows, by the names that stand before them."""
+    shown = re.findall(
+        r"`([\w-]+\.\w+)`[^`]*:\n\n```(?:python|yaml)\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL
+    )
+    return dict(shown)
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
-    Path("turner.py").write_text(controller)
-    assert len(commands(page)) >= 6
+    for name, text in {**named_files(ROOT / "README.md"), **named_files(page)}.items():
+        Path(name).write_text(text)
     for words in commands(page):
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 0, (words, result.stderr)
     assert Path("trace.parquet").exists() == any("--trace" in words for words in commands(page))
     looked_at = [words for words in commands(page) if words[0] == "replay" or "--live" in words]
     assert shown == ["live" if "--live" in words else "thesis" for words in looked_at]
+
+
+def test_commands_and_files_are_found() -> None:
+    assert len(commands(ROOT / "README.md")) >= 15
+    assert named_files(ROOT / "README.md").keys() == {"turner.py"}
+    assert named_files(ROOT / "docs/tutorial.md").keys() == {"listener.py", "lowest_order.py"}
+
+
+def test_the_tutorial_tells_what_comes_out(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = ROOT / "docs/tutorial.md"
+    Path("listener.py").write_text(named_files(page)["listener.py"])
+    told = " ".join(page.read_text().split())
+    three = ["--seed", "1", "--trials", "3"]
+    for words, sentence in (
+        (three, "T_sync is now {}, {} and {} cycles."),
+        (["--seed", "1", "--set", "robots.0.count=5"], "Five robots need {} cycles."),
+        (["--controller", "listener.py", *three], "The three trials take {}, {} and {} cycles."),
+    ):
+        result = CliRunner().invoke(app, ["run", "thesis", *words, "--json"])
+        trials = [json.loads(line) for line in result.stdout.splitlines()]
+        assert sentence.format(*(trial["t_sync_cycles"] for trial in trials)) in told
 
 
 def test_the_sweep_shown_has_the_stated_points() -> None:

@@ -16,8 +16,11 @@ class Circle(ConfigModel):
 
     shape: Literal["circle"]
     x_cm: Number
+    """x of the centre, from the left wall."""
     y_cm: Number
+    """y of the centre, from the lower wall."""
     radius_cm: Positive
+    """Radius."""
 
 
 class Box(ConfigModel):
@@ -25,10 +28,15 @@ class Box(ConfigModel):
 
     shape: Literal["box"]
     x_cm: Number
+    """x of the centre, from the left wall."""
     y_cm: Number
+    """y of the centre, from the lower wall."""
     width_cm: Positive
+    """Length along the heading."""
     height_cm: Positive
+    """Length across the heading."""
     heading_rad: Number = 0.0
+    """Angle by which the box is turned, counter-clockwise from x."""
 
 
 class Polygon(ConfigModel):
@@ -36,6 +44,7 @@ class Polygon(ConfigModel):
 
     shape: Literal["polygon"]
     corners_cm: Annotated[tuple[tuple[Number, Number], ...], Field(min_length=3, max_length=100)]
+    """`x_cm, y_cm` of each corner."""
 
     @model_validator(mode="after")
     def _check_convex(self) -> "Polygon":
@@ -48,7 +57,9 @@ class ArenaSection(ConfigModel):
     """The walled rectangle and what stands in it."""
 
     width_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
+    """Length of the floor along x; L of thesis 4.2.1, where the arena is square."""
     height_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
+    """Length of the floor along y."""
     obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
 
     @model_validator(mode="after")

@@ -54,6 +54,7 @@ class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
 
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
+    """Coefficient of friction between bodies."""
     robots: bool = True
     """Whether robots touch each other; else they pass through each other, and touch walls and obstacles only."""
 
@@ -62,6 +63,7 @@ class TimingSection(ConfigModel):
     """How often robots sense and act, and how often bodies move (thesis 3.1.4.1)."""
 
     control_hz: Annotated[WholeNumber, Field(ge=1, le=1000)] = 10
+    """Control steps a second, in each of which every robot senses and acts once."""
     physics_hz: Annotated[WholeNumber, Field(ge=100, le=10_000)] = 100
     """Physics steps a second; with fewer than 100, bodies would overlap by more than 1 mm before a contact is found."""
 

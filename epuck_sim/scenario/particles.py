@@ -36,7 +36,9 @@ class SpaceSection(ConfigModel):
     """The space in which agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
 
     dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
+    """1: a segment; 2: a square; 3: a cube."""
     side_cm: Positive = 100.0
+    """Side L of the space."""
     boundary: Literal["bounded", "cyclic", "mirrored"] = "bounded"
     """`bounded`: agents leave a wall in a random direction; `mirrored`: as light leaves a mirror; `cyclic`: agents
     leave on one side and enter opposite."""
@@ -46,6 +48,7 @@ class AgentsSection(ConfigModel):
     """Number of agents, and how they move."""
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 20
+    """Number N of agents."""
     speed_cm_s: Annotated[Number, Field(ge=0, le=1e6)] = 1.0
     """Speed of each agent, or the mean of the distribution of speeds."""
     speed_distribution: Literal["fixed", "uniform", "normal", "exponential"] = "fixed"
@@ -70,6 +73,7 @@ class Nearest(ConfigModel):
 
     kind: Literal["nearest"]
     k: Annotated[WholeNumber, Field(ge=1)] = 1
+    """Number K of agents that receive a pulse."""
 
 
 class Range(ConfigModel):
@@ -77,12 +81,14 @@ class Range(ConfigModel):
 
     kind: Literal["range"]
     radius_cm: Positive
+    """Radius R."""
 
 
 class Cone(ConfigModel):
     """A cone in the direction of motion: of vision, around the agent that receives, or of emission."""
 
     kind: Literal["cone_of_vision", "cone_of_emission"]
+    """`cone_of_vision`: around the agent that receives; `cone_of_emission`: around the one that fires."""
     radius_cm: Positive | None = None
     """Reach of the cone; unlimited by default."""
     angle_deg: Annotated[Number, Field(gt=0, le=360)]
@@ -112,7 +118,8 @@ class ResponseSection(ConfigModel):
     later_keys: ClassVar[tuple[str, ...]] = ("parameters",)
 
     curve: str = "multiplicative"
-    """Name of a shipped curve, or a file that ends in .py, relative to the scenario's file."""
+    """Phase response curve, shift of the phase against the phase: a shipped one's name, or a file that ends in .py,
+    relative to the scenario's file (5.1.1)."""
     coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
     """Strength of the response: epsilon, or kappa of the sawtooth and sine curves."""
     refractory: Annotated[Number, Field(ge=0, lt=0.5)] = 0.0
@@ -131,6 +138,7 @@ class ClocksSection(ConfigModel):
     """The oscillators' periods."""
 
     period_s: Positive = 1.0
+    """Period tau."""
     jitter: Annotated[Number, Field(ge=0, le=0.2)] = 0.0
     """Standard deviation of the periods relative to `period_s` (5.4.2); no period is below a tenth of it."""
 
@@ -154,6 +162,7 @@ class StartSection(ConfigModel):
     later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings")
 
     phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], PlainValidator(_check_phases)] = "random"
+    """`random`: uniform over the period; `synchronised`: all 0; or a list with a phase, 0 to 1, for each agent."""
     displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     """Phase of agent 0, where all others start at 0 (5.4.1)."""
     positions_cm: Vectors | None = None

@@ -12,7 +12,9 @@ class CameraSection(ConfigModel):
     """A group's line camera (thesis 4.1.1; the cone of vision of 3.1.2 by `field_of_view_deg` and `range_cm`)."""
 
     pixels: Annotated[WholeNumber, Field(ge=1, le=1000)] = 60
+    """Number of pixels in the row."""
     field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
+    """Angle that the row covers, half of it to either side of straight ahead."""
     central_pixels: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Number of pixels in the middle of the row that are used (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
@@ -50,6 +52,7 @@ class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
+    """`inverse_response`: by inverting the mean response; `firmware_table`: by the table of the robots' firmware."""
     robots: bool = True
     """Whether they see other robots; else walls and obstacles only, to avoid walls alone (thesis 3.1.4.1)."""
 
@@ -60,6 +63,7 @@ class RobotGroup(ConfigModel):
     later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal")
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
+    """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
     placement: Literal["random", "grid", "poses"] = "random"
     """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None

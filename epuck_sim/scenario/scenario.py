@@ -20,6 +20,7 @@ class FigureSection(ConfigModel):
     """How `plot` draws a sweep, where the command does not say."""
 
     form: Literal["curves", "map", "violins", "perturbation", "course"] = "curves"
+    """How the sweep is drawn; `perturbation` and `course` are for point agents."""
     x: str | None = None
     """Dotted key of the axis to draw against; the speed by default."""
     y: str | None = None
@@ -41,7 +42,9 @@ class Scenario(ConfigModel):
     """Name of the method by which a measure is told of every event (`measures.interface.EVENT_METHODS`)."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
+    """Name in tables and figures; by default that of the file."""
     description: str = ""
+    """What the scenario is, in a line: title of figures, and shown by `list`."""
     model: str
     stop: StopSection
     trials: Annotated[WholeNumber, Field(ge=1, le=10_000_000)] = 1

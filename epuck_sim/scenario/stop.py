@@ -17,7 +17,9 @@ class StopCondition(ConfigModel):
     measure: Annotated[str, Field(min_length=1)]
     """Name of one of the scenario's measures; of a series the last value counts, true counts as 1."""
     relation: Literal[">", ">=", "<", "<="]
+    """How the measure is compared with the value."""
     value: Number
+    """Number with which the measure is compared."""
 
     @model_validator(mode="before")
     @classmethod

@@ -1,0 +1,59 @@
+"""Writes the reference of what is shipped: scenarios, sweeps, controllers and measures, each with its one line."""
+
+import ast
+from collections.abc import Callable, Mapping
+
+from epuck_sim.cli.listing import describe_controllers, describe_measures, describe_scenarios
+from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
+from epuck_sim.util.messages import natural_order
+
+
+def write_scenarios() -> str:
+    """Return the shipped scenarios as Markdown."""
+    return _write_table(describe_scenarios(ARENAS))
+
+
+def write_sweeps() -> str:
+    """Return the shipped sweeps as Markdown."""
+    return _write_table(describe_scenarios(SWEEPS))
+
+
+def write_measures() -> str:
+    """Return the shipped measures as Markdown."""
+    return _write_table(describe_measures())
+
+
+def write_controllers() -> str:
+    """Return the shipped controllers as Markdown: what each does, and its parameters as its file declares them."""
+    files = builtin_files(CONTROLLERS)
+    parts = []
+    for name, description in describe_controllers().items():
+        source = files[name].read_text(encoding="utf-8")
+        parts += [f"### `{name}`", description, f"```python\n{_parameters_in(source)}\n```"]
+    return "\n\n".join(parts)
+
+
+def _parameters_in(source: str) -> str:
+    """Return the lines of a controller's file that declare its parameters."""
+    for statement in ast.parse(source).body:
+        if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "PARAMETERS":
+            return "\n".join(source.splitlines()[statement.lineno - 1 : statement.end_lineno])
+    return "PARAMETERS = {}"
+
+
+def _write_table(descriptions: Mapping[str, str]) -> str:
+    rows = [f"| `{name}` | {_escaped(descriptions[name])} |" for name in sorted(descriptions, key=natural_order)]
+    return "\n".join(["| | |", "| --- | --- |", *rows])
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", r"\|")
+
+
+WRITERS: dict[str, Callable[[], str]] = {
+    "scenarios": write_scenarios,
+    "sweeps": write_sweeps,
+    "controllers": write_controllers,
+    "measures": write_measures,
+}
+"""What each kind of shipped things is written by."""
