@@ -19,6 +19,7 @@ class Part(IntEnum):
     CONTROLLERS = 3
     VARIATION = 4
     SIGNALS = 5
+    FAULTS = 6
 
 
 def spawned(seed: int, part: Part) -> np.random.SeedSequence:

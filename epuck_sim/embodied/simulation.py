@@ -15,7 +15,8 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import Value
 from epuck_sim.control.runner import RobotError
 from epuck_sim.embodied.commands import Commands
-from epuck_sim.embodied.control_loop import CompiledLoop, interpreted_loop, make_control_loop, restart_loop
+from epuck_sim.embodied.control_loop import CompiledLoop, InterpretedLoop, make_control_loop, restart_loop
+from epuck_sim.embodied.faults import make_faults, restart_faults
 from epuck_sim.embodied.group import (
     NOISE_STEPS,
     RobotGroupState,
@@ -105,8 +106,10 @@ class Simulation:
             *(scenario, self._step, self._world.bodies, self._swarm),
             *(self._randomness.variation, self._randomness.variation_streams),
         )
-        self._take_steps = (interpreted_loop if interpret else CompiledLoop)(self._loop, self._groups)
-        self.commands = Commands(self._loop, self._groups, interpret=interpret)
+        self._faults = make_faults(scenario) if scenario.faults else None
+        interpreted = InterpretedLoop(self._loop, self._groups, self._faults) if interpret else None
+        self._take_steps = interpreted or CompiledLoop(self._loop, self._groups, self._faults)
+        self.commands = Commands(self._loop, self._groups, interpreted)
         self.external_wheels = self.commands.arrays.wheel_robots
         self.external_rings = self.commands.arrays.ring_robots
         shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
@@ -162,6 +165,8 @@ class Simulation:
             try:
                 restart_group(group)
             except RobotError as error:
+        if self._faults is not None:
+            restart_faults(self._faults, scenario, spawned(seed, Part.FAULTS))
                 raise self._located(error, group.robots.start) from error
             self.period_ms[group.robots] = group.period_ms
 
@@ -210,7 +215,7 @@ class Simulation:
 
         Args:
             steps: Number of steps to take, at least 1.
-            until_lit: Number of a robot; a step in which its ring is lit is the last one.
+            until_lit: Number of a robot; a step in which its ring is commanded to be lit is the last one.
 
         Returns:
             The last step; its arrays are overwritten by the next one.
@@ -229,7 +234,7 @@ class Simulation:
             if noise_step == 0:
                 self._randomness.draw_noise(self._swarm)
             self._run(min(end - self.steps, NOISE_STEPS - noise_step), -1 if until_lit is None else until_lit)
-            if self.steps == end or (until_lit is not None and self._swarm.ring_on[until_lit]):
+            if self.steps == end or (until_lit is not None and self._swarm.ring_commands[until_lit]):
                 return self._last_step()
 
     def command(

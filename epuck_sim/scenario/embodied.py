@@ -12,7 +12,8 @@ from pydantic import Field, model_validator
 from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.controllers import resolve_axes, resolve_group
+from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
+from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
@@ -119,6 +120,7 @@ class EmbodiedScenario(Scenario):
     noise: NoiseSection = NoiseSection()
     spread: SpreadSection = SpreadSection()
     stuck: StuckSection = StuckSection()
+    faults: tuple[AnyFault, ...] = ()
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
     stop: EmbodiedStop = EmbodiedStop()
@@ -149,6 +151,7 @@ class EmbodiedScenario(Scenario):
                     f"robots.{number}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
                     f"{self.timing.control_hz}"
                 )
+        check_faults(self.faults, self.robots)
         floor = self.arena.width_cm * self.arena.height_cm
         bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
         densest = math.pi / math.sqrt(12)  # of equal discs in the plane
@@ -209,6 +212,7 @@ class EmbodiedScenario(Scenario):
             else resolve_group(group, self.timing.step_ms, f"{origin}: robots.{number}", folder)
             for number, group in enumerate(self.robots)
         )
+        check_oscillators(self.faults, robots, swept, origin)
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
         return super(EmbodiedScenario, resolved).resolved(origin, folder)

@@ -21,6 +21,7 @@ _ELSEWHERE = {
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
     "spread": "no counterpart, because agents are all alike",
     "stuck": "no counterpart, because agents are points",
+    "faults": "no counterpart, because agents do not fail",
     "contact": "no counterpart, because agents are points",
     "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",

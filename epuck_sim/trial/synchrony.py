@@ -17,9 +17,10 @@ NOMINAL_PERIOD_S = 5.0
 class SynchronyWatch:
     """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
 
-    A robot fires when its ring lights up, or when it is lit already and the phase falls. Robots that are no oscillators
-    do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One oscillator alone is
-    never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the further cycles.
+    A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. Robots that are
+    no oscillators do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One
+    oscillator alone is never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the
+    further cycles.
     """
 
     cycles: int
@@ -61,7 +62,7 @@ class SynchronyWatch:
         if self._measures:
             if step.number > self._steps:
                 self._lit_phase = None
-            if step.ring_on[self._reference]:
+            if step.ring_commands[self._reference]:
                 self._look_at_firing(step)
             else:
                 self._lit_phase = None

@@ -86,7 +86,8 @@ def step(number, rings, phase_ms):
     """Return a step in which these rings are lit and oscillators have these phases."""
     memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
     nothing = np.empty(0)
-    return Step(number, 0.0, nothing, nothing, nothing, nothing, nothing, np.array(rings, bool), (memory,), None)
+    lit = np.array(rings, bool)
+    return Step(number, 0.0, nothing, nothing, nothing, nothing, nothing, lit, (memory,), lit, None)
 
 
 def shown(watched, rings, phase_ms=(0, 0)):
