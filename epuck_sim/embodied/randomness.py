@@ -20,6 +20,7 @@ class Part(IntEnum):
     VARIATION = 4
     SIGNALS = 5
     FAULTS = 6
+    SCHEDULE = 7
 
 
 def spawned(seed: int, part: Part) -> np.random.SeedSequence:

@@ -30,7 +30,8 @@ from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.randomness import Part, Randomness, spawned
 from epuck_sim.embodied.relations import Relations
 from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, Snapshot
+from epuck_sim.embodied.schedule import ScheduledEvent, TimedEntries, carry_out
+from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.controllers import resolve_parameters
@@ -62,6 +63,8 @@ class Simulation:
     period_ms: FloatArray
     """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
 
+    events: list[ScheduledEvent]
+    """Entries of the scenario's schedule that were carried out, in order."""
     commands: Commands
     """What is commanded from outside; `command` checks it first, and snapshots know of it."""
     external_wheels: IntArray
@@ -116,6 +119,7 @@ class Simulation:
         self._relations = Relations(scenario, self._swarm)
         self._shown: tuple[Any, ...] = (*shown, self._relations)
         self._short_rows = self._find_short_rows()
+        self._timed = TimedEntries(scenario.schedule, self._step_ms)
         self.reset(seed)
 
     def _make_groups(self) -> list[RobotGroupState]:
@@ -154,19 +158,21 @@ class Simulation:
         poses = place_robots(scenario, spawned(seed, Part.PLACEMENT))
         self.seed = seed
         self._changes: list[Change] = []
+        self.events = []
+        self._timed.restart()
         self._step[0] = -1
         self._world.place(poses)
         restart_swarm_arrays(self._swarm, self._step_ms)
         self._randomness.restart(seed)
         restart_loop(self._loop, self._step_ms, self._randomness.variation)
+        if self._faults is not None:
+            restart_faults(self._faults, scenario, spawned(seed, Part.FAULTS))
         self.commands.restart()
         self._relations.restart()
         for group in self._groups:
             try:
                 restart_group(group)
             except RobotError as error:
-        if self._faults is not None:
-            restart_faults(self._faults, scenario, spawned(seed, Part.FAULTS))
                 raise self._located(error, group.robots.start) from error
             self.period_ms[group.robots] = group.period_ms
 
@@ -230,10 +236,13 @@ class Simulation:
             raise ValueError(f"until_lit is {until_lit}; allowed: 0 to {len(self.period_ms) - 1}")
         end = self.steps + steps
         while True:
+            while self._timed.next_step == self.steps:
+                self._carry_out(self._timed.take())
             noise_step = self.steps % NOISE_STEPS
             if noise_step == 0:
                 self._randomness.draw_noise(self._swarm)
-            self._run(min(end - self.steps, NOISE_STEPS - noise_step), -1 if until_lit is None else until_lit)
+            unseen = min(end - self.steps, NOISE_STEPS - noise_step, self._timed.next_step - self.steps)
+            self._run(unseen, -1 if until_lit is None else until_lit)
             if self.steps == end or (until_lit is not None and self._swarm.ring_commands[until_lit]):
                 return self._last_step()
 
@@ -278,12 +287,34 @@ class Simulation:
         """
         if not 0 <= group < len(self._groups):
             raise ValueError(f"group is {group}; allowed: 0 to {len(self._groups) - 1}")
+        self._set_parameters(group, values)
+        self._changes.append(ParameterChange(self.steps, group, values))
+
+    def _set_parameters(self, group: int, values: Mapping[str, Value]) -> None:
+        """Change parameters of a group's controllers."""
         changed = self._groups[group]
         origin = f"{self.scenario.name}: robots.{group}"
         given = {**changed.parameters, **values}
         set_parameters(changed, resolve_parameters(changed.controller, given, self._step_ms, origin))
         self.period_ms[changed.robots] = changed.period_ms
-        self._changes.append(ParameterChange(self.steps, group, values))
+
+    def carry_out_scheduled(self, entry: int) -> None:
+        """Carry out an entry of the scenario's schedule now: its changes act from the next step on.
+
+        Entries with a time are carried out by the simulation itself, others by `run_trial`.
+
+        Args:
+            entry: Number of the entry.
+        """
+        self._carry_out(entry)
+        self._changes.append(ScheduledChange(self.steps, entry))
+
+    def _carry_out(self, entry: int) -> None:
+        time_ms = self.steps * self._step_ms
+        sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
+        section = self.scenario.schedule[entry]
+        carry_out(section, self._groups, self._faults, self._set_parameters, sequence, time_ms)
+        self.events.append(ScheduledEvent(entry, self.steps, time_ms / 1000))
 
     def snapshot(self) -> Snapshot:
         """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later."""

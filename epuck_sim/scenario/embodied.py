@@ -17,6 +17,7 @@ from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.schedule import ScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.stop import StopSection
 
 
@@ -121,6 +122,7 @@ class EmbodiedScenario(Scenario):
     spread: SpreadSection = SpreadSection()
     stuck: StuckSection = StuckSection()
     faults: tuple[AnyFault, ...] = ()
+    schedule: tuple[ScheduleEntry, ...] = ()
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
     stop: EmbodiedStop = EmbodiedStop()
@@ -152,6 +154,7 @@ class EmbodiedScenario(Scenario):
                     f"{self.timing.control_hz}"
                 )
         check_faults(self.faults, self.robots)
+        check_schedule(self.schedule, self.robots, self.faults)
         floor = self.arena.width_cm * self.arena.height_cm
         bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
         densest = math.pi / math.sqrt(12)  # of equal discs in the plane
@@ -213,6 +216,7 @@ class EmbodiedScenario(Scenario):
             for number, group in enumerate(self.robots)
         )
         check_oscillators(self.faults, robots, swept, origin)
+        check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
         return super(EmbodiedScenario, resolved).resolved(origin, folder)

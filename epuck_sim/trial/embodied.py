@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial.observer import EndCondition, Observer, Progress
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.schedule import CycleSchedule
 from epuck_sim.trial.synchrony import SynchronyWatch
 
 UNSEEN_STEPS = 50
@@ -26,8 +27,10 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
+    schedule = CycleSchedule(simulation)
     began = time.perf_counter()
     while not (watch.is_over or is_over()):
+        schedule.look(watch)
         unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
         cycles = watch.cycles
         step = simulation.advance(unseen, watch.lit_robot)
@@ -50,4 +53,5 @@ def run_robots(
         steps=simulation.steps,
         simulated_s=simulation.steps * simulation.scenario.timing.step_ms / 1000,
         wall_s=time.perf_counter() - began,
+        events=tuple(event._asdict() for event in simulation.events),
     )

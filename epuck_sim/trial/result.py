@@ -1,6 +1,6 @@
 """The outcome of a trial."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from epuck_sim.measures.interface import Value
@@ -32,6 +32,8 @@ class TrialResult(NamedTuple):
     """Time that the trial took, in seconds on the wall."""
     measures: Mapping[str, Value] = {}
     """Value of each of the scenario's measures by its name."""
+    events: Sequence[Mapping[str, float]] = ()
+    """Entries of the schedule that were carried out: the number `entry`, and `step` and `time_s` from which it acts."""
 
     @property
     def real_time_factor(self) -> float:
@@ -48,6 +50,6 @@ class TrialResult(NamedTuple):
 
 def _format(value: object) -> str:
     """Return a value as text; of a series, its length."""
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return f"{len(value)} values"
     return "-" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
