@@ -115,7 +115,7 @@ def shown(monkeypatch) -> list[str]:
         yield SimpleNamespace(wait=lambda: noted.append("live")), 0
 
     @contextmanager
-    def nothing_live(*_: object):
+    def nothing_live(*_: object, **__: object):
         yield lambda *_: None
 
     monkeypatch.setenv("DISPLAY", ":0")

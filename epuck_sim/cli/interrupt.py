@@ -12,6 +12,7 @@ import time
 from contextlib import suppress
 from types import FrameType
 
+from epuck_sim.cli.keys import restore_terminal
 from epuck_sim.util.atomic_write import remove_unfinished
 
 REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -63,6 +64,7 @@ class _Watchdog:
             unheard = 0 if self._reacted_s >= since_s else unheard + len(requests)
             if unheard > 1 or (unheard and requests != [signal.SIGINT]):
                 try:
+                    restore_terminal()
                     remove_unfinished()
                     _say("ended in the middle of compiled code")
                 finally:

@@ -51,7 +51,9 @@ def run(
     ] = None,
     memory: Annotated[
         list[str] | None,
-        typer.Option(metavar="FIELD", help="Add a field of the controllers' MEMORY to --trace; repeatable."),
+        typer.Option(
+            metavar="FIELD", help="Add a field of the controllers' MEMORY to --trace, --record and --live; repeatable."
+        ),
     ] = None,
     relations: Annotated[
         bool, typer.Option("--relations", help="Add to --trace whom each robot sees lit, and whom it touches.")
@@ -98,7 +100,11 @@ def run(
             (level is not None and record is None and not live, "--record-level is for --record and --live"),
             ((speed is not None or web) and not live, "--speed and --web are for --live"),
             (port is not None and not web, "--port is for --web"),
-            (trace is None and (bool(memory) or relations), "--memory and --relations are for --trace"),
+            (trace is None and relations, "--relations is for --trace"),
+            (
+                trace is None and record is None and not live and bool(memory),
+                "--memory is for --trace, --record and --live",
+            ),
         )
         from epuck_sim.cli.observers import LiveView, RunOptions
         from epuck_sim.cli.trials import run_one, run_some, sweep_into
@@ -167,6 +173,6 @@ def status(
     """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it."""
     with exit_on_error():
         from epuck_sim.cli.tables import print_status
-        from epuck_sim.runs.reader import read_status
+        from epuck_sim.runs.status import read_status
 
         print_status(read_status(folder), as_json)

@@ -270,20 +270,23 @@ class InterpretedLoop:
     """`_take_steps` of a loop as a function of its other arguments, as plain Python."""
 
     def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
-        plan = _plan(loop, groups, faults)
-        before, after, self._late = ([_interpreted(call) for call in calls] for calls in plan)
-        for function in before:  # now, so that compiling it belongs to no trial's time
+        self._loop, self._faults = loop, faults
+        self.call_controllers(groups)
+        for function in self._before:  # now, so that compiling it belongs to no trial's time
             function(0)
         move_bodies(loop.bodies, 0)
-        controllers = [group.runner for group in groups]
-        self._early = [*before, *(lambda _, runner=runner: runner.step_all(runner.address) for runner in controllers)]
-        self._early += after
-        self._calls = loop.calls
         self._take_steps = bind(_take_steps, value_at=lambda _: loop, run_calls=self.run_calls)
+
+    def call_controllers(self, groups: Sequence[RobotGroupState]) -> None:
+        """Call what runs on the robots of these groups from the next step on."""
+        plan = _plan(self._loop, groups, self._faults)
+        self._before, after, self._late = ([_interpreted(call) for call in calls] for calls in plan)
+        controllers = [lambda _, runner=group.runner: runner.step_all(runner.address) for group in groups]
+        self._early = [*self._before, *controllers, *after]
 
     def run_calls(self, calls: IntArray) -> None:
         """Call all functions: those of `ControlLoop.calls`, or `late_calls`."""
-        for function in self._early if calls is self._calls else self._late:
+        for function in self._early if calls is self._loop.calls else self._late:
             function(0)
 
     def __call__(self, steps: int, until_lit: int) -> int:
@@ -300,13 +303,19 @@ class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
     def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
+        self._loop, self._faults = loop, faults
         self._take_steps = compiled_for(_take_steps, loop)
         self._owner, self._address = hold(loop)
+        self.call_controllers(groups)
+
+    def call_controllers(self, groups: Sequence[RobotGroupState]) -> None:
+        """Call what runs on the robots of these groups from the next step on."""
         self._owners: list[object] = []
-        before, after, late = ([self._addresses(call) for call in calls] for calls in _plan(loop, groups, faults))
+        plan = _plan(self._loop, groups, self._faults)
+        before, after, late = ([self._addresses(call) for call in calls] for calls in plan)
         controllers = [(group.runner.step_address, group.runner.address) for group in groups]
-        loop.calls[:] = [*before, *controllers, *after]
-        loop.late_calls[:] = np.reshape(late, (-1, 2))
+        self._loop.calls[:] = [*before, *controllers, *after]
+        self._loop.late_calls[:] = np.reshape(late, (-1, 2))
 
     def _addresses(self, call: Call) -> tuple[int, int]:
         owner, address = hold(call.value)

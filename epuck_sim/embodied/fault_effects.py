@@ -1,5 +1,6 @@
-"""What faults do to robots: to what they see and sense, to their oscillators, and to rings and wheels."""
+"""What faults do to robots: to clocks, to what they see and sense, to their oscillators, and to rings and wheels."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.faults import (
     CAMERA_BLIND,
     CAMERA_MISSES,
+    CLOCK_DRIFT,
+    CLOCK_JITTER,
     INFRARED_DEAD,
     OSCILLATOR_FROZEN,
     RING_DEAD,
@@ -18,7 +21,9 @@ from epuck_sim.embodied.faults import (
     Faults,
     has_fault,
 )
+from epuck_sim.embodied.variation import RobotClocks
 from epuck_sim.util.jit import jit_no_alloc
+from epuck_sim.util.rng import uniform
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
@@ -142,3 +147,37 @@ def fail_rings_and_wheels(faults: Faults, ring_commands: BoolArray, ring_on: Boo
         ring_on[robot] = is_on and not has_fault(faults, RING_DEAD, robot)
         if has_fault(faults, WHEELS_DEAD, robot):
             velocities[robot, :] = 0.0
+
+
+@jit_no_alloc
+def count_flashes(faults: Faults, ring_on: BoolArray, ring_before: BoolArray) -> None:
+    """Give numbers to the flashes that begin in this control step."""
+    for robot in range(len(ring_on)):
+        if ring_on[robot] and not ring_before[robot]:
+            faults.flash_numbers[robot] += 1
+
+
+@jit_no_alloc
+def tick_faulty_clocks(faults: Faults, clocks: RobotClocks, step_ms: int) -> None:
+    """Write the ms until the next control step by clocks that may be faulty; fractions carry over."""
+    for robot in range(len(faults.left_over_ms)):
+        may_fail, is_faulty, rate = False, False, 1.0
+        for fault in range(len(faults.kinds)):
+            kind = faults.kinds[fault]
+            if kind not in (CLOCK_DRIFT, CLOCK_JITTER) or not faults.is_member[fault, robot]:
+                continue
+            may_fail = True
+            if not faults.is_active[fault, robot]:
+                continue
+            is_faulty = True
+            if kind == CLOCK_DRIFT:
+                rate *= faults.strengths[fault]
+            else:
+                rate *= 1.0 + faults.strengths[fault] * (2.0 * uniform(faults.streams[fault, robot]) - 1.0)
+        if is_faulty:
+            own_ms = clocks.step_ms[robot] if len(clocks.step_ms) else float(step_ms)
+            counted = own_ms * rate + faults.left_over_ms[robot]
+            clocks.elapsed_ms[robot] = math.floor(counted)
+            faults.left_over_ms[robot] = counted - math.floor(counted)
+        elif may_fail and not len(clocks.step_ms):
+            clocks.elapsed_ms[robot] = step_ms

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.embodied.variation import RobotClocks
+from epuck_sim.embodied.group import NOISE_STEPS
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.faults import CameraMisses, ClockDrift, ClockJitter, FaultSection
 from epuck_sim.util.jit import jit_no_alloc
@@ -33,6 +33,10 @@ KINDS = {
     "restart": RESTART,
 }
 """Numbers of the kinds of faults in compiled code; here, as a change in a file without kernels compiles none anew."""
+
+
+ENDED, BEGUN = range(2)
+"""What a fault did, in its log."""
 
 
 class Faults(NamedTuple):
@@ -70,6 +74,10 @@ class Faults(NamedTuple):
     """(robots,) number of flashes that a robot has begun."""
     left_over_ms: FloatArray
     """(robots,) fraction of a millisecond that a faulty clock has not counted yet."""
+    log: FloatArray
+    """(n, 4) time in ms, fault, robot, and `ENDED` or `BEGUN`, of each change; n of a whole block of noise."""
+    log_length: IntArray
+    """(1,) number of changes that `fault_events.take_events` has not taken yet."""
 
 
 def make_faults(scenario: EmbodiedScenario) -> Faults:
@@ -81,7 +89,7 @@ def make_faults(scenario: EmbodiedScenario) -> Faults:
         kinds=np.array([KINDS[section.kind] for section in sections], np.int64),
         strengths=np.array([_strength(section) for section in sections], float),
         nearer_cm=np.array([_nearer_cm(section) for section in misses], float),
-        farther_cm=np.array([_or_infinity(section and section.farther_than_cm) for section in misses]),
+        farther_cm=np.array([_or_infinity(section.farther_than_cm if section else None) for section in misses]),
         begin_ms=np.array([math.inf if each.scheduled else _in_ms(each.at_s or 0.0) for each in sections]),
         end_ms=np.array([_in_ms(_or_infinity(section.until_s)) for section in sections]),
         mean_free_ms=np.array([3.6e6 / section.per_hour if section.per_hour else 0.0 for section in sections]),
@@ -94,6 +102,8 @@ def make_faults(scenario: EmbodiedScenario) -> Faults:
         starts_anew_at=np.zeros(shape[1]),
         flash_numbers=np.zeros(shape[1], np.int64),
         left_over_ms=np.zeros(shape[1]),
+        log=np.zeros((NOISE_STEPS * shape[0] * shape[1], 4)),
+        log_length=np.zeros(1, np.int64),
     )
 
 
@@ -133,6 +143,7 @@ def restart_faults(faults: Faults, scenario: EmbodiedScenario, sequence: np.rand
     faults.flash_numbers[:] = 0
     faults.left_over_ms[:] = 0.0
     faults.starts_anew_at[:] = -1.0
+    faults.log_length[0] = 0
     _draw_first_changes(faults)
 
 
@@ -187,12 +198,21 @@ def _change(faults: Faults, fault: int, robot: int) -> None:
 
 @jit_no_alloc
 def change_faults(faults: Faults, time_ms: float) -> None:
-    """Begin and end the faults whose time has come."""
+    """Begin and end the faults whose time has come, and log those that are not as they were."""
     faults.starts_anew_at[:] = -1.0
     for fault in range(len(faults.kinds)):
         for robot in range(len(faults.left_over_ms)):
+            if faults.change_ms[fault, robot] > time_ms:
+                continue
+            was_active = faults.is_active[fault, robot]
             while faults.change_ms[fault, robot] <= time_ms:
                 _change(faults, fault, robot)
+            is_active = faults.is_active[fault, robot]
+            if faults.kinds[fault] == RESTART or is_active != was_active:
+                row = faults.log[faults.log_length[0]]
+                row[0], row[1], row[2] = time_ms, fault, robot
+                row[3] = ENDED if was_active else BEGUN
+                faults.log_length[0] += 1
 
 
 @jit_no_alloc
@@ -202,37 +222,3 @@ def has_fault(faults: Faults, kind: int, robot: int) -> bool:
         if faults.kinds[fault] == kind and faults.is_active[fault, robot]:
             return True
     return False
-
-
-@jit_no_alloc
-def count_flashes(faults: Faults, ring_on: BoolArray, ring_before: BoolArray) -> None:
-    """Give numbers to the flashes that begin in this control step."""
-    for robot in range(len(ring_on)):
-        if ring_on[robot] and not ring_before[robot]:
-            faults.flash_numbers[robot] += 1
-
-
-@jit_no_alloc
-def tick_faulty_clocks(faults: Faults, clocks: RobotClocks, step_ms: int) -> None:
-    """Write the ms until the next control step by clocks that may be faulty; fractions carry over."""
-    for robot in range(len(faults.left_over_ms)):
-        may_fail, is_faulty, rate = False, False, 1.0
-        for fault in range(len(faults.kinds)):
-            kind = faults.kinds[fault]
-            if kind not in (CLOCK_DRIFT, CLOCK_JITTER) or not faults.is_member[fault, robot]:
-                continue
-            may_fail = True
-            if not faults.is_active[fault, robot]:
-                continue
-            is_faulty = True
-            if kind == CLOCK_DRIFT:
-                rate *= faults.strengths[fault]
-            else:
-                rate *= 1.0 + faults.strengths[fault] * (2.0 * uniform(faults.streams[fault, robot]) - 1.0)
-        if is_faulty:
-            own_ms = clocks.step_ms[robot] if len(clocks.step_ms) else float(step_ms)
-            counted = own_ms * rate + faults.left_over_ms[robot]
-            clocks.elapsed_ms[robot] = math.floor(counted)
-            faults.left_over_ms[robot] = counted - math.floor(counted)
-        elif may_fail and not len(clocks.step_ms):
-            clocks.elapsed_ms[robot] = step_ms

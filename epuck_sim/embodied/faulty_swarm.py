@@ -10,12 +10,14 @@ from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
 from epuck_sim.embodied.fault_effects import (
     Oscillators,
     blank_infrared,
+    count_flashes,
     fail_rings_and_wheels,
     freeze_oscillators,
     hides_flashes,
     start_anew_and_hold,
+    tick_faulty_clocks,
 )
-from epuck_sim.embodied.faults import Faults, change_faults, count_flashes, tick_faulty_clocks
+from epuck_sim.embodied.faults import Faults, change_faults
 from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_flashes
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SignalReceiver
 from epuck_sim.embodied.line_camera import see

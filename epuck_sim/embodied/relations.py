@@ -36,7 +36,7 @@ class SightingSearch(NamedTuple):
     circles: FloatArray
     edges: FloatArray
     cells: CellList
-    view: View
+    sees_with: View
     first: int
     """Number of the group's first robot."""
     observers: int
@@ -89,7 +89,7 @@ def _write_lit_sightings(address: int) -> int:
         search.circles,
         search.edges,
         search.cells,
-        search.view,
+        search.sees_with,
         search.first,
         search.observers,
         search.found,
@@ -208,7 +208,7 @@ class Relations:
             circles=swarm.arena.circles,
             edges=swarm.arena.edges,
             cells=self._cells(),
-            view=view,
+            sees_with=view,
             first=first,
             observers=observers,
             found=np.zeros((room, 3), np.int64),

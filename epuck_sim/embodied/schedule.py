@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,17 +12,6 @@ from epuck_sim.scenario.schedule import Displacement, ScheduleEntry
 
 NEVER = 2**62
 """Number of a control step that no simulation takes."""
-
-
-class ScheduledEvent(NamedTuple):
-    """An entry of the schedule that was carried out."""
-
-    entry: int
-    """Its number."""
-    step: int
-    """The first control step in which its changes act."""
-    time_s: float
-    """Time of that step."""
 
 
 class TimedEntries:
@@ -77,15 +66,18 @@ def displace_phases(groups: Sequence[RobotGroupState], displacement: Displacemen
         if isinstance(by_cycles, str):
             phase = drawn[group.robots] * group.period_ms
         else:
-            phase = (memory["phase_ms"] + by_cycles * group.period_ms) % group.period_ms
+            ahead_ms = np.round(by_cycles * group.period_ms, 6)  # 1450 ms, not 1449.9999999999998, for whole phases
+            phase = (memory["phase_ms"] + ahead_ms) % group.period_ms
         memory["phase_ms"][rows] = phase[rows]
         group.runner.arrays.actuators.view(np.ndarray)["ring_on"][rows] = 0
 
 
 def begin_or_end(faults: Faults, fault: int, *, begins: bool, time_ms: float) -> None:
     """Have a scheduled fault begin, or end, in the control step at this time, in all robots that may have it."""
-    concerned = faults.is_member[fault] & (faults.is_active[fault] != begins)
-    faults.change_ms[fault, concerned] = time_ms
+    is_active = faults.is_active[fault]
+    will_be = is_active ^ (faults.change_ms[fault] <= time_ms)  # where an entry before has had it begin, or end
+    concerned = faults.is_member[fault] & (will_be != begins)
+    faults.change_ms[fault, concerned] = np.where(is_active[concerned] != begins, time_ms, math.inf)
 
 
 def carry_out(

@@ -12,10 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.control.interface import Value
+from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.runner import RobotError
 from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.control_loop import CompiledLoop, InterpretedLoop, make_control_loop, restart_loop
+from epuck_sim.embodied.fault_events import take_events
 from epuck_sim.embodied.faults import make_faults, restart_faults
 from epuck_sim.embodied.group import (
     NOISE_STEPS,
@@ -29,8 +30,9 @@ from epuck_sim.embodied.group import (
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.randomness import Part, Randomness, spawned
 from epuck_sim.embodied.relations import Relations
+from epuck_sim.embodied.replacement import Replaced, replace_controller
 from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.schedule import ScheduledEvent, TimedEntries, carry_out
+from epuck_sim.embodied.schedule import TimedEntries, carry_out
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
 from epuck_sim.errors import ControllerError
@@ -38,6 +40,7 @@ from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class Simulation:
@@ -62,9 +65,8 @@ class Simulation:
     """Seconds from one control step to the next."""
     period_ms: FloatArray
     """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
-
-    events: list[ScheduledEvent]
-    """Entries of the scenario's schedule that were carried out, in order."""
+    events: list[TrialEvent]
+    """Entries of the schedule that were carried out, and faults that began and ended, in the order of their steps."""
     commands: Commands
     """What is commanded from outside; `command` checks it first, and snapshots know of it."""
     external_wheels: IntArray
@@ -115,9 +117,8 @@ class Simulation:
         self.commands = Commands(self._loop, self._groups, interpreted)
         self.external_wheels = self.commands.arrays.wheel_robots
         self.external_rings = self.commands.arrays.ring_robots
-        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
         self._relations = Relations(scenario, self._swarm)
-        self._shown: tuple[Any, ...] = (*shown, self._relations)
+        self._show()
         self._short_rows = self._find_short_rows()
         self._timed = TimedEntries(scenario.schedule, self._step_ms)
         self.reset(seed)
@@ -141,6 +142,11 @@ class Simulation:
             first_robot += section.count
         return groups
 
+    def _show(self) -> None:
+        """Find the arrays that steps show."""
+        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        self._shown: tuple[Any, ...] = (*shown, self._relations)
+
     def reset(self, seed: int | None = None) -> None:
         """Start anew, to the same outcome as a new simulation with this seed, but several times as fast.
 
@@ -160,6 +166,7 @@ class Simulation:
         self._changes: list[Change] = []
         self.events = []
         self._timed.restart()
+        self._replaced_at: int | None = None
         self._step[0] = -1
         self._world.place(poses)
         restart_swarm_arrays(self._swarm, self._step_ms)
@@ -243,6 +250,8 @@ class Simulation:
                 self._randomness.draw_noise(self._swarm)
             unseen = min(end - self.steps, NOISE_STEPS - noise_step, self._timed.next_step - self.steps)
             self._run(unseen, -1 if until_lit is None else until_lit)
+            if self._faults is not None:
+                self.events += take_events(self._faults, self._step_ms)
             if self.steps == end or (until_lit is not None and self._swarm.ring_commands[until_lit]):
                 return self._last_step()
 
@@ -314,10 +323,46 @@ class Simulation:
         sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
         section = self.scenario.schedule[entry]
         carry_out(section, self._groups, self._faults, self._set_parameters, sequence, time_ms)
-        self.events.append(ScheduledEvent(entry, self.steps, time_ms / 1000))
+        self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{entry}", section.what))
+
+    @property
+    def controllers(self) -> list[Controller]:
+        """What runs on the robots of each group."""
+        return [group.controller for group in self._groups]
+
+    def replace_controller(self, group: int, controller: Controller) -> Replaced:
+        """Have the robots of a group go on with another controller from the next step on.
+
+        See `embodied.replacement` for what they remember, and which parameters they keep. Until it is reset, the
+        simulation is no longer what its scenario and seed alone decide.
+
+        Args:
+            group: Number of the group in the scenario.
+            controller: See `control.loader.load_controller`.
+
+        Returns:
+            What robots still remember.
+
+        Raises:
+            EpuckSimError: It cannot be compiled, raises, or does not fit; then the old one goes on.
+        """
+        origin = f"{self.scenario.name}: robots.{group}"
+        replaced = replace_controller(self._groups[group], controller, self._step_ms, origin, interpret=self._interpret)
+        self._groups[group] = replaced.group
+        self._take_steps.call_controllers(self._groups)
+        self.period_ms[replaced.group.robots] = replaced.group.period_ms
+        self._replaced_at = self.steps
+        self._show()
+        return replaced
 
     def snapshot(self) -> Snapshot:
-        """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later."""
+        """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later.
+
+        Raises:
+            ValueError: A controller was replaced since the last reset: the steps before could not be simulated again.
+        """
+        if self._replaced_at is not None:
+            raise ValueError(f"a controller was replaced after step {self._replaced_at - 1}; there is no snapshot")
         return Snapshot(self.scenario, self.seed, self.steps, tuple(self._changes))
 
     def restore(self, snapshot: Snapshot) -> None:

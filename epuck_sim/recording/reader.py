@@ -1,6 +1,7 @@
 """Reads a recording back into arrays."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,8 @@ from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording.entities import Entities
 from epuck_sim.recording.layers import time_series
 from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
+from epuck_sim.recording.layers.events import EVENTS
+from epuck_sim.recording.layers.memory import MEMORY, memory_entity
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import LINKED, Links, read_links
 from epuck_sim.recording.parts import layout_of
@@ -65,6 +68,10 @@ class Recorded(NamedTuple):
     """(rows, count) rad in -pi to pi, from arrows in single precision."""
     ring_on: BoolArray
     """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
+    memory: Mapping[str, FloatArray]
+    """(rows, robots) what robots remember, by the names of the fields that are recorded; NaN for robots without one."""
+    events: tuple[tuple[float, str], ...]
+    """Time in seconds, and text, of what changed by a schedule, or by faults."""
     links: Links | None
     """Who was linked to whom; None if the level leaves it out. The properties below raise RecordingError instead."""
 
@@ -121,7 +128,7 @@ def read_layout(path: Path) -> rrb.Blueprint | None:
     trial = Entities(path).properties(TRIAL)
     _check_format(path, trial)
     try:
-        return layout_of(_scenario(trial), Level(trial["level"]))
+        return layout_of(_scenario(trial), Level(trial["level"]), _fields(trial))
     except (ScenarioError, KeyError, ValueError):
         return None
 
@@ -139,7 +146,7 @@ def read_recording(path: Path | str) -> Recorded:
         RecordingError: The file is no complete recording, or one of another program or version.
     """
     path = Path(path)
-    entities = Entities(path, *_SERIES, ROBOTS, HEADINGS, *LINKED)
+    entities = Entities(path, *_SERIES, EVENTS, f"{MEMORY}/**", ROBOTS, HEADINGS, *LINKED)
     trial = entities.properties(TRIAL)
     _check_format(path, trial)
     try:
@@ -149,8 +156,12 @@ def read_recording(path: Path | str) -> Recorded:
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path}: is not a complete recording: {error}") from error
     rows = len(recorded.time_s)
-    for name in ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ():
-        if len(getattr(recorded, name)) != rows:
+    posed = ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ()
+    arrays = {name: getattr(recorded, name) for name in posed} | {
+        f"memory.{name}": recorded.memory[name] for name in recorded.memory
+    }
+    for name, array in arrays.items():
+        if len(array) != rows:
             raise RecordingError(f"{path}: is not a complete recording: {name} is missing in some of {rows} rows")
     return recorded
 
@@ -190,8 +201,19 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
         positions=positions,
         headings=headings,
         ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,
+        memory={
+            field: entities.values(memory_entity(field), "Scalars:scalars").reshape(-1, count)
+            for field in _fields(trial)
+        },
+        events=tuple(zip(entities.times(EVENTS).tolist(), entities.texts(EVENTS, "TextLog:text"), strict=True)),
         links=read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
     )
+
+
+def _fields(trial: dict[str, Any]) -> list[str]:
+    """Return the fields of memory in a recording."""
+    fields: list[str] = json.loads(trial.get("memory", "[]"))
+    return fields
 
 
 def _scenario(trial: dict[str, Any]) -> Scenario:

@@ -9,7 +9,7 @@ from plotly import graph_objects as go
 
 from epuck_sim.display.numbers import format_estimate
 from epuck_sim.figures.labels import axis_label, format_axis_values
-from epuck_sim.figures.style import LOG_RATIO
+from epuck_sim.figures.scales import LOG_RATIO
 from epuck_sim.report.contents import Quantity
 from epuck_sim.report.groups import Arrangement, Group, arrange, choose_vertical
 from epuck_sim.report.theme import SYMBOLS, Choices, add_choices, colours, make_figure

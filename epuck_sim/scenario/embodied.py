@@ -12,12 +12,13 @@ from pydantic import Field, model_validator
 from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
 from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.schedule import ScheduleEntry, check_schedule, check_scheduled_controllers
+from epuck_sim.scenario.schedule import ScheduleEntry, check_schedule, check_scheduled_controllers, condition_key
 from epuck_sim.scenario.stop import StopSection
 
 
@@ -54,6 +55,8 @@ class StuckSection(ConfigModel):
 
 class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
 
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
     robots: bool = True
@@ -113,6 +116,7 @@ class EmbodiedScenario(Scenario):
         "belongs to model: particles; give that model, or leave it out",
     )
 
+    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule")
     event_method: ClassVar[str] = "step"
 
     model: Literal["embodied"] = "embodied"
@@ -200,6 +204,17 @@ class EmbodiedScenario(Scenario):
             *(f"{group}.{key}" for group in groups for key in ("count", "parameters.speed_cm_s")),
             *(f"{groups[0]}.parameters.{name}" for name in ("coupling", "period_s")),
         )
+
+    @property
+    def conditions(self) -> dict[str, Awaited]:
+        """Conditions that trials wait for, by their dotted keys."""
+        waiting = {condition_key(number): entry.awaited for number, entry in enumerate(self.schedule)}
+        return {**super().conditions, **{key: awaited for key, awaited in waiting.items() if awaited is not None}}
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there are faults or a schedule."""
+        return bool(self.faults or self.schedule)
 
     @property
     def camera_pixels(self) -> int:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
@@ -10,16 +10,31 @@ from epuck_sim.control.interface import Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
+from epuck_sim.scenario.condition import Awaited, Condition
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.faults import FaultSection
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.stop import StopCondition
 
 PARAMETER = re.compile(r"robots\.(\d+)\.parameters\.(\w+)")
 """A key that a schedule may set."""
 
 _AT = ("at_s", "at_cycle", "when")
 _WHAT = ("set", "displace", "begin", "end")
+
+
+class TrialEvent(NamedTuple):
+    """Something that changed in a trial."""
+
+    step: int
+    """The first control step in which the change acts."""
+    time_s: float
+    """Time of that step."""
+    source: str
+    """Place in the scenario of which it came: `schedule.NUMBER`, or `faults.NUMBER`."""
+    what: str
+    """What changed, in words."""
+    robots: tuple[int, ...] = ()
+    """Numbers of the robots in which a fault began or ended; none for a schedule."""
 
 
 class Displacement(ConfigModel):
@@ -30,6 +45,11 @@ class Displacement(ConfigModel):
     by_cycles: Number | Literal["random"]
     """What is added to each phase, in cycles; or `random`, for phases drawn uniformly instead."""
 
+    def __str__(self) -> str:
+        """Return the displacement in words."""
+        whose = "all phases" if self.robots is None else f"phases of {', '.join(map(str, self.robots))}"
+        return f"{whose} {self.by_cycles if isinstance(self.by_cycles, str) else f'by {self.by_cycles:g} cycles'}"
+
 
 class ScheduleEntry(ConfigModel):
     """Changes at one moment; they are made once."""
@@ -38,10 +58,11 @@ class ScheduleEntry(ConfigModel):
     """Time of the first control step in which the changes act."""
     at_cycle: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Firing of the reference after which they act."""
-    when: StopCondition | None = None
-    """A condition on the order parameter at firings of the reference, such as `order_parameter >= 0.95`."""
-    for_cycles: Annotated[WholeNumber, Field(ge=1)] = 1
-    """Number of firings in a row at which the condition must hold."""
+    when: Condition | None = None
+    """A condition on a measure, such as `order_parameter >= 0.95`."""
+    for_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
+    """With `when`, number of firings of the reference in a row at which it must hold; by default it is enough that it
+    holds once, where the measure is told of a step or a firing."""
     set: dict[str, Any] = Field(default_factory=dict)
     """New values by dotted key: parameters of controllers."""
     displace: Displacement | None = None
@@ -56,10 +77,8 @@ class ScheduleEntry(ConfigModel):
             raise ValueError(f"give one of {', '.join(_AT)}, the moment of the changes")
         if not any(getattr(self, key) for key in _WHAT):
             raise ValueError(f"nothing changes; give one or more of {', '.join(_WHAT)}")
-        if self.for_cycles > 1 and self.when is None:
+        if self.for_cycles is not None and self.when is None:
             raise ValueError(f"for_cycles is {self.for_cycles}; allowed: with when")
-        if self.when is not None and self.when.measure != "order_parameter":
-            raise ValueError(f"when is {str(self.when)!r}; allowed: a condition on order_parameter")
         for key in self.set:
             if PARAMETER.fullmatch(key) is None:
                 raise ValueError(
@@ -70,6 +89,21 @@ class ScheduleEntry(ConfigModel):
                 raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter are told by it")
         return self
 
+    @property
+    def awaited(self) -> Awaited | None:
+        """The condition for which the changes wait; None if they wait for none."""
+        return None if self.when is None else Awaited(self.when, self.for_cycles)
+
+    @property
+    def what(self) -> str:
+        """The changes in words, for lists of events."""
+        parts = [f"{key}: {value}" for key, value in self.set.items()]
+        if self.displace is not None:
+            parts.append(str(self.displace))
+        parts += [f"faults.{number} begins" for number in self.begin]
+        parts += [f"faults.{number} ends" for number in self.end]
+        return "; ".join(parts)
+
     def parameters(self) -> dict[int, dict[str, Any]]:
         """Return the new values of parameters by name, for each group by its number."""
         values: dict[int, dict[str, Any]] = {}
@@ -78,6 +112,11 @@ class ScheduleEntry(ConfigModel):
             assert found is not None
             values.setdefault(int(found[1]), {})[found[2]] = value
         return values
+
+
+def condition_key(entry: int) -> str:
+    """Return the dotted key of the condition of an entry."""
+    return f"schedule.{entry}.when"
 
 
 def check_schedule(

@@ -13,6 +13,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, Range
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
@@ -34,10 +35,13 @@ UNIONS = {
         "kind",
         {"nearest": Nearest, "range": Range, "cone_of_vision": Cone, "cone_of_emission": Cone, "all": Everybody},
     ),
+    "signal": Union("kind", {"camera": CameraSignal, "cone": ConeSignal, "radio": RadioSignal}),
 }
 """Sections that are one of several classes, by their key."""
 
 ALLOWED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
     "dict_type": "a mapping of keys to values",
     "finite_number": "a finite number",
     "float_parsing": "a number",

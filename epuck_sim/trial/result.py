@@ -1,9 +1,10 @@
 """The outcome of a trial."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from epuck_sim.measures.interface import Value
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class TrialResult(NamedTuple):
@@ -32,8 +33,8 @@ class TrialResult(NamedTuple):
     """Time that the trial took, in seconds on the wall."""
     measures: Mapping[str, Value] = {}
     """Value of each of the scenario's measures by its name."""
-    events: Sequence[Mapping[str, float]] = ()
-    """Entries of the schedule that were carried out: the number `entry`, and `step` and `time_s` from which it acts."""
+    events: tuple[TrialEvent, ...] = ()
+    """What has changed: entries of the schedule that were carried out, and faults that began and ended."""
 
     @property
     def real_time_factor(self) -> float:

@@ -1,6 +1,7 @@
 """When a swarm of robots is synchronised: the watch on the reference robot's firings."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError
 from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.scenario.schedule import TrialEvent
 
 NOMINAL_PERIOD_S = 5.0
 """Length of a cycle, in seconds, if the reference is no oscillator (4.2.1)."""
@@ -27,10 +29,13 @@ class SynchronyWatch:
     """Firings of the reference so far."""
     order_parameter: float | None
     """Order parameter at the reference's last firing; None before the first."""
+    events: Sequence[TrialEvent]
+    """What has changed so far by the schedule, or by faults."""
     lit_robot: int | None
     """The reference, if it is an oscillator: steps in which its ring is dark may go unseen."""
 
     def __init__(self, simulation: Simulation) -> None:
+        self.events = simulation.events
         stop = simulation.scenario.stop
         self._metric = METRICS[stop.metric]
         self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter

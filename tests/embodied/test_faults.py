@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.embodied.fault_effects import random_share
 from epuck_sim.embodied.faults import KINDS, change_faults, make_faults, restart_faults
 from epuck_sim.embodied.simulation import Simulation
@@ -69,6 +70,7 @@ def active_over(fault, steps, robots=10, seed=3):
     found = np.empty((steps, robots), bool)
     for step in range(steps):
         change_faults(faults, float(step * STEP_MS))
+        faults.log_length[0] = 0
         found[step] = faults.is_active[0]
     return found
 
@@ -263,6 +265,20 @@ def test_robots_with_dead_wheels_stand_still_and_go_on_afterwards():
     assert moved[:, 1].all()
 
 
+@pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
+def test_a_fault_goes_on_in_robots_that_get_another_controller(interpret, tmp_path):
+    path = tmp_path / "mine.py"
+    source = find_controller("oscillator").path.read_text()
+    path.write_text(source)
+    robots = [{"count": 2, "controller": str(path)}]
+    simulation = Simulation({"robots": robots, **with_fault("oscillator_frozen", robots=[0])}, 1, interpret=interpret)
+    simulation.advance(5)
+    path.write_text(source + "\n# a later version\n")
+    simulation.replace_controller(0, load_controller(path))
+    before = simulation.advance(1).phase_ms.copy()
+    assert (simulation.advance(3).phase_ms == before).tolist() == [True, False]
+
+
 def test_oscillators_start_anew_at_uniform_phases_with_dark_rings():
     group = {"count": 60, "controller": "oscillator"}
     dark, anew = {"kind": "ring_dead"}, {"kind": "restart", "at_s": 2}
@@ -273,6 +289,32 @@ def test_oscillators_start_anew_at_uniform_phases_with_dark_rings():
     counts, _ = np.histogram(phases, 10, (0, 5000))
     assert ((counts - 30) ** 2 / 30).sum() < 27.9
     assert abs(np.corrcoef(ideal["phase_ms"][20], faulty["phase_ms"][20])[0, 1]) < 0.5
+
+
+# --- events -----------------------------------------------------------------------------------------
+
+
+def test_events_are_the_beginnings_and_ends_of_faults_in_whom_they_began_and_ended():
+    """The slow twin looks at who has which fault in each step."""
+    simulation = Simulation(MIXED, 3)
+    active, expected = np.zeros((len(EVERYTHING), 8), bool), []
+    for number in range(150):
+        next(simulation)
+        now = simulation._faults.is_active
+        for fault, change in np.ndindex(len(EVERYTHING), 2):
+            robots = np.flatnonzero((now[fault] != active[fault]) & (now[fault] == change))
+            if len(robots):
+                what = f"{EVERYTHING[fault]['kind']} {('ends', 'begins')[change]}"
+                expected.append((number, f"faults.{fault}", what, tuple(robots.tolist())))
+        restarted = np.flatnonzero(simulation._faults.starts_anew_at >= 0)
+        if len(restarted):
+            expected.append((number, f"faults.{len(EVERYTHING) - 1}", "restart", tuple(restarted.tolist())))
+        active = now.copy()
+    assert [(event.step, event.source, event.what, event.robots) for event in simulation.events] == expected
+    assert len(expected) > 40
+    unseen = Simulation(MIXED, 3)
+    unseen.advance(150)
+    assert unseen.events == simulation.events
 
 
 # --- determinism ------------------------------------------------------------------------------------

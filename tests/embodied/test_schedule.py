@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.schedule import TrialEvent
 from tests.embodied.test_faults import steps_of
 
 APART = {
@@ -38,8 +39,18 @@ def test_changes_act_from_the_first_control_step_that_is_not_before_their_time()
     assert (speeds[10:, 1:] == 1.5).all()
     gained = (np.diff(phases, axis=0) - 100)[23] % 5000  # 2.35 s is before step 24
     assert gained.tolist() == [1250, 0, 1250]
-    assert [event.entry for event in simulation.events] == [2, 0, 3, 1, 4]
-    assert [event.step for event in simulation.events] == [5, 10, 15, 24, 30]
+    assert [(event.step, event.source) for event in simulation.events] == [
+        *((5, "schedule.2"), (5, "faults.0"), (10, "schedule.0")),
+        *((15, "schedule.3"), (15, "faults.0"), (24, "schedule.1"), (30, "schedule.4")),
+    ]
+    assert simulation.events[1] == TrialEvent(5, 0.5, "faults.0", "ring_dead begins", (1,))
+    assert [event.what for event in simulation.events if event.source != "faults.0"] == [
+        "faults.0 begins",
+        "robots.1.parameters.speed_cm_s: 1.5; robots.1.parameters.coupling: 0.3",
+        "faults.0 ends",
+        "phases of 0, 2 by 0.25 cycles",
+        "robots.0.parameters.speed_cm_s: 0; all phases random",
+    ]
 
 
 def test_scheduled_faults_begin_and_end():
@@ -75,9 +86,20 @@ def test_schedules_begin_again_with_reset_and_go_on_in_copies():
     simulation.advance(20)
     for made in (copy.deepcopy(simulation), simulation):
         step = made.advance(20)
-        assert len(made.events) == 5
+        assert len(made.events) == 7
         for name, values in expected.items():
             assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes()
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_faults_that_entries_begin_and_end_at_once_are_as_the_last_entry_says(begun):
+    schedule = [{"at_s": 0, "begin": [0]}] * begun
+    for keys, expected in ((["begin", "end"], False), (["end", "begin"], True), (["begin", "end", "begin"], True)):
+        simulation = Simulation(
+            {**APART, "faults": [LIGHT], "schedule": [*schedule, *({"at_s": 1, key: [0]} for key in keys)]}, 1
+        )
+        simulation.advance(12)
+        assert simulation._faults.is_active.tolist() == [[False, expected, False]]
 
 
 def test_a_scheduled_restart_happens_once():

@@ -17,9 +17,10 @@ import pytest
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
-from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.run_lock import current_holder
+from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points

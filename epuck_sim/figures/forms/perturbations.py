@@ -4,16 +4,18 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.figures.courses import require_particles
 from epuck_sim.figures.csv_tables import Table, rounded
+from epuck_sim.figures.forms.fitness import check_deviates, require_particles
 from epuck_sim.figures.labels import distinguishing_labels
-from epuck_sim.figures.style import make_panels
+from epuck_sim.figures.scales import format_tick
+from epuck_sim.figures.style import BAR, BAR_ASPECT, STYLE, finish, make_panels
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 
@@ -22,6 +24,15 @@ MAX_CYCLES = 20_000
 
 MIN_DEVIATION = 1e-4
 """Deviation, in cycles, whose colour smaller ones have, too."""
+
+MAX_DEVIATION = 0.5
+"""Largest deviation of two phases, cycles."""
+
+LABELS = ("time [cycles]", "agent")
+"""Labels of the horizontal and of the vertical axis."""
+
+HEADING = "the first trial of each point"
+"""Which trials are shown."""
 
 
 class Perturbation(NamedTuple):
@@ -35,7 +46,13 @@ class Perturbation(NamedTuple):
 
 
 def read_perturbations(points: Sequence[PointTrials]) -> list[Perturbation]:
-    """Simulate the first trial of each point that has any; raise ScenarioError for a model other than particles."""
+    """Simulate the first trial of each point that has any.
+
+    Raises:
+        ScenarioError: The model is another than particles.
+        EpuckSimError: Nothing can deviate.
+    """
+    check_deviates(points)
     found = []
     for point in points:
         scenario = require_particles(point)
@@ -58,16 +75,39 @@ def _perturbation_rows(perturbations: Sequence[Perturbation]) -> Iterator[list[A
             yield [*each.axes.values(), each.cycle[moment], agent, rounded(each.deviation[moment, agent])]
 
 
-def draw_perturbations(title: str, perturbations: Sequence[Perturbation]) -> Figure:
-    """Draw a panel for each trial, with a row for each agent, white where nothing deviates (Fig. 5.8)."""
+@rc_context(STYLE)
+def draw_perturbations(title: str, perturbations: Sequence[Perturbation], width_cm: float | None = None) -> Figure:
+    """Draw a panel for each trial (Fig. 5.8); `plot_perturbations` says how.
+
+    Args:
+        title: Title of the figure.
+        perturbations: The perturbations, at least one.
+        width_cm: Width of the figure; by default that of a column, or of a page for several panels.
+    """
     titles = distinguishing_labels([each.axes for each in perturbations])
-    figure, panels = make_panels(title, titles, ("time [cycles]", "agent"), (3.4, 3.6))
-    norm = LogNorm(MIN_DEVIATION, 0.5)
+    figure, panels = make_panels(f"{title}\n{HEADING}", titles, LABELS, width_cm)
+    plot_perturbations(panels, perturbations)
+    finish(figure, panels)
+    return figure
+
+
+def plot_perturbations(panels: Sequence[Axes], perturbations: Sequence[Perturbation]) -> None:
+    """Draw each perturbation into a panel, a row for each agent, white where nothing deviates, and a colour bar."""
+    norm = LogNorm(MIN_DEVIATION, MAX_DEVIATION)
     for panel, each in zip(panels, perturbations, strict=True):
         _draw_perturbation(panel, each, norm)
-    colours = panels[0].collections[0]
-    figure.colorbar(colours, ax=panels, label="|Δϕ| [cycles]", extend="min")
-    return figure
+    figure = panels[0].get_figure()
+    assert figure is not None
+    powers = [10.0**exponent for exponent in range(-4, 0)]
+    bar = figure.colorbar(
+        panels[0].collections[0],
+        ax=list(panels),
+        label="|Δϕ| [cycles]",
+        extend="min",
+        fraction=BAR,
+        aspect=BAR_ASPECT,
+    )
+    bar.set_ticks(powers, labels=[format_tick(power, plain=False) for power in powers])
 
 
 def _draw_perturbation(panel: Axes, each: Perturbation, norm: LogNorm) -> None:

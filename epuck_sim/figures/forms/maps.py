@@ -1,39 +1,25 @@
 """Maps of T_sync (thesis Figs. 3.5, 5.6, D.4), or of a measure, over two axes; a panel for each value of the others."""
 
-import math
 from collections.abc import Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.figures.csv_tables import Table, curves_table
-from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity_label
-from epuck_sim.figures.style import (
-    add_shared_legend,
-    format_tick,
-    is_logarithmic,
-    make_logarithmic,
-    make_panels,
-)
+from epuck_sim.figures.forms.levels import COLOURS, add_colour_bar, choose_levels, choose_linear_levels
+from epuck_sim.figures.labels import axis_label, distinguishing_labels, statistic_label
+from epuck_sim.figures.scales import has_log_scale, is_logarithmic, make_logarithmic
+from epuck_sim.figures.style import STYLE, count_trials, finish, make_panels, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import MOST_CENSORED
-
-COLOURS = colormaps["viridis"]
-
-MAX_LEVELS = 20
-"""Largest number of levels; more colours are hard to distinguish."""
-
-STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
-"""Distances from one level to the next, in decades; the smallest that needs at most `MAX_LEVELS` is taken."""
 
 MIN_CONTOUR_VALUES = 3
 """Fewest values of x and of y in every panel with which contours are drawn between the points."""
@@ -84,25 +70,38 @@ def maps_table(x: str, maps: Sequence[Map]) -> Table:
     return curves_table(x, [row for each in maps for row in each.rows])
 
 
-def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
-    """Draw a panel for each map, all in the same colours.
-
-    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored; one without
-    trials is blank. Between four neighbours that are neither, contours are drawn over the cells; nothing else is
-    interpolated. The colour bar names the statistic.
+@rc_context(STYLE)
+def draw_maps(title: str, x: str, y: str, maps: Sequence[Map], width_cm: float | None = None) -> Figure:
+    """Draw a panel for each map, all in the same colours; `plot_maps` says how.
 
     Args:
-        title: Title of the figure.
+        title: Title of the figure, to which the numbers of trials are added.
         x: Dotted key of the horizontal axis.
         y: Dotted key of the vertical axis.
         maps: The maps, at least one.
+        width_cm: Width of the figure; by default that of a column, or of a page for several panels.
 
     Raises:
         EpuckSimError: There are more maps than panels of a figure.
     """
-    titles = distinguishing_labels([each.axes for each in maps])
-    size = (5.2, 3.8) if len(maps) == 1 else (2.9, 2.5)
-    figure, panels = make_panels(title, titles, (axis_label(x), axis_label(y)), size)
+    among = (x, y, *maps[0].axes)
+    titles = distinguishing_labels([each.axes for each in maps], among)
+    trials = np.concatenate([row.trials for each in maps for row in each.rows]).tolist()
+    labels = axis_label(x, among), axis_label(y, among)
+    figure, panels = make_panels(f"{title}\n{count_trials(trials)}", titles, labels, width_cm)
+    plot_maps(panels, x, y, maps)
+    finish(figure, panels)
+    return figure
+
+
+def plot_maps(panels: Sequence[Axes], x: str, y: str, maps: Sequence[Map]) -> None:
+    """Draw maps over `x` and `y`, dotted keys, into panels that share their scales, and a colour bar beside them.
+
+    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored, or none has
+    a value of the measure; one without trials is blank. Between four neighbours that are neither, contours are drawn
+    over the cells; nothing else is interpolated. Colours stand for logarithms of T_sync, and of measures that are
+    positive and far apart. The colour bar names the statistic.
+    """
     logarithmic = (
         is_logarithmic(x, np.concatenate([each.x for each in maps])),
         is_logarithmic(y, np.concatenate([each.y for each in maps])),
@@ -110,51 +109,15 @@ def draw_maps(title: str, x: str, y: str, maps: Sequence[Map]) -> Figure:
     make_logarithmic(panels[0], *(name for name, chosen in zip("xy", logarithmic, strict=True) if chosen))
     has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in maps)
     values = np.concatenate([each.values.ravel() for each in maps])
-    is_log = has_log_colours(maps[0].rows[0].of, values)
+    of = maps[0].rows[0].of
+    is_log = has_log_scale(of, values)
     levels = choose_levels(values) if is_log else choose_linear_levels(values)
     for panel, each in zip(panels, maps, strict=True):
-        _draw_map(
-            panel, each._replace(values=np.log10(each.values)) if is_log else each, levels, logarithmic, has_contours
-        )
+        shown = each._replace(values=np.log10(each.values)) if is_log else each
+        _draw_map(panel, shown, levels, logarithmic, has_contours)
     _set_limits(panels[0], maps, logarithmic, has_contours)
-    _add_colour_bar(figure, panels, levels, _label(maps), is_log=is_log)
-    add_shared_legend(figure, panels)
-    return figure
-
-
-def has_log_colours(of: str | None, values: FloatArray) -> bool:
-    """Return whether colours stand for logarithms of values, (n,): of T_sync, and of measures that are far apart."""
-    known = values[~np.isnan(values)]
-    return of is None or (len(known) > 0 and is_logarithmic(of, known))
-
-
-def choose_linear_levels(values: FloatArray) -> FloatArray:
-    """Return the ends of the ranges of one colour, ascending; all values, (n,), lie between them.
-
-    >>> choose_linear_levels(np.array([0.1, 0.32, np.nan])).round(9).tolist()
-    [0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26, 0.28, 0.3, 0.32, 0.34]
-    """
-    known = values[~np.isnan(values)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-    span = (high - low) or abs(high) or 1.0
-    unit = 10 ** math.floor(math.log10(span / MAX_LEVELS))
-    step = unit * next(factor for factor in (1, 2, 5, 10, 20) if span / (unit * factor) <= MAX_LEVELS - 2)
-    return np.arange(math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 2) * float(step)
-
-
-def choose_levels(values: FloatArray) -> FloatArray:
-    """Return the ends of the ranges of one colour, log10 of cycles, ascending; all values, (n,), lie between them.
-
-    >>> choose_levels(np.array([20.0, 70.0, np.nan])).tolist()
-    [1.3, 1.35, 1.4, 1.45, 1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85]
-    """
-    known = np.log10(values[~np.isnan(values)])
-    low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
-    for step in STEPS:
-        first, last = math.floor(low / step), math.floor(high / step) + 1
-        if last - first <= MAX_LEVELS:
-            break
-    return np.round(np.arange(first, last + 1) * step, 9)
+    names = [name for each in maps for row in each.rows for name in row.names]
+    add_colour_bar(panels, levels, typeset(statistic_label(names, of)), is_log=is_log)
 
 
 def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[bool, bool], has_contours: bool) -> None:
@@ -168,7 +131,8 @@ def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[boo
         cells = panel.pcolor(
             *edges, grey, cmap=ListedColormap([GREY]), edgecolor="0.55", linewidth=0, antialiased=False
         )
-        cells.set(hatch="////", label="half of the trials or more are censored")
+        reason = "half of the trials or more are censored" if each.rows[0].of is None else "no trial has a value"
+        cells.set(hatch="////", label=reason)
         cells.update_scalarmappable()  # or the legend would have another colour
     if has_contours:
         # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
@@ -183,30 +147,6 @@ def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool]
         values = [getattr(each, name) for each in maps]
         ends = np.concatenate(values if has_contours else [_edges(each, is_log) for each in values])
         panel.set(**{f"{name}lim": (ends.min(), ends.max())})
-
-
-def _label(maps: Sequence[Map]) -> str:
-    names = dict.fromkeys(name for each in maps for row in each.rows for name in row.names)
-    return f"{quantity_label(maps[0].rows[0].of)},\n{' or '.join(names)}"
-
-
-def _add_colour_bar(figure: Figure, panels: Sequence[Axes], levels: FloatArray, label: str, *, is_log: bool) -> None:
-    """Add a colour bar beside the panels; of logarithms with powers of ten, or numbers between where it holds one."""
-    colours = ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS)
-    bar = figure.colorbar(colours, ax=list(panels), label=label, spacing="proportional")
-    if not is_log:
-        bar.ax.minorticks_off()
-        return
-    powers = range(math.ceil(levels[0]), math.floor(levels[-1]) + 1)
-    if len(powers) > 1:
-        bar.set_ticks(list(powers), labels=[f"$10^{{{power}}}$" for power in powers])
-    else:
-        decades = range(math.floor(levels[0]), math.ceil(levels[-1]))
-        logs = [power + math.log10(factor) for power in decades for factor in range(1, 10)]
-        within = [each for each in logs if levels[0] <= each <= levels[-1]]
-        ticks = within if len(within) > 1 else levels.tolist()
-        bar.set_ticks(ticks, labels=[format_tick(float(f"{10**each:.3g}")) for each in ticks])
-    bar.ax.minorticks_off()
 
 
 def _scaled(values: FloatArray, is_log: bool) -> FloatArray:

@@ -4,20 +4,29 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.csv_tables import Table, rounded
+from epuck_sim.figures.forms.fitness import require_particles
 from epuck_sim.figures.labels import distinguishing_labels
-from epuck_sim.figures.style import disable_mathtext, make_logarithmic
+from epuck_sim.figures.looks import choose_looks, space_markers
+from epuck_sim.figures.scales import make_logarithmic
+from epuck_sim.figures.style import COLUMN_CM, STYLE, count_trials, finish, make_figure, typeset
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import require_model
 
 MAX_MOMENTS = 400
 """Largest number of moments of a course; those of a longer one are farther and farther apart."""
+
+ORDER_LABELS, DEVIATION_LABELS = ("time [cycles]", "order parameter r"), ("time [cycles]", "mean |Δϕ| [cycles]")
+"""Labels of the horizontal and of the vertical axis."""
+
+PANEL_SHAPE = 0.5
+"""Height of a panel over its width."""
 
 
 class Courses(NamedTuple):
@@ -32,16 +41,13 @@ class Courses(NamedTuple):
     """(moments,) order parameter, mean of all trials."""
     deviation: FloatArray
     """(moments,) deviation from the twin in cycles, mean of all agents and trials."""
+    trials: int
+    """Number of trials."""
 
 
 def read_courses(points: Sequence[PointTrials]) -> list[Courses]:
     """Simulate the mean course of the trials of each point; raise ScenarioError for a model other than particles."""
     return [_simulate(point, require_particles(point)) for point in points if len(point.times)]
-
-
-def require_particles(point: PointTrials) -> ParticleScenario:
-    """Return the scenario of a point; raise ScenarioError for a model other than particles."""
-    return require_model(point.scenario, ParticleScenario, "the forms perturbation and course need model: particles")
 
 
 def _simulate(point: PointTrials, scenario: ParticleScenario) -> Courses:
@@ -54,6 +60,7 @@ def _simulate(point: PointTrials, scenario: ParticleScenario) -> Courses:
         cycle,
         np.mean([each.order_parameter for each in comparisons], axis=0),
         np.mean([each.deviation.mean(axis=1) for each in comparisons], axis=0),
+        len(comparisons),
     )
 
 
@@ -79,26 +86,52 @@ def _course_rows(courses: Sequence[Courses]) -> Iterator[list[Any]]:
             yield [*each.axes.values(), *map(rounded, row)]
 
 
-def draw_courses(title: str, courses: Sequence[Courses]) -> Figure:
-    """Draw the order parameter and, if agents were displaced, the deviation from the twin below it."""
+@rc_context(STYLE)
+def draw_courses(title: str, courses: Sequence[Courses], width_cm: float | None = None) -> Figure:
+    """Draw the order parameter and, if agents were displaced, the deviation from the twin below it.
+
+    Args:
+        title: Title of the figure, to which the numbers of trials are added.
+        courses: The courses, at least one.
+        width_cm: Width of the figure; by default that of a column.
+    """
     has_two = any(each.is_displaced for each in courses)
-    figure = Figure(figsize=(7, 6 if has_two else 4), layout="constrained")
-    panels = figure.subplots(1 + has_two, 1, sharex=True, squeeze=False)[:, 0]
-    above, below = panels[0], panels[-1]
-    labels = distinguishing_labels([each.axes for each in courses])
-    colours = colormaps["viridis"](np.linspace(0, 0.9, len(courses)))
-    for each, label, colour in zip(courses, labels, colours, strict=True):
-        above.plot(each.cycle, each.order_parameter, color=colour, label=label)
-        if has_two:
-            below.plot(each.cycle, np.where(each.deviation > 0, each.deviation, np.nan), color=colour)
-    if any(each.cycle[-1] > MAX_MOMENTS for each in courses):
-        make_logarithmic(below, "x")
+    figure = make_figure(f"{title}\nmeans of {count_trials([each.trials for each in courses])}", width_cm or COLUMN_CM)
+    panels = figure.subplots(1 + has_two, 1, sharex=True, squeeze=False)[:, 0].tolist()
+    plot_order_parameters(panels[0], courses)
+    panels[0].set_ylabel(ORDER_LABELS[1])
+    panels[-1].set_xlabel(ORDER_LABELS[0])
     if has_two:
-        make_logarithmic(below, "y")
-        below.set_ylabel("mean |Δϕ| [cycles]")
-    above.set(ylabel="order parameter r", ylim=(-0.03, 1.03))
-    below.set_xlabel("time [cycles]")
-    figure.suptitle(title, parse_math=False)
-    if any(labels):
-        disable_mathtext(above.legend(fontsize="small"))
+        plot_deviations(panels[1], courses)
+        panels[1].set_ylabel(DEVIATION_LABELS[1])
+        for line in panels[1].get_lines():
+            line.set_label("_")  # is named above
+    finish(figure, panels, PANEL_SHAPE)
     return figure
+
+
+def plot_order_parameters(axes: Axes, courses: Sequence[Courses]) -> None:
+    """Draw the mean order parameter of the trials of each course over time."""
+    _plot(axes, courses, [each.order_parameter for each in courses])
+    axes.set_ylim(-0.03, 1.03)
+
+
+def plot_deviations(axes: Axes, courses: Sequence[Courses]) -> None:
+    """Draw the mean deviation from the twin over time, on a logarithmic scale, with gaps where nothing deviates."""
+    _plot(axes, courses, [np.where(each.deviation > 0, each.deviation, np.nan) for each in courses])
+    make_logarithmic(axes, "y")
+
+
+def _plot(axes: Axes, courses: Sequence[Courses], values: Sequence[FloatArray]) -> None:
+    labels = distinguishing_labels([each.axes for each in courses])
+    for place, (each, look) in enumerate(zip(courses, choose_looks(len(courses)), strict=True)):
+        axes.plot(
+            each.cycle,
+            values[place],
+            color=look.colour,
+            marker=look.marker,
+            markevery=space_markers(values[place], place),
+            label=typeset(labels[place]) or None,
+        )
+    if any(each.cycle[-1] > MAX_MOMENTS for each in courses):
+        make_logarithmic(axes, "x")
