@@ -12,7 +12,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
-from epuck_sim.runs.database import DATABASE, has_later_columns, reading
+from epuck_sim.runs.database import DATABASE, has_column, reading
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.scenario.validation import validate
@@ -49,7 +49,7 @@ class PointTrials(NamedTuple):
     @property
     def seed(self) -> int:
         """Seed for resampling this point: if all points were resampled alike, their errors would be the same."""
-        left_out: dict[str | int, Any] = {**self.scenario.later_defaults(), **dict.fromkeys(WITHOUT_EFFECT, True)}
+        left_out: dict[str, Any] = {**self.scenario.later_defaults(), **dict.fromkeys(WITHOUT_EFFECT, True)}
         everything = self.key + self.scenario.model_dump_json(exclude=left_out)
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 
@@ -150,7 +150,7 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
 
 def events_column(connection: sqlite3.Connection) -> str:
     """Return the column of trials that holds events as JSON, as SQL; NULL in earlier folders."""
-    return "events" if has_later_columns(connection, "trials") else "NULL"
+    return "events" if has_column(connection, "trials", "events") else "NULL"
 
 
 def _read_events(text: str | None) -> tuple[TrialEvent, ...]:
@@ -171,7 +171,7 @@ def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> di
 
 def measures_in(connection: sqlite3.Connection) -> list[str]:
     """Return the names of the measures of a folder's points, in their order."""
-    if not has_later_columns(connection, "points"):
+    if not has_column(connection, "points", "measures"):
         return []
     rows = connection.execute("SELECT measures FROM points ORDER BY number")
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))

@@ -21,7 +21,7 @@ from epuck_sim.runs.database import (
     as_column,
     check_database,
     create_database,
-    has_later_columns,
+    has_column,
     quoted,
     reading,
     sqlite_errors,
@@ -155,7 +155,7 @@ def _measured(result: TrialResult) -> str | None:
 
 def _stored_points(path: Path) -> list[StoredPoint]:
     with reading(path) as connection:
-        measures = "measures" if has_later_columns(connection, "points") else "'{}'"
+        measures = "measures" if has_column(connection, "points", "measures") else "'{}'"
         rows = connection.execute(
             "SELECT key, number, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key), "
             f"axes, scenario, controllers, {measures} FROM points"

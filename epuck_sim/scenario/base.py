@@ -24,9 +24,9 @@ class ConfigModel(BaseModel):
     later_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that came later; seeds of resamples leave out their defaults, so that earlier folders keep their numbers."""
 
-    def later_defaults(self) -> dict[str | int, Any]:
+    def later_defaults(self) -> dict[str, Any]:
         """Return the later keys that have their defaults, of all sections in this one, as pydantic's `exclude`."""
-        found: dict[str | int, Any] = {}
+        found: dict[str, Any] = {}
         for key, field in type(self).model_fields.items():
             value = getattr(self, key)
             if key in self.later_keys and value == field.get_default():
@@ -36,7 +36,7 @@ class ConfigModel(BaseModel):
         return found
 
 
-def _later_defaults_in(value: object) -> dict[str | int, Any]:
+def _later_defaults_in(value: object) -> dict[str, Any] | dict[int, Any]:
     if isinstance(value, ConfigModel):
         return value.later_defaults()
     if isinstance(value, tuple):

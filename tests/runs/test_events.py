@@ -11,6 +11,7 @@ import pytest
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
@@ -65,7 +66,9 @@ def test_folders_from_before_there_were_events_are_read_exported_and_go_on(tmp_p
     fill(tmp_path)
     with closing(sqlite3.connect(tmp_path / DATABASE)) as connection:
         connection.execute("ALTER TABLE trials DROP COLUMN events")
+        connection.execute("UPDATE trials SET measuring_error = 'of no use' WHERE trial = 0")
         connection.commit()
+    assert {trial.error for trial in read_status(tmp_path).failed} == {"of no use"}
     assert all(point.events == ((),) * 3 for point in read_points(tmp_path))
     export(tmp_path, tmp_path / "out.csv")
     assert "events" not in pyarrow.csv.read_csv(tmp_path / "out.csv").column_names

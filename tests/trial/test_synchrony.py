@@ -79,7 +79,7 @@ def watch(periods, step_s=0.1, **stop):
     timing = {"control_hz": round(1 / step_s), "physics_hz": 1000}
     arena = {"width_cm": 200, "height_cm": 200}
     scenario = load_scenario({"robots": robots, "stop": stop, "arena": arena, "timing": timing})
-    return SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=np.array(periods, float)))
+    return SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=np.array(periods, float), events=[]))
 
 
 def step(number, rings, phase_ms):
