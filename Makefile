@@ -44,6 +44,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	done
 	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
 	$(BIN)/python docs/figures/response_curves.py
+	$(BIN)/python docs/examples/learn_response.py docs/figures/learning
 	$(BIN)/python docs/figures/overhead_views.py
 	$(BIN)/python docs/figures/overhead_accuracy.py
 	$(BIN)/epuck-sim run fig-4-7 --out runs/fig-4-7

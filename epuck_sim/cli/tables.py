@@ -74,10 +74,7 @@ def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]",
             *(Text(str(value)) for value in axes.values()),
             str(point.trials),
             *[f"{point.censored:.0%}"] * len(censored),
-            *(
-                format_estimate(*(getattr(point, f"{name}{end}") for end in ("", "_low", "_high")))
-                for name in statistics
-            ),
+            *(format_estimate(*point.estimate(statistic)) for statistic in statistics),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
     if any(point.censored for point in points):

@@ -107,8 +107,7 @@ class RobotGroupState(NamedTuple):
     @property
     def parameters(self) -> dict[str, Value]:
         """The parameters of its controllers, by name."""
-        record = self.runner.arrays.parameters[0]
-        return {name: type(default)(record[name]) for name, default in self.controller.parameters.items()}
+        return self.controller.parameter_values(self.runner.arrays.parameters[0])
 
     @property
     def period_ms(self) -> float:
