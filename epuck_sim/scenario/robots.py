@@ -51,6 +51,8 @@ class CameraSection(ConfigModel):
 class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
+
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
     """`inverse_response`: by inverting the mean response; `firmware_table`: by the table of the robots' firmware."""
     robots: bool = True

@@ -32,11 +32,8 @@ PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
 VALUE_FILES = (
-    "epuck.py",
-    "control/error_lines.py",
-    "control/interface.py",
-    "embodied/rigid_bodies.py",
-    "particles/rules.py",
+    *("epuck.py", "control/error_lines.py", "control/interface.py"),
+    *("embodied/faulty_swarm.py", "embodied/rigid_bodies.py", "particles/rules.py"),
 )
 """Files without kernels on whose constants, types or ways of compiling compiled code depends."""
 
