@@ -6,6 +6,7 @@ SHIPPED = {
     "cluster_count": "clusters:ClusterCount",
     "cluster_life": "clusters:ClusterLife",
     "component_count": "graphs:ComponentCount",
+    "consensus": "consensus:Consensus",
     "coverage": "places:Coverage",
     "degree": "graphs:Degree",
     "density": "places:Density",
@@ -30,5 +31,6 @@ SHIPPED = {
     "stays_above": "order:StaysAbove",
     "threshold_cycles": "order:ThresholdCycles",
     "velocity_correlation_time": "motion:VelocityCorrelationTime",
+    "words": "consensus:Words",
 }
 """Module in `epuck_sim.instruments` and class of each shipped measure, by the measure's name."""
