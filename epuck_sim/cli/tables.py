@@ -142,4 +142,5 @@ def _format_value(value: Value) -> str:
 
 def print_trial_json(result: TrialResult) -> None:
     """Print a trial as one JSON object on a line of stdout, at once."""
-    print(json.dumps({**result._asdict(), "versions": versions()}), flush=True)
+    events = [event._asdict() for event in result.events]
+    print(json.dumps({**result._asdict(), "events": events, "versions": versions()}), flush=True)

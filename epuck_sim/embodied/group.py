@@ -38,8 +38,10 @@ class SwarmArrays(NamedTuple):
     """(robots, 2) cm/s: left and right wheel as commanded."""
     turns_rad: FloatArray
     """(robots,) rad: turns on the spot as commanded."""
+    ring_commands: BoolArray
+    """(robots,) whether each robot's ring is commanded to be lit; the same array as `ring_on` without faults."""
     ring_on: BoolArray
-    """(robots,) whether each robot's ring is lit."""
+    """(robots,) whether it is lit."""
     ring_before: BoolArray
     """(robots,) whether it was in the step before, which is what the other robots see."""
     cells: CellList
@@ -56,13 +58,15 @@ class SwarmArrays(NamedTuple):
 def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) -> SwarmArrays:
     """Return the arrays of all robots before the first step: nothing is sensed or commanded yet."""
     robots = len(world.poses)
+    ring_on = np.zeros(robots, np.bool_)
     return SwarmArrays(
         arena=arena,
         poses=world.poses,
         velocities=world.velocities,
         wheels_cm_s=np.zeros((robots, 2)),
         turns_rad=np.zeros(robots),
-        ring_on=np.zeros(robots, np.bool_),
+        ring_commands=np.zeros(robots, np.bool_) if scenario.faults else ring_on,
+        ring_on=ring_on,
         ring_before=np.zeros(robots, np.bool_),
         cells=world.bodies.cells,
         sensors=SensorArrays(
@@ -115,7 +119,8 @@ class RobotGroupState(NamedTuple):
 
 def restart_swarm_arrays(swarm: SwarmArrays, step_ms: int) -> None:
     """Set the arrays that a trial changes to what they are before its first step; `World.place` sets the poses."""
-    for array in (swarm.wheels_cm_s, swarm.turns_rad, swarm.ring_on, swarm.ring_before, *swarm.sensors):
+    rings = swarm.ring_commands, swarm.ring_on, swarm.ring_before
+    for array in (swarm.wheels_cm_s, swarm.turns_rad, *rings, *swarm.sensors):
         array[:] = 0
     swarm.sensors.step_ms[:] = step_ms
     swarm.sensors.new_picture[:] = True

@@ -1,7 +1,7 @@
 """Simulation of point-like agents, from one event to the next (thesis chapters 3 and 5)."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +27,7 @@ from epuck_sim.particles.state import HeldState, SwarmState, make_observed
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class Event(NamedTuple):
@@ -83,6 +84,8 @@ class ParticleSimulation:
     """The scenario, with all defaults filled in."""
     seed: int
     """Seed of the trial."""
+    events: Sequence[TrialEvent] = ()
+    """What has changed by a schedule, or by faults: nothing, as agents have none."""
 
     def __init__(self, scenario: Scenario | str | Path | Mapping[str, Any], seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.

@@ -10,6 +10,7 @@ from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
+from epuck_sim.scenario.faults import FaultSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 from epuck_sim.util.messages import short_repr
@@ -53,6 +54,34 @@ def resolve_parameters(
             f"{step_ms / 1000:g} s"
         )
     return parameters
+
+
+def check_oscillators(
+    faults: Sequence[FaultSection], groups: Sequence[RobotGroup], swept: Sequence[str], origin: str
+) -> None:
+    """Check that faults of oscillators befall oscillators only.
+
+    Args:
+        faults: The scenario's faults.
+        groups: Its groups of robots; nothing is known yet of those whose controller is an axis of a sweep.
+        swept: Keys of the axes.
+        origin: Begins every error message.
+
+    Raises:
+        ScenarioError: A robot that may have such a fault is no oscillator.
+    """
+    for number, fault in enumerate(faults):
+        first = 0
+        for place, group in enumerate(groups):
+            known = f"robots.{place}.controller" not in swept
+            if fault.needs_oscillator and fault.may_befall(first, group.count) and known:
+                controller = find_controller(group.controller)
+                if not controller.is_oscillator:
+                    raise ScenarioError(
+                        f"{origin}: faults.{number}: kind is {fault.kind!r}, but robots.{place} are no oscillators: "
+                        f"their controller is {controller.name}; give robots, the numbers of others"
+                    )
+            first += group.count
 
 
 def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes:

@@ -21,6 +21,8 @@ _ELSEWHERE = {
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
     "spread": "no counterpart, because agents are all alike",
     "stuck": "no counterpart, because agents are points",
+    "faults": "no counterpart, because agents do not fail",
+    "schedule": "no counterpart, because its agents stay as they are",
     "contact": "no counterpart, because agents are points",
     "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",

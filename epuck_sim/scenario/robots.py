@@ -1,6 +1,6 @@
 """One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -49,6 +49,8 @@ class CameraSection(ConfigModel):
 class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
+
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
     robots: bool = True
     """Whether they see other robots; else walls and obstacles only, to avoid walls alone (thesis 3.1.4.1)."""
@@ -56,6 +58,8 @@ class InfraredSection(ConfigModel):
 
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("signal",)
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     placement: Literal["random", "grid", "poses"] = "random"

@@ -10,6 +10,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import Box, Circle, Polygon
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, Range
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
@@ -24,10 +25,11 @@ class Union(NamedTuple):
 
     tag: str
     """The key whose value names the class."""
-    classes: dict[str, type[BaseModel]]
+    classes: Mapping[str, type[BaseModel]]
 
 
 UNIONS = {
+    "faults": Union("kind", FAULTS),
     "obstacles": Union("shape", {"circle": Circle, "box": Box, "polygon": Polygon}),
     "neighbourhood": Union(
         "kind",

@@ -29,7 +29,10 @@ Function = TypeVar("Function", bound=Callable[..., object])
 PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
-VALUE_FILES = ("epuck.py", "control/error_lines.py", "control/interface.py", "embodied/rigid_bodies.py")
+VALUE_FILES = (
+    *("epuck.py", "control/error_lines.py", "control/interface.py"),
+    *("embodied/faulty_swarm.py", "embodied/rigid_bodies.py"),
+)
 """Files without kernels on whose constants, types or ways of compiling compiled code depends."""
 
 _redirecting = threading.Lock()
