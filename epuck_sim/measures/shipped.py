@@ -10,6 +10,8 @@ SHIPPED = {
     "coverage": "places:Coverage",
     "degree": "graphs:Degree",
     "density": "places:Density",
+    "detection_delay": "suspicion:DetectionDelay",
+    "false_alarms": "suspicion:FalseAlarms",
     "flashes_missed": "flashes:FlashesMissed",
     "flashes_repeated": "flashes:FlashesRepeated",
     "flashes_seen": "flashes:FlashesSeen",
