@@ -332,7 +332,7 @@ def test_each_field_has_a_plot_of_its_own(level: Level) -> None:
 
 CHANGING = load_scenario(
     {
-        "faults": [{"kind": "ring_dead", "robots": [1, 4], "at_s": 2, "until_s": 7.05}],
+        "faults": [{"kind": "ring_dead", "robots": [1, 4], "at_s": 2, "until_s": 4.05}],
         "schedule": [{"at_cycle": 1, "set": {"robots.0.parameters.speed_cm_s": 0}}],
         "stop": {"max_cycles": 2, "order_parameter": None},
     }

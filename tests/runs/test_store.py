@@ -138,6 +138,7 @@ def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_h
         "error": None,
         "measured": None,
         "measuring_error": None,
+        "events": None,
     }
     assert [*row][3:7] == [COUNT, SPEED, "seed", "t_sync_cycles"]
 
