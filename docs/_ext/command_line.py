@@ -1,7 +1,6 @@
 """Writes the reference of all commands and options from the command line itself."""
 
 from collections.abc import Iterator, Mapping
-from itertools import groupby
 from typing import Any
 
 import typer
@@ -28,8 +27,10 @@ def _write_commands(commands: Mapping[str, Any], program: str) -> Iterator[str]:
 
 
 def _write_parameters(parameters: list[Any]) -> Iterator[str]:
-    for panel, shown in groupby(parameters, lambda each: each.rich_help_panel or ""):
+    panels = dict.fromkeys(each.rich_help_panel or "" for each in parameters)
+    for panel in panels:
         yield f"**{panel}**" if panel else ""
+        shown = [each for each in parameters if (each.rich_help_panel or "") == panel]
         rows = [f"| {_write_name(each)} | {_in_markdown(each.help or '')} |" for each in shown]
         yield "\n".join(["| | |", "| --- | --- |", *rows])
 

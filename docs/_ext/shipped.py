@@ -3,31 +3,30 @@
 import ast
 from collections.abc import Callable, Mapping
 
-from epuck_sim.cli.listing import describe_controllers, describe_measures, describe_scenarios
-from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
-from epuck_sim.util.messages import natural_order
+from epuck_sim.cli.listing import describe_shipped, list_measures
+from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
 
 def write_scenarios() -> str:
     """Return the shipped scenarios as Markdown."""
-    return _write_table(describe_scenarios(ARENAS))
+    return _write_table(describe_shipped()["scenarios"])
 
 
 def write_sweeps() -> str:
     """Return the shipped sweeps as Markdown."""
-    return _write_table(describe_scenarios(SWEEPS))
+    return _write_table(describe_shipped()["sweeps"])
 
 
 def write_measures() -> str:
     """Return the shipped measures as Markdown."""
-    return _write_table(describe_measures())
+    return _write_table(list_measures()["measures"])
 
 
 def write_controllers() -> str:
     """Return the shipped controllers as Markdown: what each does, and its parameters as its file declares them."""
     files = builtin_files(CONTROLLERS)
     parts = []
-    for name, description in describe_controllers().items():
+    for name, description in describe_shipped()["controllers"].items():
         source = files[name].read_text(encoding="utf-8")
         parts += [f"### `{name}`", description, f"```python\n{_parameters_in(source)}\n```"]
     return "\n\n".join(parts)
@@ -42,7 +41,7 @@ def _parameters_in(source: str) -> str:
 
 
 def _write_table(descriptions: Mapping[str, str]) -> str:
-    rows = [f"| `{name}` | {_escaped(descriptions[name])} |" for name in sorted(descriptions, key=natural_order)]
+    rows = [f"| `{name}` | {_escaped(description)} |" for name, description in descriptions.items()]
     return "\n".join(["| | |", "| --- | --- |", *rows])
 
 

@@ -19,7 +19,7 @@ from epuck_sim.cli.scenarios import scenarios
 app = typer.Typer(
     help="Simulate swarms of e-puck robots that synchronise like fireflies.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 for commands in (runs, scenarios, replays, films, results, plots, reports, plans):

@@ -143,7 +143,7 @@ def test_the_version_is_printed() -> None:
         (["run", "thesis", "--seed", "-1"], "--seed"),
         (["run", "thesis", "--seed", "1.5"], "--seed"),
         (["run", "thesis", "--trials", "0"], "--trials"),
-        (["run"], "scenario"),
+        (["run"], "SCENARIO"),
         (["walk"], "walk"),
     ],
 )
