@@ -20,6 +20,7 @@ SHIPPED = {
     "largest_cluster": "clusters:LargestCluster",
     "largest_component": "graphs:LargestComponent",
     "link_life": "links:LinkLife",
+    "mean_speed": "motion:MeanSpeed",
     "mean_squared_displacement": "motion:MeanSquaredDisplacement",
     "memory": "memory:Memory",
     "near_walls": "motion:NearWalls",
