@@ -6,10 +6,20 @@ import warnings
 from bdb import BdbQuit
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import requires
 
 import typer
 
 from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError
+
+OPTIONAL_PACKAGES = {
+    "av": "av",
+    "cv2": "opencv-python-headless",
+    "matplotlib": "matplotlib",
+    "pyarrow": "pyarrow",
+    "rerun": "rerun-sdk",
+}
+"""Packages, by the modules they bring, that no sweep needs, and that a small install leaves out."""
 
 
 @contextmanager
@@ -25,6 +35,13 @@ def exit_on_error() -> Iterator[None]:
             raise
         what = f"{error.filename}" if error.filename else "the output cannot be written"
         typer.echo(f"error: {what}: {error.strerror or error}", err=True)
+        raise typer.Exit(2) from error
+    except ModuleNotFoundError as error:
+        package = OPTIONAL_PACKAGES.get((error.name or "").partition(".")[0])
+        if package is None:
+            raise
+        wanted = next((each for each in requires("epuck-sim") or () if each.startswith(package)), package)
+        typer.echo(f"error: this needs {package}, which is not installed: pip install '{wanted}'", err=True)
         raise typer.Exit(2) from error
     except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)
