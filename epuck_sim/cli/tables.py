@@ -74,10 +74,7 @@ def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]",
             *(Text(str(value)) for value in axes.values()),
             str(point.trials),
             *[f"{point.censored:.0%}"] * len(censored),
-            *(
-                format_estimate(*(getattr(point, f"{name}{end}") for end in ("", "_low", "_high")))
-                for name in statistics
-            ),
+            *(format_estimate(*point.estimate(statistic)) for statistic in statistics),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
     if any(point.censored for point in points):
@@ -145,4 +142,5 @@ def _format_value(value: Value) -> str:
 
 def print_trial_json(result: TrialResult) -> None:
     """Print a trial as one JSON object on a line of stdout, at once."""
-    print(json.dumps({**result._asdict(), "versions": versions()}), flush=True)
+    events = [event._asdict() for event in result.events]
+    print(json.dumps({**result._asdict(), "events": events, "versions": versions()}), flush=True)

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.camera_pixels import Camera
 from epuck_sim.embodied.cell_list import CellList, make_cell_list
 from epuck_sim.embodied.contacts import surfaces_of, write_contacts
-from epuck_sim.embodied.flash_cone import LitRingSensor
 from epuck_sim.embodied.group import SwarmArrays
-from epuck_sim.embodied.visibility import View, view_of, write_cone_sightings, write_sightings
+from epuck_sim.embodied.visibility import SIGHTING_WRITERS, View, view_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.addresses import compiled_for, hold
 from epuck_sim.util.jit import bind, jit_no_alloc
@@ -96,10 +94,7 @@ def _write_lit_sightings(address: int) -> int:
     )
 
 
-_WRITE_LIT_SIGHTINGS = {
-    Camera: bind(_write_lit_sightings, write=write_sightings),
-    LitRingSensor: bind(_write_lit_sightings, write=write_cone_sightings),
-}
+_WRITE_LIT_SIGHTINGS = {kind: bind(_write_lit_sightings, write=writer) for kind, writer in SIGHTING_WRITERS.items()}
 """`_write_lit_sightings` by what robots see with."""
 
 

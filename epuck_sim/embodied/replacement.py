@@ -72,7 +72,7 @@ def _parameters_for(
     controller: Controller, old: Controller, record: np.void, step_ms: int, origin: str
 ) -> npt.NDArray[np.void]:
     """Return (1,) the record of a new controller's parameters, from that of the old one's."""
-    values = {name: type(default)(record[name]) for name, default in old.parameters.items()}
+    values = old.parameter_values(record)
     given = {
         name: value for name, value in values.items() if name in controller.parameters and value != old.parameters[name]
     }

@@ -35,7 +35,9 @@ class Step(NamedTuple):
     wheels_cm_s: FloatArray
     """(robots, 2) cm/s: left and right wheel as commanded, within the wheels' limit, without noise."""
     ring_on: BoolArray
-    """(robots,): whether the ring is lit, as commanded."""
+    """(robots,): whether the ring is lit, as commanded if it has no fault."""
+    ring_commands: BoolArray
+    """(robots,): whether the ring is commanded to be lit; the reference's commands count as its firings."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
     relations: Relations
@@ -85,6 +87,7 @@ def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tu
         _read_only(swarm.sensors.camera),
         _read_only(swarm.wheels_cm_s),
         _read_only(swarm.ring_on),
+        _read_only(swarm.ring_commands),
         tuple(map(_read_only, memories)),
     )
 

@@ -16,7 +16,9 @@ SYMBOLS = {
     "period_s": ("τ", "s"),
     "jitter": ("\N{GREEK SMALL LETTER SIGMA}", ""),
     "curve": ("Ψ", ""),
+    "early_slope": ("early slope", ""),
     "reorient_on": ("reorienting on", ""),
+    "kind": ("neighbourhood", ""),
     "speed_distribution": ("speeds", ""),
     "speed_spread": ("spread", ""),
     "coupling": ("ε", ""),
@@ -90,6 +92,8 @@ def format_axis_values(values: Mapping[str, Any], among: Collection[str] = ()) -
     'L = 60 cm, N = 10, θ = 90°'
     >>> format_axis_values({"agents.reorient_on": ["emitting", "receiving"], "neighbourhood.radius_cm": None})
     'reorienting on = emitting and receiving, R = none'
+    >>> format_axis_values({"neighbourhood": {"kind": "range", "radius_cm": 25}})
+    'neighbourhood = range, R = 25 cm'
     """
     units = {key: unit_of(key) for key in values}
     spaced = {key: unit if unit == "°" else f" {unit}" for key, unit in units.items()}
@@ -107,6 +111,9 @@ def distinguishing_labels(rows: Sequence[Mapping[str, Any]], among: Collection[s
 
 
 def _format_value(value: Any, unit: str) -> str:
+    if isinstance(value, Mapping):  # a whole section: its kind, and what goes with it
+        details = {key: detail for key, detail in value.items() if key != "kind"}
+        return ", ".join(filter(None, [str(value.get("kind", "")), format_axis_values(details)]))
     if isinstance(value, list | tuple):
         return " and ".join(map(str, value)) or "nothing"
     return "none" if value is None else f"{value}{unit}".rstrip()

@@ -6,9 +6,12 @@ SHIPPED = {
     "cluster_count": "clusters:ClusterCount",
     "cluster_life": "clusters:ClusterLife",
     "component_count": "graphs:ComponentCount",
+    "consensus": "consensus:Consensus",
     "coverage": "places:Coverage",
     "degree": "graphs:Degree",
     "density": "places:Density",
+    "detection_delay": "suspicion:DetectionDelay",
+    "false_alarms": "suspicion:FalseAlarms",
     "flashes_missed": "flashes:FlashesMissed",
     "flashes_repeated": "flashes:FlashesRepeated",
     "flashes_seen": "flashes:FlashesSeen",
@@ -17,6 +20,7 @@ SHIPPED = {
     "largest_cluster": "clusters:LargestCluster",
     "largest_component": "graphs:LargestComponent",
     "link_life": "links:LinkLife",
+    "mean_speed": "motion:MeanSpeed",
     "mean_squared_displacement": "motion:MeanSquaredDisplacement",
     "memory": "memory:Memory",
     "near_walls": "motion:NearWalls",
@@ -30,5 +34,6 @@ SHIPPED = {
     "stays_above": "order:StaysAbove",
     "threshold_cycles": "order:ThresholdCycles",
     "velocity_correlation_time": "motion:VelocityCorrelationTime",
+    "words": "consensus:Words",
 }
 """Module in `epuck_sim.instruments` and class of each shipped measure, by the measure's name."""

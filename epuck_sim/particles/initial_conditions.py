@@ -5,18 +5,23 @@ import numpy as np
 from epuck_sim.arrays import FloatArray, StreamArray
 from epuck_sim.particles.motion import Trajectories, random_heading, start_trajectories
 from epuck_sim.particles.oscillators import Oscillators, start_oscillators
-from epuck_sim.scenario.particles import AgentsSection, ParticleScenario
+from epuck_sim.scenario.particles import AgentsSection, ParticleScenario, RandomAgents
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.seeds import robot_streams
 
 SHORTEST_PERIOD = 0.1
 """Lower limit of a jittered period, in nominal periods; jitter is at most 0.2, so that hardly any draw is below it."""
 
+RECEIVER_SEED = 3
+"""Index of the seed of receivers among the children of a trial's seed: positions, phases and motion come before it."""
+
 
 def initial_trajectories(
     scenario: ParticleScenario, position_seed: np.random.SeedSequence, motion_seed: np.random.SeedSequence
 ) -> Trajectories:
-    """Return the trajectories of agents at uniform positions with uniform directions (thesis 3.2, 5.1.2).
+    """Return the trajectories of agents at uniform positions with uniform directions (thesis 3.2, 5.1.2), or at given.
+
+    What is given takes the place of what is drawn; all else is drawn as it would be without.
 
     Args:
         scenario: The space and the agents.
@@ -30,7 +35,20 @@ def initial_trajectories(
     streams = robot_streams(motion_seed, agents.count)
     heading = np.empty_like(origin)
     _draw_headings(heading, streams)
-    return start_trajectories(space.side_cm, space.boundary == "cyclic", origin, heading, speed, streams)
+    if scenario.start.positions_cm is not None:
+        origin[:] = np.array(scenario.start.positions_cm).T
+    if scenario.start.headings is not None:
+        given = np.array(scenario.start.headings).T
+        heading[:] = given / np.linalg.norm(given, axis=0)
+    return start_trajectories(space, origin, heading, speed, streams)
+
+
+def receiver_streams(scenario: ParticleScenario, seed: int) -> StreamArray:
+    """Return (agents, 4) the streams from which agents draw the receivers of their pulses; of no agents if none do."""
+    if isinstance(scenario.neighbourhood, RandomAgents):
+        receiver_seed = np.random.SeedSequence(seed).spawn(RECEIVER_SEED + 1)[RECEIVER_SEED]
+        return robot_streams(receiver_seed, scenario.agents.count)
+    return np.zeros((0, 4), np.uint64)
 
 
 @jit_inline
@@ -69,6 +87,8 @@ def initial_oscillators(scenario: ParticleScenario, phase_seed: np.random.SeedSe
     if scenario.start.phases == "synchronised":
         phases = np.zeros(agents)
         phases[0] = scenario.start.displacement
+    elif scenario.start.phases != "random":
+        phases = np.array(scenario.start.phases)
     period = np.ones(agents)
     if scenario.clocks.jitter:
         period = _truncated_normal(random, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)

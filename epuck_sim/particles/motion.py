@@ -15,6 +15,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray, StreamArray
 from epuck_sim.particles.oscillators import argmin, minimum
+from epuck_sim.scenario.particles import SpaceSection
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.rng import uniform
 
@@ -26,6 +27,8 @@ class Trajectories(NamedTuple):
     """Side of the space."""
     is_cyclic: bool
     """Whether an agent that leaves on one side enters on the opposite one, instead of being reflected."""
+    is_mirrored: bool
+    """Whether walls reflect agents as mirrors do, instead of in a random direction."""
     origin: FloatArray
     """(dimensions, agents) cm: where each trajectory began."""
     heading: FloatArray
@@ -53,13 +56,14 @@ class Trajectories(NamedTuple):
 
 
 def start_trajectories(
-    side_cm: float, is_cyclic: bool, origin: FloatArray, heading: FloatArray, speed: FloatArray, streams: StreamArray
+    space: SpaceSection, origin: FloatArray, heading: FloatArray, speed: FloatArray, streams: StreamArray
 ) -> Trajectories:
-    """Return trajectories that begin at time 0; the arguments are the fields of `Trajectories`."""
+    """Return trajectories that begin at time 0 in a space; the arrays are fields of `Trajectories`."""
     start_cycle, start_time, end_cycle, end_time, end_times = np.zeros((5, len(speed)))
     trajectories = Trajectories(
-        side_cm,
-        is_cyclic,
+        space.side_cm,
+        space.boundary == "cyclic",
+        space.boundary == "mirrored",
         origin,
         heading,
         speed,
@@ -163,13 +167,18 @@ def restart_at(trajectories: Trajectories, agent: int, travelled_cm: float, cycl
 
 @jit_inline
 def reflect(trajectories: Trajectories, agent: int) -> None:
-    """Continue an agent's trajectory beyond its wall hit: in a random direction, or from the opposite, cyclic edge."""
+    """Continue an agent's trajectory beyond its wall hit.
+
+    It goes on in a random direction, as from a mirror, or in a cyclic space from the opposite edge.
+    """
     axis, is_far = trajectories.wall[agent] // 2, trajectories.wall[agent] % 2 == 1
     end_cycle, end_time = trajectories.end_cycle[agent], trajectories.end_time[agent]
     duration = (end_cycle - trajectories.start_cycle[agent]) + (end_time - trajectories.start_time[agent])
     restart_at(trajectories, agent, trajectories.speed[agent] * duration, end_cycle, end_time)
     trajectories.origin[axis, agent] = trajectories.side_cm if is_far != trajectories.is_cyclic else 0.0
-    if not trajectories.is_cyclic:
+    if trajectories.is_mirrored:
+        trajectories.heading[axis, agent] = -trajectories.heading[axis, agent]
+    elif not trajectories.is_cyclic:
         heading_from_wall(trajectories.heading[:, agent], axis, -1.0 if is_far else 1.0, trajectories.streams[agent])
     find_wall_hit(trajectories, agent)
 

@@ -1,32 +1,27 @@
 """Simulation of point-like agents, from one event to the next (thesis chapters 3 and 5)."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.events import (
-    CYCLES,
-    FIRINGS,
-    INSTANTS,
-    PULSES,
-    SYNCHRONISED,
-    UNLIMITED,
-    make_instant,
-    make_rules,
-)
-from epuck_sim.particles.initial_conditions import initial_oscillators, initial_trajectories
+from epuck_sim.particles.cascade import CYCLES, FIRINGS, INSTANTS, PULSES, SYNCHRONISED, make_instant
+from epuck_sim.particles.curve_compilation import make_response
+from epuck_sim.particles.events import UNLIMITED
+from epuck_sim.particles.initial_conditions import initial_oscillators, initial_trajectories, receiver_streams
 from epuck_sim.particles.neighbour_links import NeighbourLinks
 from epuck_sim.particles.neighbourhood import make_neighbourhood
 from epuck_sim.particles.pulse_links import PulseLinks
+from epuck_sim.particles.rules import make_rules
 from epuck_sim.particles.state import HeldState, SwarmState, make_observed
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class Event(NamedTuple):
@@ -83,6 +78,8 @@ class ParticleSimulation:
     """The scenario, with all defaults filled in."""
     seed: int
     """Seed of the trial."""
+    events: Sequence[TrialEvent] = ()
+    """What has changed by a schedule, or by faults: nothing, as agents have none."""
 
     def __init__(self, scenario: Scenario | str | Path | Mapping[str, Any], seed: int | None = None) -> None:
         """Place the agents and draw the phases of their oscillators.
@@ -102,15 +99,17 @@ class ParticleSimulation:
         self._trajectories = initial_trajectories(loaded, position_seed, motion_seed)
         self._oscillators = initial_oscillators(loaded, phase_seed)
         self._instant = make_instant(loaded.space.dimensions, loaded.agents.count)
+        streams = receiver_streams(loaded, self.seed)
+        neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()), streams)
         self._state = SwarmState(
             self._trajectories,
-            make_neighbourhood(loaded, float(self._trajectories.speed.max())),
+            neighbourhood,
             self._oscillators,
-            make_rules(loaded),
+            make_rules(loaded, make_response(loaded.response), neighbourhood),
             self._instant,
             make_observed(loaded.space.dimensions, loaded.agents.count),
         )
-        self._held = HeldState(self._state)
+        self._held = HeldState(self._state, loaded.response.curve)
         self._neighbour_links: NeighbourLinks | None = None
         self._pulse_links: PulseLinks | None = None
 
@@ -254,6 +253,19 @@ class ParticleSimulation:
         """Return (agents, dimensions) cm: positions at the present time."""
         return self._held.positions()
 
+    def adjacency(self) -> BoolArray:
+        """Return (agents, agents) the adjacency matrix at the present time (eq. 5.6).
+
+        Row i, column j: whether agent j would receive a pulse of agent i; its phase is another matter.
+
+        Raises:
+            ScenarioError: Receivers are drawn anew for each pulse.
+        """
+        agents = self.scenario.agents.count
+        matrix = np.zeros(agents * agents, np.bool_)
+        matrix[self.neighbour_links()] = True
+        return matrix.reshape(agents, agents)
+
     def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""
         self.positions()  # continues trajectories that have ended
@@ -264,6 +276,9 @@ class ParticleSimulation:
 
         Returns:
             (links,) ascending: the sender times the number of agents, plus the receiver.
+
+        Raises:
+            ScenarioError: Receivers are drawn anew for each pulse.
         """
         if self._neighbour_links is None:
             self._neighbour_links = NeighbourLinks(self.scenario, self._state)
@@ -274,7 +289,8 @@ class ParticleSimulation:
 
         Returns:
             (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase, in the order of the
-            cascade; of 50 agents or more, those alone that shift a phase.
+            cascade; of 50 agents or more, those alone that shift a phase. There are no links if receivers are
+            drawn anew for each pulse: nobody else is shown whom.
         """
         if self._pulse_links is None:
             self._pulse_links = PulseLinks(self.scenario)

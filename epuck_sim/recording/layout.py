@@ -10,6 +10,7 @@ import rerun.blueprint as rrb
 
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers.arena import NUMBERS, ROBOTS
+from epuck_sim.recording.layers.events import EVENTS
 from epuck_sim.recording.layers.images import CAMERA, INFRARED, SPACE_TIME
 from epuck_sim.recording.layers.memory import memory_entity
 from epuck_sim.recording.layers.time_series import FLASHES, PHASE_LEAD, PHASES, WHEELS
@@ -25,15 +26,27 @@ MARGIN_SHARE = 1 / 30
 """Margin around the space of point-like agents, as a share of its width."""
 
 
-def robot_layout(level: Level, width_cm: float, height_cm: float, memory: Sequence[str] = ()) -> rrb.Blueprint:
-    """Return the layout for recordings of robots at a level, in an arena of this size, with these fields of memory."""
+def robot_layout(
+    level: Level, width_cm: float, height_cm: float, memory: Sequence[str] = (), has_events: bool = False
+) -> rrb.Blueprint:
+    """Return the layout for recordings of robots.
+
+    Args:
+        level: How much is recorded.
+        width_cm: Width of the arena.
+        height_cm: Height of the arena.
+        memory: Fields of the controllers' MEMORY that are recorded.
+        has_events: Whether there is a log of events.
+    """
     flashes, lead, phases, order = _plots("robot")
-    remembered = [_plot(memory_entity(field), f"memory: {field}") for field in memory]
+    logs: list[rrb.View] = [_plot(memory_entity(field), f"memory: {field}") for field in memory]
+    if has_events:
+        logs.insert(0, rrb.TextLogView(origin=EVENTS, name="events"))
     arena = _arena(width_cm, height_cm, MARGIN_CM)
     if level is Level.SUMMARY:
-        body: rrb.Container = rrb.Vertical(flashes, *([rrb.Tabs(*remembered)] if remembered else []), order)
+        body: rrb.Container = rrb.Vertical(flashes, *([rrb.Tabs(*logs)] if logs else []), order)
     elif level is Level.POSES:
-        plots = rrb.Vertical(flashes, rrb.Tabs(*remembered, lead, phases), order)
+        plots = rrb.Vertical(flashes, rrb.Tabs(*logs, lead, phases), order)
         body = rrb.Horizontal(arena, plots, column_shares=[3, 2])
     else:
         wheels = _plot(WHEELS, "wheels [cm/s]")
@@ -41,14 +54,16 @@ def robot_layout(level: Level, width_cm: float, height_cm: float, memory: Sequen
         space_time = rrb.Spatial2DView(origin=SPACE_TIME, name="camera rows over a minute")
         distances = rrb.Spatial2DView(origin=INFRARED, name="infrared distances [mm]")
         pictures = rrb.Horizontal(rows, distances, column_shares=[3, 2])
-        plots = rrb.Vertical(flashes, rrb.Tabs(*remembered, lead, phases, wheels), order)
+        plots = rrb.Vertical(flashes, rrb.Tabs(*logs, lead, phases, wheels), order)
         above = rrb.Horizontal(rrb.Tabs(arena, space_time), plots, column_shares=[3, 2])
         body = rrb.Vertical(above, pictures, row_shares=[3, 1])
     return _blueprint(body)
 
 
-def agent_layout(level: Level, width_cm: float, height_cm: float, _: Sequence[str] = ()) -> rrb.Blueprint:
-    """Return the layout for recordings of point-like agents, which remember nothing.
+def agent_layout(
+    level: Level, width_cm: float, height_cm: float, _: Sequence[str] = (), __: bool = False
+) -> rrb.Blueprint:
+    """Return the layout for recordings of point-like agents, which remember nothing and have no events.
 
     A segment, which has no height, lies above the plots.
     """
@@ -105,11 +120,12 @@ def layout_file(
     level: Level,
     width_cm: float,
     height_cm: float,
-    make: Callable[[Level, float, float, Sequence[str]], rrb.Blueprint] = robot_layout,
+    make: Callable[[Level, float, float, Sequence[str], bool], rrb.Blueprint] = robot_layout,
     memory: tuple[str, ...] = (),
+    has_events: bool = False,
 ) -> bytes:
     """Return a layout as a file for the viewer (.rbl), which is cached: rerun leaves two threads behind for each."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "layout.rbl"
-        make(level, width_cm, height_cm, memory).save(APPLICATION, file)
+        make(level, width_cm, height_cm, memory, has_events).save(APPLICATION, file)
         return file.read_bytes()

@@ -53,8 +53,9 @@ class Parts(NamedTuple):
 
     population: Callable[[Any], Population]
     """Returns the population; takes the scenario."""
-    layout: Callable[[Level, float, float, Sequence[str]], rrb.Blueprint]
-    """Returns the layout of the viewer; takes the level, the arena's width and height, cm, and fields of memory."""
+    layout: Callable[[Level, float, float, Sequence[str], bool], rrb.Blueprint]
+    """Returns the layout of the viewer; takes the level, the arena's width and height, cm, fields of memory, and
+    whether there is a log of events."""
     buffer: Callable[[Any, int, Level, int], Buffer]
     """Returns an empty buffer; takes the scenario, the seed, the level and the capacity in rows."""
     layers: Callable[[Any, Population], Layers]
@@ -96,4 +97,4 @@ def layout_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> r
         memory: Fields of the controllers' MEMORY that are recorded.
     """
     arena = population_of(scenario).arena
-    return parts_of(scenario).layout(level, arena.width_cm, arena.height_cm, memory)
+    return parts_of(scenario).layout(level, arena.width_cm, arena.height_cm, memory, scenario.has_events)

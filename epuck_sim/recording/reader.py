@@ -13,6 +13,7 @@ from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording.entities import Entities
 from epuck_sim.recording.layers import time_series
 from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
+from epuck_sim.recording.layers.events import EVENTS
 from epuck_sim.recording.layers.memory import MEMORY, memory_entity
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import LINKED, Links, read_links
@@ -69,6 +70,8 @@ class Recorded(NamedTuple):
     """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
     memory: Mapping[str, FloatArray]
     """(rows, robots) what robots remember, by the names of the fields that are recorded; NaN for robots without one."""
+    events: tuple[tuple[float, str], ...]
+    """Time in seconds, and text, of what changed by a schedule, or by faults."""
     links: Links | None
     """Who was linked to whom; None if the level leaves it out. The properties below raise RecordingError instead."""
 
@@ -143,7 +146,7 @@ def read_recording(path: Path | str) -> Recorded:
         RecordingError: The file is no complete recording, or one of another program or version.
     """
     path = Path(path)
-    entities = Entities(path, *_SERIES, f"{MEMORY}/**", ROBOTS, HEADINGS, *LINKED)
+    entities = Entities(path, *_SERIES, EVENTS, f"{MEMORY}/**", ROBOTS, HEADINGS, *LINKED)
     trial = entities.properties(TRIAL)
     _check_format(path, trial)
     try:
@@ -202,6 +205,7 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
             field: entities.values(memory_entity(field), "Scalars:scalars").reshape(-1, count)
             for field in _fields(trial)
         },
+        events=tuple(zip(entities.times(EVENTS).tolist(), entities.texts(EVENTS, "TextLog:text"), strict=True)),
         links=read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
     )
 

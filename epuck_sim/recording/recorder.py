@@ -13,6 +13,7 @@ from rerun.chunk import Chunk
 
 from epuck_sim.recording.chunks import static_chunk, strict_mode
 from epuck_sim.recording.layers.arena import arena_entities, static_arena_entities
+from epuck_sim.recording.layers.events import EventLog
 from epuck_sim.recording.layers.memory import MemorySeries
 from epuck_sim.recording.layers.time_series import static_time_series, time_series
 from epuck_sim.recording.layout import layout_file
@@ -61,7 +62,7 @@ def record(
     parts = parts_of(scenario)
     arena = parts.population(scenario).arena
     memory = tuple(dict.fromkeys(memory))
-    layout = layout_file(level, arena.width_cm, arena.height_cm, parts.layout, memory)
+    layout = layout_file(level, arena.width_cm, arena.height_cm, parts.layout, memory, scenario.has_events)
     with rrd_file(Path(path), recording_id(scenario, seed, level, memory), layout) as write:
         recorder = Recorder(scenario, seed, level, BUFFER_S, write, memory)
         yield recorder
@@ -103,6 +104,7 @@ class Recorder:
         self._buffer = parts.buffer(scenario, seed, level, capacity)
         self._layers = parts.layers(scenario, population) if level is Level.FULL else None
         self._memory = MemorySeries(scenario, memory, population)
+        self._events = EventLog()
         self._write(_description(scenario, seed, level, memory))
         self._write(self._memory.static_chunks())
         self._write(static_time_series(population, level))
@@ -124,6 +126,8 @@ class Recorder:
         if not self._buffer.row_count:
             return
         batch = self._buffer.flush()
+        if self._state is not None:
+            self._write(self._events.flush(self._state.events))
         self._write(self._memory.flush(batch.time_ns))
         self._write(time_series(batch, self._population, self._threshold, self._level))
         if self._level is not Level.SUMMARY:

@@ -61,7 +61,7 @@ def _estimate(summary: PointSummary, statistic: str) -> tuple[str, list[float | 
     field = "restricted_mean" if statistic == "mean" and summary.mean is None else statistic
     if summary.censored == 1:
         return STATISTIC_NAMES[field], [None] * 3
-    return STATISTIC_NAMES[field], [getattr(summary, f"{field}{end}") for end in ("", "_low", "_high")]
+    return STATISTIC_NAMES[field], summary.estimate(field)
 
 
 def _line(

@@ -84,7 +84,7 @@ def tabulate(contents: Contents, quantity: Quantity) -> Iterator[Node]:
         [
             str(summary.trials),
             *[f"{summary.censored:.0%}"] * quantity.is_time,
-            *(format_estimate(*(getattr(summary, f"{name}{end}") for end in ("", "_low", "_high"))) for name in names),
+            *(format_estimate(*summary.estimate(name)) for name in names),
         ]
         for summary in quantity.summaries
     ]

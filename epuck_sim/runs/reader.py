@@ -12,8 +12,9 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
-from epuck_sim.runs.database import DATABASE, has_later_columns, reading
+from epuck_sim.runs.database import DATABASE, has_column, reading
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import comma_list, did_you_mean
 
@@ -40,14 +41,15 @@ class PointTrials(NamedTuple):
     """(trials,) value in each trial of the measure that was asked for; empty if none was."""
     of: str | None = None
     """Name of the measure that was asked for; None if none was."""
+    events: tuple[tuple[TrialEvent, ...], ...] = ()
+    """(trials,) what changed in each trial: entries of the schedule, and faults."""
     has_t_sync: bool = True
     """Whether trials have a T_sync: not without oscillators, or without a threshold of the order parameter."""
 
     @property
     def seed(self) -> int:
         """Seed for resampling this point: if all points were resampled alike, their errors would be the same."""
-        left_out: dict[str, Any] = dict.fromkeys(WITHOUT_EFFECT, True)
-        left_out["stop"] = dict.fromkeys(self.scenario.stop.later_keys, True)
+        left_out: dict[str, Any] = {**self.scenario.later_defaults(), **dict.fromkeys(WITHOUT_EFFECT, True)}
         everything = self.key + self.scenario.model_dump_json(exclude=left_out)
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 
@@ -121,12 +123,15 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
         ends: dict[str, list[tuple[int, int]]] = {key: [] for key, *_ in found}
         seeds: dict[str, list[int]] = {key: [] for key, *_ in found}
+        events: dict[str, list[tuple[TrialEvent, ...]]] = {key: [] for key, *_ in found}
         values = _read_measured(connection, str(folder), of) if of is not None else {}
-        for key, cycles, censored, seed in connection.execute(
-            "SELECT point, cycles, censored, seed FROM trials WHERE error IS NULL ORDER BY point, trial"
+        for key, cycles, censored, seed, text in connection.execute(
+            f"SELECT point, cycles, censored, seed, {events_column(connection)} FROM trials WHERE error IS NULL "
+            "ORDER BY point, trial"
         ):
             ends[key].append((cycles, censored))
             seeds[key].append(seed)
+            events[key].append(_read_events(text))
     results = SweepTrials()
     for key, number, axes, scenario in found:
         cycles, censored = np.array(ends[key], np.float64).reshape(-1, 2).T  # NaN for null
@@ -136,8 +141,21 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
             raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
         trials = tuple(seeds[key]), tuple(values.get(key, ()))
         has_t_sync = read.stop.order_parameter is not None and not np.isnan(censored).any()
-        results.append(PointTrials(number, key, json.loads(axes), read, cycles, censored == 0, *trials, of, has_t_sync))
+        changes = tuple(events[key])
+        results.append(
+            PointTrials(number, key, json.loads(axes), read, cycles, censored == 0, *trials, of, changes, has_t_sync)
+        )
     return results
+
+
+def events_column(connection: sqlite3.Connection) -> str:
+    """Return the column of trials that holds events as JSON, as SQL; NULL in earlier folders."""
+    return "events" if has_column(connection, "trials", "events") else "NULL"
+
+
+def _read_events(text: str | None) -> tuple[TrialEvent, ...]:
+    events = json.loads(text or "[]")
+    return tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in events)
 
 
 def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> dict[str, list[Value]]:
@@ -153,7 +171,7 @@ def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> di
 
 def measures_in(connection: sqlite3.Connection) -> list[str]:
     """Return the names of the measures of a folder's points, in their order."""
-    if not has_later_columns(connection, "points"):
+    if not has_column(connection, "points", "measures"):
         return []
     rows = connection.execute("SELECT measures FROM points ORDER BY number")
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))

@@ -5,7 +5,7 @@ import sqlite3
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.runs.database import UNMEASURED, has_later_columns, reading
+from epuck_sim.runs.database import UNMEASURED, has_column, reading
 from epuck_sim.runs.reader import database_of, measures_in
 from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.util.provenance import PROVENANCE
@@ -73,7 +73,7 @@ def read_status(folder: Path) -> Status:
         stored, censored, wall_s = connection.execute(
             "SELECT count(*), sum(censored), total(wall_s) FROM trials WHERE error IS NULL"
         ).fetchone()
-        problem = "coalesce(error, measuring_error)" if has_later_columns(connection, "trials") else "error"
+        problem = "coalesce(error, measuring_error)" if has_column(connection, "trials", "measuring_error") else "error"
         failed = connection.execute(
             f"SELECT number, trial, seed, {problem} FROM trials JOIN points ON point = key "
             f"WHERE {problem} IS NOT NULL ORDER BY number, trial"

@@ -12,10 +12,13 @@ from pydantic import Field, model_validator
 from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.controllers import resolve_axes, resolve_group
+from epuck_sim.scenario.condition import Awaited
+from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
+from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.schedule import ScheduleEntry, check_schedule, check_scheduled_controllers, condition_key
 from epuck_sim.scenario.stop import StopSection
 
 
@@ -52,6 +55,8 @@ class StuckSection(ConfigModel):
 
 class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
 
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
     """Coefficient of friction between bodies."""
@@ -113,6 +118,7 @@ class EmbodiedScenario(Scenario):
         "belongs to model: particles; give that model, or leave it out",
     )
 
+    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule")
     event_method: ClassVar[str] = "step"
 
     model: Literal["embodied"] = "embodied"
@@ -121,6 +127,8 @@ class EmbodiedScenario(Scenario):
     noise: NoiseSection = NoiseSection()
     spread: SpreadSection = SpreadSection()
     stuck: StuckSection = StuckSection()
+    faults: tuple[AnyFault, ...] = ()
+    schedule: tuple[ScheduleEntry, ...] = ()
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
     stop: EmbodiedStop = EmbodiedStop()
@@ -151,6 +159,8 @@ class EmbodiedScenario(Scenario):
                     f"robots.{number}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
                     f"{self.timing.control_hz}"
                 )
+        check_faults(self.faults, self.robots)
+        check_schedule(self.schedule, self.robots, self.faults)
         floor = self.arena.width_cm * self.arena.height_cm
         bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
         densest = math.pi / math.sqrt(12)  # of equal discs in the plane
@@ -198,6 +208,17 @@ class EmbodiedScenario(Scenario):
         )
 
     @property
+    def conditions(self) -> dict[str, Awaited]:
+        """Conditions that trials wait for, by their dotted keys."""
+        waiting = {condition_key(number): entry.awaited for number, entry in enumerate(self.schedule)}
+        return {**super().conditions, **{key: awaited for key, awaited in waiting.items() if awaited is not None}}
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there are faults or a schedule."""
+        return bool(self.faults or self.schedule)
+
+    @property
     def camera_pixels(self) -> int:
         """Largest number of pixels in a row that a controller reads."""
         return max(group.pixels for group in self.robots)
@@ -211,6 +232,8 @@ class EmbodiedScenario(Scenario):
             else resolve_group(group, self.timing.step_ms, f"{origin}: robots.{number}", folder)
             for number, group in enumerate(self.robots)
         )
+        check_oscillators(self.faults, robots, swept, origin)
+        check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
         return super(EmbodiedScenario, resolved).resolved(origin, folder)

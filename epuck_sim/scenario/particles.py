@@ -4,11 +4,14 @@ The defaults are those of thesis section 5.1: 20 agents in a square of side 100,
 response curve. Its lengths have no unit and its period is 1; here they are centimetres and seconds, as in chapter 3.
 """
 
-from typing import Annotated, ClassVar, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PlainValidator, model_validator
 
+from epuck_sim.errors import CurveError, ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.curves import UP_TO_1, find_curve, map_curves
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopSection
 
@@ -21,6 +24,8 @@ _ELSEWHERE = {
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
     "spread": "no counterpart, because agents are all alike",
     "stuck": "no counterpart, because agents are points",
+    "faults": "no counterpart, because agents do not fail",
+    "schedule": "no counterpart, because its agents stay as they are",
     "contact": "no counterpart, because agents are points",
     "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",
@@ -36,8 +41,9 @@ class SpaceSection(ConfigModel):
     """1: a segment; 2: a square; 3: a cube."""
     side_cm: Positive = 100.0
     """Side L of the space."""
-    boundary: Literal["bounded", "cyclic"] = "bounded"
-    """`bounded`: agents leave a wall in a random direction; `cyclic`: they leave on one side and enter opposite."""
+    boundary: Literal["bounded", "cyclic", "mirrored"] = "bounded"
+    """`bounded`: agents leave a wall in a random direction; `mirrored`: as light leaves a mirror; `cyclic`: agents
+    leave on one side and enter opposite."""
 
 
 class AgentsSection(ConfigModel):
@@ -51,8 +57,9 @@ class AgentsSection(ConfigModel):
     """Distribution from which the speed of each agent is drawn, once a trial (thesis 6.2)."""
     speed_spread: Annotated[Number, Field(gt=0, le=1)] | None = None
     """Half-width of `uniform`, or standard deviation of `normal`, relative to the mean; `normal` is cut at 0 and 2."""
-    reorient_on: tuple[Literal["emitting", "receiving"], ...] = ()
-    """Pulses at which an agent turns to a random direction (D.1)."""
+    reorient_on: tuple[Literal["emitting", "receiving", "arriving"], ...] = ()
+    """Pulses at which an agent turns to a random direction (D.1): those that it emits, those that shift its phase, or
+    all that arrive."""
 
     @model_validator(mode="after")
     def _check_spread(self) -> "AgentsSection":
@@ -96,23 +103,36 @@ class Everybody(ConfigModel):
     kind: Literal["all"]
 
 
-Neighbourhood = Nearest | Range | Cone | Everybody
-"""The agents that receive the pulse of one that fires (3.1.2, 5.1.3)."""
+class RandomAgents(ConfigModel):
+    """Agents drawn anew for each pulse, wherever they are: the mean field of fast agents (2.4)."""
+
+    kind: Literal["random"]
+    k: Annotated[WholeNumber, Field(ge=1)] = 1
+    """Number K of agents that receive a pulse."""
+
+
+Neighbourhood = Nearest | Range | Cone | Everybody | RandomAgents
+"""The agents that receive the pulse of one that fires (2.4, 3.1.2, 5.1.3)."""
 
 
 class ResponseSection(ConfigModel):
-    """How a pulse shifts the phase of an agent that receives it (5.1.1)."""
+    """How a pulse shifts the phase of an agent that receives it (2.4, 5.1.1)."""
 
-    curve: Literal["multiplicative", "sawtooth", "sine"] = "multiplicative"
-    """Phase response curve: shift of the phase against the phase (5.1.1)."""
+    later_keys: ClassVar[tuple[str, ...]] = ("parameters",)
+
+    curve: str = "multiplicative"
+    """Phase response curve, shift of the phase against the phase: a shipped one's name, or a file that ends in .py,
+    relative to the scenario's file (5.1.1)."""
     coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
-    """Factor epsilon of the multiplicative curve; kappa, up to 1, of the others."""
+    """Strength of the response: epsilon, or kappa of the sawtooth and sine curves."""
     refractory: Annotated[Number, Field(ge=0, lt=0.5)] = 0.0
     """Phase D, up to which pulses have no effect."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """The curve's further parameters by name; those that are left out have the curve's defaults."""
 
     @model_validator(mode="after")
-    def _check_kappa(self) -> "ResponseSection":
-        if self.curve != "multiplicative" and self.coupling > 1:
+    def _check_coupling(self) -> "ResponseSection":
+        if self.curve in UP_TO_1 and self.coupling > 1:
             raise ValueError(f"coupling is {self.coupling:g}; allowed: 0 to 1 for the {self.curve} curve")
         return self
 
@@ -126,13 +146,48 @@ class ClocksSection(ConfigModel):
     """Standard deviation of the periods relative to `period_s` (5.4.2); no period is below a tenth of it."""
 
 
-class StartSection(ConfigModel):
-    """The phases at the start of a trial."""
+def _check_phases(given: Any) -> Any:
+    """Return a name, or one phase for each agent as a tuple."""
+    if given in ("random", "synchronised"):
+        return given
+    is_list = isinstance(given, list | tuple) and not any(isinstance(phase, bool) for phase in given)
+    if is_list and all(isinstance(phase, int | float) and 0 <= phase <= 1 for phase in given):
+        return tuple(float(phase) for phase in given)
+    raise ValueError("random, synchronised, or a list of numbers from 0 to 1, one for each agent")
 
-    phases: Literal["random", "synchronised"] = "random"
-    """`random`: uniform over the period; `synchronised`: all 0."""
+
+Vectors = tuple[tuple[Number, ...], ...]
+
+
+class StartSection(ConfigModel):
+    """Phases, positions and headings at the start of a trial; positions and headings are random unless given."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings")
+
+    phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], PlainValidator(_check_phases)] = "random"
+    """`random`: uniform over the period; `synchronised`: all 0; or a list with a phase, 0 to 1, for each agent."""
     displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     """Phase of agent 0, where all others start at 0 (5.4.1)."""
+    positions_cm: Vectors | None = None
+    """One row for each agent, with a coordinate for each dimension."""
+    headings: Vectors | None = None
+    """One row for each agent: a vector in the direction of its motion, of any length above 0."""
+
+    def check_fits(self, agents: int, dimensions: int, side_cm: float) -> None:
+        """Raise ValueError if what is given does not fit the agents and their space."""
+        given = {"phases": self.phases, "positions_cm": self.positions_cm, "headings": self.headings}
+        for name, rows in given.items():
+            if isinstance(rows, tuple) and len(rows) != agents:
+                raise ValueError(f"start.{name} has {len(rows)} rows; allowed: {agents}, because that is agents.count")
+        for name in ("positions_cm", "headings"):
+            for number, row in enumerate(given[name] or ()):
+                assert isinstance(row, tuple)
+                if len(row) != dimensions:
+                    raise ValueError(f"start.{name}.{number} has {len(row)} numbers; allowed: {dimensions}, dimensions")
+                if name == "positions_cm" and not all(0 <= place <= side_cm for place in row):
+                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: 0 to {side_cm:g}, space.side_cm")
+                if name == "headings" and not any(row):
+                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
 
     @model_validator(mode="after")
     def _check_displacement(self) -> "StartSection":
@@ -181,11 +236,12 @@ class ParticleScenario(Scenario):
                 f"agents.speed_cm_s is {self.agents.speed_cm_s:g}; allowed: up to "
                 f"{MOST_SIDES * self.space.side_cm / self.clocks.period_s:g}, {MOST_SIDES} sides a period"
             )
-        if isinstance(self.neighbourhood, Nearest) and self.neighbourhood.k > max(others, 1):
+        if isinstance(self.neighbourhood, Nearest | RandomAgents) and self.neighbourhood.k > max(others, 1):
             raise ValueError(
                 f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {max(others, 1)}, because agents.count is "
                 f"{others + 1}"
             )
+        self.start.check_fits(others + 1, self.space.dimensions, self.space.side_cm)
         if self.stop.reference > others:
             raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")
         return self
@@ -209,3 +265,49 @@ class ParticleScenario(Scenario):
     def population(self) -> int:
         """Number of agents."""
         return self.agents.count
+
+    @property
+    def compiled(self) -> tuple[str, ...]:
+        """Names of what is compiled for its trials: the model, and a user's response curve."""
+        curve = self.response.curve
+        return (self.model, curve) if curve.endswith(".py") else (self.model,)
+
+    def resolved(self, origin: str, folder: Path | None = None) -> Self:
+        """Return the scenario with the response curve, measures and their parameters; see `Scenario.resolved`."""
+        swept = self.sweep.keys if self.sweep else ()
+        response = self.response  # its curve, hence its parameters, may be known at each point only
+        if "response.curve" not in swept and "response" not in swept:
+            response = _resolve_response(response, f"{origin}: response", folder)
+        sweep = self.sweep and self.sweep.mapped(lambda key, value: _resolve_axis(key, value, origin, folder))
+        resolved = super().resolved(origin, folder)
+        if response is self.response and sweep is None:  # a copy would take a tenth of the time of a short trial
+            return resolved
+        return resolved.model_copy(update={"response": response, "sweep": sweep})
+
+
+def _resolve_response(response: ResponseSection, origin: str, folder: Path | None) -> ResponseSection:
+    """Return a response with the path of its curve, if that is a user's, and with all parameters.
+
+    Raises:
+        ScenarioError: There is no such curve, or it does not take these parameters; the message begins with `origin`.
+    """
+    try:
+        curve = find_curve(response.curve, folder)
+    except CurveError as error:
+        raise ScenarioError(f"{origin}.curve: {error}") from error
+    try:
+        parameters = curve.resolve(response.parameters)
+        curve.check_shifts(response.coupling, parameters)
+    except CurveError as error:
+        raise ScenarioError(f"{origin}: {error}") from error
+    if (curve.name, parameters) == (response.curve, response.parameters):
+        return response
+    return response.model_copy(update={"curve": curve.name, "parameters": parameters})
+
+
+def _resolve_axis(key: str, value: Any, origin: str, folder: Path | None) -> Any:
+    """Return the value of an axis with the path of the user's curve that it names."""
+    try:
+        return map_curves(key, value, lambda name: find_curve(str(name), folder).name)
+    except CurveError as error:
+        raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error

@@ -1,6 +1,6 @@
 """One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -51,6 +51,8 @@ class CameraSection(ConfigModel):
 class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
+
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
     """`inverse_response`: by inverting the mean response; `firmware_table`: by the table of the robots' firmware."""
     robots: bool = True
@@ -59,6 +61,8 @@ class InfraredSection(ConfigModel):
 
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal")
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
@@ -70,6 +74,9 @@ class RobotGroup(ConfigModel):
     """Name of a shipped controller, or a file (.py, .c or .so), relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
+    memory: dict[str, Any] = Field(default_factory=dict)
+    """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
+    for each robot; `phase_ms` is an oscillator's phase."""
     signal: SignalSection = CameraSignal()
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()

@@ -9,11 +9,15 @@ from pydantic import Field
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.measures import MeasureSection, check_condition, resolve_measures
 from epuck_sim.scenario.stop import StopSection
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
+
+STOP = "stop.when"
+"""Dotted key of the condition that ends trials."""
 
 
 class FigureSection(ConfigModel):
@@ -72,6 +76,16 @@ class Scenario(ConfigModel):
         return self.controllers or (self.model,)
 
     @property
+    def conditions(self) -> dict[str, Awaited]:
+        """Conditions that trials wait for, by their dotted keys."""
+        return {} if self.stop.when is None else {STOP: Awaited(self.stop.when)}
+
+    @property
+    def has_events(self) -> bool:
+        """Whether anything may change in its trials that they list among their events."""
+        return False
+
+    @property
     def scales(self) -> dict[str, float]:
         """Quantities, by name, that T_sync scales with (thesis 4.2.2); NaN for one that the scenario does not have."""
         return {}
@@ -92,8 +106,8 @@ class Scenario(ConfigModel):
             ScenarioError: A file is missing, or does not fit the scenario.
         """
         measures = resolve_measures(self, origin, folder)
-        if self.stop.when is not None:
-            check_condition(self.stop.when.measure, measures, self.event_method, f"{origin}: stop.when")
+        for key, awaited in self.conditions.items():
+            check_condition(awaited.condition.measure, measures, self.event_method, f"{origin}: {key}")
         return self.model_copy(update={"measures": measures}) if measures else self
 
     def __repr__(self) -> str:

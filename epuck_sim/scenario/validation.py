@@ -10,7 +10,8 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import Box, Circle, Polygon
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, Range
+from epuck_sim.scenario.faults import FAULTS
+from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
@@ -24,14 +25,22 @@ class Union(NamedTuple):
 
     tag: str
     """The key whose value names the class."""
-    classes: dict[str, type[BaseModel]]
+    classes: Mapping[str, type[BaseModel]]
 
 
 UNIONS = {
+    "faults": Union("kind", FAULTS),
     "obstacles": Union("shape", {"circle": Circle, "box": Box, "polygon": Polygon}),
     "neighbourhood": Union(
         "kind",
-        {"nearest": Nearest, "range": Range, "cone_of_vision": Cone, "cone_of_emission": Cone, "all": Everybody},
+        {
+            "nearest": Nearest,
+            "range": Range,
+            "cone_of_vision": Cone,
+            "cone_of_emission": Cone,
+            "all": Everybody,
+            "random": RandomAgents,
+        },
     ),
     "signal": Union("kind", {"camera": CameraSignal, "cone": ConeSignal, "radio": RadioSignal}),
 }

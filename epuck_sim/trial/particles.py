@@ -4,7 +4,8 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
-from epuck_sim.trial.observer import EndCondition, Observer, Progress
+from epuck_sim.trial.conditions import Conditions
+from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
 
 SLICE_S = 0.1
@@ -17,9 +18,9 @@ FIRST_SLICE = 100_000
 def run_agents(
     simulation: ParticleSimulation,
     observers: Sequence[Observer],
-    progress: Progress | None = None,
-    at_cycles: Sequence[Observer] = (),
-    is_over: EndCondition = lambda: False,
+    progress: Progress | None,
+    at_cycles: Sequence[Observer],
+    conditions: Conditions,
 ) -> TrialResult:
     """Run a fresh simulation of point agents to the end of its trial; see `trial.model.Model.run`.
 
@@ -44,7 +45,7 @@ def run_agents(
     cycles = simulation.cycles
 
     def has_ended() -> bool:
-        return simulation.is_synchronised or simulation.cycles >= limit or is_over()
+        return simulation.is_synchronised or simulation.cycles >= limit or conditions.is_over()
 
     while not has_ended() and simulation.next_firing <= end:
         if observers:

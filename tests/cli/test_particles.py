@@ -455,4 +455,5 @@ def test_ctrl_c_ends_a_long_trial_soon(tmp_path, speed: int, signalled: signal.S
     assert (process.returncode, stdout) == (130, "")
     lines = errors.read_text().splitlines()
     assert lines[-1] == "interrupted"
-    assert all(line.startswith("trial 1 of 1: ") for line in lines[:-1])
+    told = [line for line in lines[:-1] if not line.startswith("trial 1 of 1: ")]
+    assert set(told) <= {"compiled code does not react to Ctrl-C; press it again to end at once"}  # a busy machine

@@ -1,13 +1,14 @@
 """A naive implementation of thesis chapters 3 and 5 in plain Python: slow, for comparison with the kernel.
 
-It was written from the thesis (3.1, 5.1, Appendix D) and from nothing else. Phases and positions are updated at every
-event, neighbours are searched for among all agents, and a cascade is computed with sets. Only two things are taken
-from the simulation that it is compared with: the initial state, and each agent's stream of random numbers.
+It was written from the thesis (2.4, 3.1, 5.1, Appendix D) and from nothing else. Phases and positions are updated at
+every event, neighbours are searched for among all agents, and a cascade is computed with sets. Only two things are
+taken from the simulation that it is compared with: the initial state, and each agent's streams of random numbers.
 """
 
 import math
 from typing import NamedTuple
 
+from epuck_sim.arrays import StreamArray
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.util.rng import uniform
 
@@ -40,6 +41,7 @@ class NaiveModel:
         self.periods = [float(period) for period in oscillators.period]
         self.phases = [1 - float(oscillators.next_firing[agent]) / self.periods[agent] for agent in agents]
         self.streams = trajectories.streams.copy()
+        self.receiver_streams = swarm._state.neighbourhood.streams.copy()
         self.time = 0.0
         self.cycles = 0
         self.order: float | None = None
@@ -102,6 +104,9 @@ class NaiveModel:
             self.positions[agent][axis] = 0.0 if is_far else side
             return
         normal = -1.0 if is_far else 1.0
+        if self.scenario.space.boundary == "mirrored":
+            self.headings[agent][axis] = normal * abs(self.headings[agent][axis])
+            return
         heading, stream = self.headings[agent], self.streams[agent]
         if len(heading) == 1:
             heading[0] = normal
@@ -151,6 +156,8 @@ class NaiveModel:
         side = self.scenario.space.side_cm
         if rule.kind == "all":
             return set(others)
+        if rule.kind == "random":
+            return self.draw(others, rule.k, self.receiver_streams[firing])
         if rule.kind == "nearest":
             by_distance = sorted((math.hypot(*self.offset(other, firing)), other) for other in others)
             if 0 < rule.k < len(others):
@@ -178,11 +185,29 @@ class NaiveModel:
                 found.add(other)
         return found
 
+    @staticmethod
+    def draw(others: list[int], k: int, stream: StreamArray) -> set[int]:
+        """Draw k of the others, each set of k with the same chance (Bentley and Floyd 1987)."""
+        drawn: set[int] = set()
+        for last in range(len(others) - k, len(others)):
+            chosen = others[int(uniform(stream) * (last + 1))]
+            drawn.add(others[last] if chosen in drawn else chosen)
+        return drawn
+
     # --- pulses (3.1.1, 3.1.3, 5.1.1) ----------------------------------------------------------------
 
     def shift(self, phase: float) -> float:
-        """Return the response to a pulse at a phase beyond the refractory period (eqs. 5.3 to 5.5)."""
+        """Return the response to a pulse at a phase beyond the refractory period (2.4, eqs. 5.3 to 5.5)."""
         response = self.scenario.response
+        if response.curve == "additive":
+            return response.coupling
+        if response.curve == "mirollo_strogatz":  # a state, concave down, is raised by the coupling
+            b = response.parameters["dissipation"]
+            state = math.log(1 + (math.exp(b) - 1) * phase) / b
+            return (math.exp(b * (state + response.coupling)) - 1) / (math.exp(b) - 1) - phase
+        if response.curve == "piecewise_linear":
+            is_early = phase <= response.parameters["knee"]
+            return response.coupling * phase * (response.parameters["early_slope"] if is_early else 1)
         if response.curve == "multiplicative":
             return response.coupling * phase
         if response.curve == "sine":
@@ -191,9 +216,10 @@ class NaiveModel:
 
     def cascade(self, at_once: set[int], margins: list[float]) -> tuple[set[int], set[int]]:
         """Fire these agents and all that their pulses make fire; return the agents that fired, and that received."""
-        fired, received, waiting = set(at_once), set(), set(at_once)
+        fired, received, reached, waiting = set(at_once), set(), set(), set(at_once)
         while waiting:
             for receiver in self.neighbours(waiting.pop(), margins):
+                reached.add(receiver)
                 phase, refractory = self.phases[receiver], self.scenario.response.refractory
                 if receiver in fired or receiver in received:
                     continue
@@ -204,8 +230,11 @@ class NaiveModel:
                 after = phase + self.shift(phase)
                 if self.scenario.response.curve == "sawtooth":
                     margins.append(abs(phase - 0.5))
+                if self.scenario.response.curve == "piecewise_linear":
+                    margins.append(abs(phase - self.scenario.response.parameters["knee"]))
                 if self.scenario.response.coupling:
-                    margins.append(abs(after - 1) or 1.0)  # sawtooth and kappa = 1: exactly 1
+                    is_exact = self.scenario.response.curve == "sawtooth"  # and kappa = 1: exactly 1
+                    margins.append(abs(after - 1) or float(is_exact))
                 self.phases[receiver] = min(max(after, 0.0), 1.0)
                 if after >= 1:
                     fired.add(receiver)
@@ -213,9 +242,9 @@ class NaiveModel:
         for agent in fired:
             self.phases[agent] = 0.0
         motion = self.scenario.agents.reorient_on
-        for agent in sorted(fired | received):
-            if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in received):
-                self.reorient(agent)
+        turned = {"emitting": fired, "receiving": received, "arriving": reached}
+        for agent in set().union(*(turned[pulses] for pulses in motion)):
+            self.reorient(agent)
         if self.scenario.stop.reference in fired:
             self.cycles += 1
             self.order = self.measure_order()

@@ -14,7 +14,8 @@ from tests.particles.naive_model import NaiveModel
 TOO_CLOSE = 1e-11
 """Relative margin below which a decision may go either way, because the kernel rounds differently."""
 
-KINDS = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
+BY_POSITION = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
+KINDS = (*BY_POSITION, "random")
 
 
 def scenario(**sections: Any) -> dict[str, Any]:
@@ -126,7 +127,7 @@ lengths = st.floats(0.05, 1.6).map(lambda share: round(share, 3))
 
 def neighbourhoods(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[Mapping[str, Any]]:
     radii = lengths.map(lambda share: share * side_cm)
-    if kind == "nearest":
+    if kind in ("nearest", "random"):
         return st.fixed_dictionaries({"kind": st.just(kind), "k": st.integers(1, agents - 1)})
     if kind == "range":
         return st.fixed_dictionaries({"kind": st.just(kind), "radius_cm": radii})
@@ -151,6 +152,31 @@ responses = st.one_of(
             "refractory": st.sampled_from([0.0, 0.2, 0.49]),
         }
     ),
+    st.fixed_dictionaries(
+        {
+            "curve": st.just("additive"),
+            "coupling": st.sampled_from([0.0, 0.03, 0.2, 1.0]),
+            "refractory": st.sampled_from([0.0, 0.2]),
+        }
+    ),
+    st.fixed_dictionaries(
+        {
+            "curve": st.just("mirollo_strogatz"),
+            "coupling": st.sampled_from([0.0, 0.03, 0.2, 1.0]),
+            "refractory": st.sampled_from([0.0, 0.2]),
+            "parameters": st.fixed_dictionaries({"dissipation": st.sampled_from([0.1, 1.0, 3.0, 12.0])}),
+        }
+    ),
+    st.fixed_dictionaries(
+        {
+            "curve": st.just("piecewise_linear"),
+            "coupling": st.sampled_from([0.1, 0.5]),
+            "refractory": st.sampled_from([0.0, 0.2]),
+            "parameters": st.fixed_dictionaries(
+                {"knee": st.sampled_from([0.1, 0.47, 0.8]), "early_slope": st.sampled_from([-3.0, -1.0, 0.0, 0.4])}
+            ),
+        }
+    ),
 )
 
 speeds = st.sampled_from(
@@ -160,6 +186,18 @@ speeds = st.sampled_from(
         {"speed_distribution": "normal", "speed_spread": 0.4},
         {"speed_distribution": "exponential"},
     ]
+)
+
+
+REORIENTATIONS = (
+    [],
+    [],
+    ["emitting"],
+    ["receiving"],
+    ["arriving"],
+    ["emitting", "receiving"],
+    ["receiving", "arriving"],
+    ["emitting", "arriving"],
 )
 
 
@@ -176,12 +214,12 @@ def any_sections(
         "space": {
             "dimensions": draw(st.integers(1, 3)),
             "side_cm": side_cm,
-            "boundary": draw(st.sampled_from(["bounded", "cyclic"])),
+            "boundary": draw(st.sampled_from(["bounded", "bounded", "cyclic", "mirrored"])),
         },
         "agents": {
             "count": agents,
             "speed_cm_s": pace * side_cm / period_s,
-            "reorient_on": draw(st.sampled_from([[], [], ["emitting"], ["receiving"], ["emitting", "receiving"]])),
+            "reorient_on": draw(st.sampled_from(REORIENTATIONS)),
             **draw(speeds),
         },
         "neighbourhood": draw(neighbourhoods(kind, agents, side_cm)),

@@ -97,6 +97,15 @@ def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: li
     assert len(read.pulses) > 100
 
 
+def test_a_recording_shows_no_links_to_agents_drawn_at_random(tmp_path) -> None:
+    scenario = load_scenario("particles", ["stop.max_cycles=3", "neighbourhood={kind: random}"])
+    with record(tmp_path / "t.rrd", scenario, 1) as recorder:
+        run_trial(ParticleSimulation(scenario, 1), [recorder])
+    read = read_recording(tmp_path / "t.rrd")
+    assert len(read.flash_s) > 20
+    assert len(read.pulses) == 0
+
+
 @pytest.mark.parametrize("level", [Level.SUMMARY, Level.POSES])
 def test_a_level_that_holds_no_links_says_so(tmp_path, level: Level) -> None:
     read, _ = robots(tmp_path / "t.rrd", level)

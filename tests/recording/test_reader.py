@@ -307,22 +307,52 @@ def test_what_robots_remember_is_read_back_by_name_to_the_bit(level: Level, tmp_
     assert np.ptp(found.memory["phase_ms"][:, 3:]) > 1000
 
 
-def plots_of_memory(level: Level, fields: list[str]) -> list[str]:
-    """Return the origins of the plots of memory in a layout."""
-    found, parts = [], [layout_of(SWITCHED, level, fields).root_container]
+def origins(level: Level, scenario: Scenario, fields: list[str]) -> list[str]:
+    """Return the origins of the views in a layout."""
+    found, parts = [], [layout_of(scenario, level, fields).root_container]
     while parts:
         part = parts.pop(0)
         if isinstance(part, rrb.View):
             found.append(part.origin)
         else:
             parts.extend(part.contents)
-    return [origin for origin in found if origin.startswith("/memory")]
+    return found
+
+
+def plots_of_memory(level: Level, fields: list[str]) -> list[str]:
+    """Return the origins of the plots of memory in a layout."""
+    return [origin for origin in origins(level, SWITCHED, fields) if origin.startswith("/memory")]
 
 
 @pytest.mark.parametrize("level", Level)
 def test_each_field_has_a_plot_of_its_own(level: Level) -> None:
     assert plots_of_memory(level, []) == []
     assert plots_of_memory(level, ["phase_ms", "turn"]) == ["/memory/phase_ms", "/memory/turn"]
+
+
+CHANGING = load_scenario(
+    {
+        "faults": [{"kind": "ring_dead", "robots": [1, 4], "at_s": 2, "until_s": 4.05}],
+        "schedule": [{"at_cycle": 1, "set": {"robots.0.parameters.speed_cm_s": 0}}],
+        "stop": {"max_cycles": 2, "order_parameter": None},
+    }
+)
+
+
+@pytest.mark.parametrize("level", Level)
+def test_what_changed_is_a_text_log_that_is_read_back(level: Level, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_S", 3)  # several chunks
+    with record(tmp_path / "t.rrd", CHANGING, 1, level) as observer:
+        events = run_trial(Simulation(CHANGING, 1), [observer]).events
+    found = read_recording(tmp_path / "t.rrd").events
+    assert [time_s for time_s, _ in found] == [event.time_s for event in events]
+    assert sorted(text for _, text in found) == [
+        "faults.0: ring_dead begins in 1, 4",
+        "faults.0: ring_dead ends in 1, 4",
+        "schedule.0: robots.0.parameters.speed_cm_s: 0",
+    ]
+    assert "/events" in origins(level, CHANGING, [])
+    assert "/events" not in origins(level, SWITCHED, [])
 
 
 def test_recordings_without_memory_have_none(tmp_path) -> None:

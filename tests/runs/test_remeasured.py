@@ -139,7 +139,8 @@ def test_an_added_measure_that_raises_costs_no_stored_result_and_is_tried_again(
 
 
 def stored(**changes):
-    return StoredResult(**{**dict(zip(StoredResult._fields, (4, 0.5, 4.0, 80, 4, '{"a": 1}'), strict=True)), **changes})
+    fields = dict(zip(StoredResult._fields, (4, 0.5, 4.0, 80, 4, '{"a": 1}', None), strict=True))
+    return StoredResult(**{**fields, **changes})
 
 
 def result(**measures):
@@ -158,6 +159,7 @@ def result(**measures):
         ({"t_sync_cycles": None}, True),
         ({"simulated_s": 4.000000000000001}, True),
         ({"steps": 81}, True),
+        ({"events": "[]"}, True),
         ({"cycles": 5}, True),
     ],
 )

@@ -138,6 +138,7 @@ def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_h
         "error": None,
         "measured": None,
         "measuring_error": None,
+        "events": None,
     }
     assert [*row][3:7] == [COUNT, SPEED, "seed", "t_sync_cycles"]
 
@@ -477,6 +478,20 @@ def test_a_user_s_controller_may_move_to_another_folder(tmp_path) -> None:
         robots = [{"controller": str(tmp_path / name / "mine.py")}]
         fill(tmp_path / "r", scenario_of(None, robots=robots))
     assert len(stored(tmp_path / "r")) == 3
+
+
+@pytest.mark.parametrize("axis", [False, True], ids=["the same at all points", "an axis"])
+def test_a_user_s_response_curve_that_has_changed_is_refused(tmp_path, axis: bool) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling\n")
+    response = {} if axis else {"curve": str(path)}
+    sweep = {"grid": {"response.curve": [str(path), "sine"]} if axis else {"agents.count": [2, 3]}}
+    given = {"model": "particles", "response": response}
+    fill(tmp_path / "r", scenario_of(sweep, **given))
+    rewrite(path, "def phase_shift(phase, coupling, parameters):\n    return 2 * coupling\n")
+    assert "\n  response.curve: 'mine.py with digest " in refused(tmp_path / "r", scenario_of(sweep, **given))
+    rewrite(path, "def phase_shift(phase, coupling, parameters):\n    return coupling\n")
+    assert len(fill(tmp_path / "r", scenario_of(sweep, **given))) == 2
 
 
 def test_a_folder_that_was_refused_is_not_held_open(tmp_path) -> None:

@@ -33,6 +33,9 @@ ROBOTS = "/arena/robots"
 HEADINGS = "/arena/headings"
 """Entity with (count,) arrows in each row, from the middle to the front of the disc."""
 
+RANGES = "/arena/ranges"
+"""Entity with circles in each row, as far as flashes or pulses are received from all around."""
+
 UNLABELLED = 50
 """Swarms of this size or larger are drawn without number labels."""
 
@@ -88,6 +91,18 @@ def arena_entities(batch: RowBatch, radius_cm: float) -> Iterator[Chunk]:
     yield temporal_chunk(ROBOTS, time_ns, *discs.partition(each))
     arrows = rr.Arrows2D.columns(origins=middles, vectors=ahead)
     yield temporal_chunk(HEADINGS, time_ns, *arrows.partition(each))
+
+
+def static_ranges(ranges_cm: FloatArray, thin_cm: float) -> Chunk:
+    """Return the appearance of circles of (circles,) radii; `thin_cm` is half the thickness of a line."""
+    sizes = np.column_stack([ranges_cm, ranges_cm])
+    return static_chunk(RANGES, rr.Ellipses2D.from_fields(half_sizes=sizes, colors=FAINT, line_radii=thin_cm))
+
+
+def ranges(middles: FloatArray, batch: RowBatch) -> Chunk:
+    """Return the circles in these rows, about (rows, circles, 2) cm."""
+    circles = rr.Ellipses2D.columns(centers=middles.reshape(-1, 2))
+    return temporal_chunk(RANGES, batch.time_ns, *circles.partition(np.full(len(middles), middles.shape[1])))
 
 
 def unit_vectors(angle: FloatArray) -> FloatArray:
