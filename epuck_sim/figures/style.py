@@ -148,7 +148,10 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
 
 
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
-    """Add a legend below the panels that names each label of any of them once, in as many columns as have room."""
+    """Add a legend below the panels that names each label of any of them once, in as many columns as have room.
+
+    Labels that are wider than the figure go over several lines.
+    """
     handles: dict[str, Any] = {}
     for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
@@ -157,6 +160,10 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
         return
     for columns in range(min(4, len(handles)), 0, -1):
         legend = figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
-        if columns == 1 or legend.get_window_extent().width < figure.bbox.width:
+        if legend.get_window_extent().width < figure.bbox.width:
             return
         legend.remove()
+    letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM)
+    labels = (label.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}") for label in handles)
+    lines = [textwrap.fill(label, letters, subsequent_indent="   ", break_on_hyphens=False) for label in labels]
+    figure.legend(handles.values(), lines, loc="outside lower center")

@@ -16,7 +16,7 @@ from epuck_sim.figures.film_tracking import BAR, FOUND, MARK, SYNC
 from epuck_sim.figures.forms.violins import LINE, VIOLIN
 from epuck_sim.figures.looks import COLOURS, MARKERS, choose_looks
 from epuck_sim.figures.scales import format_tick, is_plain
-from epuck_sim.figures.style import GREY, STYLE, make_panels, typeset
+from epuck_sim.figures.style import GREY, STYLE, finish, make_panels, typeset
 from epuck_sim.overhead.track.annotate import CYAN
 
 MIN_CONTRAST = 3.0
@@ -130,6 +130,20 @@ def test_a_long_title_is_within_the_figure(width_cm: float) -> None:
     box = title.get_window_extent()
     assert box.x0 > 0
     assert box.x1 < figure.bbox.x1
+
+
+@pytest.mark.parametrize("width_cm", [8.5, 17.5])
+def test_long_labels_go_over_lines_within_the_figure(width_cm: float) -> None:
+    label = ", ".join(f"a_long_key_{number} = {number}" for number in range(12))
+    with rc_context(STYLE):
+        figure, (panel,) = make_panels("", [""], ("x", "y"), width_cm)
+        panel.plot([0, 1], label=label)
+        finish(figure, [panel])
+        figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert legend.get_window_extent().width < figure.bbox.width
+    (text,) = legend.get_texts()
+    assert " ".join(text.get_text().replace("\N{NO-BREAK SPACE}", " ").split()) == label
 
 
 @given(st.floats(1e-3, 9e4))
