@@ -15,6 +15,7 @@ release = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "reference"]
 exclude_patterns = ["figures", "notebook.ipynb"]
 myst_heading_anchors = 3
+myst_enable_extensions = ["attrs_inline"]  # widths of pictures
 smartquotes = False  # -- begins an option
 default_role = "literal"  # in docstrings `name` is code, as in Markdown
 

@@ -57,7 +57,7 @@ def write_scenario_keys() -> str:
 def _write_sections(schema: Schema, names: list[str]) -> Iterator[str]:
     """Yield the table of single keys, and then a heading, an introduction and a table for each section."""
     properties = {name: schema["properties"][name] for name in names}
-    sections = {name: _sections_in(value, schema["$defs"]) for name, value in properties.items()}
+    sections = {name: _sections_in(value) for name, value in properties.items()}
     single = {name: value for name, value in properties.items() if not sections[name]}
     if single:
         yield _write_table(schema, "", single)
@@ -72,7 +72,7 @@ def _write_section(title: str, path: str, definitions: Mapping[str, Schema]) -> 
     kind = next((f", `{name}: {value['const']}`" for name, value in properties.items() if "const" in value), "")
     yield f"### `{path}`{kind}"
     yield _in_markdown(section["description"])
-    inner = {name: _sections_in(value, definitions) for name, value in properties.items()}
+    inner = {name: _sections_in(value) for name, value in properties.items()}
     rows = {name: value for name, value in properties.items() if not inner[name] and "const" not in value}
     if rows:
         yield _write_table(section, f"{path}.", rows)
@@ -86,12 +86,12 @@ def _numbered(name: str, value: Schema) -> str:
     return f"{name}.N" if value.get("type") == "array" else name
 
 
-def _sections_in(value: Schema, definitions: Mapping[str, Schema]) -> list[str]:
+def _sections_in(value: Schema) -> list[str]:
     """Return the names of the classes that a key's value may have."""
     if "$ref" in value:
         return [] if value["$ref"] in WORDS else [value["$ref"].rpartition("/")[2]]
     inner = [*value.get("anyOf", ()), *value.get("oneOf", ()), *([value["items"]] if "items" in value else ())]
-    return [name for each in inner for name in _sections_in(each, definitions)]
+    return [name for each in inner for name in _sections_in(each)]
 
 
 def _write_table(section: Schema, prefix: str, rows: Mapping[str, Schema]) -> str:

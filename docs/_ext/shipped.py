@@ -2,19 +2,23 @@
 
 import ast
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from epuck_sim.cli.listing import describe_shipped, list_measures
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
+FIGURES = Path(__file__).parent.parent / "figures"
+"""Folder of the pictures, some of which are named after what is shipped."""
+
 
 def write_scenarios() -> str:
     """Return the shipped scenarios as Markdown."""
-    return _write_table(describe_shipped()["scenarios"])
+    return _write_with_pictures(describe_shipped()["scenarios"])
 
 
 def write_sweeps() -> str:
     """Return the shipped sweeps as Markdown."""
-    return _write_table(describe_shipped()["sweeps"])
+    return _write_with_pictures(describe_shipped()["sweeps"])
 
 
 def write_measures() -> str:
@@ -38,6 +42,16 @@ def _parameters_in(source: str) -> str:
         if isinstance(statement, ast.Assign) and ast.unparse(statement.targets[0]) == "PARAMETERS":
             return "\n".join(source.splitlines()[statement.lineno - 1 : statement.end_lineno])
     return "PARAMETERS = {}"
+
+
+def _write_with_pictures(descriptions: Mapping[str, str]) -> str:
+    """Return a section for each name: its description, and its picture if there is one."""
+    parts = []
+    for name, description in descriptions.items():
+        parts += [f"### `{name}`", description]
+        pictures = [FIGURES / f"{name}.png", FIGURES / f"gallery-{name}.png"]
+        parts += [f"![{description}](figures/{each.name}){{width=560px}}" for each in pictures if each.is_file()]
+    return "\n\n".join(parts)
 
 
 def _write_table(descriptions: Mapping[str, str]) -> str:
