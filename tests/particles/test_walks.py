@@ -1,8 +1,8 @@
 """Random walks: runs and turns have their distributions, and agents spread as theory says.
 
 Agents that keep a direction for a time of mean T, and turn by an angle of mean cosine g, forget it after a mean of
-tau = T / (1 - g): the correlation of two headings a time t apart is exp(-t / tau), from which, with speed v, follows the
-mean squared displacement 2 v^2 tau (t - tau (1 - exp(-t / tau))), in any number of dimensions.
+tau = T / (1 - g): the correlation of two headings a time t apart is exp(-t / tau), from which, with speed v, follows
+the mean squared displacement 2 v^2 tau (t - tau (1 - exp(-t / tau))), in any number of dimensions.
 """
 
 import math
