@@ -41,3 +41,30 @@ def test_walks_that_diffuse_equally_fast_take_equally_long_in_slow_swarms():
 @pytest.mark.parametrize("speed", [0.2, 3, 20])
 def test_a_brownian_and_a_correlated_walk_of_one_diffusivity_are_alike_at_every_speed(speed):
     assert 0.5 < mean(speed, "long runs") / mean(speed, "correlated") < 2
+
+
+@pytest.mark.parametrize("walk", WALKS)
+def test_within_a_range_t_sync_falls_with_speed_on_every_walk(walk):
+    hood = {"kind": "range", "radius_cm": 25}
+    agents = {"walk": WALKS[walk]}
+    found = [times(speed, TRIALS, 10, CENSORED_AT, agents=agents, neighbourhood=hood).mean() for speed in (0.4, 3, 20)]
+    assert found[0] > 2 * found[1] > 4 * found[2]
+
+
+BROAD = {
+    "lognormal": {"speed_distribution": "lognormal", "speed_spread": 2},
+    "two speeds": {"speed_distribution": "two_speeds", "fast_share": 0.1, "fast_ratio": 10},
+}
+
+
+@pytest.mark.parametrize("speeds", BROAD)
+def test_broad_speeds_lower_the_peak_and_leave_it_in_place(speeds):
+    least, peak, fast = (mean(speed, "straight", **BROAD[speeds]) for speed in (0.4, 3, 20))
+    assert mean(3, "straight") > 1.5 * peak
+    assert peak > 1.8 * least
+    assert fast < least / 5
+
+
+@pytest.mark.parametrize("speeds", BROAD)
+def test_broad_speeds_that_last_begin_the_fast_regime_later(speeds):
+    assert mean(10, "straight", **BROAD[speeds]) > 1.5 * mean(10, "straight")
