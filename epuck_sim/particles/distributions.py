@@ -52,7 +52,8 @@ def speed_table(agents: AgentsSection) -> FloatArray:
         shares = np.where(levels > 1 - (agents.fast_share or 0.0), fast, slow)
     else:
         shares = np.ones(TABLE_SIZE)
-    return agents.speed_cm_s * shares / shares.mean()
+    speeds: FloatArray = agents.speed_cm_s * shares / shares.mean()
+    return speeds
 
 
 def _normal_quantiles(levels: FloatArray) -> FloatArray:
