@@ -30,6 +30,10 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
+LONG_SWEEPS = ("fig-", "random-walks", "broad-speeds")
+"""What the names of sweeps begin with whose quick versions take minutes."""
+
+
 def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
 
@@ -96,11 +100,11 @@ def test_measures_shown_measure_trials_of_both_models(model: str, block: str, tm
 
 
 def commands(page: Path) -> list[list[str]]:
-    """Return the commands that a page shows; of the thesis's figures, short ones instead of minutes."""
+    """Return the commands that a page shows; of sweeps that take minutes, short ones."""
     shown = "".join(blocks(page, "console"))
     found = [shlex.split(line) for line in re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)]
     short = ["--trials", "1", "--set", "stop.max_cycles=2"]
-    return [[*words, *short] if words[0] == "run" and words[1].startswith("fig-") else words for words in found]
+    return [[*words, *short] if words[0] == "run" and words[1].startswith(LONG_SWEEPS) else words for words in found]
 
 
 @pytest.fixture

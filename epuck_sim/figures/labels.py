@@ -19,8 +19,15 @@ SYMBOLS = {
     "early_slope": ("early slope", ""),
     "reorient_on": ("reorienting on", ""),
     "kind": ("neighbourhood", ""),
+    "walk.kind": ("walk", ""),
+    "run_s": ("run", "s"),
+    "persistence": ("g", ""),
+    "exponent": ("μ", ""),
     "speed_distribution": ("speeds", ""),
     "speed_spread": ("spread", ""),
+    "fast_share": ("fast share", ""),
+    "fast_ratio": ("fast ratio", ""),
+    "speed_per_run": ("speed per run", ""),
     "coupling": ("ε", ""),
     "refractory": ("D", ""),
     "radius_cm": ("R", "cm"),
@@ -28,7 +35,7 @@ SYMBOLS = {
     "k": ("K", ""),
     "central_pixels": ("pixels", ""),
 }
-"""Symbol in the thesis, and unit, by the last part of a key."""
+"""Symbol in the thesis or the field, and unit, by the last two parts of a key, or by the last one."""
 
 OTHER_GROUP = re.compile(r"robots\.[1-9][0-9]*(\..*)?")
 """What keys of a group of robots beside the first begin with; such a group is always named."""
@@ -78,7 +85,12 @@ def key_name(key: str, among: Collection[str] = ()) -> str:
 
 
 def _symbol(key: str) -> str:
-    return SYMBOLS.get(key.rpartition(".")[2], (key, ""))[0]
+    return _symbol_and_unit(key)[0]
+
+
+def _symbol_and_unit(key: str) -> tuple[str, str]:
+    *_, owner, last = ["", *key.split(".")]
+    return SYMBOLS.get(f"{owner}.{last}") or SYMBOLS.get(last) or (key, "")
 
 
 def _owner(key: str) -> str:
@@ -144,7 +156,7 @@ def unit_of(key: str) -> str:
     >>> unit_of("arena.width_cm")
     'cm'
     """
-    return SYMBOLS.get(key.rpartition(".")[2], ("", ""))[1]
+    return _symbol_and_unit(key)[1]
 
 
 def sweep_title(scenario: Scenario) -> str:

@@ -18,10 +18,10 @@ from epuck_sim.particles.cascade import (
 from epuck_sim.particles.motion import (
     Trajectories,
     advance_all,
-    first_to_hit_wall,
+    first_to_end,
     rebase_trajectories,
-    reflect_next,
-    wall_hit_time,
+    time_of_end,
+    turn_first,
 )
 from epuck_sim.particles.neighbourhood import Neighbourhood, rebase_neighbourhood
 from epuck_sim.particles.order_kernel import are_phases_within, measure_order
@@ -34,19 +34,19 @@ UNLIMITED = 2**62
 
 
 @jit_no_alloc
-def reflect_if_next(
+def turn_if_next(
     trajectories: Trajectories, neighbourhood: Neighbourhood, oscillators: Oscillators, instant: Instant
 ) -> int:
-    """Reflect the agent that reaches a wall before the next firing; return its index, or -1 if a firing comes first."""
-    advance_all(trajectories, oscillators.now[0])  # wall hits that were passed without being asked for
-    while min(earliest_firing(oscillators), wall_hit_time(trajectories, first_to_hit_wall(trajectories))) >= 1.0:
+    """Continue the trajectory that ends before the next firing; return whose it is, or -1 if a firing comes first."""
+    advance_all(trajectories, oscillators.now[0])  # ends that were passed without being asked for
+    while min(earliest_firing(oscillators), time_of_end(trajectories, first_to_end(trajectories))) >= 1.0:
         start_next_cycle(trajectories, neighbourhood, oscillators)
-    wall_time = wall_hit_time(trajectories, first_to_hit_wall(trajectories))
-    if wall_time > earliest_firing(oscillators):
+    end_time = time_of_end(trajectories, first_to_end(trajectories))
+    if end_time > earliest_firing(oscillators):
         return -1
-    oscillators.now[0] = wall_time
+    oscillators.now[0] = end_time
     instant.counters[SYNCHRONISED] = 0
-    return reflect_next(trajectories)
+    return turn_first(trajectories)
 
 
 @jit_inline

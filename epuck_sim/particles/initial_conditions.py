@@ -3,9 +3,12 @@
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, StreamArray
-from epuck_sim.particles.motion import Trajectories, random_heading, start_trajectories
+from epuck_sim.particles.distributions import draw_speeds, truncated_normal
+from epuck_sim.particles.headings import random_heading
+from epuck_sim.particles.motion import Trajectories, start_trajectories
 from epuck_sim.particles.oscillators import Oscillators, start_oscillators
-from epuck_sim.scenario.particles import AgentsSection, ParticleScenario, RandomAgents
+from epuck_sim.particles.walks import make_walk
+from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.seeds import robot_streams
 
@@ -26,12 +29,12 @@ def initial_trajectories(
     Args:
         scenario: The space and the agents.
         position_seed: Decides positions and speeds.
-        motion_seed: Decides directions, now and at walls.
+        motion_seed: Decides directions, now and later, and when runs end.
     """
     space, agents = scenario.space, scenario.agents
     random = np.random.Generator(np.random.PCG64(position_seed))
     origin = space.side_cm * random.random((space.dimensions, agents.count))
-    speed = _draw_speeds(agents, random) * scenario.clocks.period_s
+    speed = draw_speeds(agents, random) * scenario.clocks.period_s
     streams = robot_streams(motion_seed, agents.count)
     heading = np.empty_like(origin)
     _draw_headings(heading, streams)
@@ -40,7 +43,7 @@ def initial_trajectories(
     if scenario.start.headings is not None:
         given = np.array(scenario.start.headings).T
         heading[:] = given / np.linalg.norm(given, axis=0)
-    return start_trajectories(space, origin, heading, speed, streams)
+    return start_trajectories(space, make_walk(agents, scenario.clocks.period_s), origin, heading, speed, streams)
 
 
 def receiver_streams(scenario: ParticleScenario, seed: int) -> StreamArray:
@@ -57,28 +60,6 @@ def _draw_headings(heading: FloatArray, streams: StreamArray) -> None:
         random_heading(heading[:, agent], streams[agent])
 
 
-def _draw_speeds(agents: AgentsSection, random: np.random.Generator) -> FloatArray:
-    """Return (agents,) cm/s."""
-    spread = agents.speed_spread or 0.0
-    if agents.speed_distribution == "uniform":
-        shares = random.uniform(1 - spread, 1 + spread, agents.count)
-    elif agents.speed_distribution == "normal":
-        shares = _truncated_normal(random, agents.count, spread, 0, 2)
-    elif agents.speed_distribution == "exponential":
-        shares = random.exponential(1, agents.count)
-    else:
-        shares = np.ones(agents.count)
-    return agents.speed_cm_s * shares
-
-
-def _truncated_normal(random: np.random.Generator, count: int, sigma: float, low: float, high: float) -> FloatArray:
-    """Return normal numbers of mean 1, (count,), each drawn again until it is between `low` and `high`."""
-    drawn = random.normal(1, sigma, count)
-    while (outside := (drawn < low) | (drawn > high)).any():
-        drawn[outside] = random.normal(1, sigma, np.count_nonzero(outside))
-    return drawn
-
-
 def initial_oscillators(scenario: ParticleScenario, phase_seed: np.random.SeedSequence) -> Oscillators:
     """Return oscillators with the initial phases and the periods of the scenario (thesis 3.2, 5.4)."""
     agents = scenario.agents.count
@@ -91,5 +72,5 @@ def initial_oscillators(scenario: ParticleScenario, phase_seed: np.random.SeedSe
         phases = np.array(scenario.start.phases)
     period = np.ones(agents)
     if scenario.clocks.jitter:
-        period = _truncated_normal(random, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
+        period = truncated_normal(random, agents, scenario.clocks.jitter, SHORTEST_PERIOD, np.inf)
     return start_oscillators(phases, period)

@@ -9,7 +9,8 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.motion import Trajectories, start_trajectories
 from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import Neighbourhood, make_neighbourhood
-from epuck_sim.scenario.particles import Everybody, ParticleScenario, RandomAgents
+from epuck_sim.particles.walks import make_walk
+from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents
 
 
 def make_search(scenario: ParticleScenario) -> tuple[Trajectories, Neighbourhood]:
@@ -24,9 +25,10 @@ def make_search(scenario: ParticleScenario) -> tuple[Trajectories, Neighbourhood
             "there are neighbours only by position"
         )
     agents, space = scenario.agents.count, scenario.space
+    still = AgentsSection(count=agents)
     nowhere = np.zeros((space.dimensions, agents))
     streams = np.zeros((agents, 4), np.uint64)
-    trajectories = start_trajectories(space, nowhere, nowhere.copy(), np.zeros(agents), streams)
+    trajectories = start_trajectories(space, make_walk(still, 1.0), nowhere, nowhere.copy(), np.zeros(agents), streams)
     neighbourhood = make_neighbourhood(scenario, 0.0, streams[:0])
     # neighbours may change until the next instant, unless all agents are neighbours
     is_cached = neighbourhood.is_cached and isinstance(scenario.neighbourhood, Everybody)

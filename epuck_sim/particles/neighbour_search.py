@@ -6,7 +6,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.particles.cell_list import find_candidates
-from epuck_sim.particles.motion import Trajectories, compute_positions, distance_travelled, wall_hit_time
+from epuck_sim.particles.motion import Trajectories, compute_positions, distance_travelled, time_of_end
 from epuck_sim.particles.neighbourhood import (
     EMISSION_CONE,
     FULL_CIRCLE_COS,
@@ -261,9 +261,9 @@ def select_in_cone(
                 valid_until[index] = time + per_cm * abs(math.sqrt(square[index]) - neighbourhood.radius_cm)
         else:
             if neighbourhood.kind == EMISSION_CONE:
-                until = min(until, wall_hit_time(trajectories, agent))
+                until = min(until, time_of_end(trajectories, agent))
             for index in range(count):
-                neighbourhood.end_times[index] = wall_hit_time(trajectories, neighbourhood.candidates[index])
+                neighbourhood.end_times[index] = time_of_end(trajectories, neighbourhood.candidates[index])
             bound_crossing_times(neighbourhood, time, count)
         cache_until(neighbourhood, agent, time, min(until, minimum(valid_until, 0, count)))
 

@@ -93,7 +93,7 @@ class Neighbourhood(NamedTuple):
     headings: FloatArray
     """(dimensions, agents) unit vectors: headings of the candidates that the cell list found."""
     end_times: FloatArray
-    """(agents,) cycles since the present one began: when the candidates reach a wall."""
+    """(agents,) cycles since the present one began: when the candidates' trajectories end."""
     positions_time: FloatArray
     """(1,) time for which `positions` holds all agents; NaN if it holds none."""
     square_distance: FloatArray

@@ -13,6 +13,7 @@ from epuck_sim.particles.cascade import CYCLES, FIRINGS, INSTANTS, PULSES, SYNCH
 from epuck_sim.particles.curve_compilation import make_response
 from epuck_sim.particles.events import UNLIMITED
 from epuck_sim.particles.initial_conditions import initial_oscillators, initial_trajectories, receiver_streams
+from epuck_sim.particles.motion import fastest_speed
 from epuck_sim.particles.neighbour_links import NeighbourLinks
 from epuck_sim.particles.neighbourhood import make_neighbourhood
 from epuck_sim.particles.pulse_links import PulseLinks
@@ -25,12 +26,13 @@ from epuck_sim.scenario.schedule import TrialEvent
 
 
 class Event(NamedTuple):
-    """An event: an agent reaches a wall, or agents fire at one instant."""
+    """An event: an agent reaches a wall or the end of a run, or agents fire at one instant."""
 
     time_s: float
     """Simulated time of the event."""
     turned: int | None
-    """Index of the agent that reached a wall, or the edge of a cyclic space; None if agents fired."""
+    """Index of the agent that reached a wall, the edge of a cyclic space, or the end of a run of its random walk; None
+    if agents fired."""
     fired: IntArray
     """Indices of the agents that fired, in the order of the cascade."""
     received: IntArray
@@ -47,7 +49,7 @@ class LastInstant:
         self._simulation = simulation
 
     turned: None = None
-    """Agents fired: none reached a wall."""
+    """Agents fired: none turned."""
 
     @property
     def time_s(self) -> float:
@@ -100,7 +102,7 @@ class ParticleSimulation:
         self._oscillators = initial_oscillators(loaded, phase_seed)
         self._instant = make_instant(loaded.space.dimensions, loaded.agents.count)
         streams = receiver_streams(loaded, self.seed)
-        neighbourhood = make_neighbourhood(loaded, float(self._trajectories.speed.max()), streams)
+        neighbourhood = make_neighbourhood(loaded, fastest_speed(self._trajectories), streams)
         self._state = SwarmState(
             self._trajectories,
             neighbourhood,
@@ -119,7 +121,7 @@ class ParticleSimulation:
 
     def __next__(self) -> Event:
         """Simulate up to the next event and return it."""
-        turned = self._held.reflect_if_next()
+        turned = self._held.turn_if_next()
         if turned >= 0:
             no_agents = np.empty(0, np.int64)
             return Event(self.time_s, turned, no_agents, no_agents)
@@ -245,7 +247,8 @@ class ParticleSimulation:
 
     @property
     def speeds_cm_s(self) -> FloatArray:
-        """(agents,) cm/s: speed of each agent; constant."""
+        """(agents,) cm/s: speed of each agent at the present time; constant unless each run has its own."""
+        self.positions()  # continues trajectories that have ended
         speeds: FloatArray = self._trajectories.speed / self.scenario.clocks.period_s
         return speeds
 

@@ -8,7 +8,7 @@ import numpy as np
 from epuck_sim.arrays import FloatArray
 from epuck_sim.particles.cascade import Instant
 from epuck_sim.particles.curve_compilation import trial_error
-from epuck_sim.particles.events import UNLIMITED, advance, reflect_if_next
+from epuck_sim.particles.events import UNLIMITED, advance, turn_if_next
 from epuck_sim.particles.motion import Trajectories, compute_positions
 from epuck_sim.particles.neighbourhood import Neighbourhood
 from epuck_sim.particles.oscillators import Oscillators, earliest_firing, phase_at
@@ -67,10 +67,10 @@ def _advance(address: int, pulses: int, cycles: int, last_cycle: int, last_time:
     )
 
 
-def _reflect_if_next(address: int) -> int:
-    """Carry out `events.reflect_if_next`."""
+def _turn_if_next(address: int) -> int:
+    """Carry out `events.turn_if_next`."""
     state = value_at(address)  # noqa: F821 see `bind`
-    return reflect_if_next(state.trajectories, state.neighbourhood, state.oscillators, state.instant)
+    return turn_if_next(state.trajectories, state.neighbourhood, state.oscillators, state.instant)
 
 
 def _observe(address: int) -> None:
@@ -96,8 +96,8 @@ class HeldState:
         """
         self._state, self._curve = state, curve
         self._owner, self._address = hold(state)
-        self._advance, self._reflect_if_next, self._observe, self._next_firing = (
-            compiled_for(function, state) for function in (_advance, _reflect_if_next, _observe, _next_firing)
+        self._advance, self._turn_if_next, self._observe, self._next_firing = (
+            compiled_for(function, state) for function in (_advance, _turn_if_next, _observe, _next_firing)
         )
 
     def advance(self, pulses: int, cycles: int, last_cycle: int, last_time: float = 0.0) -> None:
@@ -125,9 +125,9 @@ class HeldState:
         except Exception as error:  # nothing else in the kernel raises
             raise trial_error(self._curve, error) from error
 
-    def reflect_if_next(self) -> int:
-        """Reflect the agent that reaches a wall before the next firing; return its index, or -1."""
-        return int(self._reflect_if_next(self._address))
+    def turn_if_next(self) -> int:
+        """Continue the trajectory that ends before the next firing; return whose it is, or -1."""
+        return int(self._turn_if_next(self._address))
 
     def positions(self) -> FloatArray:
         """Return (agents, dimensions) cm: positions at the present time."""

@@ -8,6 +8,8 @@ taken from the simulation that it is compared with: the initial state, and each 
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from epuck_sim.arrays import StreamArray
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.util.rng import uniform
@@ -42,6 +44,10 @@ class NaiveModel:
         self.phases = [1 - float(oscillators.next_firing[agent]) / self.periods[agent] for agent in agents]
         self.streams = trajectories.streams.copy()
         self.receiver_streams = swarm._state.neighbourhood.streams.copy()
+        self.walk = trajectories.walk
+        self.left_of_runs = [math.inf] * len(self.phases)
+        for agent in range(len(self.walk.end_cycle)):
+            self.left_of_runs[agent] = float(self.walk.end_cycle[agent] + self.walk.end_time[agent])
         self.time = 0.0
         self.cycles = 0
         self.order: float | None = None
@@ -53,14 +59,17 @@ class NaiveModel:
         """Simulate up to the next event and return it."""
         agents = range(len(self.phases))
         left = [(1 - self.phases[agent]) * self.periods[agent] for agent in agents]
-        walls = [self.wall_hit(agent) for agent in agents]
+        walls = [min(self.wall_hit(agent), (self.left_of_runs[agent], -1, False)) for agent in agents]
         firing, wall = min(left), min(walls)
         others = sorted([*left, *(until for until, _, _ in walls)])
         self.is_synchronised = False
         if wall[0] <= firing:
             self.advance(wall[0])
             turned = walls.index(wall)
-            self.reflect(turned, wall[1], wall[2])
+            if wall[1] >= 0:
+                self.reflect(turned, wall[1], wall[2])
+            else:
+                self.begin_run(turned)
             return NaiveEvent(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
         self.advance(firing)
         at_once = {agent for agent in agents if left[agent] <= firing + SIMULTANEITY_CYCLES}
@@ -78,6 +87,7 @@ class NaiveModel:
             self.phases[agent] += cycles / self.periods[agent]
             for axis, ahead in enumerate(self.headings[agent]):
                 position[axis] += ahead * self.speeds[agent] * cycles
+            self.left_of_runs[agent] -= cycles
         self.time += cycles
 
     def run_to(self, time: float) -> None:
@@ -128,6 +138,41 @@ class NaiveModel:
         else:
             height, azimuth = 2 * uniform(stream) - 1, 2 * math.pi * uniform(stream)
             self.set_heading(heading, 2, height, azimuth)
+
+    # --- random walks (6.2) --------------------------------------------------------------------------
+
+    def begin_run(self, agent: int) -> None:
+        """Turn an agent at the end of its run, and draw when the next one ends, and its speed."""
+        walk, stream = self.scenario.agents.walk, self.streams[agent]
+        self.turn(self.headings[agent], walk.persistence or 0.0, stream)
+        mean_or_shortest = walk.run_s / self.scenario.clocks.period_s
+        if walk.kind == "levy":  # the share of runs longer than t is (t / shortest) ** (1 - exponent)
+            self.left_of_runs[agent] = mean_or_shortest * (1 - uniform(stream)) ** (-1 / (walk.exponent - 1))
+        else:
+            self.left_of_runs[agent] = -mean_or_shortest * math.log(1 - uniform(stream))
+        if self.scenario.agents.speed_per_run:
+            self.speeds[agent] = float(self.walk.speeds[int(uniform(stream) * len(self.walk.speeds))])
+
+    @staticmethod
+    def turn(heading: list[float], g: float, stream: StreamArray) -> None:
+        """Turn a heading by a random angle of mean cosine g."""
+        if len(heading) == 1:
+            heading[0] *= -1 if uniform(stream) < (1 - g) / 2 else 1
+        elif len(heading) == 2:  # the inverse of the wrapped Cauchy distribution
+            angle = 2 * math.atan((1 - g) / (1 + g) * math.tan(math.pi * (uniform(stream) - 0.5)))
+            angle += math.atan2(heading[1], heading[0])
+            heading[:] = math.cos(angle), math.sin(angle)
+        else:  # the inverse of that of Henyey and Greenstein, as it stands in their field
+            share, azimuth = 1 - uniform(stream), 2 * math.pi * uniform(stream)
+            cosine = 2 * share - 1
+            if g > 0:
+                cosine = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * share)) ** 2) / (2 * g)
+            old, rim = np.array(heading), math.sqrt(max(1 - cosine**2, 0))
+            side = math.copysign(1, old[2])
+            ab = -old[0] * old[1] / (side + old[2])  # an orthonormal basis (Duff et al. 2017)
+            one = np.array([1 - side * old[0] ** 2 / (side + old[2]), side * ab, -side * old[0]])
+            other = np.cross(old, one)
+            heading[:] = (cosine * old + rim * (math.cos(azimuth) * one + math.sin(azimuth) * other)).tolist()
 
     @staticmethod
     def set_heading(heading: list[float], axis: int, height: float, azimuth: float) -> None:

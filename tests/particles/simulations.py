@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.particles.motion import find_wall_hits
+from epuck_sim.particles.motion import find_ends
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from tests.particles.naive_model import NaiveModel
 
@@ -44,7 +44,7 @@ def set_trajectories(
     if headings is not None:
         given = np.array(headings, float)
         trajectories.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
-    find_wall_hits(trajectories)
+    find_ends(trajectories)
 
 
 def make_resting(
@@ -185,8 +185,29 @@ speeds = st.sampled_from(
         {"speed_distribution": "uniform", "speed_spread": 0.5},
         {"speed_distribution": "normal", "speed_spread": 0.4},
         {"speed_distribution": "exponential"},
+        {"speed_distribution": "lognormal", "speed_spread": 1.5},
+        {"speed_distribution": "two_speeds", "fast_share": 0.3, "fast_ratio": 10},
     ]
 )
+
+
+@st.composite
+def walks(draw: st.DrawFn, period_s: float) -> dict[str, Any]:
+    """Return a walk, straight more often than not, with runs from a tenth of a period to ten."""
+    walk = draw(
+        st.sampled_from(
+            [
+                {"kind": "straight"},
+                {"kind": "straight"},
+                {"kind": "brownian"},
+                {"kind": "correlated", "persistence": 0.7},
+                {"kind": "correlated", "persistence": 1.0},
+                {"kind": "levy", "exponent": 1.3},
+                {"kind": "levy", "exponent": 3.0},
+            ]
+        )
+    )
+    return walk if walk["kind"] == "straight" else {**walk, "run_s": period_s * draw(st.sampled_from([0.1, 1.0, 10.0]))}
 
 
 REORIENTATIONS = (
@@ -209,6 +230,8 @@ def any_sections(
     agents = draw(st.integers(fewest_agents, most_agents))
     side_cm = draw(st.sampled_from([1.0, 17.0, 100.0]))
     period_s = draw(st.sampled_from([1.0, 0.3, 4.0]))
+    speed, walk = draw(speeds), draw(walks(period_s))
+    is_redrawn = bool(speed) and walk["kind"] != "straight" and draw(st.booleans())
     pace = draw(st.sampled_from([0.0, 0.003, 0.03, 0.3, 1.1, 4.0]))  # sides in a cycle
     sections = {
         "space": {
@@ -220,7 +243,9 @@ def any_sections(
             "count": agents,
             "speed_cm_s": pace * side_cm / period_s,
             "reorient_on": draw(st.sampled_from(REORIENTATIONS)),
-            **draw(speeds),
+            **speed,
+            "walk": walk,
+            "speed_per_run": is_redrawn,
         },
         "neighbourhood": draw(neighbourhoods(kind, agents, side_cm)),
         "response": draw(responses),

@@ -66,6 +66,11 @@ def test_every_kind_of_neighbourhood_is_read_and_what_is_written_is_read_again(r
         {"agents": {"speed_cm_s": 0}},
         {"agents": {"speed_cm_s": 1e5}},
         {"agents": {"speed_distribution": "uniform", "speed_spread": 1}},
+        {"agents": {"speed_distribution": "lognormal", "speed_spread": 2}},
+        {"agents": {"speed_distribution": "two_speeds", "fast_share": 0.1, "fast_ratio": 10}},
+        {"agents": {"walk": {"kind": "brownian", "run_s": 0.001}}},
+        {"agents": {"walk": {"kind": "correlated", "run_s": 1e6, "persistence": 1}}},
+        {"agents": {"walk": {"kind": "levy", "run_s": 1, "exponent": 1.0001}}},
         {"agents": {"reorient_on": ["receiving", "emitting"]}},
         {"start": {"phases": "synchronised", "displacement": 0.999}},
         {"start": {"phases": "synchronised"}},
@@ -190,7 +195,38 @@ REFUSED = [
     ),
     (
         {"agents": {"speed_distribution": "normal", "speed_spread": 1.5}},
-        "agents.speed_spread: is 1.5; allowed: at most 1",
+        "agents: speed_spread is 1.5; allowed: above 0 and up to 1",
+    ),
+    (
+        {"agents": {"speed_distribution": "lognormal", "speed_spread": 2.5}},
+        "agents.speed_spread: is 2.5; allowed: at most 2",
+    ),
+    (
+        {"agents": {"speed_distribution": "two_speeds", "fast_share": 0.1}},
+        "agents: speed_distribution 'two_speeds' needs a fast_ratio, above 1 and up to 1000",
+    ),
+    (
+        {"agents": {"fast_ratio": 10}},
+        "agents: speed_distribution 'fixed' takes no fast_ratio; leave it out",
+    ),
+    (
+        {"agents": {"speed_per_run": True, "speed_distribution": "exponential"}},
+        "agents: speed_per_run is true, walk.kind is 'straight' and speed_distribution is 'exponential'; it needs runs",
+    ),
+    ({"agents": {"walk": {"kind": "random"}}}, "agents.walk.kind: is 'random'; allowed: 'straight', 'brownian', "),
+    ({"agents": {"walk": {"kind": "brownian"}}}, "agents.walk: kind 'brownian' needs run_s"),
+    (
+        {"agents": {"walk": {"kind": "correlated", "run_s": 1}}},
+        "agents.walk: kind 'correlated' needs run_s and persistence",
+    ),
+    ({"agents": {"walk": {"run_s": 1}}}, "agents.walk: kind 'straight' takes no run_s; leave it out"),
+    (
+        {"agents": {"walk": {"kind": "levy", "run_s": 1, "exponent": 1}}},
+        "agents.walk.exponent: is 1; allowed: above 1",
+    ),
+    (
+        {"agents": {"walk": {"kind": "brownian", "run_s": 0.001}}, "clocks": {"period_s": 2}},
+        "agents.walk.run_s is 0.001; allowed: from 0.002, 1000 runs a period",
     ),
     ({"agents": {"speed_cm_s": 100001}}, "agents.speed_cm_s is 100001; allowed: up to 100000, 1000 sides a period"),
     (

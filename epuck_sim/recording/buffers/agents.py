@@ -34,6 +34,8 @@ class _SwarmState(NamedTuple):
     """(agents, dimensions) cm"""
     headings: FloatArray
     """(agents, dimensions) unit vectors"""
+    speeds: FloatArray
+    """(agents,) cm/s"""
     phases: FloatArray
     """(agents,) share of a period"""
 
@@ -58,7 +60,7 @@ class AgentBuffer:
         # observers are shown no swarm before its first event
         fresh = ParticleSimulation(scenario, seed)
         self._before = _state_of(fresh)
-        self._speeds, self._periods_s = fresh.speeds_cm_s, fresh.periods_s
+        self._periods_s = fresh.periods_s
         self._capacity = capacity
         self._stop = scenario.stop
         self._period_s = scenario.clocks.period_s
@@ -109,7 +111,7 @@ class AgentBuffer:
         if times:
             before, time_ns = self._before, np.array(times)
             elapsed_s = (time_ns / 1e9 - before.time_s)[:, None]
-            moved = (elapsed_s * self._speeds)[..., None] * before.headings
+            moved = (elapsed_s * before.speeds)[..., None] * before.headings
             phases = before.phases + elapsed_s / self._periods_s
             self._add_rows(time_ns, before.positions + moved, before.headings, phases)
 
@@ -155,7 +157,7 @@ class AgentBuffer:
 
 
 def _state_of(swarm: ParticleSimulation) -> _SwarmState:
-    return _SwarmState(swarm.time_s, swarm.positions(), swarm.headings(), swarm.phases())
+    return _SwarmState(swarm.time_s, swarm.positions(), swarm.headings(), swarm.speeds_cm_s, swarm.phases())
 
 
 def _from_above(vectors: FloatArray) -> FloatArray:
