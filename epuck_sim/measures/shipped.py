@@ -22,6 +22,7 @@ SHIPPED = {
     "link_life": "links:LinkLife",
     "mean_squared_displacement": "motion:MeanSquaredDisplacement",
     "memory": "memory:Memory",
+    "moved": "movables:Moved",
     "near_walls": "motion:NearWalls",
     "neighbour_change": "links:NeighbourChange",
     "order_parameter": "order:OrderParameter",
