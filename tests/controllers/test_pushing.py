@@ -1,4 +1,4 @@
-"""`pushing` drives straight ahead while its ring is lit, and stands still else; so only robots in step move what is heavy."""
+"""`pushing` drives straight ahead while its ring is lit and stands else: what is heavy, only robots in step move."""
 
 import pytest
 
