@@ -163,7 +163,7 @@ class Relations:
         )
 
     def contacts(self, step: int) -> IntArray:
-        """Return (contacts, 2) robot, and the robot that it touches, or -1: a wall or obstacle, in the present step.
+        """Return (contacts, 2) robot, and the robot that it touches in the present step, or -1: no robot, but a thing.
 
         Args:
             step: Number of the present step.

@@ -101,8 +101,11 @@ class Simulation:
         self._step_ms = scenario.timing.step_ms
         self._interpret = interpret
         self._step = np.full(1, -1)  # the number of the last step taken
-        contact, physics_hz = scenario.contact, scenario.timing.physics_hz
-        self._world = World(arena, np.zeros((robots, 3)), contact.friction, physics_hz, touch=contact.robots)
+        self._world = World(
+            *(arena, np.zeros((robots, 3)), scenario.contact.friction, scenario.timing.physics_hz),
+            touch=scenario.contact.robots,
+            drive_force_n=scenario.contact.drive_force_n,
+        )
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
         self._randomness = Randomness(scenario)
         self._groups = self._make_groups()

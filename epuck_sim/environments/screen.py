@@ -30,7 +30,7 @@ class Screen:
             return None
         if self._view is None:
             self._view = ArenaView(self._scenario)
-        picture = self._view.draw(situation.poses[0], situation.ring_on[0])
+        picture = self._view.draw(situation.poses[0], situation.ring_on[0], situation.movables[0])
         if self._mode == "rgb_array":
             return picture
         self._show(picture)

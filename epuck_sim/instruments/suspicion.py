@@ -51,8 +51,9 @@ class _Suspicion:
         """Have each robot watch those in its view."""
         self._note_faults()
         poses = step.poses.copy()[None]
+        arena = self._arena.with_movables_at(step.movables)
         for view, first, count in self._groups:
-            _, observers, seen = find_sightings(poses, self._arena, self._cells, view, first, count).T
+            _, observers, seen = find_sightings(poses, arena, self._cells, view, first, count).T
             self._dark_s[observers, seen] += self._step_s
         observers, lit = step.sightings.T
         self._dark_s[observers, lit] = 0

@@ -23,6 +23,7 @@ SHIPPED = {
     "mean_speed": "motion:MeanSpeed",
     "mean_squared_displacement": "motion:MeanSquaredDisplacement",
     "memory": "memory:Memory",
+    "moved": "movables:Moved",
     "near_walls": "motion:NearWalls",
     "neighbour_change": "links:NeighbourChange",
     "order_parameter": "order:OrderParameter",

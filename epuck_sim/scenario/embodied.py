@@ -56,12 +56,15 @@ class StuckSection(ConfigModel):
 class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
+    later_keys: ClassVar[tuple[str, ...]] = ("robots", "drive_force_n")
 
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
     """Coefficient of friction between bodies."""
     robots: bool = True
-    """Whether robots touch each other; else they pass through each other, and touch walls and obstacles only."""
+    """Whether robots touch each other; else they touch walls, obstacles and movables only."""
+    drive_force_n: Positive = 0.5
+    """Largest force in newtons with which wheels drive or hold a robot where there are `arena.movables`; our estimate:
+    the friction of wheels that bear about two thirds of the weight. Elsewhere, wheels set velocities."""
 
 
 class TimingSection(ConfigModel):

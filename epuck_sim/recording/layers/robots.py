@@ -9,7 +9,8 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arena import Arena
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.cell_list import make_cell_list
 from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.sensing import build_camera
@@ -103,9 +104,26 @@ class RobotLayers:
         if len(self._encircled) > 0:
             yield ranges(poses[:, self._encircled, :2], batch)
         yield self._sightings(batch)
-        found, points = find_contacts(poses, self._arena, self._cells)
+        found, points = self._contacts(batch)
         touching = np.bincount(found[:, 0], minlength=len(poses))
         yield temporal_chunk(CONTACTS, time_ns, *rr.Points2D.columns(positions=points).partition(touching))
+
+    def _moments(self, batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
+        """Yield the first of some steps, their (steps, robots, 3) poses, and the arena, in which nothing moves then."""
+        if not len(batch.movables):
+            yield 0, batch.poses, self._arena
+        for step, places in enumerate(batch.movables):
+            yield step, batch.poses[step : step + 1], self._arena.with_movables_at(places)
+
+    def _contacts(self, batch: RowBatch) -> tuple[IntArray, FloatArray]:
+        """Return the contacts at these steps as `find_contacts` does."""
+        found, points = [], []
+        for first_step, poses, arena in self._moments(batch):
+            contacts, places = find_contacts(poses, arena, self._cells)
+            contacts[:, 0] += first_step
+            found.append(contacts)
+            points.append(places)
+        return np.concatenate(found), np.concatenate(points)
 
     def _views(self, poses: FloatArray) -> FloatArray:
         """Return (steps, robots, 3, 2) cm: left end, apex and right end of each view or cone, within the walls."""
@@ -122,10 +140,11 @@ class RobotLayers:
     def _sightings(self, batch: RowBatch) -> Chunk:
         """Return the arrows to the robots in view; a ring is seen as it was commanded a step before."""
         poses = batch.poses
-        groups = [
-            find_sightings(poses, self._arena, self._cells, view, first, robots)
-            for first, robots, view, _ in self._groups
-        ]
+        groups = []
+        for first_step, some, arena in self._moments(batch):
+            for first, robots, view, _ in self._groups:
+                groups.append(find_sightings(some, arena, self._cells, view, first, robots))
+                groups[-1][:, 0] += first_step
         found = np.concatenate(groups)
         steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
         forward_cm = self._forward_cm[observers, None]
