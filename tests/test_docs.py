@@ -30,7 +30,16 @@ ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-LONG_SWEEPS = ("fig-", "random-walks", "broad-speeds")
+LONG_SWEEPS = (
+    "fig-",
+    "random-walks",
+    "broad-speeds",
+    "switching",
+    "wireless",
+    "consensus",
+    "fault-detection",
+    "embodiment",
+)
 """What the names of sweeps begin with whose quick versions take minutes."""
 
 
