@@ -1,5 +1,6 @@
 """The entries of a schedule that wait for a firing of the reference, or for a condition."""
 
+import math
 from collections.abc import Callable, Sequence
 
 from epuck_sim.scenario.schedule import ScheduleEntry, condition_key
@@ -17,6 +18,11 @@ class WaitingEntries:
         self._waiting = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
         self._conditions = conditions
         self._carry_out = carry_out
+
+    @property
+    def next_cycle(self) -> float:
+        """Number of the next firing after which an entry is to be carried out; infinity if none waits for one."""
+        return min((entry.at_cycle for entry in self._waiting.values() if entry.at_cycle is not None), default=math.inf)
 
     def look(self, state: TrialState) -> None:
         """Have those carried out whose moment has come; to be called between two events."""
