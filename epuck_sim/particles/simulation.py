@@ -139,7 +139,7 @@ class ParticleSimulation:
 
     def __next__(self) -> Event:
         """Simulate up to the next event and return it."""
-        if self._is_changed or self._is_change_next():
+        if self._is_changed or (self._timed.next is not NEVER and self._is_change_next()):
             if not self._is_changed:
                 self._carry_out_timed()
             self._is_changed = False
@@ -157,7 +157,7 @@ class ParticleSimulation:
     def _is_change_next(self) -> bool:
         """Return whether an entry of the schedule with a time comes before the next firing and the next wall."""
         moment = self._timed.next
-        if moment == NEVER or self.next_firing <= last_firing_before(moment):
+        if self.next_firing <= last_firing_before(moment):
             return False
         self.positions()  # continues trajectories that have ended
         return not reaches_wall_by(self._trajectories, moment)
@@ -183,7 +183,7 @@ class ParticleSimulation:
         last_cycle = UNLIMITED if periods is None else int(self._oscillators.cycle[0]) + periods
         last_pulse = UNLIMITED if pulses is None else int(self._instant.counters[PULSES]) + pulses
         self._is_changed = False
-        while self._timed.next <= (last_cycle, share):
+        while self._timed.next is not NEVER and self._timed.next <= (last_cycle, share):
             self._held.advance(last_pulse, cycles, *last_firing_before(self._timed.next))
             if self.is_synchronised or self.cycles >= cycles or self._instant.counters[PULSES] >= last_pulse:
                 return

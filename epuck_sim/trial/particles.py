@@ -52,7 +52,7 @@ def run_agents(
 
     while not has_ended():
         waiting.look(simulation)
-        if min(simulation.next_firing, simulation.next_change) > end:
+        if simulation.next_firing > end and simulation.next_change > end:
             break
         if observers:
             event = next(simulation)
@@ -62,7 +62,7 @@ def run_agents(
         else:
             asked = time.perf_counter()
             last_cycle = cycles + 1 if at_cycles else min(limit, waiting.next_cycle)
-            simulation.run(int(last_cycle), end[0] - simulation.period, pulses, share=end[1])
+            simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
             now = simulation.cycles
             if took > 2 * SLICE_S:

@@ -1,11 +1,13 @@
 """The entries of a schedule that wait for a firing of the reference, or for a condition."""
 
-import math
 from collections.abc import Callable, Sequence
 
 from epuck_sim.scenario.schedule import ScheduleEntry, condition_key
 from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.observer import TrialState
+
+NEVER = 2**62
+"""Number of a firing that no trial reaches."""
 
 
 class WaitingEntries:
@@ -20,9 +22,9 @@ class WaitingEntries:
         self._carry_out = carry_out
 
     @property
-    def next_cycle(self) -> float:
-        """Number of the next firing after which an entry is to be carried out; infinity if none waits for one."""
-        return min((entry.at_cycle for entry in self._waiting.values() if entry.at_cycle is not None), default=math.inf)
+    def next_cycle(self) -> int:
+        """Number of the next firing after which an entry is to be carried out; `NEVER` if none waits for one."""
+        return min((entry.at_cycle for entry in self._waiting.values() if entry.at_cycle is not None), default=NEVER)
 
     def look(self, state: TrialState) -> None:
         """Have those carried out whose moment has come; to be called between two events."""

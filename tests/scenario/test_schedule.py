@@ -78,6 +78,11 @@ def test_schedules_of_agents_are_written_and_read_again_and_checked_at_each_poin
         ),
         ({"at_s": 1, "displace": {"agents": [20], "by_cycles": 0.5}}, AGENTS, "agents: is 20; allowed: 0 to 19"),
         ({"at_s": 1, "displace": {"robots": [1], "by_cycles": 0.5}}, AGENTS, "displace.robots: unknown 'robots'"),
+        (
+            {"at_cycle": 1, "set": {"neighbourhood.k": 2}},
+            {**AGENTS, "measures": [{"perturbation": {"displacement": 0.1}}]},
+            "measures.0: a trial and its twin change alike at times alone; give at_s",
+        ),
         ({"when": "coverage > 1", "set": {"neighbourhood.k": 2}}, AGENTS, "schedule.0.when: unknown 'coverage'"),
     ],
 )
