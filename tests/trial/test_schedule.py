@@ -185,9 +185,11 @@ def test_a_displacement_may_bring_a_firing_before_the_end_of_a_trial():
     given = {"model": "particles", "agents": {"count": 2, "speed_cm_s": 0}, "start": start}
     schedule = [{"at_s": 0.4, "displace": {"agents": [1], "by_cycles": 0.4}}]
     scenario = load_scenario({**given, "schedule": schedule, "stop": {"order_parameter": None, "max_time_s": 0.55}})
-    for observers in ([], [lambda *_: None]):
+    seen = []
+    for observers in ([], [lambda event, _: seen.append(event.fired.tolist())]):
         result = run_trial(ParticleSimulation(scenario), observers)
         assert (result.steps, result.simulated_s, len(result.events)) == (1, 0.55, 1)
+    assert seen == [[], [1]]
 
 
 def test_a_change_at_the_end_of_a_trial_is_made_and_one_after_synchrony_is_not():
