@@ -8,7 +8,7 @@ import numpy as np
 
 from epuck_sim.embodied.faults import Faults
 from epuck_sim.embodied.group import RobotGroupState
-from epuck_sim.scenario.schedule import Displacement, ScheduleEntry
+from epuck_sim.scenario.robot_schedule import RobotDisplacement, RobotScheduleEntry
 
 NEVER = 2**62
 """Number of a control step that no simulation takes."""
@@ -20,7 +20,7 @@ class TimedEntries:
     next_step: int
     """Control step before which the next of them is carried out; `NEVER` after the last."""
 
-    def __init__(self, schedule: Sequence[ScheduleEntry], step_ms: int) -> None:
+    def __init__(self, schedule: Sequence[RobotScheduleEntry], step_ms: int) -> None:
         """Sort the entries; step_ms: length of a control step."""
         steps = {
             number: math.ceil(round(entry.at_s * 1000, 6) / step_ms)
@@ -46,7 +46,7 @@ class TimedEntries:
         self.next_step = self._steps[self._place][0] if self._place < len(self._steps) else NEVER
 
 
-def displace_phases(groups: Sequence[RobotGroupState], displacement: Displacement, sequence: Any) -> None:
+def displace_phases(groups: Sequence[RobotGroupState], displacement: RobotDisplacement, sequence: Any) -> None:
     """Displace the phases of oscillators, and command their rings dark.
 
     Args:
@@ -81,7 +81,7 @@ def begin_or_end(faults: Faults, fault: int, *, begins: bool, time_ms: float) ->
 
 
 def carry_out(
-    entry: ScheduleEntry,
+    entry: RobotScheduleEntry,
     groups: Sequence[RobotGroupState],
     faults: Faults | None,
     set_parameters: Callable[[int, dict[str, Any]], None],

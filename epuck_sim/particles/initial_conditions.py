@@ -32,9 +32,7 @@ def initial_trajectories(
         motion_seed: Decides directions, now and later, and when runs end.
     """
     space, agents = scenario.space, scenario.agents
-    random = np.random.Generator(np.random.PCG64(position_seed))
-    origin = space.side_cm * random.random((space.dimensions, agents.count))
-    speed = draw_speeds(agents, random) * scenario.clocks.period_s
+    origin, speed = _draw_places_and_speeds(scenario, position_seed)
     streams = robot_streams(motion_seed, agents.count)
     heading = np.empty_like(origin)
     _draw_headings(heading, streams)
@@ -44,6 +42,21 @@ def initial_trajectories(
         given = np.array(scenario.start.headings).T
         heading[:] = given / np.linalg.norm(given, axis=0)
     return start_trajectories(space, make_walk(agents, scenario.clocks.period_s), origin, heading, speed, streams)
+
+
+def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
+    """Return (agents,) cm per cycle: the speeds with which a trial with this seed begins."""
+    return _draw_places_and_speeds(scenario, np.random.SeedSequence(seed).spawn(1)[0])[1]
+
+
+def _draw_places_and_speeds(
+    scenario: ParticleScenario, position_seed: np.random.SeedSequence
+) -> tuple[FloatArray, FloatArray]:
+    """Return (dimensions, agents) cm: positions, and (agents,) cm per cycle: speeds."""
+    space, agents = scenario.space, scenario.agents
+    random = np.random.Generator(np.random.PCG64(position_seed))
+    places = space.side_cm * random.random((space.dimensions, agents.count))
+    return places, draw_speeds(agents, random) * scenario.clocks.period_s
 
 
 def receiver_streams(scenario: ParticleScenario, seed: int) -> StreamArray:

@@ -16,9 +16,10 @@ from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
 from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.schedule import ScheduleEntry, check_schedule, check_scheduled_controllers, condition_key
+from epuck_sim.scenario.schedule import conditions_in
 from epuck_sim.scenario.stop import StopSection
 
 
@@ -131,7 +132,7 @@ class EmbodiedScenario(Scenario):
     spread: SpreadSection = SpreadSection()
     stuck: StuckSection = StuckSection()
     faults: tuple[AnyFault, ...] = ()
-    schedule: tuple[ScheduleEntry, ...] = ()
+    schedule: tuple[RobotScheduleEntry, ...] = ()
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
     stop: EmbodiedStop = EmbodiedStop()
@@ -213,8 +214,7 @@ class EmbodiedScenario(Scenario):
     @property
     def conditions(self) -> dict[str, Awaited]:
         """Conditions that trials wait for, by their dotted keys."""
-        waiting = {condition_key(number): entry.awaited for number, entry in enumerate(self.schedule)}
-        return {**super().conditions, **{key: awaited for key, awaited in waiting.items() if awaited is not None}}
+        return {**super().conditions, **conditions_in(self.schedule)}
 
     @property
     def has_events(self) -> bool:

@@ -10,9 +10,12 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, PlainValidator, model_validator
 
 from epuck_sim.errors import CurveError, ScenarioError
+from epuck_sim.scenario.agent_schedule import AgentScheduleEntry, check_agents
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.curves import UP_TO_1, find_curve, map_curves
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.schedule import conditions_in
 from epuck_sim.scenario.stop import StopSection
 from epuck_sim.scenario.walks import WalkSection
 
@@ -38,8 +41,7 @@ _ELSEWHERE = {
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
     "spread": "no counterpart, because agents are all alike",
     "stuck": "no counterpart, because agents are points",
-    "faults": "no counterpart, because agents do not fail",
-    "schedule": "no counterpart, because its agents stay as they are",
+    "faults": "no counterpart, because agents do not fail; schedule changes them",
     "contact": "no counterpart, because agents are points",
     "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",
@@ -251,6 +253,8 @@ class ParticleScenario(Scenario):
         key: f"belongs to model: embodied; model: particles has {place}" for key, place in _ELSEWHERE.items()
     }
 
+    later_keys: ClassVar[tuple[str, ...]] = ("schedule",)
+
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
     model: Literal["particles"]
     space: SpaceSection = SpaceSection()
@@ -259,6 +263,7 @@ class ParticleScenario(Scenario):
     response: ResponseSection = ResponseSection()
     clocks: ClocksSection = ClocksSection()
     start: StartSection = StartSection()
+    schedule: tuple[AgentScheduleEntry, ...] = ()
     stop: ParticleStop = ParticleStop()
 
     @model_validator(mode="after")
@@ -283,6 +288,7 @@ class ParticleScenario(Scenario):
         self.start.check_fits(others + 1, self.space.dimensions, self.space.side_cm)
         if self.stop.reference > others:
             raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")
+        check_agents(self.schedule, self.agents.count, speed_per_run=self.agents.speed_per_run)
         return self
 
     @property
@@ -306,6 +312,16 @@ class ParticleScenario(Scenario):
         return self.agents.count
 
     @property
+    def conditions(self) -> dict[str, Awaited]:
+        """Conditions that trials wait for, by their dotted keys."""
+        return {**super().conditions, **conditions_in(self.schedule)}
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there is a schedule."""
+        return bool(self.schedule)
+
+    @property
     def compiled(self) -> tuple[str, ...]:
         """Names of what is compiled for its trials: the model, and a user's response curve."""
         curve = self.response.curve
@@ -316,7 +332,11 @@ class ParticleScenario(Scenario):
         swept = self.sweep.keys if self.sweep else ()
         response = self.response  # its curve, hence its parameters, may be known at each point only
         if "response.curve" not in swept and "response" not in swept:
-            response = _resolve_response(response, f"{origin}: response", folder)
+            response = resolve_response(response, f"{origin}: response", folder)
+        if self.schedule and not set(swept) & {"response", "response.curve", "neighbourhood", "neighbourhood.kind"}:
+            from epuck_sim.scenario.agent_changes import check_changes  # noqa: PLC0415 it imports this module
+
+            check_changes(self.model_copy(update={"response": response}), f"{origin}: schedule")
         sweep = self.sweep and self.sweep.mapped(lambda key, value: _resolve_axis(key, value, origin, folder))
         resolved = super().resolved(origin, folder)
         if response is self.response and sweep is None:  # a copy would take a tenth of the time of a short trial
@@ -324,7 +344,7 @@ class ParticleScenario(Scenario):
         return resolved.model_copy(update={"response": response, "sweep": sweep})
 
 
-def _resolve_response(response: ResponseSection, origin: str, folder: Path | None) -> ResponseSection:
+def resolve_response(response: ResponseSection, origin: str, folder: Path | None = None) -> ResponseSection:
     """Return a response with the path of its curve, if that is a user's, and with all parameters.
 
     Raises:

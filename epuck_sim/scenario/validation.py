@@ -1,14 +1,13 @@
 """The table of scenario classes, and readable messages for scenarios that fail validation."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import Box, Circle, Polygon
-from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, RandomAgents, Range
@@ -129,8 +128,15 @@ def _without_tag(location: list[str]) -> tuple[list[str], type[BaseModel] | None
 
 def _known_keys(kind: type[Scenario], path: list[str]) -> list[str]:
     """Return the keys of the section at `path`."""
-    defaults: dict[str, Any] = {"sweep": SweepAxes.model_construct()}
-    section: Any = kind.model_construct(**defaults)
+    section: type[BaseModel] | None = kind
     for part in path:
-        section = section[0] if isinstance(section, tuple) else getattr(section, part)
-    return list(type(section).model_fields) if isinstance(section, BaseModel) else []
+        if section is not None and not part.isdecimal():  # numbers are places in a list of sections
+            section = _section_in(section.model_fields[part].annotation)
+    return list(section.model_fields) if section else []
+
+
+def _section_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the first class of a section in the type of a field; None if there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := _section_in(part))), None)

@@ -6,6 +6,9 @@ from epuck_sim.scenario.schedule import ScheduleEntry, condition_key
 from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.observer import TrialState
 
+NEVER = 2**62
+"""Number of a firing that no trial reaches."""
+
 
 class WaitingEntries:
     """Has entries of a schedule carried out when their moment has come; entries that have a time are none of these."""
@@ -17,6 +20,11 @@ class WaitingEntries:
         self._waiting = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
         self._conditions = conditions
         self._carry_out = carry_out
+
+    @property
+    def next_cycle(self) -> int:
+        """Number of the next firing after which an entry is to be carried out; `NEVER` if none waits for one."""
+        return min((entry.at_cycle for entry in self._waiting.values() if entry.at_cycle is not None), default=NEVER)
 
     def look(self, state: TrialState) -> None:
         """Have those carried out whose moment has come; to be called between two events."""

@@ -32,7 +32,8 @@ SEED = 4111783006597517648
 
 
 def run(folder, workers=1, **changes):
-    run_sweep(load_scenario({**SCENARIO, **changes}), folder, partial(local_pool, workers))
+    given = {key: value for key, value in {**SCENARIO, **changes}.items() if value is not None}
+    run_sweep(load_scenario(given), folder, partial(local_pool, workers))
 
 
 def stored(folder):
@@ -54,11 +55,24 @@ def test_events_are_stored_read_and_exported_to_the_bit(tmp_path):
     ]
 
 
+SWARM = {
+    "model": "particles",
+    "robots": None,
+    "faults": None,
+    "schedule": [
+        {"at_cycle": 2, "displace": {"by_cycles": "random"}},
+        {"at_s": 1.3, "set": {"agents.speed_cm_s": 9, "neighbourhood.k": 2}},
+    ],
+}
+
+
 @pytest.mark.parametrize("workers", [1, 2])
-def test_events_are_equal_after_a_resume_with_any_number_of_workers(workers, tmp_path):
-    run(tmp_path / "whole")
-    run(tmp_path / "parted", trials=1)
-    run(tmp_path / "parted", workers)
+@pytest.mark.parametrize("changes", [{}, SWARM], ids=["robots", "agents"])
+def test_events_are_equal_after_a_resume_with_any_number_of_workers(workers, changes, tmp_path):
+    run(tmp_path / "whole", **changes)
+    run(tmp_path / "parted", **changes, trials=1)
+    run(tmp_path / "parted", workers, **changes)
+    assert all(events for (events,) in stored(tmp_path / "whole"))
     assert stored(tmp_path / "parted") == stored(tmp_path / "whole")
 
 
