@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.replication.claims import Claim, Claims, FormulaCheck
-from epuck_sim.replication.evaluation import Tested, run_check
+from epuck_sim.replication.evaluation import Finding, run_check
 from epuck_sim.replication.sweeps import Version, sweep_folder
 from epuck_sim.replication.verdicts import Answer, answer
 from epuck_sim.runs.reader import read_points
@@ -41,7 +40,6 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version
 
     Raises:
         StoreError: A run folder is missing or damaged.
-        EpuckSimError: A sweep lacks a point that a claim names; the message names the claim.
     """
     asked = [(claim, check_claim(claim, folder, version)) for claim in chosen]
     names = dict.fromkeys(claim.sweep for claim in chosen if claim.sweep is not None)
@@ -57,14 +55,12 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version
     )
 
 
-def check_claim(claim: Claim, folder: Path, version: Version) -> list[Tested]:
+def check_claim(claim: Claim, folder: Path, version: Version) -> list[Finding]:
     """Run the checks of a claim on the trials that are stored."""
     found = []
     for check in claim.checks:
-        of = None if isinstance(check, FormulaCheck) else check.of
-        into = None if claim.sweep is None else sweep_folder(folder, claim.sweep, version)
-        try:
-            found.append(run_check(check, [] if into is None else read_points(into, of)))
-        except EpuckSimError as error:
-            raise EpuckSimError(f"claim {claim.id}: {error}") from error
+        if isinstance(check, FormulaCheck) or claim.sweep is None:
+            found.append(run_check(check, []))
+        else:
+            found.append(run_check(check, read_points(sweep_folder(folder, claim.sweep, version), check.of)))
     return found

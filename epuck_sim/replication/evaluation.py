@@ -1,7 +1,7 @@
 """From stored trials to the effect of each check of a claim."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from epuck_sim.replication.effects import Effect, restrict
 from epuck_sim.replication.formulas import FORMULAS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text
+from epuck_sim.scenario.points import Point
 from epuck_sim.statistics.curves import group_by_other_axes
 from epuck_sim.statistics.estimate import without_interval
 from epuck_sim.statistics.measured import Measured, measure
@@ -38,7 +39,11 @@ REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
 """What stands for the values of a series."""
 
 
-class Tested(NamedTuple):
+AnyPoint = TypeVar("AnyPoint", Point, PointTrials)
+"""A point of a sweep, with or without its trials."""
+
+
+class Finding(NamedTuple):
     """A check, and what its test found."""
 
     check: Check
@@ -49,7 +54,7 @@ class Tested(NamedTuple):
     """Largest share of censored trials of its points."""
 
 
-def run_check(check: Check, points: Sequence[PointTrials]) -> Tested:
+def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
     """Return what a test finds in the points of its claim's sweep.
 
     Raises:
@@ -60,16 +65,16 @@ def run_check(check: Check, points: Sequence[PointTrials]) -> Tested:
         exact = Effect(
             without_interval(value), lambda x: 0.0 if value > x else 1.0, lambda x: 0.0 if value < x else 1.0
         )
-        return Tested(check, exact, (0, 0), 0.0)
+        return Finding(check, exact, (0, 0), 0.0)
     used = chosen_points(check, points)
     samples = restrict([_measure(point, check) for point in used])
     counts = [len(each.values) for each in samples]
     censored = max(each.censored for each in samples)
     by_key = {point.key: sample for point, sample in zip(used, samples, strict=True)}
-    return Tested(check, _find_effect(check, used, by_key), (min(counts), max(counts)), censored)
+    return Finding(check, _find_effect(check, used, by_key), (min(counts), max(counts)), censored)
 
 
-def chosen_points(check: SweepCheck, points: Sequence[PointTrials]) -> list[PointTrials]:
+def chosen_points(check: SweepCheck, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     """Return the points of a sweep that a check uses.
 
     Raises:
@@ -82,7 +87,7 @@ def chosen_points(check: SweepCheck, points: Sequence[PointTrials]) -> list[Poin
     return used
 
 
-def points_at(values: Values, points: Sequence[PointTrials]) -> list[PointTrials]:
+def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     """Return the points of a sweep that have these values of axes.
 
     Raises:

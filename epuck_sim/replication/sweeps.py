@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 
-from epuck_sim.errors import ScenarioError
-from epuck_sim.replication.claims import Claim, Claims
+from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.replication.claims import Claim, Claims, FormulaCheck, SweepCheck
+from epuck_sim.replication.evaluation import chosen_points
 from epuck_sim.scenario.loader import find_scenario, load_scenario
 from epuck_sim.scenario.overrides import merge, without_quick
+from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.yaml_io import read_yaml
 
@@ -43,7 +45,20 @@ def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> 
     """Return the scenarios of the sweeps that the chosen claims are asked of, by name.
 
     Raises:
-        ScenarioError: One of them cannot be run; then none is.
+        EpuckSimError: One of them cannot be run, or lacks a point that a claim names; then none is.
     """
     names = dict.fromkeys(claim.sweep for claim in chosen if claim.sweep is not None)
-    return {name: sweep_scenario(claims, name, version) for name in names}
+    scenarios = {name: sweep_scenario(claims, name, version) for name in names}
+    swept = {name: points(scenario) for name, scenario in scenarios.items()}
+    for claim in chosen:
+        for check in claim.checks:
+            if claim.sweep is not None and not isinstance(check, FormulaCheck):
+                _check_points(claim, check, swept[claim.sweep])
+    return scenarios
+
+
+def _check_points(claim: Claim, check: SweepCheck, swept: Sequence[Point]) -> None:
+    try:
+        chosen_points(check, swept)
+    except EpuckSimError as error:
+        raise EpuckSimError(f"claim {claim.id}: {error}") from error

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from epuck_sim.replication.claims import Check, Claim, FormulaCheck
 from epuck_sim.replication.effects import Effect
-from epuck_sim.replication.evaluation import Tested
+from epuck_sim.replication.evaluation import Finding
 from epuck_sim.statistics.comparison import holm
 from epuck_sim.statistics.estimate import LEVEL
 
@@ -23,7 +23,7 @@ class Verdict(StrEnum):
 class Judged(NamedTuple):
     """A check with its verdict."""
 
-    tested: Tested
+    tested: Finding
     p_value: float
     """Probability, if the truth were exactly at the threshold, of data that decide as clearly for either side."""
     p_holm: float
@@ -39,7 +39,7 @@ class Answer(NamedTuple):
     checks: tuple[Judged, ...]
 
 
-def answer(asked: Sequence[tuple[Claim, Sequence[Tested]]]) -> list[Answer]:
+def answer(asked: Sequence[tuple[Claim, Sequence[Finding]]]) -> list[Answer]:
     """Return the verdicts of all claims of a page, whose checks are corrected together by Holm's method.
 
     A claim holds if all its checks do, and is contradicted if any is.
@@ -85,7 +85,7 @@ def two_sided(one: float, other: float) -> float:
     return min(1.0, 2 * min(one, other))
 
 
-def _judge(tested: Tested, p_holm: float | None) -> Judged:
+def _judge(tested: Finding, p_holm: float | None) -> Judged:
     """Return the verdict of a check; a formula needs no correction."""
     for_it, against = p_values(tested.check, tested.effect)
     p_value = two_sided(for_it, against)
