@@ -15,12 +15,13 @@ def check(**prediction) -> Check:
     return TypeAdapter(Check).validate_python({"test": "level", **prediction})
 
 
-def tested(effect: Effect, **prediction) -> Finding:
+def finding(effect: Effect, **prediction) -> Finding:
     return Finding(check(**prediction), effect, (20, 20), 0.0)
 
 
 def claimed(*checks: Finding) -> tuple[Claim, list[Finding]]:
-    keys = {"id": "A1", "section": "9", "claim": "so", "says": "so", "sweep": "tiny"}
+    has_trials = any(each.check.test != "formula" for each in checks)
+    keys = {"id": "A1", "section": "9", "claim": "so", "says": "so", "sweep": "tiny" if has_trials else None}
     return Claim.model_validate({**keys, "checks": [each.check for each in checks]}), list(checks)
 
 
@@ -42,13 +43,13 @@ def claimed(*checks: Finding) -> tuple[Claim, list[Finding]]:
     ],
 )
 def test_an_effect_decides_if_it_is_far_from_the_threshold(value, prediction, verdict) -> None:
-    ((_, _, (judged,)),) = answer([claimed(tested(student(value, 1.0, 30), **prediction))])
+    ((_, _, (judged,)),) = answer([claimed(finding(student(value, 1.0, 30), **prediction))])
     assert judged.verdict == verdict
 
 
 def test_what_one_test_decides_many_may_not() -> None:
-    alone = tested(student(2.5, 1.0, 100), above=0)
-    noise = [tested(student(0.1, 1.0, 100), above=0) for _ in range(9)]
+    alone = finding(student(2.5, 1.0, 100), above=0)
+    noise = [finding(student(0.1, 1.0, 100), above=0) for _ in range(9)]
     assert answer([claimed(alone)])[0].verdict == HOLDS
     judged = answer([claimed(alone), claimed(*noise)])
     assert judged[0].verdict == UNDECIDED
@@ -62,7 +63,7 @@ def test_a_formula_is_not_corrected_and_corrects_nothing() -> None:
     exact = Finding(
         formula, Effect(student(1, 0, 0).estimate, lambda x: float(x > 1), lambda x: float(x < 1)), (0, 0), 0
     )
-    alone = tested(student(2.1, 1.0, 100), above=0)
+    alone = finding(student(2.1, 1.0, 100), above=0)
     first, second = answer([claimed(exact, exact, alone), claimed(exact)])
     assert [each.verdict for each in first.checks] == [HOLDS] * 3
     assert first.checks[2].p_holm == first.checks[2].p_value
