@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.replication.claims import Claim, Claims, FormulaCheck
+from epuck_sim.replication.checks import FormulaCheck
+from epuck_sim.replication.claims import Claim, Claims
 from epuck_sim.replication.evaluation import Finding, run_check
 from epuck_sim.replication.sweeps import Version, sweep_folder
 from epuck_sim.replication.verdicts import Answer, answer

@@ -7,7 +7,7 @@ import numpy as np
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.interface import Value
-from epuck_sim.replication.claims import (
+from epuck_sim.replication.checks import (
     Check,
     FormulaCheck,
     LevelCheck,

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from epuck_sim.display.numbers import in_words
-from epuck_sim.replication.claims import FormulaCheck
+from epuck_sim.replication.checks import FormulaCheck
 from epuck_sim.replication.contents import Contents
 from epuck_sim.replication.document import Block, Cell, Code, Heading, Link, Picture, Rows, paragraph
 from epuck_sim.replication.sweeps import Version, sweep_folder

@@ -7,7 +7,8 @@ from matplotlib import rc_context
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import on_axes
 from epuck_sim.figures.style import STYLE
-from epuck_sim.replication.claims import Claim, FormulaCheck
+from epuck_sim.replication.checks import FormulaCheck
+from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.evaluation import points_at
 from epuck_sim.runs.reader import read_points
 from epuck_sim.scenario.figure_axes import choose_axis

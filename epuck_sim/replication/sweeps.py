@@ -5,7 +5,8 @@ from enum import StrEnum
 from pathlib import Path
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.replication.claims import Claim, Claims, FormulaCheck, SweepCheck
+from epuck_sim.replication.checks import FormulaCheck, SweepCheck
+from epuck_sim.replication.claims import Claim, Claims
 from epuck_sim.replication.evaluation import chosen_points
 from epuck_sim.scenario.loader import find_scenario, load_scenario
 from epuck_sim.scenario.overrides import merge, without_quick

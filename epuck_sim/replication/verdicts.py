@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from enum import StrEnum
 from typing import NamedTuple
 
-from epuck_sim.replication.claims import Check, Claim, FormulaCheck
+from epuck_sim.replication.checks import Check, FormulaCheck
+from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.effects import Effect
 from epuck_sim.replication.evaluation import Finding
 from epuck_sim.statistics.comparison import holm

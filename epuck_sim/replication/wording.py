@@ -2,15 +2,7 @@
 
 from epuck_sim.display.numbers import format_estimate
 from epuck_sim.figures.labels import format_axis_values, key_name
-from epuck_sim.replication.claims import (
-    Check,
-    FormulaCheck,
-    PowerCheck,
-    RateCheck,
-    RatioCheck,
-    RiseCheck,
-    ShareCheck,
-)
+from epuck_sim.replication.checks import Check, FormulaCheck, PowerCheck, RateCheck, RatioCheck, RiseCheck, ShareCheck
 from epuck_sim.replication.effects import Effect
 from epuck_sim.statistics.summary import finite_or_none
 

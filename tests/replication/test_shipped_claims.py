@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from epuck_sim.replication.claims import FormulaCheck, RatioCheck, read_claims
+from epuck_sim.replication.checks import FormulaCheck, RatioCheck
+from epuck_sim.replication.claims import read_claims
 from epuck_sim.replication.evaluation import run_check
 from epuck_sim.replication.sweeps import Version, needed_sweeps
 from epuck_sim.runs.reader import PointTrials

@@ -3,7 +3,8 @@
 import pytest
 from pydantic import TypeAdapter
 
-from epuck_sim.replication.claims import Check, Claim
+from epuck_sim.replication.checks import Check
+from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.effects import Effect, student
 from epuck_sim.replication.evaluation import Finding
 from epuck_sim.replication.verdicts import Verdict, answer, combine, p_values
