@@ -32,9 +32,11 @@ def draw_claim(claim: Claim, folder: Path, path: Path) -> bool:
     Returns:
         Whether there is a curve to draw.
     """
-    checks = [check for check in claim.checks if not isinstance(check, FormulaCheck)]
-    of = checks[0].of
-    alike = [check for check in checks if check.of == of and check.take is None]
+    drawn = [check for check in claim.checks if not isinstance(check, FormulaCheck) and check.take is None]
+    if not drawn:
+        return False
+    of = drawn[0].of
+    alike = [check for check in drawn if check.of == of]
     stored = read_points(folder, of)
     numbers = {point.number for check in alike for point in points_at(check.where, stored)}
     shown = [point for point in stored if point.number in numbers]
@@ -43,7 +45,7 @@ def draw_claim(claim: Claim, folder: Path, path: Path) -> bool:
         if len({point.axes[axis] for point in shown}) < MIN_VALUES:
             return False
         axes = on_axes.curves(shown, axis)
-    except EpuckSimError:  # no axis has numbers, or the measure is a series
+    except EpuckSimError:  # no axis has numbers
         return False
     figure = axes.get_figure(root=True)
     assert figure is not None

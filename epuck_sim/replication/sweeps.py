@@ -30,6 +30,7 @@ def sweep_scenario(claims: Claims, name: str, version: Version) -> Scenario:
     """
     asked = claims.sweeps[name]
     given = without_quick(read_yaml(find_scenario(asked.scenario)))
+    given.pop("figure", None)  # it is about axes that the sweep may no longer have
     changes = asked.quick if version == Version.QUICK else asked.full
     try:
         return load_scenario({**merge(merge(given, asked.keys), changes), "name": f"{name}-{version}"})

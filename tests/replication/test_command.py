@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from epuck_sim.cli import replication as command
@@ -182,3 +183,15 @@ def test_a_test_of_points_that_the_sweep_lacks_names_its_claim(tmp_path) -> None
     several = write_claims(tmp_path, [claim("A1", {"test": "level", "above": 1})])
     told = refused("replicate", "--claims", several, "--out", tmp_path / "out")
     assert told == "error: claim A1: where all points: 6 points; level is of one\n"
+
+
+def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
+    sweep = {**SWEEP, "keys": {**SWEEP["keys"], "measures": ["order_parameter"]}}
+    final = {"test": "level", "of": "order_parameter", "where": {"response.coupling": 0.4, SPEED: 1}}
+    checks = [{**final, "take": "largest", "above": 0.99}, {**final, "take": "first", "below": 0.99}]
+    file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
+    assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
+    series = next(p for p in read_points(tmp_path / "out/runs/tiny-quick", "order_parameter") if p.number == 3).measured
+    page = (tmp_path / "out/replication.md").read_text()
+    for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
+        assert f"| {take} order\\_parameter where ε = 0.4, V = 1 cm/s | {np.mean(list(values)):.4g} (" in page

@@ -11,6 +11,7 @@ from epuck_sim.replication.evaluation import run_check
 from epuck_sim.replication.sweeps import Version, needed_sweeps
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import points
+from epuck_sim.sweep.checks import check_sweep
 
 CLAIMS = read_claims()
 
@@ -40,6 +41,12 @@ def test_all_72_claims_are_there_and_each_is_asked_or_says_why_not() -> None:
     assert [claim.id for claim in CLAIMS.claims] == [f"R{number}" for number in range(1, 73)]
     assert all(bool(claim.checks) != bool(claim.not_asked) for claim in CLAIMS.claims)
     assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 25
+
+
+@pytest.mark.parametrize("version", Version)
+def test_every_sweep_can_be_run(version: Version) -> None:
+    for scenario in needed_sweeps(CLAIMS, CLAIMS.claims, version).values():
+        check_sweep(points(scenario))
 
 
 def test_thresholds_of_ratios_are_positive() -> None:
