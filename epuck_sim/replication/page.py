@@ -14,7 +14,7 @@ from epuck_sim.replication.wording import describe_check, describe_effect, descr
 TITLE = "Replication of the thesis, claim by claim"
 
 RULES = (
-    "Tests and thresholds stood before the trials were run. A claim holds if all its tests do, and is contradicted if "
+    "Tests and thresholds are those of the file of claims. A claim holds if all its tests do, and is contradicted if "
     "any is; otherwise it is undecided: the interval holds the threshold, or there are too few trials. Means are "
     "restricted to the limit of cycles where trials are censored. Intervals are of 95 %, each for itself. A p-value is "
     "that of data which decide as clearly, for either side, if the truth were at the threshold; a test is decided if "
@@ -51,8 +51,8 @@ def make_page(contents: Contents, pictures: Mapping[str, str]) -> Iterator[Block
 
 def _count_verdicts(contents: Contents) -> str:
     counts = Counter(answer.verdict for answer in contents.answers)
-    parts = [f"{counts[verdict]} {verdict}" for verdict in Verdict if counts[verdict]]
-    return f"Of {len(contents.answers)} claims: {', '.join(parts)}."
+    parts = [f"{verdict} {counts[verdict]}" for verdict in Verdict if counts[verdict]]
+    return f"{len(contents.answers)} claims: {', '.join(parts)}."
 
 
 def _command(contents: Contents, *ids: str) -> Code:

@@ -40,7 +40,7 @@ def test_the_page_has_a_row_for_each_claim_and_a_section_for_each_that_is_asked(
         assert row[6] == f"`epuck-sim replicate A{number} --quick --out {folder}`"
     assert "| A4 | Claim A4 | 9 | so | It takes 900 CPU hours. | not asked |  |" in page
     assert re.findall(r"^## (.*)$", page, re.MULTILINE)[:4] == ["A1", "A2", "A3", "A5"]
-    assert "Of 5 claims: 2 holds, 1 contradicted, 1 undecided, 1 not asked." in page
+    assert "5 claims: holds 2, contradicted 1, undecided 1, not asked 1." in page
     assert "of which there are 3." in page
     assert "What would change this: Slower ones | of another kind." in page
     assert "- A misprint." in page
@@ -82,7 +82,7 @@ def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
     whole = (folder / "replication.md").read_bytes()
     assert call("replicate", "A2", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
     page = (folder / "chosen.md").read_text()
-    assert "Of 2 claims: 1 holds, 1 contradicted." in page
+    assert "2 claims: holds 1, contradicted 1." in page
     assert f"`epuck-sim replicate A2 A5 --quick --out {folder}`" in page
     assert (folder / "replication.md").read_bytes() == whole
 
@@ -194,4 +194,4 @@ def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
     series = next(p for p in read_points(tmp_path / "out/runs/tiny-quick", "order_parameter") if p.number == 3).measured
     page = (tmp_path / "out/replication.md").read_text()
     for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
-        assert f"| {take} order\\_parameter where ε = 0.4, V = 1 cm/s | {np.mean(list(values)):.4g} (" in page
+        assert f"| {take} order\\_parameter where ε = 0.4, V = 1 cm/s | {np.mean(list(values)):.4g} " in page
