@@ -6,7 +6,7 @@ move what they press on if their forces sum to more than its friction, at the co
 
 Both forces are joints of pymunk without a memory of places: in each physics step, a joint changes a difference of
 velocities by an impulse of at most its force times the step, as much as it takes to make the difference 0. Robots thus
-follow their wheels one physics step late; and what begins to touch a movable may displace it by what it drives in that.
+follow their wheels one physics step late. Forces take a few steps to balance, in which even what is too heavy creeps.
 """
 
 import math

@@ -45,7 +45,7 @@ def test_films_of_a_trial_and_of_its_recording_are_the_same(trial):
     films = []
     for name in ("t.mp4", "again.mp4"):
         with open_film(str(folder / name)) as film:
-            films.append([frame.picture.copy() for frame in film])
+            films.append([frame.picture.copy() for frame in film.frames()])
     assert len(films[0]) == len(films[1]) > 10
     differences = [np.abs(one.astype(int) - other).max() for one, other in zip(*films, strict=True)]
     assert max(differences) < 60  # poses are in single precision, and films are compressed
