@@ -69,6 +69,17 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 120},
         "stop": CENSORED,
     },
+    "walking": {
+        "agents": {
+            "count": 8,
+            "speed_cm_s": 20,
+            "speed_distribution": "lognormal",
+            "speed_spread": 1,
+            "speed_per_run": True,
+            "walk": {"kind": "brownian", "run_s": 0.4},
+        },
+        "stop": CENSORED,
+    },
     "cyclic cube": {
         "space": {"dimensions": 3, "boundary": "cyclic"},
         "agents": {"count": 10, "speed_cm_s": 55},
