@@ -86,7 +86,7 @@ def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: li
             found.append(super().find(*given).tolist())
             return np.array(found[-1], np.int64).reshape(-1, 3)
 
-    monkeypatch.setattr("epuck_sim.recording.buffers.agents.PulseLinks", Listening)
+    monkeypatch.setattr("epuck_sim.particles.simulation.PulseLinks", Listening)
     with record(tmp_path / "t.rrd", scenario, 1) as recorder:
         run_trial(ParticleSimulation(scenario, 1), [recorder])
     read = read_recording(tmp_path / "t.rrd")
