@@ -34,7 +34,7 @@ class ChangingModel(NaiveModel):
     def step(self) -> NaiveEvent:
         """Simulate up to the next event, or the next change."""
         ahead = copy.copy(self)
-        for name in ("positions", "headings", "phases", "streams", "receiver_streams"):
+        for name in ("positions", "headings", "speeds", "phases", "left_of_runs", "streams", "receiver_streams"):
             setattr(ahead, name, copy.deepcopy(getattr(self, name)))
         event = NaiveModel.step(ahead)
         moment = self.waiting[0].at_s / self.scenario.clocks.period_s if self.waiting else np.inf
@@ -65,7 +65,7 @@ def entries(draw, sections, kind):
     """Return two entries of a schedule that fits the sections."""
     agents, period_s = sections["agents"]["count"], sections["clocks"]["period_s"]
     speed, values = sections["agents"]["speed_cm_s"], [{"response.refractory": 0.2}, {"response.coupling": 0.5}]
-    if speed:
+    if speed and not sections["agents"].get("speed_per_run"):
         values += [{"agents.speed_cm_s": speed * factor} for factor in (0.1, 1.7)]
     if kind in ("nearest", "random"):
         values.append({"neighbourhood.k": 1})
