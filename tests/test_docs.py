@@ -57,7 +57,7 @@ def code(page_part) -> list:
 
 
 def is_controller(block: str) -> bool:
-    return "PARAMETERS = " in block and "def step(" in block
+    return "PARAMETERS = " in block and ("def step(" in block or "\nstep = " in block)
 
 
 @pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
