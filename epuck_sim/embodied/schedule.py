@@ -9,41 +9,20 @@ import numpy as np
 from epuck_sim.embodied.faults import Faults
 from epuck_sim.embodied.group import RobotGroupState
 from epuck_sim.scenario.robot_schedule import RobotDisplacement, RobotScheduleEntry
+from epuck_sim.scenario.schedule import TimedEntries
 
 NEVER = 2**62
 """Number of a control step that no simulation takes."""
 
 
-class TimedEntries:
-    """The entries of a schedule that have a time, in order."""
-
-    next_step: int
-    """Control step before which the next of them is carried out; `NEVER` after the last."""
-
-    def __init__(self, schedule: Sequence[RobotScheduleEntry], step_ms: int) -> None:
-        """Sort the entries; step_ms: length of a control step."""
-        steps = {
-            number: math.ceil(round(entry.at_s * 1000, 6) / step_ms)
-            for number, entry in enumerate(schedule)
-            if entry.at_s is not None
-        }
-        self._steps = sorted((step, number) for number, step in steps.items())
-        self.restart()
-
-    def restart(self) -> None:
-        """Begin with the first."""
-        self._place = 0
-        self._find_next()
-
-    def take(self) -> int:
-        """Return the number of the next entry, and go on to the one after it."""
-        _, number = self._steps[self._place]
-        self._place += 1
-        self._find_next()
-        return number
-
-    def _find_next(self) -> None:
-        self.next_step = self._steps[self._place][0] if self._place < len(self._steps) else NEVER
+def timed_entries(schedule: Sequence[RobotScheduleEntry], step_ms: int) -> TimedEntries[int]:
+    """Return the entries that have a time, by the control steps, `step_ms` long, before which they are carried out."""
+    steps = [
+        (math.ceil(round(entry.at_s * 1000, 6) / step_ms), number)
+        for number, entry in enumerate(schedule)
+        if entry.at_s is not None
+    ]
+    return TimedEntries(sorted(steps), NEVER)
 
 
 def displace_phases(groups: Sequence[RobotGroupState], displacement: RobotDisplacement, sequence: Any) -> None:

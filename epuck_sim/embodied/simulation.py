@@ -32,7 +32,7 @@ from epuck_sim.embodied.randomness import Part, Randomness, spawned
 from epuck_sim.embodied.relations import Relations
 from epuck_sim.embodied.replacement import Replaced, replace_controller
 from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.schedule import TimedEntries, carry_out
+from epuck_sim.embodied.schedule import carry_out, timed_entries
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
 from epuck_sim.errors import ControllerError
@@ -123,7 +123,7 @@ class Simulation:
         self._relations = Relations(scenario, self._swarm)
         self._show()
         self._short_rows = self._find_short_rows()
-        self._timed = TimedEntries(scenario.schedule, self._step_ms)
+        self._timed = timed_entries(scenario.schedule, self._step_ms)
         self.reset(seed)
 
     def _make_groups(self) -> list[RobotGroupState]:
@@ -246,12 +246,12 @@ class Simulation:
             raise ValueError(f"until_lit is {until_lit}; allowed: 0 to {len(self.period_ms) - 1}")
         end = self.steps + steps
         while True:
-            while self._timed.next_step == self.steps:
+            while self._timed.next == self.steps:
                 self._carry_out(self._timed.take())
             noise_step = self.steps % NOISE_STEPS
             if noise_step == 0:
                 self._randomness.draw_noise(self._swarm)
-            unseen = min(end - self.steps, NOISE_STEPS - noise_step, self._timed.next_step - self.steps)
+            unseen = min(end - self.steps, NOISE_STEPS - noise_step, self._timed.next - self.steps)
             self._run(unseen, -1 if until_lit is None else until_lit)
             if self._faults is not None:
                 self.events += take_events(self._faults, self._step_ms)

@@ -12,6 +12,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.particles.motion import Trajectories, find_ends
 from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, Oscillators
 from epuck_sim.scenario.agent_schedule import AgentDisplacement, AgentScheduleEntry
+from epuck_sim.scenario.schedule import TimedEntries
 
 Moment = tuple[float, float]
 """A cycle, from 0, and the time in it, 0 to 1."""
@@ -23,26 +24,10 @@ SCHEDULE_SEED = 4
 """Index of the seed of schedules among the children of a trial's seed, after those of `initial_conditions`."""
 
 
-class TimedEntries:
-    """The entries of a schedule that have a time, in order."""
-
-    next: Moment
-    """When the next of them is carried out; `NEVER` after the last."""
-
-    def __init__(self, schedule: Sequence[AgentScheduleEntry], period_s: float) -> None:
-        """Sort the entries."""
-        timed = [(entry.at_s, number) for number, entry in enumerate(schedule) if entry.at_s is not None]
-        self._waiting = [(divmod(at_s / period_s, 1.0), number) for at_s, number in sorted(timed)]
-        self._find_next()
-
-    def take(self) -> int:
-        """Return the number of the next entry, and go on to the one after it."""
-        _, number = self._waiting.pop(0)
-        self._find_next()
-        return number
-
-    def _find_next(self) -> None:
-        self.next = self._waiting[0][0] if self._waiting else NEVER
+def timed_entries(schedule: Sequence[AgentScheduleEntry], period_s: float) -> TimedEntries[Moment]:
+    """Return the entries that have a time, by their moments."""
+    timed = [(entry.at_s, number) for number, entry in enumerate(schedule) if entry.at_s is not None]
+    return TimedEntries([(divmod(at_s / period_s, 1.0), number) for at_s, number in sorted(timed)], NEVER)
 
 
 def last_firing_before(moment: Moment) -> tuple[int, float]:

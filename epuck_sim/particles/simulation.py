@@ -27,11 +27,11 @@ from epuck_sim.particles.schedule import (
     NEVER,
     SCHEDULE_SEED,
     Moment,
-    TimedEntries,
     any_ends_by,
     change_speeds,
     displace_phases,
     last_firing_before,
+    timed_entries,
 )
 from epuck_sim.particles.state import HeldState, SwarmState, make_observed
 from epuck_sim.scenario.agent_changes import with_values
@@ -132,7 +132,7 @@ class ParticleSimulation:
         self._pulse_links: PulseLinks | None = None
         self.events = []
         self._present = loaded  # with what the schedule has set
-        self._timed = TimedEntries(loaded.schedule, loaded.clocks.period_s)
+        self._timed = timed_entries(loaded.schedule, loaded.clocks.period_s)
         self._is_changed = False  # by the schedule since the last event
 
     def __iter__(self) -> Iterator[Event]:

@@ -1,7 +1,7 @@
 """What changes while a trial runs, and when: what the section `schedule` has in common for all models."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Generic, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -9,6 +9,8 @@ from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
 from epuck_sim.scenario.condition import Awaited, Condition
 
 _AT = ("at_s", "at_cycle", "when")
+
+_Moment = TypeVar("_Moment")
 
 
 class TrialEvent(NamedTuple):
@@ -94,6 +96,38 @@ class ScheduleEntry(ConfigModel):
         """Return each of the changes in words."""
         changes = [f"{key}: {value}" for key, value in self.set.items()]
         return changes if self.displace is None else [*changes, str(self.displace)]
+
+
+class TimedEntries(Generic[_Moment]):
+    """The entries of a schedule that have a time, in order, while a trial goes through them."""
+
+    next: _Moment
+    """When the next of them is carried out; `never` after the last."""
+
+    def __init__(self, moments: Sequence[tuple[_Moment, int]], never: _Moment) -> None:
+        """Begin with the first.
+
+        Args:
+            moments: When each entry is carried out, and its number, in order.
+            never: Later than any moment of a trial.
+        """
+        self._moments, self._never = moments, never
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin with the first."""
+        self._place = 0
+        self._find_next()
+
+    def take(self) -> int:
+        """Return the number of the next entry, and go on to the one after it."""
+        _, number = self._moments[self._place]
+        self._place += 1
+        self._find_next()
+        return number
+
+    def _find_next(self) -> None:
+        self.next = self._moments[self._place][0] if self._place < len(self._moments) else self._never
 
 
 def condition_key(entry: int) -> str:
