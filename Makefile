@@ -79,7 +79,7 @@ $(VENV)/created:
 	touch $@
 
 $(VENV)/installed: $(VENV)/created $(SOURCES)
-	$(BIN)/python -m pip install --quiet --editable .
+	$(BIN)/python -m pip install --quiet --editable '.[film,plot,view]'
 	touch $@
 
 $(VENV)/test-tools: $(VENV)/installed

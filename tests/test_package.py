@@ -54,7 +54,7 @@ def test_the_wheel_runs_in_an_empty_environment_and_both_can_be_published(built:
         return subprocess.run(words, cwd=tmp_path, env=clean, check=True, stdout=subprocess.PIPE, text=True).stdout
 
     (wheel,) = built.glob("*.whl")
-    output_of(programs / "python", "-m", "pip", "install", "--quiet", wheel)
+    output_of(programs / "python", "-m", "pip", "install", "--quiet", f"{wheel}[view,film,plot]")
     assert output_of(programs / "epuck-sim", "--version") == f"epuck-sim {epuck_sim.__version__}\n"
     assert json.loads(output_of(programs / "epuck-sim", "run", "pair", "--json"))["t_sync_cycles"] >= 1
     assert json.loads(output_of(programs / "epuck-sim", "run", "particles", "--json"))["t_sync_cycles"] >= 1

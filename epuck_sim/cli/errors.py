@@ -6,20 +6,20 @@ import warnings
 from bdb import BdbQuit
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.metadata import requires
 
 import typer
 
 from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError
 
-OPTIONAL_PACKAGES = {
-    "av": "av",
-    "cv2": "opencv-python-headless",
-    "matplotlib": "matplotlib",
-    "pyarrow": "pyarrow",
-    "rerun": "rerun-sdk",
+EXTRAS = {
+    "av": ("av", "film"),
+    "cv2": ("opencv-python-headless", "film"),
+    "matplotlib": ("matplotlib", "plot"),
+    "pyarrow": ("pyarrow", "table"),
+    "rerun": ("rerun-sdk", "view"),
+    "rerun_cli": ("rerun-sdk", "view"),
 }
-"""Packages, by the modules they bring, that no sweep needs, and that a small install leaves out."""
+"""Packages that no sweep needs, and the extras that install them, by the modules they bring."""
 
 
 @contextmanager
@@ -37,11 +37,11 @@ def exit_on_error() -> Iterator[None]:
         typer.echo(f"error: {what}: {error.strerror or error}", err=True)
         raise typer.Exit(2) from error
     except ModuleNotFoundError as error:
-        package = OPTIONAL_PACKAGES.get((error.name or "").partition(".")[0])
-        if package is None:
+        missing = EXTRAS.get((error.name or "").partition(".")[0])
+        if missing is None:
             raise
-        wanted = next((each for each in requires("epuck-sim") or () if each.startswith(package)), package)
-        typer.echo(f"error: this needs {package}, which is not installed: pip install '{wanted}'", err=True)
+        package, extra = missing
+        typer.echo(f"error: this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'", err=True)
         raise typer.Exit(2) from error
     except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)

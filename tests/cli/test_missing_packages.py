@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.cli.errors import OPTIONAL_PACKAGES
+from epuck_sim.cli.errors import EXTRAS
 
 ROOT = Path(__file__).parent.parent.parent
 
 WITHOUT = (
-    f"import sys\nsys.modules.update(dict.fromkeys({list(OPTIONAL_PACKAGES)}))\n"
+    f"import sys\nsys.modules.update(dict.fromkeys({list(EXTRAS)}))\n"
     "from epuck_sim.cli.app import main\nmain()"
 )
 
@@ -43,27 +43,38 @@ def test_sweeps_and_statistics_need_none_of_them(folder: Path, command: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("words", "package"),
+    ("words", "package", "extra"),
     [
-        (("plot", "runs"), "matplotlib"),
-        (("export", "runs", "--to", "trials.csv"), "pyarrow"),
-        (("run", "pair", "--trace", "trace.parquet"), "pyarrow"),
-        (("run", "pair", "--record", "pair.rrd"), "rerun-sdk"),
-        (("run", "pair", "--film", "pair.mp4"), "av"),
-        (("run", "pair", "--live"), "rerun-sdk"),
-        (("track", "film.mp4"), "opencv-python-headless"),
+        (("plot", "runs"), "matplotlib", "plot"),
+        (("export", "runs", "--to", "trials.csv"), "pyarrow", "table"),
+        (("run", "pair", "--trace", "trace.parquet"), "pyarrow", "table"),
+        (("run", "pair", "--record", "pair.rrd"), "rerun-sdk", "view"),
+        (("run", "pair", "--film", "pair.mp4"), "av", "film"),
+        (("run", "pair", "--live"), "rerun-sdk", "view"),
+        (("track", "film.mp4"), "opencv-python-headless", "film"),
     ],
 )
-def test_other_commands_say_in_a_line_what_they_lack(folder: Path, words: tuple[str, ...], package: str) -> None:
+def test_other_commands_say_in_a_line_what_they_lack(
+    folder: Path, words: tuple[str, ...], package: str, extra: str
+) -> None:
     done = call_without(folder, *words)
     assert done.returncode == 2
-    assert re.fullmatch(
-        rf"error: this needs {package}, which is not installed: pip install '{package}[<>=.,\d]*'\n", done.stderr
-    )
+    message = f"error: this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'\n"
+    assert done.stderr == message
 
 
-def test_the_docs_leave_out_these_and_no_others() -> None:
+def test_every_extra_installs_what_it_is_named_for() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    for package, extra in EXTRAS.values():
+        assert package not in {re.split("[<>=]", each)[0] for each in project["dependencies"]}
+        own = [re.split("[<>=]", each)[0] for each in extras[extra]]
+        assert package in own
+    (everything,) = extras["all"]
+    assert everything == f"epuck-sim[{','.join(sorted(set(extras) - {'all', 'docs', 'test'}))}]"
+
+
+def test_the_docs_name_every_extra() -> None:
     page = (ROOT / "docs/small_install.md").read_text()
-    dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
-    left_out = {each for each in dependencies if f'"{each}"' not in page}
-    assert {re.split("[<>=]", each)[0] for each in left_out} == set(OPTIONAL_PACKAGES.values())
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    assert set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE)) == set(extras) - {"docs", "test"}
