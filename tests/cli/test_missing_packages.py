@@ -12,10 +12,7 @@ from epuck_sim.cli.errors import EXTRAS
 
 ROOT = Path(__file__).parent.parent.parent
 
-WITHOUT = (
-    f"import sys\nsys.modules.update(dict.fromkeys({list(EXTRAS)}))\n"
-    "from epuck_sim.cli.app import main\nmain()"
-)
+WITHOUT = f"import sys\nsys.modules.update(dict.fromkeys({list(EXTRAS)}))\nfrom epuck_sim.cli.app import main\nmain()"
 
 
 def call_without(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
