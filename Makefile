@@ -44,6 +44,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
 	$(BIN)/python docs/figures/animation.py
 	$(BIN)/python docs/figures/base_curve.py
+	$(BIN)/python docs/figures/shipped_pictures.py
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
 	    $(BIN)/epuck-sim plot runs/$$sweep --to docs/figures/$$sweep; \
