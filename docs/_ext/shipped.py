@@ -1,4 +1,4 @@
-"""Writes the reference of what is shipped: scenarios, sweeps, controllers and measures, each with its one line and its picture."""
+"""Writes the reference of what is shipped: each scenario, sweep, controller and measure with its line and picture."""
 
 import ast
 from collections.abc import Callable, Mapping
@@ -47,10 +47,8 @@ def _parameters_in(source: str) -> str:
 
 def _write_with_pictures(kind: str, descriptions: Mapping[str, str]) -> str:
     """Return a section for each name: its description, and its picture."""
-    return "\n\n".join(
-        "\n\n".join([f"### `{name}`", description, *_pictures(kind, name)])
-        for name, description in descriptions.items()
-    )
+    parts = [[f"### `{name}`", description, *_pictures(kind, name)] for name, description in descriptions.items()]
+    return "\n\n".join(part for section in parts for part in section)
 
 
 def _pictures(kind: str, name: str) -> list[str]:
