@@ -81,7 +81,8 @@ def collapse(drawn: Sequence[Drawn], trials: int) -> Effect:
 
 
 def _logs(curve: Curve) -> tuple[FloatArray, FloatArray]:
-    return np.log(curve.values), np.log(curve.resampled)
+    with np.errstate(divide="ignore"):  # where nothing changes there is no place to compare at
+        return np.log(curve.values), np.log(curve.resampled)
 
 
 def _spreads(curves: Sequence[tuple[Curve, FloatArray, FloatArray]]) -> FloatArray:

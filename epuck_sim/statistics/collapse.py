@@ -27,7 +27,9 @@ def spread(courses: Sequence[Course]) -> float:
     reaches do not count, nor do points whose x is infinite. It is 0 where all curves are one; NaN where no two share a
     place.
     """
-    courses = [Course(each.x[np.isfinite(each.x)], each.y[np.isfinite(each.x)]) for each in courses]
+    courses = [Course(each.x[known], each.y[known]) for each in courses if (known := np.isfinite(each.x)).any()]
+    if len(courses) < 2:
+        return float("nan")
     lowest, highest = min(each.x.min() for each in courses), max(each.x.max() for each in courses)
     grid = np.linspace(lowest, highest, GRID_POINTS)
     heights = np.array([_interpolate(each, grid) for each in courses])

@@ -38,3 +38,6 @@ def test_places_that_one_curve_reaches_alone_do_not_count() -> None:
     assert spread([Course(X[:3], X[:3]), Course(X[-3:], X[-3:])]) != spread([near, far])
     assert math.isnan(spread([Course(X[:3], X[:3]), Course(X[-3:], X[-3:])]))
     assert math.isnan(spread([longer]))
+    nowhere = Course(np.full(3, -math.inf), np.zeros(3))
+    assert spread([near, nowhere, far]) == spread([near, far])
+    assert math.isnan(spread([near, nowhere]))
