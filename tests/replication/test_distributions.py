@@ -78,9 +78,11 @@ def test_the_gain_of_a_law_is_the_difference_of_its_likelihood() -> None:
     logs = np.log(values)
     # closed form of the log-normal distribution's largest log likelihood
     largest = -logs.sum() - 20 * math.log(2 * math.pi * logs.var()) - 20
-    weibull = stats.weibull_min.logpdf(values, *stats.weibull_min.fit(values, floc=0)).sum()
+    weibull = stats.weibull_min.logpdf(values, *stats.weibull_min.fit(values, floc=0))
     effect = likelier([uncensored(values)], "log-normal", "Weibull")
-    assert effect.estimate.value == pytest.approx((largest - weibull) / 40, rel=1e-4)
+    assert effect.estimate.value == pytest.approx((largest - weibull.sum()) / 40, rel=1e-4)
+    gains = stats.norm.logpdf(logs, logs.mean(), logs.std()) - logs - weibull
+    assert effect.p_above(0) == pytest.approx(stats.ttest_1samp(gains, 0, alternative="greater").pvalue, rel=1e-3)
 
 
 def test_points_that_are_censored_few_or_coarse_are_left_out() -> None:
