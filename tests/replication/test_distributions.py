@@ -63,6 +63,17 @@ def test_by_chance_trends_are_found_as_often_as_they_should_be() -> None:
     assert 0.025 < np.mean(found) < 0.08
 
 
+def test_intervals_of_strong_trends_hold_the_truth() -> None:
+    truth, rng = 6 / math.pi * math.asin(0.9 / 2), np.random.default_rng(4)  # of normal pairs that correlate by 0.9
+    held = []
+    for _ in range(400):
+        x = rng.normal(size=30)
+        y = 0.9 * x + math.sqrt(1 - 0.81) * rng.normal(size=30)
+        _, low, high = rank_trend(x, [uncensored([value]) for value in y]).estimate
+        held.append(low <= truth <= high)
+    assert 0.92 < np.mean(held) < 0.98
+
+
 def test_trials_are_likelier_by_the_law_that_they_were_drawn_from() -> None:
     rng = np.random.default_rng(5)
     weibull = [uncensored(scale * rng.weibull(1.3, 300)) for scale in (10, 100)]
