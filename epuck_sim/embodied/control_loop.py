@@ -270,12 +270,17 @@ class InterpretedLoop:
     """`_take_steps` of a loop as a function of its other arguments, as plain Python."""
 
     def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
-        self._loop, self._faults = loop, faults
-        self.call_controllers(groups)
+        self._faults = faults
+        self.begin(loop, groups)
         for function in self._before:  # now, so that compiling it belongs to no trial's time
             function(0)
         move_bodies(loop.bodies, 0)
-        self._take_steps = bind(_take_steps, value_at=lambda _: loop, run_calls=self.run_calls)
+        self._take_steps = bind(_take_steps, value_at=lambda _: self._loop, run_calls=self.run_calls)
+
+    def begin(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
+        """Take this loop of these groups from the next step on."""
+        self._loop = loop
+        self.call_controllers(groups)
 
     def call_controllers(self, groups: Sequence[RobotGroupState]) -> None:
         """Call what runs on the robots of these groups from the next step on."""
@@ -303,7 +308,12 @@ class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
     def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
-        self._loop, self._faults = loop, faults
+        self._faults = faults
+        self.begin(loop, groups)
+
+    def begin(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
+        """Take this loop of these groups from the next step on."""
+        self._loop = loop
         self._take_steps = compiled_for(_take_steps, loop)
         self._owner, self._address = hold(loop)
         self.call_controllers(groups)

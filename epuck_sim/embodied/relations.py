@@ -143,6 +143,12 @@ class Relations:
         self._contacts: _Finder | None = None
         self._last: dict[str, tuple[int, IntArray]] = {}
 
+    def change_arena(self, swarm: SwarmArrays) -> None:
+        """Search among other walls and obstacles from now on; swarm: the robots' arrays with them."""
+        self._swarm = swarm
+        self._sightings = self._contacts = None
+        self._last.clear()
+
     def restart(self) -> None:
         """Forget what was found in steps of an earlier trial."""
         self._last.clear()

@@ -11,9 +11,11 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.runner import RobotError
+from epuck_sim.embodied.arena_change import check_bodies_outside, in_arena
 from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.control_loop import CompiledLoop, InterpretedLoop, make_control_loop, restart_loop
 from epuck_sim.embodied.fault_events import take_events
@@ -36,6 +38,7 @@ from epuck_sim.embodied.schedule import carry_out, timed_entries
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
 from epuck_sim.errors import ControllerError
+from epuck_sim.scenario.arena_changes import arena_after
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -106,6 +109,7 @@ class Simulation:
             touch=scenario.contact.robots,
             drive_force_n=scenario.contact.drive_force_n,
         )
+        self._first_arena = arena
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
         self._randomness = Randomness(scenario)
         self._groups = self._make_groups()
@@ -171,6 +175,8 @@ class Simulation:
         self._timed.restart()
         self._replaced_at: int | None = None
         self._step[0] = -1
+        if self._swarm.arena is not self._first_arena:
+            self._change_arena(self._first_arena)
         self._world.place(poses)
         restart_swarm_arrays(self._swarm, self._step_ms)
         self._randomness.restart(seed)
@@ -325,8 +331,24 @@ class Simulation:
         time_ms = self.steps * self._step_ms
         sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
         section = self.scenario.schedule[entry]
+        if section.arena_values():
+            arena = arena_after(self.scenario, entry).build()
+            self._change_arena(arena)
+            origin = f"{self.scenario.name}: schedule.{entry}, at {time_ms / 1000:g} s, seed {self.seed}"
+            check_bodies_outside(arena, self._world.poses, origin)
         carry_out(section, self._groups, self._faults, self._set_parameters, sequence, time_ms)
         self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{entry}", section.what))
+
+    def _change_arena(self, arena: Arena) -> None:
+        """Have all move and sense in another arena, with the same movables, from the next step on."""
+        world = self._world
+        world.change_arena(arena)
+        self._swarm = self._swarm._replace(arena=arena, cells=world.bodies.cells)
+        self._groups[:] = [in_arena(group, arena, world.bodies.cells) for group in self._groups]
+        self._loop = self._loop._replace(bodies=world.bodies)
+        self._take_steps.begin(self._loop, self._groups)
+        self._relations.change_arena(self._swarm)
+        self._show()
 
     @property
     def controllers(self) -> list[Controller]:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.group import SwarmArrays
 from epuck_sim.embodied.memory import memory_field
@@ -40,6 +41,8 @@ class Step(NamedTuple):
     """(robots,): whether the ring is commanded to be lit; the reference's commands count as its firings."""
     movables: FloatArray
     """(movables, 2) cm: x, y of the arena's movables at this instant."""
+    arena: Arena
+    """Walls and obstacles at this instant, and the movables: another one after the schedule has changed it."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
     relations: Relations
@@ -92,6 +95,7 @@ def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tu
         _read_only(swarm.ring_on),
         _read_only(swarm.ring_commands),
         _read_only(swarm.arena.circles[swarm.arena.first_movable :, :2]),
+        swarm.arena,
         tuple(map(_read_only, memories)),
     )
 

@@ -237,6 +237,12 @@ class EmbodiedScenario(Scenario):
         )
         check_oscillators(self.faults, robots, swept, origin)
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
+        if any(entry.arena_values() for entry in self.schedule) and not any(
+            f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept
+        ):
+            from epuck_sim.scenario.arena_changes import check_arenas  # noqa: PLC0415 knows this module
+
+            check_arenas(self, f"{origin}: schedule")
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
         return super(EmbodiedScenario, resolved).resolved(origin, folder)

@@ -16,7 +16,10 @@ from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.schedule import Displacement, ScheduleEntry
 
 PARAMETER = re.compile(r"robots\.(\d+)\.parameters\.(\w+)")
-"""A key that a schedule may set."""
+"""A key of a controller that a schedule may set."""
+
+ARENA = re.compile(r"arena\.(width_cm|height_cm|obstacles)")
+"""A key of the arena that a schedule may set."""
 
 
 class RobotDisplacement(Displacement):
@@ -32,7 +35,7 @@ class RobotDisplacement(Displacement):
 
 
 class RobotScheduleEntry(ScheduleEntry):
-    """Changes at one moment of a trial of robots; `set` has parameters of controllers."""
+    """Changes at one moment of a trial of robots; `set` has parameters of controllers, and keys of the arena."""
 
     changing: ClassVar[tuple[str, ...]] = ("set", "displace", "begin", "end")
 
@@ -46,10 +49,12 @@ class RobotScheduleEntry(ScheduleEntry):
     @staticmethod
     def check_key(key: str) -> None:
         """Raise ValueError for a key that cannot change during a trial."""
+        if ARENA.fullmatch(key):
+            return
         if PARAMETER.fullmatch(key) is None:
             raise ValueError(
-                f"set: {key} cannot change during a trial; allowed: robots.NUMBER.parameters.NAME; besides, "
-                "displace phases, and begin and end faults"
+                f"set: {key} cannot change during a trial; allowed: robots.NUMBER.parameters.NAME, arena.width_cm, "
+                "arena.height_cm and arena.obstacles; besides, displace phases, and begin and end faults"
             )
         if key.endswith(".period_s"):
             raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter are told by it")
@@ -63,10 +68,14 @@ class RobotScheduleEntry(ScheduleEntry):
         """Return the new values of parameters by name, for each group by its number."""
         values: dict[int, dict[str, Any]] = {}
         for key, value in self.set.items():
-            found = PARAMETER.fullmatch(key)
-            assert found is not None
-            values.setdefault(int(found[1]), {})[found[2]] = value
+            if found := PARAMETER.fullmatch(key):
+                values.setdefault(int(found[1]), {})[found[2]] = value
         return values
+
+    def arena_values(self) -> dict[str, Any]:
+        """Return the new values of the arena's keys, by their names in the section."""
+        found = {key: ARENA.fullmatch(key) for key in self.set}
+        return {match[1]: self.set[key] for key, match in found.items() if match}
 
 
 def check_schedule(
