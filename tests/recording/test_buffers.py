@@ -152,7 +152,7 @@ def test_levels_leave_out_what_they_say_and_nothing_else(name: str) -> None:
     }
     for level, absent in left_out.items():
         columns = joined(recorded(name, 7, level)[0])
-        for key in RowBatch._fields:
+        for key in set(RowBatch._fields) - {"arenas"}:  # which are as many objects as simulations
             expected = getattr(full, key)[:0] if key in absent else getattr(full, key)
             np.testing.assert_array_equal(getattr(columns, key), expected, err_msg=f"{level}: {key}")
 

@@ -30,6 +30,8 @@ class ExposureSample(NamedTuple):
     """(robots,) which rings are on."""
     movables: FloatArray = np.empty((0, 2))
     """(movables, 2) cm: where the arena's movables are."""
+    arena: Arena | None = None
+    """Walls and obstacles; by default those that the renderer was made with."""
 
 
 class Renderer:
@@ -52,6 +54,7 @@ class Renderer:
         self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
         self._movable_cm = arena.circles[arena.first_movable :, 2]
         self._room = render_room(self._floor_cm, camera.position_cm, arena)
+        self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
         self._noise = np.zeros(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.int16)
         if section.noise_levels > 0:
@@ -86,6 +89,7 @@ class Renderer:
         camera = self._camera
         scene = np.zeros(self._room.shape, np.float32)
         for sample in samples:
+            self._enter_room(sample.arena or self._first_arena)
             image = self._room.copy()
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 draw_circle(image, self._floor_cm, place, radius)
@@ -95,6 +99,11 @@ class Renderer:
             scene += image
         scene /= len(samples)
         return scene
+
+    def _enter_room(self, arena: Arena) -> None:
+        """Have the room be the one around an arena."""
+        if arena is not self._arena:
+            self._arena, self._room = arena, render_room(self._floor_cm, self._camera.position_cm, arena)
 
     def _through_lens(self, image: Float32Array) -> Float32Array:
         """Return (rows, columns) an image blurred and dimmed by the lens."""
