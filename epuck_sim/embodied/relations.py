@@ -165,8 +165,12 @@ class Relations:
         return self._once(
             "sightings",
             step,
-            lambda: np.concatenate([_NOTHING, *(finder.find() for finder in finders)]),
+            lambda: self._of_present(np.concatenate([_NOTHING, *(finder.find() for finder in finders)])),
         )
+
+    def _of_present(self, sightings: IntArray) -> IntArray:
+        """Return sightings without those of robots that look from where they are parked."""
+        return sightings[self._swarm.sensors.present[sightings[:, 0]]]
 
     def contacts(self, step: int) -> IntArray:
         """Return (contacts, 2) robot, and the robot that it touches in the present step, or -1: no robot, but a thing.

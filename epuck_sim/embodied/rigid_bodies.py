@@ -5,7 +5,7 @@ bodies' velocities at the beginning of each control step, and changes made by co
 robot that pushes one that holds still moves both at half its speed. Where there are movables, forces count: `movables`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,7 @@ class World:
             step_s=1.0 / physics_hz,
             calls=_calls(self._batches),
             pointers=np.array([[_pointer(body._body), _pointer(disc._shape)] for body, disc in self._discs]),
+            present=np.ones(len(poses), np.bool_),
             is_candidate=np.zeros(len(poses), np.bool_),
             reached=np.zeros(len(poses), np.int64),
             is_in_space=np.zeros(len(poses), np.bool_),
@@ -140,6 +141,18 @@ class World:
             edges=arena.edges,
             cells=make_cell_list(arena.width_cm, arena.height_cm, len(self.poses)),
         )
+        sort_into_cells(self.poses, self.bodies.cells)
+
+    def move(self, robot: int, pose: Sequence[float]) -> None:
+        """Put a robot at rest elsewhere, as one that has touched nothing yet; pose: x, y in cm and heading in rad."""
+        body, disc = self._discs[robot]
+        if self.bodies.is_in_space[robot]:
+            lib.cpSpaceRemoveShape(self._space._space, disc._shape)
+            lib.cpSpaceRemoveBody(self._space._space, body._body)
+            self.bodies.is_in_space[robot] = False
+        _forget_motion(body._body)
+        self.poses[robot] = pose
+        self.velocities[robot] = 0.0
         sort_into_cells(self.poses, self.bodies.cells)
 
     def _surfaces(self, arena: Arena) -> list[pymunk.Shape]:

@@ -74,10 +74,10 @@ def test_changed_arenas_are_kept_however_steps_are_taken_and_by_copies_and_reset
     expected = steps_of(scenario, 120, 1)
     simulation = Simulation(scenario, 7, interpret=interpret)
     simulation.advance(80)
-    assert simulation._last_step().arena.width_cm == 90
+    assert simulation.last_step.arena.width_cm == 90
     simulation.reset(1)
     assert_ends_equal(simulation.advance(20), expected, 19)
-    assert simulation._last_step().arena.width_cm == 60
+    assert simulation.last_step.arena.width_cm == 60
     simulation.advance(25)
     for made in (copy.deepcopy(simulation), pickle.loads(pickle.dumps(simulation)), simulation):
         step = made.advance(75)

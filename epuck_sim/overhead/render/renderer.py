@@ -77,7 +77,7 @@ class Renderer:
     def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
-        lit = np.concatenate([sample.poses[sample.ring_on] for sample in samples])
+        lit = _in_arena(np.concatenate([sample.poses[sample.ring_on] for sample in samples]))
         reach = reach_cm(self._light, self._bloom)
         boxes = bounding_boxes(self._camera, lit[:, :2], epuck.RING_RADIUS_CM + reach, (epuck.RING_HEIGHT_CM,))
         light = self._light / len(samples)
@@ -93,7 +93,7 @@ class Renderer:
             image = self._room.copy()
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 draw_circle(image, self._floor_cm, place, radius)
-            poses = farthest_first(sample.poses, camera.position_cm)
+            poses = farthest_first(_in_arena(sample.poses), camera.position_cm)
             boxes = bounding_boxes(camera, poses[:, :2], epuck.RADIUS_CM, (0.0, epuck.HEIGHT_CM))
             draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes)
             scene += image
@@ -125,6 +125,11 @@ class Renderer:
         rows, columns = self._room.shape
         first = self._random.integers(NOISE_OFFSETS)
         return self._noise[first : first + rows * columns * 3].reshape(rows, columns, 3)
+
+
+def _in_arena(poses: FloatArray) -> FloatArray:
+    """Return those of (n, 3) poses that are not NaN."""
+    return poses[~np.isnan(poses[:, 0])]
 
 
 def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:

@@ -85,7 +85,8 @@ class VirtualCamera:
         """
         if not self._states:
             self._offset_s = self._section.lit_start_s - time_s
-        arrays = np.array(poses, float), np.array(ring_on, bool), np.array(movables, float)
+        poses, ring_on = np.array(poses, float), np.array(ring_on, bool)
+        arrays = poses, ring_on & ~np.isnan(poses[:, 0]), np.array(movables, float)
         self._states.append(_State(self._offset_s + time_s, *arrays, arena))
         return self._frames_begun_by(self._states[-1].time_s - self._exposure_s)
 

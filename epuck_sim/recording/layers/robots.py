@@ -11,6 +11,7 @@ from rerun.chunk import Chunk
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.embodied.attendance import parked
 from epuck_sim.embodied.cell_list import CellList, make_cell_list
 from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.sensing import build_camera
@@ -113,10 +114,11 @@ class RobotLayers:
     def _moments(self, batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
         """Yield the first of some steps, their (steps, robots, 3) poses, and the arena, in which nothing moves then."""
         for steps, arena in _stretches(batch):
+            poses = parked(batch.poses[steps])
             if not len(batch.movables):
-                yield steps.start, batch.poses[steps], arena
-            for step, places in enumerate(batch.movables[steps], steps.start):
-                yield step, batch.poses[step : step + 1], arena.with_movables_at(places)
+                yield steps.start, poses, arena
+            for step, places in enumerate(batch.movables[steps]):
+                yield steps.start + step, poses[step : step + 1], arena.with_movables_at(places)
 
     def _contacts(self, batch: RowBatch) -> tuple[IntArray, FloatArray]:
         """Return the contacts at these steps as `find_contacts` does."""
@@ -154,6 +156,8 @@ class RobotLayers:
                 groups.append(find_sightings(some, arena, cells, view, first, robots))
                 groups[-1][:, 0] += first_step
         found = np.concatenate(groups)
+        found = found[~np.isnan(poses[found[:, 0], found[:, 1], 0])]  # who is parked outside sees nobody
+        found = found[~np.isnan(poses[found[:, 0], found[:, 2], 0])]
         steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
         forward_cm = self._forward_cm[observers, None]
         origins = poses[steps, observers, :2] + forward_cm * unit_vectors(poses[steps, observers, 2])
