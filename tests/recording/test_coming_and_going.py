@@ -51,7 +51,7 @@ def test_a_recording_holds_who_was_there(trial):
     assert present[rows, others].all()
     assert not np.isnan(recorded.order_parameter).any()
     assert draw_page(recorded) is not None
-    assert "nan" not in recorded._repr_html_()
+    assert '"nan' not in recorded._repr_html_()
 
 
 def test_films_of_a_trial_and_of_its_recording_show_who_is_there(trial):
@@ -71,4 +71,4 @@ def test_notebooks_and_traces_take_steps_without_some_robots(tmp_path):
     simulation = Simulation(scenario, 1)
     with Trace(tmp_path / "t.parquet", simulation.scenario, 1) as trace:
         run_trial(simulation, [trace])
-    assert "nan" not in simulation._repr_html_()
+    assert '"nan' not in simulation._repr_html_()
