@@ -187,3 +187,17 @@ def test_who_finds_no_place_ends_the_trial(entry, message):
     simulation = Simulation(scenario, 1)
     with pytest.raises(ScenarioError, match=message):
         simulation.advance(25)
+
+
+def test_robots_among_movables_come_and_go():
+    schedule = [{"at_s": 3, "remove": [1, 2]}, {"at_s": 5, "add": [1], "set": {"arena.width_cm": 61}}]
+    scenario = quiet([[0, 1, 2, 3]], arena={"movables": MOVABLES}, schedule=schedule)
+    expected = steps_of(scenario, 100, 1)
+    assert np.isnan(expected["poses"][30:50, [1, 2]]).all()
+    assert np.hypot(*np.diff(expected["poses"][51:, [0, 1, 3], :2], axis=0).T).max() > 1
+    simulation = Simulation(scenario, 4)
+    simulation.advance(70)
+    simulation.reset(1)
+    simulation.advance(40)
+    for made in (copy.deepcopy(simulation), simulation):
+        assert made.advance(60).poses.tobytes() == expected["poses"][-1].tobytes()
