@@ -1,5 +1,6 @@
 """A buffer holds what the steps held, whatever its capacity, and counts flashes as the watch counts firings."""
 
+from copy import copy
 from functools import cache
 from itertools import islice
 from types import SimpleNamespace
@@ -166,11 +167,11 @@ def test_what_was_returned_is_not_written_to_again() -> None:
         buffer.append(step, watch)
         if buffer.is_full:
             columns = buffer.flush()
-            returned.append((columns, [column.copy() for column in columns]))
+            returned.append((columns, [copy(column) for column in columns]))
     assert len(returned) == 4
     for columns, copies in returned:
-        for key, column, copy in zip(RowBatch._fields, columns, copies, strict=True):
-            np.testing.assert_array_equal(column, copy, err_msg=key)
+        for key, column, kept in zip(RowBatch._fields, columns, copies, strict=True):
+            np.testing.assert_array_equal(column, kept, err_msg=key)
 
 
 def test_a_buffer_is_full_at_its_capacity_and_empty_after_a_flush() -> None:
