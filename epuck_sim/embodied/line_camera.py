@@ -12,7 +12,6 @@ import math
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.camera_pixels import Camera, Observer, Picture, add_robot, hide_behind_obstacles, view_between
 from epuck_sim.embodied.cell_list import CellList
@@ -28,7 +27,6 @@ from epuck_sim.util.jit import jit, jit_inline
 
 Labels = BoolArray | IntArray
 
-_FORWARD = epuck.CAMERA_FORWARD_CM
 _FEW_LIT = 8  # measured: to look at the lit first is as fast as to search for all robots at once if lit^2 = 8 robots
 
 
@@ -64,7 +62,7 @@ def see(
     for row in range(len(rows)):
         x, y, heading = poses[observer + row]
         cos, sin = math.cos(heading), math.sin(heading)
-        eye = Observer(observer + row, x + _FORWARD * cos, y + _FORWARD * sin, cos, sin)
+        eye = Observer(observer + row, x + camera.forward_cm * cos, y + camera.forward_cm * sin, cos, sin)
         picture = Picture(rows[row], depth)
         depth[camera.first : camera.end] = camera.range_cm
         if few_lit and not _see_lit(poses, labels, lit, camera, eye, picture):

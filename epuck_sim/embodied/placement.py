@@ -2,18 +2,15 @@
 
 import math
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.embodied import GRID_SPACING_CM, EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
-
-GRID_SPACING_CM = 10.0
-"""Distance between the points of the grid in cm (thesis 4.3.1)."""
 
 GRID_HEADINGS = 8
 """Number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)."""
@@ -21,8 +18,6 @@ GRID_HEADINGS = 8
 MAX_DRAWS = 10_000
 """Number of random positions tried for a robot before the arena counts as full."""
 
-_TOUCH_CM = 2 * epuck.RADIUS_CM
-_CELL_CM = 8.0  # longer than that: who touches a robot is in its cell or in one of the eight around it
 _TOLERANCE_CM = 1e-6
 
 
@@ -42,44 +37,66 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     Raises:
         ScenarioError: Robots do not fit, overlap, or stand in a wall or an obstacle.
     """
-    arena = scenario.arena.build()
+    floor = _Floor(scenario.arena.build(), scenario.robot.radius_cm)
     random = np.random.default_rng(sequence)
     groups: list[FloatArray] = [np.empty((0, 3)) for _ in scenario.robots]
     for placement, place in (("poses", _at_given_poses), ("grid", _on_grid), ("random", _at_random)):
         for number, group in enumerate(scenario.robots):
             if group.placement == placement:
-                groups[number] = place(group, f"{scenario.name}: robots.{number}", arena, np.vstack(groups), random)
+                groups[number] = place(group, f"{scenario.name}: robots.{number}", floor, np.vstack(groups), random)
     return np.vstack(groups)
 
 
+class _Floor(NamedTuple):
+    """The arena, and the robots for which there is to be room."""
+
+    arena: Arena
+    radius_cm: float
+    """Radius of a robot."""
+
+    @property
+    def touch_cm(self) -> float:
+        """Distance of the centres of two robots that touch."""
+        return 2 * self.radius_cm
+
+    def is_clear(self, x: float, y: float) -> bool:
+        """Return whether a robot at (x, y) touches no wall and no obstacle."""
+        return clearance_cm(self.arena, x, y) >= self.radius_cm - _TOLERANCE_CM
+
+    def is_free(self, placed: FloatArray, x: float, y: float) -> bool:
+        """Return whether a robot at (x, y) touches no robot that is placed, no wall and no obstacle."""
+        dx, dy = placed[:, 0] - x, placed[:, 1] - y
+        return bool((dx * dx + dy * dy >= self.touch_cm**2).all()) and self.is_clear(x, y)
+
+
 def _at_given_poses(
-    group: RobotGroup, key: str, arena: Arena, placed: FloatArray, _: np.random.Generator
+    group: RobotGroup, key: str, floor: _Floor, placed: FloatArray, _: np.random.Generator
 ) -> FloatArray:
     """Return the poses that the scenario gives; raise ScenarioError if one is not free."""
     poses = np.array(group.poses, float)
     for number, (x, y, _heading) in enumerate(poses):
-        gap = clearance_cm(arena, x, y) - epuck.RADIUS_CM
+        gap = clearance_cm(floor.arena, x, y) - floor.radius_cm
         if gap < -_TOLERANCE_CM:
             raise ScenarioError(
                 f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
-                f"allowed: at least {epuck.RADIUS_CM:g} cm away from them"
+                f"allowed: at least {floor.radius_cm:g} cm away from them"
             )
         others = np.vstack([placed, poses[:number]])
         distances = np.hypot(others[:, 0] - x, others[:, 1] - y)
-        if distances.size and distances.min() < _TOUCH_CM - _TOLERANCE_CM:
+        if distances.size and distances.min() < floor.touch_cm - _TOLERANCE_CM:
             other = others[distances.argmin()]
             raise ScenarioError(
                 f"{key}.poses.{number}: is [{x:g}, {y:g}] and overlaps the robot at [{other[0]:g}, {other[1]:g}]; "
-                f"allowed: at least {_TOUCH_CM:g} cm between centres"
+                f"allowed: at least {floor.touch_cm:g} cm between centres"
             )
     return poses
 
 
-def _on_grid(group: RobotGroup, key: str, arena: Arena, placed: FloatArray, random: np.random.Generator) -> FloatArray:
+def _on_grid(group: RobotGroup, key: str, floor: _Floor, placed: FloatArray, random: np.random.Generator) -> FloatArray:
     """Return free points of a grid of 10 cm, as far from the walls or farther, with headings in steps of 45 degrees."""
-    xs, ys = (_grid_line(length) for length in (arena.width_cm, arena.height_cm))
+    xs, ys = (_grid_line(length) for length in (floor.arena.width_cm, floor.arena.height_cm))
     points = np.array([(x, y) for y in ys for x in xs])
-    free = np.array([_is_free(arena, placed, x, y) for x, y in points])
+    free = np.array([floor.is_free(placed, x, y) for x, y in points])
     if free.sum() < group.count:
         raise ScenarioError(
             f"{key}.count: is {group.count}; allowed: up to {free.sum()}, the free points of the grid of "
@@ -98,17 +115,17 @@ def _grid_line(length_cm: float) -> FloatArray:
 
 
 def _at_random(
-    group: RobotGroup, key: str, arena: Arena, placed: FloatArray, random: np.random.Generator
+    group: RobotGroup, key: str, floor: _Floor, placed: FloatArray, random: np.random.Generator
 ) -> FloatArray:
     """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
     poses = []
-    taken = _TakenPlaces(placed)
-    width, height = arena.width_cm - 2 * epuck.RADIUS_CM, arena.height_cm - 2 * epuck.RADIUS_CM
+    taken = _TakenPlaces(placed, floor.touch_cm)
+    width, height = floor.arena.width_cm - floor.touch_cm, floor.arena.height_cm - floor.touch_cm
     for robot in range(group.count):
         for _ in range(MAX_DRAWS):
-            x = epuck.RADIUS_CM + width * random.random()
-            y = epuck.RADIUS_CM + height * random.random()
-            if taken.is_free(x, y) and _is_clear(arena, x, y):
+            x = floor.radius_cm + width * random.random()
+            y = floor.radius_cm + height * random.random()
+            if taken.is_free(x, y) and floor.is_clear(x, y):
                 break
         else:
             raise ScenarioError(
@@ -124,33 +141,24 @@ def _at_random(
 class _TakenPlaces:
     """Places of robots in square cells, which are faster to search than one array: most are far away."""
 
-    def __init__(self, placed: FloatArray) -> None:
-        """Take the places of (robots, 3) poses."""
+    def __init__(self, placed: FloatArray, touch_cm: float) -> None:
+        """Take the places of (robots, 3) poses; touch_cm: distance of the centres of two robots that touch."""
+        self._touch_cm = touch_cm
+        self._cell_cm = 1.01 * touch_cm  # who touches a robot is in its cell or in one of the eight around it
         self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
         for x, y, _ in placed.tolist():
             self.add(x, y)
 
     def add(self, x: float, y: float) -> None:
         """Take a place."""
-        self._cells.setdefault((int(x / _CELL_CM), int(y / _CELL_CM)), []).append((x, y))
+        self._cells.setdefault((int(x / self._cell_cm), int(y / self._cell_cm)), []).append((x, y))
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether a robot at (x, y) touches none of those whose places are taken."""
-        column, row = int(x / _CELL_CM), int(y / _CELL_CM)
+        column, row = int(x / self._cell_cm), int(y / self._cell_cm)
         for cell in product((column - 1, column, column + 1), (row - 1, row, row + 1)):
             for other_x, other_y in self._cells.get(cell, ()):
                 dx, dy = other_x - x, other_y - y
-                if dx * dx + dy * dy < _TOUCH_CM**2:
+                if dx * dx + dy * dy < self._touch_cm**2:
                     return False
         return True
-
-
-def _is_free(arena: Arena, placed: FloatArray, x: float, y: float) -> bool:
-    """Return whether a robot at (x, y) touches no robot that is placed, no wall and no obstacle."""
-    dx, dy = placed[:, 0] - x, placed[:, 1] - y
-    return bool((dx * dx + dy * dy >= _TOUCH_CM**2).all()) and _is_clear(arena, x, y)
-
-
-def _is_clear(arena: Arena, x: float, y: float) -> bool:
-    """Return whether a robot at (x, y) touches no wall and no obstacle."""
-    return clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM

@@ -105,6 +105,7 @@ class Simulation:
             *(arena, np.zeros((robots, 3)), scenario.contact.friction, scenario.timing.physics_hz),
             touch=scenario.contact.robots,
             drive_force_n=scenario.contact.drive_force_n,
+            robot=scenario.robot,
         )
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
         self._randomness = Randomness(scenario)
@@ -271,8 +272,8 @@ class Simulation:
         command. What is left out stays as it was.
 
         Args:
-            left_cm_s: (n,) cm/s: left wheel of each of `external_wheels`, or one number for all; limited to 12.8 either
-                way, as a controller's.
+            left_cm_s: (n,) cm/s: left wheel of each of `external_wheels`, or one number for all; limited to what
+                wheels can do, as a controller's.
             right_cm_s: (n,) cm/s: right wheel of each.
             ring_on: (m,) whether the ring of each of `external_rings` is lit, or one value for all.
 

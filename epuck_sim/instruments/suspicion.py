@@ -29,10 +29,11 @@ class _Suspicion:
         scenario, robots = simulation.scenario, len(simulation.period_ms)
         self._simulation = simulation
         self._arena = scenario.arena.build()
-        self._cells = make_cell_list(self._arena.width_cm, self._arena.height_cm, robots)
+        self._cells = make_cell_list(self._arena.width_cm, self._arena.height_cm, robots, scenario.robot.cell_cm)
         counts = [group.count for group in scenario.robots]
         firsts = np.cumsum([0, *counts[:-1]]).tolist()
-        self._groups = list(zip(map(view_of, scenario.robots), firsts, counts, strict=True))
+        views = [view_of(group, scenario.robot) for group in scenario.robots]
+        self._groups = list(zip(views, firsts, counts, strict=True))
         self._step_s = 1 / scenario.timing.control_hz
         self._period_s: FloatArray = simulation.period_ms / 1000
         self._patience_s = cycles * self._period_s[:, None]

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import RecordingError
@@ -60,7 +59,7 @@ def robot_population(scenario: EmbodiedScenario) -> Population:
         noun="robot",
         moment="step",
         size=scenario.robot_count,
-        radius_cm=epuck.RADIUS_CM,
+        radius_cm=scenario.robot.radius_cm,
         arena=scenario.arena.build(),
         is_cyclic=False,
         period_ms=np.repeat(periods, [group.count for group in scenario.robots]),

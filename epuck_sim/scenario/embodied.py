@@ -9,18 +9,24 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
 from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.schedule import conditions_in
 from epuck_sim.scenario.stop import StopSection
+
+STEP_CM = 0.13
+"""Largest distance in cm that wheels may drive in a physics step: bodies that meet head-on overlap by 1 mm at most."""
+
+GRID_SPACING_CM = 10.0
+"""Distance between the points of the grid in cm (thesis 4.3.1)."""
 
 
 class NoiseSection(ConfigModel):
@@ -122,11 +128,12 @@ class EmbodiedScenario(Scenario):
         "belongs to model: particles; give that model, or leave it out",
     )
 
-    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule")
+    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule", "robot")
     event_method: ClassVar[str] = "step"
 
     model: Literal["embodied"] = "embodied"
     arena: ArenaSection = ArenaSection()
+    robot: RobotKind = RobotKind()
     robots: tuple[RobotGroup, ...] = (RobotGroup(),)
     noise: NoiseSection = NoiseSection()
     spread: SpreadSection = SpreadSection()
@@ -165,15 +172,40 @@ class EmbodiedScenario(Scenario):
                 )
         check_faults(self.faults, self.robots)
         check_schedule(self.schedule, self.robots, self.faults)
+        self._check_robots_of_kind()
+        return self
+
+    def _check_robots_of_kind(self) -> None:
+        """Raise ValueError if robots of their kind do not fit into the arena, or cannot do what is asked of them."""
+        diameter_cm = 2 * self.robot.radius_cm
+        for key, side_cm in (("width_cm", self.arena.width_cm), ("height_cm", self.arena.height_cm)):
+            if side_cm < diameter_cm:
+                raise ValueError(f"arena.{key}: is {side_cm:g}; allowed: at least {diameter_cm:g}")
         floor = self.arena.width_cm * self.arena.height_cm
-        bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
+        bodies = self.robot_count * math.pi * self.robot.radius_cm**2
         densest = math.pi / math.sqrt(12)  # of equal discs in the plane
         if bodies > densest * floor:
             raise ValueError(
-                f"{self.robot_count} robots of {2 * epuck.RADIUS_CM:g} cm do not fit into the arena of "
+                f"{self.robot_count} robots of {diameter_cm:g} cm do not fit into the arena of "
                 f"{self.arena.width_cm:g} x {self.arena.height_cm:g} cm; give fewer robots or a larger arena"
             )
-        return self
+        if self.robot.wheel_limit_cm_s > STEP_CM * self.timing.physics_hz:
+            raise ValueError(
+                f"robot.wheel_limit_cm_s is {self.robot.wheel_limit_cm_s:g}; allowed: up to "
+                f"{STEP_CM * self.timing.physics_hz:g} at timing.physics_hz {self.timing.physics_hz}: faster robots "
+                "would overlap before a contact is found; give a higher physics_hz"
+            )
+        for number, group in enumerate(self.robots):
+            if self.robot.camera is None and group.signal.kind == "camera":
+                raise ValueError(
+                    f"robots.{number}.signal.kind is 'camera', and the robot {self.robot.kind!r} has none; allowed: "
+                    "cone or radio, as in signal: {kind: radio, range_cm: 10}"
+                )
+            if group.placement == "grid" and diameter_cm > GRID_SPACING_CM:
+                raise ValueError(
+                    f"robots.{number}.placement is 'grid', whose points are {GRID_SPACING_CM:g} cm apart, and robots "
+                    f"are {diameter_cm:g} cm wide; allowed: random or poses"
+                )
 
     @property
     def robot_count(self) -> int:

@@ -50,7 +50,7 @@ def test_sightings_are_those_of_the_cameras(tmp_path) -> None:
     cells = make_cell_list(arena.width_cm, arena.height_cm, 14)
     expected = []
     for group, first in zip(CROWD.robots, (0, 6), strict=True):
-        found = find_sightings(poses, arena, cells, build_camera(group.camera), first, group.count)
+        found = find_sightings(poses, arena, cells, build_camera(group.camera, CROWD.robot), first, group.count)
         expected += [
             (row, looks, seen, int(row > 0 and steps[row - 1].ring_on[seen])) for row, looks, seen in found.tolist()
         ]

@@ -42,7 +42,7 @@ class ArenaView:
         camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
         arena = scenario.arena.build()
         self._movables = arena.circles[arena.first_movable :, :2]
-        self._renderer = Renderer(section, camera, arena, seed=0)
+        self._renderer = Renderer(section, camera, arena, seed=0, robot=scenario.robot)
 
     def draw(self, poses: FloatArray, ring_on: BoolArray, movables: FloatArray | None = None) -> Picture:
         """Return (height, width, 3) the picture of robots in red, green and blue from 0 to 255.
