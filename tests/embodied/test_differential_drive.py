@@ -101,7 +101,7 @@ def test_a_wheel_with_a_gain_turns_that_much_faster_and_its_command_is_reported_
         np.zeros(1, bool),
         np.zeros(1),
         poses,
-        np.array([gains]),
+        gain,
         0.0,
         0.1,
         velocities,
