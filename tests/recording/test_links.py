@@ -76,6 +76,27 @@ def test_contacts_are_those_of_discs_that_touch(tmp_path) -> None:
     assert {-1} < set(read.contacts[:, 2])
 
 
+def test_links_of_other_robots_are_those_that_the_simulation_found(tmp_path) -> None:
+    robot = {"kind": "kilobot", "camera": {"forward_cm": 0.5}}
+    groups = [{"count": 20, "parameters": {"period_s": 1.0}}]
+    arena = {"width_cm": 25, "height_cm": 25}
+    scenario = load_scenario({"robot": robot, "robots": groups, "arena": arena, "stop": {"max_time_s": 10}})
+    contacts: list[tuple[int, ...]] = []
+    lit: list[tuple[int, ...]] = []
+
+    def keep(step: Step, _: object) -> None:
+        contacts.extend((step.number, *pair) for pair in step.contacts.tolist())
+        lit.extend((step.number, *pair) for pair in step.sightings.tolist())
+
+    with record(tmp_path / "t.rrd", scenario, 4, Level.FULL) as recorder:
+        run_trial(Simulation(scenario, 4), [recorder, keep])
+    read = read_recording(tmp_path / "t.rrd")
+    assert sorted(map(tuple, read.contacts.tolist())) == sorted(contacts)
+    assert sorted(tuple(row[:3]) for row in read.sightings.tolist() if row[3]) == sorted(lit)
+    assert len(contacts) > 20
+    assert len(lit) > 100
+
+
 @pytest.mark.parametrize("settings", [[], ["space.boundary=cyclic"], ["space.dimensions=1"], ["agents.count=60"]])
 def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: list[str]) -> None:
     scenario = load_scenario("particles", ["stop.max_cycles=12", "neighbourhood.k=3", *settings])
