@@ -9,7 +9,8 @@ import numpy as np
 from epuck_sim.arena import Arena, clearance_cm
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.embodied import GRID_SPACING_CM, EmbodiedScenario
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robot_checks import GRID_SPACING_CM
 from epuck_sim.scenario.robots import RobotGroup
 
 GRID_HEADINGS = 8

@@ -15,18 +15,13 @@ from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
 from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_checks import check_robots
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.schedule import conditions_in
 from epuck_sim.scenario.stop import StopSection
-
-STEP_CM = 0.13
-"""Largest distance in cm that wheels may drive in a physics step: bodies that meet head-on overlap by 1 mm at most."""
-
-GRID_SPACING_CM = 10.0
-"""Distance between the points of the grid in cm (thesis 4.3.1)."""
 
 
 class NoiseSection(ConfigModel):
@@ -121,7 +116,7 @@ class EmbodiedStop(StopSection):
 
 
 class EmbodiedScenario(Scenario):
-    """A swarm of e-pucks (chapter 4)."""
+    """A swarm of robots of one kind, by default e-pucks (chapter 4)."""
 
     foreign_keys: ClassVar[dict[str, str]] = dict.fromkeys(
         ("space", "agents", "neighbourhood", "response", "clocks", "start", "stop.reference"),
@@ -172,40 +167,8 @@ class EmbodiedScenario(Scenario):
                 )
         check_faults(self.faults, self.robots)
         check_schedule(self.schedule, self.robots, self.faults)
-        self._check_robots_of_kind()
+        check_robots(self.robot, self.robots, self.arena, self.timing.physics_hz)
         return self
-
-    def _check_robots_of_kind(self) -> None:
-        """Raise ValueError if robots of their kind do not fit into the arena, or cannot do what is asked of them."""
-        diameter_cm = 2 * self.robot.radius_cm
-        for key, side_cm in (("width_cm", self.arena.width_cm), ("height_cm", self.arena.height_cm)):
-            if side_cm < diameter_cm:
-                raise ValueError(f"arena.{key}: is {side_cm:g}; allowed: at least {diameter_cm:g}")
-        floor = self.arena.width_cm * self.arena.height_cm
-        bodies = self.robot_count * math.pi * self.robot.radius_cm**2
-        densest = math.pi / math.sqrt(12)  # of equal discs in the plane
-        if bodies > densest * floor:
-            raise ValueError(
-                f"{self.robot_count} robots of {diameter_cm:g} cm do not fit into the arena of "
-                f"{self.arena.width_cm:g} x {self.arena.height_cm:g} cm; give fewer robots or a larger arena"
-            )
-        if self.robot.wheel_limit_cm_s > STEP_CM * self.timing.physics_hz:
-            raise ValueError(
-                f"robot.wheel_limit_cm_s is {self.robot.wheel_limit_cm_s:g}; allowed: up to "
-                f"{STEP_CM * self.timing.physics_hz:g} at timing.physics_hz {self.timing.physics_hz}: faster robots "
-                "would overlap before a contact is found; give a higher physics_hz"
-            )
-        for number, group in enumerate(self.robots):
-            if self.robot.camera is None and group.signal.kind == "camera":
-                raise ValueError(
-                    f"robots.{number}.signal.kind is 'camera', and the robot {self.robot.kind!r} has none; allowed: "
-                    "cone or radio, as in signal: {kind: radio, range_cm: 10}"
-                )
-            if group.placement == "grid" and diameter_cm > GRID_SPACING_CM:
-                raise ValueError(
-                    f"robots.{number}.placement is 'grid', whose points are {GRID_SPACING_CM:g} cm apart, and robots "
-                    f"are {diameter_cm:g} cm wide; allowed: random or poses"
-                )
 
     @property
     def robot_count(self) -> int:
