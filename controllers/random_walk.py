@@ -8,7 +8,6 @@ import math
 
 import obstacle_avoidance
 
-from epuck_sim.epuck import WHEEL_BASE_CM
 from epuck_sim.util.rng import uniform
 
 PARAMETERS = obstacle_avoidance.PARAMETERS | {
@@ -69,8 +68,9 @@ def step(sensors, memory, actuators, parameters, random):
             memory.turn_left_rad = turn_rad(parameters, random)
         return
     seconds = sensors.step_ms / 1000
-    whole_cm_s = memory.turn_left_rad * WHEEL_BASE_CM / 2 / seconds  # the wheels' speed for all of it in this step
-    wheel_cm_s = min(max(whole_cm_s, -parameters.rotation_speed_cm_s), parameters.rotation_speed_cm_s)
+    whole_cm_s = memory.turn_left_rad * sensors.wheels.base_cm / 2 / seconds  # the wheels' speed for all in this step
+    fastest_cm_s = min(parameters.rotation_speed_cm_s, sensors.wheels.limit_cm_s)
+    wheel_cm_s = min(max(whole_cm_s, -fastest_cm_s), fastest_cm_s)
     actuators.left_cm_s = -wheel_cm_s
     actuators.right_cm_s = wheel_cm_s
     memory.turn_left_rad = 0.0 if wheel_cm_s == whole_cm_s else memory.turn_left_rad * (1 - wheel_cm_s / whole_cm_s)

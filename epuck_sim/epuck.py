@@ -3,8 +3,6 @@
 Frame of the body: x forward, y left, angles counter-clockwise, origin on the axle's centre.
 """
 
-import math
-
 import numpy as np
 
 RADIUS_CM = 3.7
@@ -44,11 +42,11 @@ INFRARED_POSITIONS_CM = np.array(
 )
 """(8, 2) cm: positions of the sensors (Enki 2.x e-puck model)."""
 
-INFRARED_DIRECTIONS_RAD = np.radians([-18.0, -45.0, -90.0, -142.0, 142.0, 90.0, 45.0, 18.0])
-"""(8,) rad: directions of the sensors (Enki 2.x e-puck model)."""
+INFRARED_DIRECTIONS_DEG = np.array([-18.0, -45.0, -90.0, -142.0, 142.0, 90.0, 45.0, 18.0])
+"""(8,) degrees: directions of the sensors (Enki 2.x e-puck model)."""
 
-INFRARED_SPREAD_RAD = math.radians(15.0)
-"""Angle between a sensor's centre ray and each of its two side rays (Enki 2.x e-puck model)."""
+INFRARED_SPREAD_DEG = 15.0
+"""Angle in degrees between a sensor's centre ray and each of its two side rays (Enki 2.x e-puck model)."""
 
 INFRARED_RANGE_CM = 12.0
 """Range of an infrared ray (Enki 2.x e-puck model)."""
@@ -70,8 +68,3 @@ INFRARED_TABLE_MM = np.array([0.0, 3.0, 10.0, 25.0, 50.0, 75.0, 100.0])
 
 OUT_OF_RANGE_MM = 65535
 """Distance that stands for "nothing in range" (e-puck firmware); no real distance is as large."""
-
-# --- line camera ----------------------------------------------------------------------------------
-
-CAMERA_FORWARD_CM = 3.7
-"""Distance of the camera ahead of the axle's centre: it is at the front of the body (e-puck hardware)."""

@@ -36,6 +36,7 @@ LONG_SWEEPS = (
     "broad-speeds",
     "switching",
     "wireless",
+    "kilobot-ranges",
     "consensus",
     "fault-detection",
     "embodiment",

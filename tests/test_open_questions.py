@@ -48,3 +48,13 @@ def test_robots_that_look_all_around_agree_on_a_word_at_once():
 
     assert cycles(360) <= 6
     assert cycles(56) > 20
+
+
+def test_kilobots_whose_messages_reach_7_cm_are_sooner_in_step_if_they_are_fast():
+    def cycles(speed_cm_s: float) -> list[int | None]:
+        settings = ["robots.0.signal.range_cm=7", f"robots.0.parameters.speed_cm_s={speed_cm_s}"]
+        scenario = load_scenario("kilobots", [*settings, "stop.max_cycles=300"])
+        return [run_trial(Simulation(scenario, seed)).t_sync_cycles for seed in (1, 2, 3)]
+
+    assert None not in cycles(1.0)
+    assert cycles(0.1) == [None] * 3

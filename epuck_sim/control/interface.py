@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 from epuck_sim.util.python_files import line_of_error
@@ -39,11 +40,27 @@ MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
 
 
+SENSORS = 8
+"""Number of proximity sensors that a robot can read; it may have fewer."""
+
 MAX_MESSAGES = 8
 """Largest number of messages that a robot can read in one control step."""
 
 _NO_MESSAGES = np.zeros(MAX_MESSAGES, np.int64)
 _NO_MESSAGES.flags.writeable = False
+
+
+class Wheels(NamedTuple):
+    """A robot's two wheels."""
+
+    limit_cm_s: float
+    """Largest speed of each, cm/s, forwards or backwards."""
+    base_cm: float
+    """Distance between them, cm."""
+
+
+EPUCK_WHEELS = Wheels(epuck.WHEEL_LIMIT_CM_S, epuck.WHEEL_BASE_CM)
+"""The wheels of the e-puck."""
 
 
 class Sensors(NamedTuple):
@@ -52,9 +69,10 @@ class Sensors(NamedTuple):
     step_ms: int
     """Integer milliseconds on the robot's own clock since its last control step."""
     infrared: FloatArray
-    """(8,) counts: raw readings of the proximity sensors."""
+    """(8,) counts: raw readings of the proximity sensors; 0 for those that a robot with fewer sensors lacks."""
     distance_mm: IntArray
-    """(8,) mm: distances computed from the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
+    """(8,) mm: distances computed from the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range, and
+    for sensors that the robot lacks."""
     camera: IntArray
     """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture. A robot with another
     signal than the camera has one pixel: 1 if a flash or a pulse reaches it."""
@@ -65,6 +83,8 @@ class Sensors(NamedTuple):
     """Number of radio pulses that arrive in this control step."""
     messages: IntArray = _NO_MESSAGES
     """(MAX_MESSAGES,): what the first of them say, as their senders have set `actuators.send`; 0 for a bare pulse."""
+    wheels: Wheels = EPUCK_WHEELS
+    """What the robot knows of its wheels, for controllers that reckon with turns."""
 
 
 ACTUATORS = np.dtype(

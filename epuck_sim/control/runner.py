@@ -15,7 +15,7 @@ from epuck_sim.control.compilation import compile_loops
 from epuck_sim.control.error_lines import take_error_place
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.firmware_loop import firmware_loops
-from epuck_sim.control.interface import ACTUATORS, Controller, Sensors
+from epuck_sim.control.interface import ACTUATORS, EPUCK_WHEELS, Controller, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import function_address, hold
@@ -80,6 +80,8 @@ class ControllerArrays(NamedTuple):
     """(robots, 4) the robots' streams."""
     serving: IntArray
     """(1,) the robot whose controller is running, counted in the group; -1 if none is."""
+    wheels: Wheels
+    """What each robot knows of its wheels."""
 
 
 if TYPE_CHECKING:  # `bind` provides them
@@ -113,6 +115,7 @@ def _step_all(address: int) -> None:
             bool(senses.new_picture[robot]),
             int(senses.pulses[robot]),
             senses.messages[robot],
+            arrays.wheels,
         )
         step(sensors, memory[robot], actuators[robot], arrays.parameters[robot], arrays.random[robot])  # noqa: F821
     arrays.serving[0] = -1
@@ -138,6 +141,7 @@ class ControllerRunner:
         senses: SensorArrays,
         actuators: Records,
         interpret: bool = False,
+        wheels: Wheels = EPUCK_WHEELS,
     ) -> None:
         """Prepare `controller` for each robot, without starting it.
 
@@ -148,6 +152,7 @@ class ControllerRunner:
             senses: The arrays that it reads in each step.
             actuators: (robots,) the records that it sets (see `control.interface.ACTUATORS`).
             interpret: Whether it runs as plain Python instead of compiled.
+            wheels: The robots' wheels.
 
         Raises:
             ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
@@ -162,6 +167,7 @@ class ControllerRunner:
             parameters=parameters.view(kind),
             random=random,
             serving=np.full(1, -1),
+            wheels=wheels,
         )
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
         if isinstance(controller, Firmware):

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm, without_movables
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.cell_list import CellList
@@ -14,17 +13,18 @@ DEEPEST_CM = 2 * MARGIN_CM
 """How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
 
 
-def check_bodies_outside(arena: Arena, poses: FloatArray, present: BoolArray, origin: str) -> None:
+def check_bodies_outside(arena: Arena, poses: FloatArray, radius_cm: float, present: BoolArray, origin: str) -> None:
     """Raise ScenarioError if a robot or a movable would be in a wall or an obstacle, or beyond the walls.
 
     Args:
         arena: The new arena, with its movables where they are now.
         poses: (robots, 3) cm, cm, rad: x, y, heading.
+        radius_cm: Radius of a robot.
         present: (robots,) whether each robot is in the arena.
         origin: Begins the message: what changes the arena, and when.
     """
     fixed = without_movables(arena)
-    bodies = [(f"robot {robot}", *poses[robot, :2].tolist(), epuck.RADIUS_CM) for robot in np.flatnonzero(present)]
+    bodies = [(f"robot {robot}", *poses[robot, :2].tolist(), radius_cm) for robot in np.flatnonzero(present)]
     movables = arena.circles[arena.first_movable :].tolist()
     bodies += [(f"movable {number}", x, y, radius) for number, (x, y, radius) in enumerate(movables)]
     for name, x, y, radius in bodies:

@@ -20,6 +20,8 @@ class Bodies(NamedTuple):
     """Width of the arena."""
     height_cm: float
     """Height of the arena."""
+    radius_cm: float
+    """Radius of a robot."""
     circles: FloatArray
     """(k, 3) cm: round obstacles and movables, see `arena.Arena`; those of movables are written."""
     edges: FloatArray

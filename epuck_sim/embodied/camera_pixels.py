@@ -8,13 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.field_of_view import ATAN2_ERROR_RAD, FieldOfView, angular_radius_bound, fast_atan2
+from epuck_sim.embodied.field_of_view import (
+    ATAN2_ERROR_RAD,
+    SLACK_CM,
+    FieldOfView,
+    angular_radius_bound,
+    fast_atan2,
+)
 from epuck_sim.embodied.ray_casting import to_disc, to_segment
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.util.jit import jit, jit_inline
-
-_RADIUS = epuck.RADIUS_CM
 
 
 class Camera(NamedTuple):
@@ -38,6 +42,10 @@ class Camera(NamedTuple):
     """(pixels,) cosines of the pixels' directions in the body's frame."""
     sin: FloatArray
     """(pixels,) sines of the pixels' directions in the body's frame."""
+    forward_cm: float
+    """Distance of the camera ahead of the robot's centre."""
+    radius_cm: float
+    """Radius of the robots that it sees."""
 
 
 def make_camera(
@@ -46,8 +54,9 @@ def make_camera(
     central_pixels: int,
     range_cm: float = math.inf,
     reflection_range_cm: float = 0.0,
+    robot: RobotKind = EPUCK,
 ) -> Camera:
-    """Return the camera whose `pixels` share the field of view, with a window of `central_pixels`."""
+    """Return the camera, of a kind of robot, whose `pixels` share the field of view, with `central_pixels` in use."""
     pitch = field_of_view_rad / pixels
     angles = field_of_view_rad / 2 - pitch * (np.arange(pixels) + 0.5)
     first = (pixels - central_pixels) // 2
@@ -61,6 +70,8 @@ def make_camera(
         reflection_range_cm,
         np.cos(angles),
         np.sin(angles),
+        robot.camera_forward_cm,
+        float(robot.radius_cm),
     )
 
 
@@ -99,6 +110,7 @@ def view_between(eye: Observer, camera: Camera, left: int, right: int) -> FieldO
         eye.cos * camera.cos[right] - eye.sin * camera.sin[right],
         eye.sin * camera.cos[right] + eye.cos * camera.sin[right],
         right - left >= camera.pixels_per_rad * math.pi,
+        camera.radius_cm + SLACK_CM,
     )
 
 
@@ -112,10 +124,10 @@ def add_robot(
         Whether any pixel from `left` to `right` now shows it, and its label is not 0.
     """
     ahead, aside = dx * eye.cos + dy * eye.sin, dy * eye.cos - dx * eye.sin
-    row, depth = picture.row, picture.depth
+    row, depth, radius = picture.row, picture.depth, camera.radius_cm
     distance = math.sqrt(ahead * ahead + aside * aside)
-    nearest = distance - _RADIUS - 1e-9
-    width = angular_radius_bound(distance)
+    nearest = distance - radius - 1e-9
+    width = angular_radius_bound(distance, radius)
     spread = (width + 2.0 * ATAN2_ERROR_RAD) * camera.pixels_per_rad
     direction = fast_atan2(ahead, aside)
     # a disc behind the camera may show at both ends of a row that looks nearly all round
@@ -128,7 +140,7 @@ def add_robot(
         for pixel in range(first, end):
             if depth[pixel] < nearest:
                 continue
-            reach = to_disc(0.0, 0.0, camera.cos[pixel], camera.sin[pixel], ahead, aside, _RADIUS)
+            reach = to_disc(0.0, 0.0, camera.cos[pixel], camera.sin[pixel], ahead, aside, radius)
             if reach < depth[pixel] or (reach == depth[pixel] and label > row[pixel] and reach < math.inf):
                 depth[pixel] = reach
                 row[pixel] = label

@@ -5,12 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.util.jit import jit
-
-REACH_CM = float(np.hypot(*epuck.INFRARED_POSITIONS_CM.T).max()) + epuck.INFRARED_RANGE_CM + epuck.RADIUS_CM
-"""Largest distance in cm between the centres of two robots at which an infrared ray of one can meet the other."""
 
 
 class CellList(NamedTuple):
@@ -19,9 +16,9 @@ class CellList(NamedTuple):
     columns: int
     rows: int
     width_cm: float
-    """Width of a cell in cm, at least `REACH_CM` unless there is only one column."""
+    """Width of a cell in cm, at least the least side unless there is only one column."""
     height_cm: float
-    """Height of a cell in cm, at least `REACH_CM` unless there is only one row."""
+    """Height of a cell in cm, at least the least side unless there is only one row."""
     first: IntArray
     """(cells + 1,) index in `members` at which each cell's robots begin; the last is the number of robots."""
     members: IntArray
@@ -30,9 +27,16 @@ class CellList(NamedTuple):
     """(robots, 2) cm: x, y of the robots, in the order of `members`."""
 
 
-def make_cell_list(width_cm: float, height_cm: float, robots: int) -> CellList:
-    """Return an empty cell list with about one cell per robot, but no cell smaller than infrared reaches."""
-    side = max(REACH_CM, math.sqrt(width_cm * height_cm / robots))
+def make_cell_list(width_cm: float, height_cm: float, robots: int, least_cm: float = EPUCK.cell_cm) -> CellList:
+    """Return an empty cell list with about one cell per robot, but no cell smaller than a least side.
+
+    Args:
+        width_cm: Width of the arena.
+        height_cm: Height of the arena.
+        robots: Number of robots.
+        least_cm: Least side of a cell, the `cell_cm` of their kind.
+    """
+    side = max(least_cm, math.sqrt(width_cm * height_cm / robots))
     columns = max(1, int(width_cm / side))
     rows = max(1, int(height_cm / side))
     return CellList(

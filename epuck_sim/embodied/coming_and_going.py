@@ -9,7 +9,7 @@ from epuck_sim.control.interface import ACTUATORS
 from epuck_sim.embodied.attendance import AbsentGroup, AbsentSwarm, parked_poses
 from epuck_sim.embodied.camera_clock import CameraClock, forget_pictures
 from epuck_sim.embodied.group import RobotGroupState, SwarmArrays, start_again
-from epuck_sim.embodied.placement import is_free, place_anew
+from epuck_sim.embodied.placement import Floor
 from epuck_sim.embodied.radio import Radio, forget_pulses
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.errors import ScenarioError
@@ -82,14 +82,14 @@ def put_in(
     for number, robot in enumerate(entry.add):
         if present[robot]:
             continue
-        others = world.poses[present]
+        others, floor = world.poses[present], Floor(swarm.arena, world.bodies.radius_cm)
         if entry.poses is None:
-            pose = place_anew(swarm.arena, others, random)
+            pose = floor.draw_pose(others, random)
             if pose is None:
                 raise ScenarioError(f"{origin}: no free place was found for robot {robot}")
         else:
             pose = entry.poses[number]
-            if not is_free(swarm.arena, others, *pose[:2]):
+            if not floor.is_free(others, *pose[:2]):
                 raise ScenarioError(
                     f"{origin}: robot {robot} cannot come to [{pose[0]:g}, {pose[1]:g}]: it would overlap a robot, a "
                     "wall, an obstacle or a movable; give a free place, or no poses"

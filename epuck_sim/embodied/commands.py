@@ -57,6 +57,7 @@ def _carry_out(address: int) -> None:
             commands.loop.bodies.velocities,
             drive.wheel_noise,
             step % NOISE_STEPS,
+            drive.wheels,
         )
         run_calls(commands.loop.late_calls)
 

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.cell_list import cells_around, members_in_row
 from epuck_sim.util.jit import jit_no_alloc
@@ -12,9 +11,10 @@ from epuck_sim.util.jit import jit_no_alloc
 MARGIN_CM = 0.08
 """Margin in cm by which bodies are enlarged; overlaps of up to twice the margin are not corrected.
 
-pymunk detects a contact only after bodies overlap, and two robots that meet head-on at full speed approach by 2.56 mm
+pymunk detects a contact only after bodies overlap, and two e-pucks that meet head-on at full speed approach by 2.56 mm
 in a physics step. Margins make it detect contacts 1.6 mm earlier, so that real bodies overlap by less than 1 mm, and
-robots that press on something come to rest where their real surfaces touch.
+robots that press on something come to rest where their real surfaces touch. Scenarios refuse wheels that are too fast
+for this.
 """
 
 PUSHED_CM = 0.1
@@ -24,10 +24,18 @@ Contacts take overlaps away, and squeeze robots out between others; 0.06 cm was 
 """
 
 _ROUNDING_CM = 1e-6
-_TOUCH_CM = 2 * (epuck.RADIUS_CM + MARGIN_CM) + _ROUNDING_CM
-"""Distance of the centres of two enlarged robots that touch."""
-_WALL_TOUCH_CM = epuck.RADIUS_CM + 2 * MARGIN_CM + _ROUNDING_CM
-"""Distance from a wall or an obstacle to the centre of a robot, both enlarged, that touches it."""
+
+
+@jit_no_alloc
+def touch_cm(bodies: Bodies) -> float:
+    """Return the distance of the centres of two enlarged robots that touch."""
+    return 2.0 * (bodies.radius_cm + MARGIN_CM) + _ROUNDING_CM
+
+
+@jit_no_alloc
+def wall_touch_cm(bodies: Bodies) -> float:
+    """Return the distance from a wall or an obstacle to the centre of a robot, both enlarged, that touches it."""
+    return bodies.radius_cm + 2.0 * MARGIN_CM + _ROUNDING_CM
 
 
 @jit_no_alloc
@@ -42,7 +50,7 @@ def find_contact_candidates(bodies: Bodies, time_s: float) -> None:
     for robot in range(len(poses)):
         fastest = max(fastest, velocities[robot, 0] ** 2 + velocities[robot, 1] ** 2)
     path_cm = math.sqrt(fastest) * time_s + PUSHED_CM
-    reach_cm = _TOUCH_CM + 2.0 * path_cm
+    reach_cm = touch_cm(bodies) + 2.0 * path_cm
     # robots of further cells may be within reach, too; and movables may push robots that are far from each other
     if reach_cm > min(cells.width_cm, cells.height_cm) or len(bodies.movables) > 0:
         for robot in range(len(poses)):
@@ -53,7 +61,7 @@ def find_contact_candidates(bodies: Bodies, time_s: float) -> None:
         if not bodies.present[robot]:
             bodies.is_candidate[robot] = False
             continue
-        meets = _meets_wall(bodies, robot, time_s) or _is_near_obstacle(bodies, robot, _WALL_TOUCH_CM + path_cm)
+        meets = _meets_wall(bodies, robot, time_s) or _is_near_obstacle(bodies, robot, wall_touch_cm(bodies) + path_cm)
         bodies.is_candidate[robot] = meets or (bodies.touch and _meets_robot(bodies, robot, time_s, reach_cm))
         if bodies.is_candidate[robot]:
             bodies.reached[found] = robot
@@ -69,7 +77,7 @@ def _meets_wall(bodies: Bodies, robot: int, time_s: float) -> bool:
     x = bodies.poses[robot, 0] + bodies.velocities[robot, 0] * time_s
     y = bodies.poses[robot, 1] + bodies.velocities[robot, 1] * time_s
     gap_cm: float = min(x, y, bodies.width_cm - x, bodies.height_cm - y)
-    return gap_cm <= _WALL_TOUCH_CM
+    return gap_cm <= wall_touch_cm(bodies)
 
 
 @jit_no_alloc
@@ -102,7 +110,7 @@ def _meets_robot(bodies: Bodies, robot: int, time_s: float, reach_cm: float) -> 
                 continue
             vx = velocities[other, 0] - velocities[robot, 0]
             vy = velocities[other, 1] - velocities[robot, 1]
-            if _closest(dx, dy, vx, vy, time_s) <= _TOUCH_CM:
+            if _closest(dx, dy, vx, vy, time_s) <= touch_cm(bodies):
                 return True
     return False
 

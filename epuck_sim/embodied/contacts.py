@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.cell_list import CellList, cells_around, members_in_row, sort_into_cells
@@ -17,16 +16,15 @@ from epuck_sim.util.jit import jit
 GAP_CM = 2 * MARGIN_CM
 """Largest gap between two surfaces in contact, cm: pymunk, too, has noticed them by then (see `rigid_bodies`)."""
 
-_RADIUS = epuck.RADIUS_CM
 
-
-def find_contacts(poses: FloatArray, arena: Arena, cells: CellList) -> tuple[IntArray, FloatArray]:
+def find_contacts(poses: FloatArray, arena: Arena, cells: CellList, radius_cm: float) -> tuple[IntArray, FloatArray]:
     """Find the contacts in some steps.
 
     Args:
         poses: (steps, robots, 3) cm, cm, rad: x, y, heading.
         arena: Walls and obstacles.
         cells: A cell list of the arena, which is overwritten.
+        radius_cm: Radius of a robot.
 
     Returns:
         (contacts, 3) step, robot, and the robot that it touches, or -1: a wall, obstacle or movable; in the
@@ -35,10 +33,10 @@ def find_contacts(poses: FloatArray, arena: Arena, cells: CellList) -> tuple[Int
     """
     room = len(poses) * poses.shape[1]
     found, points = np.empty((room, 3), np.int64), np.empty((room, 2))
-    contacts = write_contacts(poses, *surfaces_of(arena), cells, found, points)
+    contacts = write_contacts(poses, *surfaces_of(arena), cells, radius_cm, found, points)
     if contacts > room:
         found, points = np.empty((contacts, 3), np.int64), np.empty((contacts, 2))
-        write_contacts(poses, *surfaces_of(arena), cells, found, points)
+        write_contacts(poses, *surfaces_of(arena), cells, radius_cm, found, points)
     return found[:contacts], points[:contacts]
 
 
@@ -57,6 +55,7 @@ def write_contacts(
     edges: FloatArray,
     corners: IntArray,
     cells: CellList,
+    radius_cm: float,
     found: IntArray,
     points: FloatArray,
 ) -> int:
@@ -64,13 +63,13 @@ def write_contacts(
 
     corners: (polygons + 1,) index in `edges` of each polygon's first edge.
     """
-    reach = _RADIUS + GAP_CM
+    reach = radius_cm + GAP_CM
     contacts = 0
     for step in range(len(poses)):
         sort_into_cells(poses[step], cells)
         for robot in range(poses.shape[1]):
             x, y = poses[step, robot, 0], poses[step, robot, 1]
-            contacts = _find_robot_contacts(poses[step], robot, cells, step, found, points, contacts)
+            contacts = _find_robot_contacts(poses[step], robot, cells, radius_cm, step, found, points, contacts)
             for wall_x, wall_y in ((0.0, y), (width_cm, y), (x, 0.0), (x, height_cm)):
                 if abs(wall_x - x) + abs(wall_y - y) <= reach:
                     contacts = _add_contact(step, robot, -1, wall_x, wall_y, found, points, contacts)
@@ -90,11 +89,18 @@ def write_contacts(
 
 @jit
 def _find_robot_contacts(
-    poses: FloatArray, robot: int, cells: CellList, step: int, found: IntArray, points: FloatArray, contacts: int
+    poses: FloatArray,
+    robot: int,
+    cells: CellList,
+    radius_cm: float,
+    step: int,
+    found: IntArray,
+    points: FloatArray,
+    contacts: int,
 ) -> int:
     """Write the contacts of a robot with those of higher numbers; return the number of contacts so far."""
     x, y = poses[robot, 0], poses[robot, 1]
-    apart = 2.0 * _RADIUS + GAP_CM
+    apart = 2.0 * radius_cm + GAP_CM
     block = cells_around(x, y, cells)
     for row in range(block.first_row, block.end_row):
         start, end = members_in_row(block, row, cells)

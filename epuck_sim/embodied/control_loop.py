@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
+from epuck_sim.control.interface import Wheels
 from epuck_sim.embodied.attendance import AbsentSwarm, blank, rest
 from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
@@ -69,6 +70,7 @@ class Drive(NamedTuple):
     slip: float
     step_s: float
     wheel_noise: FloatArray
+    wheels: Wheels
 
 
 class ControlLoop(NamedTuple):
@@ -130,6 +132,7 @@ def make_control_loop(
             slip=scenario.noise.wheel_speed,
             step_s=timing.step_ms / 1000,
             wheel_noise=swarm.wheel_noise,
+            wheels=scenario.robot.wheels,
         ),
     )
 
@@ -165,7 +168,7 @@ def _sense_with_cone(address: int) -> None:
     group = value_at(address)  # noqa: F821 see `bind`
     arrays, sensor = group.sensing, group.receiver
     sense_proximity(arrays, group.step[0] % NOISE_STEPS)
-    among = Obstruction(arrays.poses, arrays.circles, arrays.edges, arrays.cells)
+    among = Obstruction(arrays.poses, arrays.circles, arrays.edges, arrays.cells, arrays.radius_cm)
     perceive_flashes(sensor.cone, sensor.occlusion, arrays.ring_on, among, arrays.first_robot, arrays.pixels)
 
 
@@ -227,6 +230,7 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
             loop.bodies.velocities,
             drive.wheel_noise,
             step % NOISE_STEPS,
+            drive.wheels,
         )
         if invalid >= 0:
             return invalid

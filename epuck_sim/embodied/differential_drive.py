@@ -9,12 +9,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.control.interface import Wheels
 from epuck_sim.util.jit import jit_no_alloc
-
-_LIMIT = epuck.WHEEL_LIMIT_CM_S
-_BASE = epuck.WHEEL_BASE_CM
 
 
 @jit_no_alloc
@@ -30,6 +27,7 @@ def apply_commands(
     velocities: FloatArray,
     noise: FloatArray,
     noise_step: int,
+    wheels: Wheels,
 ) -> int:
     """Carry out what controllers command; return the first robot with a speed or a turn that is no number, or -1.
 
@@ -45,16 +43,18 @@ def apply_commands(
         velocities: See `chord_velocities`; written.
         noise: (steps, robots, 2) numbers from [0, 1) for some steps.
         noise_step: Index of the step whose noise is used.
+        wheels: The robots' wheels.
     """
+    limit = wheels.limit_cm_s
     for robot in range(len(actuators)):
         left, right = actuators[robot].left_cm_s, actuators[robot].right_cm_s
         if math.isnan(left) or math.isnan(right) or not math.isfinite(actuators[robot].turn_rad):
             return robot
-        wheels_cm_s[robot, 0] = min(max(left, -_LIMIT), _LIMIT)
-        wheels_cm_s[robot, 1] = min(max(right, -_LIMIT), _LIMIT)
+        wheels_cm_s[robot, 0] = min(max(left, -limit), limit)
+        wheels_cm_s[robot, 1] = min(max(right, -limit), limit)
         ring_on[robot] = actuators[robot].ring_on != 0
         turns_rad[robot] = actuators[robot].turn_rad
-    chord_velocities(poses, turns_rad, wheels_cm_s, gain, noise[noise_step], slip, step_s, velocities)
+    chord_velocities(poses, turns_rad, wheels_cm_s, gain, noise[noise_step], slip, step_s, velocities, wheels.base_cm)
     return -1
 
 
@@ -68,6 +68,7 @@ def chord_velocities(
     slip: float,
     step_s: float,
     velocities: FloatArray,
+    base_cm: float,
 ) -> None:
     """Write the velocities that take each robot to the end of its arc in `step_s`.
 
@@ -82,12 +83,13 @@ def chord_velocities(
         slip: Largest relative deviation of a wheel's speed.
         step_s: Seconds of a control step.
         velocities: (robots, 3) cm/s, cm/s, rad/s; written.
+        base_cm: Distance between the wheels.
     """
     for robot in range(len(poses)):
         left = wheels_cm_s[robot, 0] * (1.0 + slip * (2.0 * noise[robot, 0] - 1.0)) * gain[robot, 0]
         right = wheels_cm_s[robot, 1] * (1.0 + slip * (2.0 * noise[robot, 1] - 1.0)) * gain[robot, 1]
         speed = 0.5 * (left + right)
-        turn = (right - left) / _BASE
+        turn = (right - left) / base_cm
         half = 0.5 * turn * step_s
         # the chord is shorter than the arc by sin(half) / half
         chord = speed * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)

@@ -129,7 +129,7 @@ def _sense_with_cone(address: int) -> None:
     group = value_at(address)  # noqa: F821 see `bind`
     arrays, sensor = group.sensing, group.receiver
     sense_proximity(arrays, group.step[0] % NOISE_STEPS)
-    among = Obstruction(arrays.poses, arrays.circles, arrays.edges, arrays.cells)
+    among = Obstruction(arrays.poses, arrays.circles, arrays.edges, arrays.cells, arrays.radius_cm)
     for row in range(len(arrays.pixels)):
         robot = arrays.first_robot + row
         hides_flashes(group.faults, robot, arrays.poses, arrays.ring_on, group.visible)

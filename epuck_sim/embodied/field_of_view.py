@@ -7,7 +7,6 @@ ray what is seen.
 import math
 from typing import NamedTuple
 
-from epuck_sim import epuck
 from epuck_sim.embodied.cell_list import CellList, cell_index
 from epuck_sim.util.jit import jit_inline
 
@@ -19,9 +18,6 @@ ATAN2_ERROR_RAD = 1.2e-5
 
 SLACK_CM = 1e-6
 """What is added to a robot's radius in cm, so that rounding never rules out a robot that a ray just meets."""
-
-_RADIUS = epuck.RADIUS_CM
-_REACH = _RADIUS + SLACK_CM
 
 
 class FieldOfView(NamedTuple):
@@ -37,6 +33,8 @@ class FieldOfView(NamedTuple):
     """Direction of the rightmost ray, with `right_x`: a unit vector."""
     wide: bool
     """Whether the two rays are half a turn apart or more; then nothing is ruled out."""
+    reach_cm: float
+    """Radius of the robots that may be seen, and `SLACK_CM`."""
 
 
 class Strips(NamedTuple):
@@ -69,6 +67,8 @@ class Wedge(NamedTuple):
     """Where the line above meets the camera's strip line, seen from the camera."""
     stretch: float
     """Length of the view's shortest ray for each cm ahead, at least 1."""
+    reach_cm: float
+    """That of the view."""
 
 
 @jit_inline
@@ -76,7 +76,7 @@ def may_contain_robot(view: FieldOfView, dx: float, dy: float) -> bool:
     """Return whether a robot at (dx, dy) from the camera may reach into the view; never False for one that does."""
     beyond_left = dy * view.left_x - dx * view.left_y
     beyond_right = dx * view.right_y - dy * view.right_x
-    return view.wide or max(beyond_left, beyond_right) <= _REACH
+    return view.wide or max(beyond_left, beyond_right) <= view.reach_cm
 
 
 @jit_inline
@@ -89,7 +89,7 @@ def make_strips(view: FieldOfView, cells: CellList) -> Strips:
     else:
         position, ahead, width, count = view.y, ahead_y, cells.height_cm, cells.rows
     step = 1 if ahead > 0.0 else -1
-    first = cell_index(position - step * _REACH, width, count)
+    first = cell_index(position - step * view.reach_cm, width, count)
     return Strips(are_columns, first, step, count, width, -position if step > 0 else position - width)
 
 
@@ -106,7 +106,7 @@ def make_wedge(view: FieldOfView, strips: Strips) -> Wedge:
     if low > high:
         low, low_stretch, high, high_stretch = high, high_stretch, low, low_stretch
     stretch = 1.0 if low <= 0.0 <= high else min(low_stretch, high_stretch)
-    return Wedge(low, -_REACH * low_stretch, high, _REACH * high_stretch, stretch)
+    return Wedge(low, -view.reach_cm * low_stretch, high, view.reach_cm * high_stretch, stretch, view.reach_cm)
 
 
 @jit_inline
@@ -121,7 +121,7 @@ def cells_in_strip(
     """
     near = strips.ahead_cm + strips.step * strip * strips.width_cm
     far = near + strips.width_cm
-    near = max(near, -_REACH)
+    near = max(near, -view.reach_cm)
     low = wedge.low_cm + min(wedge.low * near, wedge.low * far)
     high = wedge.high_cm + max(wedge.high * near, wedge.high * far)
     if strips.are_columns:
@@ -137,15 +137,15 @@ def cells_in_strip(
 def distance_beyond(wedge: Wedge, strips: Strips, strip: int) -> float:
     """Return a distance at which no ray of the view has met a robot beyond a strip yet; it may be negative."""
     far = strips.ahead_cm + (strips.step * strip + 1) * strips.width_cm
-    return (far - _REACH) * wedge.stretch - SLACK_CM
+    return (far - wedge.reach_cm) * wedge.stretch - SLACK_CM
 
 
 @jit_inline
-def angular_radius_bound(distance: float) -> float:
-    """Return an upper bound of a robot's angular radius at `distance`, asin(radius / distance)."""
-    if distance <= _RADIUS:
+def angular_radius_bound(distance: float, radius: float) -> float:
+    """Return an upper bound of the angular radius of a disc at `distance`, asin(radius / distance)."""
+    if distance <= radius:
         return math.pi
-    share = _RADIUS / distance
+    share = radius / distance
     return share + (0.5 * math.pi - 1.0) * share * share * share
 
 

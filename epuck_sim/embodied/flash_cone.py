@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.cell_list import CellList, cell_index, cells_around, members_in_row
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.signals import ConeSection, ConeSignal
 from epuck_sim.util.jit import jit, jit_no_alloc
 
-_RADIUS = epuck.RADIUS_CM
 _FULL_CIRCLE_COS = -2.0
 """Stands for the cosine of half the angle of a full circle; below any cosine."""
 
@@ -37,6 +36,8 @@ class LitRingSensor(NamedTuple):
     cone: FlashCone
     occlusion: bool
     """Whether robots and obstacles hide rings."""
+    radius_cm: float
+    """Radius of a robot."""
 
 
 class Obstruction(NamedTuple):
@@ -50,6 +51,8 @@ class Obstruction(NamedTuple):
     """(m, 4) cm: edges of the other obstacles, see `arena.Arena`."""
     cells: CellList
     """Cell list sorted by `poses`."""
+    radius_cm: float
+    """Radius of a robot."""
 
 
 def make_cone(section: ConeSection) -> FlashCone:
@@ -61,9 +64,9 @@ def make_cone(section: ConeSection) -> FlashCone:
     )
 
 
-def make_lit_ring_sensor(section: ConeSignal) -> LitRingSensor:
-    """Return the sensor that a group's section of a scenario describes."""
-    return LitRingSensor(make_cone(section), section.occlusion)
+def make_lit_ring_sensor(section: ConeSignal, robot: RobotKind) -> LitRingSensor:
+    """Return the sensor that a group's section of a scenario describes, among robots of some kind."""
+    return LitRingSensor(make_cone(section), section.occlusion, float(robot.radius_cm))
 
 
 @jit_no_alloc
@@ -101,30 +104,32 @@ def is_hidden(receiver: int, sender: int, among: Obstruction) -> bool:
 @jit_no_alloc
 def _is_behind_robot(receiver: int, sender: int, among: Obstruction) -> bool:
     """Return whether a third robot is on the line between two; only cells that the line passes are looked at."""
-    poses, cells = among.poses, among.cells
+    poses, cells, radius = among.poses, among.cells, among.radius_cm
     ax, ay = poses[receiver, 0], poses[receiver, 1]
     bx, by = poses[sender, 0], poses[sender, 1]
-    last_row = cell_index(max(ay, by) + _RADIUS, cells.height_cm, cells.rows)
-    for row in range(cell_index(min(ay, by) - _RADIUS, cells.height_cm, cells.rows), last_row + 1):
-        left, right = _part_in_row(ax, ay, bx, by, row, cells)
-        first = row * cells.columns + cell_index(left - _RADIUS, cells.width_cm, cells.columns)
-        last = row * cells.columns + cell_index(right + _RADIUS, cells.width_cm, cells.columns)
+    last_row = cell_index(max(ay, by) + radius, cells.height_cm, cells.rows)
+    for row in range(cell_index(min(ay, by) - radius, cells.height_cm, cells.rows), last_row + 1):
+        left, right = _part_in_row(ax, ay, bx, by, row, cells, radius)
+        first = row * cells.columns + cell_index(left - radius, cells.width_cm, cells.columns)
+        last = row * cells.columns + cell_index(right + radius, cells.width_cm, cells.columns)
         for member in range(cells.first[first], cells.first[last + 1]):
             other = cells.members[member]
             x, y = cells.positions[member]
-            if other not in (receiver, sender) and _distance_to_line(x - ax, y - ay, bx - ax, by - ay) < _RADIUS:
+            if other not in (receiver, sender) and _distance_to_line(x - ax, y - ay, bx - ax, by - ay) < radius:
                 return True
     return False
 
 
 @jit_no_alloc
-def _part_in_row(ax: float, ay: float, bx: float, by: float, row: int, cells: CellList) -> tuple[float, float]:
+def _part_in_row(
+    ax: float, ay: float, bx: float, by: float, row: int, cells: CellList, radius: float
+) -> tuple[float, float]:
     """Return from where to where in x a line is within a robot's radius of a row of cells.
 
     The first and the last row also hold the robots beyond them.
     """
-    low = -math.inf if row == 0 else row * cells.height_cm - _RADIUS
-    high = math.inf if row == cells.rows - 1 else (row + 1) * cells.height_cm + _RADIUS
+    low = -math.inf if row == 0 else row * cells.height_cm - radius
+    high = math.inf if row == cells.rows - 1 else (row + 1) * cells.height_cm + radius
     if ay == by:
         return min(ax, bx), max(ax, bx)
     start = min(max((low - ay) / (by - ay), 0.0), 1.0)

@@ -8,13 +8,13 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, Controller, Value
+from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS, Controller, Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.runner import ControllerRunner, SensorArrays
 from epuck_sim.embodied.camera_clock import CameraClock, restart_camera_clock, start_camera_clock
 from epuck_sim.embodied.cell_list import CellList
 from epuck_sim.embodied.flash_cone import LitRingSensor, make_lit_ring_sensor
-from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.embodied.infrared import make_infrared_sensors
 from epuck_sim.embodied.radio import Radio, make_radio, restart_radio
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.sensing import SensingArrays, build_camera
@@ -165,7 +165,8 @@ def make_group(
     parameters = np.repeat(first_parameters, group.count)
     sensors = swarm.sensors.of(rows, group.pixels)
     runner = ControllerRunner(
-        controller, parameters, controller_streams[rows], sensors, swarm.actuators[rows], interpret
+        *(controller, parameters, controller_streams[rows], sensors, swarm.actuators[rows], interpret),
+        scenario.robot.wheels,
     )
     receiver = _start_receiver(scenario, group, signal_streams[rows], sensors, swarm)
     # a picture that is delivered later is not yet the controller's
@@ -184,7 +185,7 @@ def _start_receiver(
     """Return what brings flashes to a group; `streams` and `sensors` are the group's."""
     signal = group.signal
     if isinstance(signal, ConeSignal):
-        return make_lit_ring_sensor(signal)
+        return make_lit_ring_sensor(signal, scenario.robot)
     if isinstance(signal, RadioSignal):
         return make_radio(signal, scenario.timing.step_ms, streams, swarm.actuators, swarm.ring_before, sensors)
     return _start_camera_clock(scenario, group, streams, sensors)
@@ -269,7 +270,9 @@ def _sensing_arrays(
         circles=swarm.arena.circles,
         edges=swarm.arena.edges,
         cells=swarm.cells,
-        camera=build_camera(group.camera),
+        camera=build_camera(group.camera, scenario.robot),
+        radius_cm=float(scenario.robot.radius_cm),
+        infrared_sensors=make_infrared_sensors(scenario.robot),
         first_robot=first_robot,
         infrared_gain=infrared_gain,
         infrared_noise=swarm.infrared_noise,

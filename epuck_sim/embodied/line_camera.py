@@ -12,7 +12,6 @@ import math
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.camera_pixels import Camera, Observer, Picture, add_robot, hide_behind_obstacles, view_between
 from epuck_sim.embodied.cell_list import CellList
@@ -28,7 +27,6 @@ from epuck_sim.util.jit import jit, jit_inline
 
 Labels = BoolArray | IntArray
 
-_FORWARD = epuck.CAMERA_FORWARD_CM
 _FEW_LIT = 8  # measured: to look at the lit first is as fast as to search for all robots at once if lit^2 = 8 robots
 
 
@@ -62,7 +60,7 @@ def see(
     few_lit = are_few(len(lit), len(poses))
     depth = np.empty(rows.shape[1])
     for row in range(len(rows)):
-        eye = observer_at(poses, observer + row)
+        eye = observer_at(poses, observer + row, camera)
         picture = Picture(rows[row], depth)
         depth[camera.first : camera.end] = camera.range_cm
         if few_lit and not see_lit(poses, labels, lit, camera, eye, picture):
@@ -79,11 +77,11 @@ def are_few(lit: int, robots: int) -> bool:
 
 
 @jit_inline
-def observer_at(poses: FloatArray, robot: int) -> Observer:
+def observer_at(poses: FloatArray, robot: int, camera: Camera) -> Observer:
     """Return a robot that looks about from where its camera is."""
     x, y, heading = poses[robot]
     cos, sin = math.cos(heading), math.sin(heading)
-    return Observer(robot, x + _FORWARD * cos, y + _FORWARD * sin, cos, sin)
+    return Observer(robot, x + camera.forward_cm * cos, y + camera.forward_cm * sin, cos, sin)
 
 
 @jit_inline

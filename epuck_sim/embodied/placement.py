@@ -2,19 +2,17 @@
 
 import math
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.attendance import parked_poses
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robot_checks import GRID_SPACING_CM
 from epuck_sim.scenario.robots import RobotGroup
-
-GRID_SPACING_CM = 10.0
-"""Distance between the points of the grid in cm (thesis 4.3.1)."""
 
 GRID_HEADINGS = 8
 """Number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)."""
@@ -22,8 +20,6 @@ GRID_HEADINGS = 8
 MAX_DRAWS = 10_000
 """Number of random positions tried for a robot before the arena counts as full."""
 
-_TOUCH_CM = 2 * epuck.RADIUS_CM
-_CELL_CM = 8.0  # longer than that: who touches a robot is in its cell or in one of the eight around it
 _TOLERANCE_CM = 1e-6
 
 
@@ -43,13 +39,13 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     Raises:
         ScenarioError: Robots do not fit, overlap, or stand in a wall or an obstacle.
     """
-    arena = scenario.arena.build()
+    floor = Floor(scenario.arena.build(), scenario.robot.radius_cm)
     random = np.random.default_rng(sequence)
     groups: list[FloatArray] = [np.empty((0, 3)) for _ in scenario.robots]
     for placement, place in (("poses", _at_given_poses), ("grid", _on_grid), ("random", _at_random)):
         for number, group in enumerate(scenario.robots):
             if group.present and group.placement == placement:
-                groups[number] = place(group, f"{scenario.name}: robots.{number}", arena, np.vstack(groups), random)
+                groups[number] = place(group, f"{scenario.name}: robots.{number}", floor, np.vstack(groups), random)
     firsts = np.cumsum([0, *(group.count for group in scenario.robots)]).tolist()
     for number, group in enumerate(scenario.robots):
         if not group.present:
@@ -57,51 +53,72 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     return np.vstack(groups)
 
 
-def place_anew(arena: Arena, placed: FloatArray, random: np.random.Generator) -> tuple[float, float, float] | None:
-    """Return a random pose of a robot away from walls, obstacles, movables and other robots; None if none is found.
+class Floor(NamedTuple):
+    """The arena, and the robots for which there is to be room."""
 
-    Args:
-        arena: The arena, with its movables where they are.
-        placed: (robots, 3) cm, cm, rad: poses of the others.
-        random: Draws the pose.
-    """
-    place = _draw_free(arena, _TakenPlaces(placed), random)
-    return None if place is None else (*place, 2 * math.pi * random.random())
+    arena: Arena
+    """With its movables where they are."""
+    radius_cm: float
+    """Radius of a robot."""
 
+    @property
+    def touch_cm(self) -> float:
+        """Distance of the centres of two robots that touch."""
+        return 2 * self.radius_cm
 
-def is_free(arena: Arena, placed: FloatArray, x: float, y: float) -> bool:
-    """Return whether a robot at (x, y) overlaps no robot that is placed, no wall, no obstacle and no movable."""
-    return _TakenPlaces(placed).is_free(x, y) and _is_clear(arena, x, y)
+    def is_clear(self, x: float, y: float) -> bool:
+        """Return whether a robot at (x, y) touches no wall, no obstacle and no movable."""
+        return clearance_cm(self.arena, x, y) >= self.radius_cm - _TOLERANCE_CM
+
+    def is_free(self, placed: FloatArray, x: float, y: float) -> bool:
+        """Return whether a robot at (x, y) touches no robot that is placed, no wall, no obstacle and no movable."""
+        dx, dy = placed[:, 0] - x, placed[:, 1] - y
+        return bool((dx * dx + dy * dy >= self.touch_cm**2).all()) and self.is_clear(x, y)
+
+    def draw_place(self, taken: "_TakenPlaces", random: np.random.Generator) -> tuple[float, float] | None:
+        """Return a random place where a robot touches nothing; None if none is found."""
+        width, height = self.arena.width_cm - self.touch_cm, self.arena.height_cm - self.touch_cm
+        for _ in range(MAX_DRAWS):
+            x = self.radius_cm + width * random.random()
+            y = self.radius_cm + height * random.random()
+            if taken.is_free(x, y) and self.is_clear(x, y):
+                return x, y
+        return None
+
+    def draw_pose(self, placed: FloatArray, random: np.random.Generator) -> tuple[float, float, float] | None:
+        """Return a random pose at which a robot touches nothing, (robots, 3) poses of others; None if none is found."""
+        place = self.draw_place(_TakenPlaces(placed, self.touch_cm), random)
+        return None if place is None else (*place, 2 * math.pi * random.random())
 
 
 def _at_given_poses(
-    group: RobotGroup, key: str, arena: Arena, placed: FloatArray, _: np.random.Generator
+    group: RobotGroup, key: str, floor: Floor, placed: FloatArray, _: np.random.Generator
 ) -> FloatArray:
     """Return the poses that the scenario gives; raise ScenarioError if one is not free."""
     poses = np.array(group.poses, float)
     for number, (x, y, _heading) in enumerate(poses):
-        gap = clearance_cm(arena, x, y) - epuck.RADIUS_CM
+        gap = clearance_cm(floor.arena, x, y) - floor.radius_cm
         if gap < -_TOLERANCE_CM:
             raise ScenarioError(
                 f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
-                f"allowed: at least {epuck.RADIUS_CM:g} cm away from them"
+                f"allowed: at least {floor.radius_cm:g} cm away from them"
             )
         others = np.vstack([placed, poses[:number]])
         distances = np.hypot(others[:, 0] - x, others[:, 1] - y)
-        if distances.size and distances.min() < _TOUCH_CM - _TOLERANCE_CM:
+        if distances.size and distances.min() < floor.touch_cm - _TOLERANCE_CM:
             other = others[distances.argmin()]
             raise ScenarioError(
                 f"{key}.poses.{number}: is [{x:g}, {y:g}] and overlaps the robot at [{other[0]:g}, {other[1]:g}]; "
-                f"allowed: at least {_TOUCH_CM:g} cm between centres"
+                f"allowed: at least {floor.touch_cm:g} cm between centres"
             )
     return poses
 
 
-def _on_grid(group: RobotGroup, key: str, arena: Arena, placed: FloatArray, random: np.random.Generator) -> FloatArray:
+def _on_grid(group: RobotGroup, key: str, floor: Floor, placed: FloatArray, random: np.random.Generator) -> FloatArray:
     """Return free points of a grid of 10 cm, as far from the walls or farther, with headings in steps of 45 degrees."""
-    xs, ys = (_grid_line(length) for length in (arena.width_cm, arena.height_cm))
+    xs, ys = (_grid_line(length) for length in (floor.arena.width_cm, floor.arena.height_cm))
     points = np.array([(x, y) for y in ys for x in xs])
-    free = np.array([_is_free(arena, placed, x, y) for x, y in points])
+    free = np.array([floor.is_free(placed, x, y) for x, y in points])
     if free.sum() < group.count:
         raise ScenarioError(
             f"{key}.count: is {group.count}; allowed: up to {free.sum()}, the free points of the grid of "
@@ -120,13 +137,13 @@ def _grid_line(length_cm: float) -> FloatArray:
 
 
 def _at_random(
-    group: RobotGroup, key: str, arena: Arena, placed: FloatArray, random: np.random.Generator
+    group: RobotGroup, key: str, floor: Floor, placed: FloatArray, random: np.random.Generator
 ) -> FloatArray:
     """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
     poses = []
-    taken = _TakenPlaces(placed)
+    taken = _TakenPlaces(placed, floor.touch_cm)
     for robot in range(group.count):
-        place = _draw_free(arena, taken, random)
+        place = floor.draw_place(taken, random)
         if place is None:
             raise ScenarioError(
                 f"{key}.count: is {group.count}; no free place was found for robot {robot} in "
@@ -138,47 +155,27 @@ def _at_random(
     return np.array(poses)
 
 
-def _draw_free(arena: Arena, taken: "_TakenPlaces", random: np.random.Generator) -> tuple[float, float] | None:
-    """Return a random place where a robot touches nothing; None if none is found."""
-    width, height = arena.width_cm - 2 * epuck.RADIUS_CM, arena.height_cm - 2 * epuck.RADIUS_CM
-    for _ in range(MAX_DRAWS):
-        x = epuck.RADIUS_CM + width * random.random()
-        y = epuck.RADIUS_CM + height * random.random()
-        if taken.is_free(x, y) and _is_clear(arena, x, y):
-            return x, y
-    return None
-
-
 class _TakenPlaces:
     """Places of robots in square cells, which are faster to search than one array: most are far away."""
 
-    def __init__(self, placed: FloatArray) -> None:
-        """Take the places of (robots, 3) poses."""
+    def __init__(self, placed: FloatArray, touch_cm: float) -> None:
+        """Take the places of (robots, 3) poses; touch_cm: distance of the centres of two robots that touch."""
+        self._touch_cm = touch_cm
+        self._cell_cm = 1.01 * touch_cm  # who touches a robot is in its cell or in one of the eight around it
         self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
         for x, y, _ in placed.tolist():
             self.add(x, y)
 
     def add(self, x: float, y: float) -> None:
         """Take a place."""
-        self._cells.setdefault((int(x / _CELL_CM), int(y / _CELL_CM)), []).append((x, y))
+        self._cells.setdefault((int(x / self._cell_cm), int(y / self._cell_cm)), []).append((x, y))
 
     def is_free(self, x: float, y: float) -> bool:
         """Return whether a robot at (x, y) touches none of those whose places are taken."""
-        column, row = int(x / _CELL_CM), int(y / _CELL_CM)
+        column, row = int(x / self._cell_cm), int(y / self._cell_cm)
         for cell in product((column - 1, column, column + 1), (row - 1, row, row + 1)):
             for other_x, other_y in self._cells.get(cell, ()):
                 dx, dy = other_x - x, other_y - y
-                if dx * dx + dy * dy < _TOUCH_CM**2:
+                if dx * dx + dy * dy < self._touch_cm**2:
                     return False
         return True
-
-
-def _is_free(arena: Arena, placed: FloatArray, x: float, y: float) -> bool:
-    """Return whether a robot at (x, y) touches no robot that is placed, no wall and no obstacle."""
-    dx, dy = placed[:, 0] - x, placed[:, 1] - y
-    return bool((dx * dx + dy * dy >= _TOUCH_CM**2).all()) and _is_clear(arena, x, y)
-
-
-def _is_clear(arena: Arena, x: float, y: float) -> bool:
-    """Return whether a robot at (x, y) touches no wall and no obstacle."""
-    return clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM

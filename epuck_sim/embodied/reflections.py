@@ -50,7 +50,7 @@ def see_with_reflections(group: SensingArrays, lit: BoolArray, observer: int, ro
     depth = np.empty(pixels)
     image = Picture(np.empty(pixels, np.int64), np.empty(pixels))
     for row in range(len(rows)):
-        eye = observer_at(group.poses, observer + row)
+        eye = observer_at(group.poses, observer + row, camera)
         picture = Picture(rows[row], depth)
         find_walls(eye, camera, group.width_cm, group.height_cm, walls)
         depth[:] = -math.inf

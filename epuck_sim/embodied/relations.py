@@ -55,6 +55,8 @@ class ContactSearch(NamedTuple):
     corners: IntArray
     """(polygons + 1,) index in `edges` of each polygon's first edge."""
     cells: CellList
+    radius_cm: float
+    """Radius of a robot."""
     points: FloatArray
     """(room, 2) output."""
     found: IntArray
@@ -109,6 +111,7 @@ def _write_contacts(address: int) -> int:
         search.edges,
         search.corners,
         search.cells,
+        search.radius_cm,
         search.found,
         search.points,
     )
@@ -192,12 +195,12 @@ class Relations:
     def _cells(self) -> CellList:
         """Return a cell list of one's own: the simulation's is left alone."""
         arena = self._swarm.arena
-        return make_cell_list(arena.width_cm, arena.height_cm, len(self._swarm.poses))
+        return make_cell_list(arena.width_cm, arena.height_cm, len(self._swarm.poses), self._scenario.robot.cell_cm)
 
     def _sighting_finders(self) -> list[_Finder]:
         finders, first = [], 0
         for group in self._scenario.robots:
-            view = view_of(group)
+            view = view_of(group, self._scenario.robot)
             if view is not None:
                 make = partial(self._sighting_search, view, first, group.count)
                 finders.append(_Finder(_WRITE_LIT_SIGHTINGS[type(view)], make, ROOM * group.count))
@@ -222,4 +225,5 @@ class Relations:
     def _contact_search(self, room: int) -> ContactSearch:
         surfaces = surfaces_of(self._swarm.arena)
         found, points = np.zeros((room, 3), np.int64), np.zeros((room, 2))
-        return ContactSearch(self._swarm.poses[None], *surfaces, self._cells(), points, found)
+        radius_cm = float(self._scenario.robot.radius_cm)
+        return ContactSearch(self._swarm.poses[None], *surfaces, self._cells(), radius_cm, points, found)

@@ -50,7 +50,9 @@ def replace_controller(
         for record in (arrays.parameters[0], group.first_parameters[0])
     )
     parameters = np.repeat(present, len(arrays.memory))
-    runner = ControllerRunner(controller, parameters, arrays.random, arrays.senses, arrays.actuators, interpret)
+    runner = ControllerRunner(
+        controller, parameters, arrays.random, arrays.senses, arrays.actuators, interpret, arrays.wheels
+    )
     fields, old_fields = runner.memory.dtype, arrays.memory.dtype
     names = fields.names or ()
     kept = tuple(name for name in names if name in (old_fields.names or ()) and fields[name] == old_fields[name])

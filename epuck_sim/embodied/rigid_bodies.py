@@ -15,7 +15,6 @@ import pymunk.batch
 from pymunk._chipmunk_cffi import ffi, lib
 from pymunk.batch import BodyFields
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.bodies import Bodies
@@ -24,6 +23,7 @@ from epuck_sim.embodied.chipmunk import CALLS, move_bodies
 from epuck_sim.embodied.contact_candidates import MARGIN_CM
 from epuck_sim.embodied.movables import Movables
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 
 WALL_CM = 50.0
 """Thickness of the walls in cm: far more than a robot can cover in one physics step."""
@@ -54,6 +54,7 @@ class World:
         *,
         touch: bool = True,
         drive_force_n: float = 0.5,
+        robot: RobotKind = EPUCK,
     ) -> None:
         """Put robots at (robots, 3) `poses` into the arena.
 
@@ -64,14 +65,15 @@ class World:
             physics_hz: Physics steps in a second.
             touch: Whether robots touch each other; else they pass through each other.
             drive_force_n: Largest force of wheels where there are movables, N.
+            robot: What kind of robots they are.
         """
         root = friction**0.5  # pymunk multiplies the friction of the two that touch
-        self._friction = root
+        self._friction, self._cell_cm = root, robot.cell_cm
         self._ground = pymunk.Body(body_type=pymunk.Body.STATIC)
         self._fixed = self._surfaces(arena)
         own = pymunk.ShapeFilter(group=0 if touch else _ROBOTS)  # shapes of one group do not touch each other
         self._space = pymunk.Space()
-        self._discs = [_disc(root, own) for _ in poses]  # in the space while they may touch something
+        self._discs = [_disc(robot, root, own) for _ in poses]  # in the space while they may touch something
         self.poses = np.empty_like(poses)
         self.velocities = np.empty_like(poses)
         # compiled code refers to both by their addresses only
@@ -88,9 +90,10 @@ class World:
             velocities=self.velocities,
             width_cm=arena.width_cm,
             height_cm=arena.height_cm,
+            radius_cm=float(robot.radius_cm),
             circles=arena.circles,
             edges=arena.edges,
-            cells=make_cell_list(arena.width_cm, arena.height_cm, len(poses)),
+            cells=make_cell_list(arena.width_cm, arena.height_cm, len(poses), self._cell_cm),
             touch=touch,
             step_s=1.0 / physics_hz,
             calls=_calls(self._batches),
@@ -139,7 +142,7 @@ class World:
             height_cm=arena.height_cm,
             circles=arena.circles,
             edges=arena.edges,
-            cells=make_cell_list(arena.width_cm, arena.height_cm, len(self.poses)),
+            cells=make_cell_list(arena.width_cm, arena.height_cm, len(self.poses), self._cell_cm),
         )
         sort_into_cells(self.poses, self.bodies.cells)
 
@@ -181,10 +184,10 @@ class World:
         move_bodies(self.bodies, steps)
 
 
-def _disc(friction: float, shape_filter: pymunk.ShapeFilter) -> tuple[pymunk.Body, pymunk.Circle]:
+def _disc(robot: RobotKind, friction: float, shape_filter: pymunk.ShapeFilter) -> tuple[pymunk.Body, pymunk.Circle]:
     """Return the body of a robot, and its shape."""
-    body = pymunk.Body(epuck.MASS_G, pymunk.moment_for_circle(epuck.MASS_G, 0, epuck.RADIUS_CM))
-    disc = pymunk.Circle(body, epuck.RADIUS_CM + MARGIN_CM)
+    body = pymunk.Body(robot.mass_g, pymunk.moment_for_circle(robot.mass_g, 0, robot.radius_cm))
+    disc = pymunk.Circle(body, robot.radius_cm + MARGIN_CM)
     disc.friction = friction
     disc.filter = shape_filter
     return body, disc

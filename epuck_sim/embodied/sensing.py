@@ -9,8 +9,10 @@ from typing import NamedTuple
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.camera_pixels import Camera, make_camera
 from epuck_sim.embodied.cell_list import CellList
-from epuck_sim.embodied.infrared import sense_infrared, to_distances
+from epuck_sim.embodied.infrared import InfraredSensors, sense_infrared
+from epuck_sim.embodied.infrared_response import to_distances
 from epuck_sim.embodied.line_camera import see
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import CameraSection
 from epuck_sim.util.jit import jit
 
@@ -34,6 +36,10 @@ class SensingArrays(NamedTuple):
     """Cell list sorted by `poses`."""
     camera: Camera
     """Camera of the group."""
+    radius_cm: float
+    """Radius of a robot."""
+    infrared_sensors: InfraredSensors
+    """Proximity sensors of each robot."""
     first_robot: int
     """Number of the group's first robot."""
     infrared_gain: FloatArray
@@ -54,14 +60,15 @@ class SensingArrays(NamedTuple):
     """(group, pixels): 1 where a lit ring is seen; written."""
 
 
-def build_camera(section: CameraSection) -> Camera:
-    """Return the camera that a group's section of a scenario describes."""
+def build_camera(section: CameraSection, robot: RobotKind) -> Camera:
+    """Return the camera that a group's section of a scenario describes, of a kind of robot."""
     return make_camera(
         section.pixels,
         math.radians(section.field_of_view_deg),
         section.central_pixels or section.pixels,
         section.range_cm or math.inf,
         section.reflection_range_cm,
+        robot,
     )
 
 
@@ -78,6 +85,8 @@ def sense_proximity(group: SensingArrays, noise_step: int) -> None:
     """Write the readings of the infrared sensors of a group, and the distances that belong to them."""
     poses, circles, edges, cells, first = group.poses, group.circles, group.edges, group.cells, group.first_robot
     walls = group.width_cm, group.height_cm
-    sense_infrared(poses, *walls, circles, edges, cells, group.sees_robots, first, group.infrared)
-    noise = group.infrared_noise[noise_step, first:]
-    to_distances(group.infrared, group.infrared_gain, noise, group.noise_counts, group.by_table, group.distance_mm)
+    sensors, sees_robots = group.infrared_sensors, group.sees_robots
+    sense_infrared(poses, *walls, circles, edges, cells, sensors, sees_robots, first, group.infrared)
+    gain, noise = group.infrared_gain, group.infrared_noise[noise_step, first:]
+    response, count = sensors.response, len(sensors.x)
+    to_distances(group.infrared, response, count, gain, noise, group.noise_counts, group.by_table, group.distance_mm)

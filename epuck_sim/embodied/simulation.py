@@ -110,6 +110,7 @@ class Simulation:
             *(arena, np.zeros((robots, 3)), scenario.contact.friction, scenario.timing.physics_hz),
             touch=scenario.contact.robots,
             drive_force_n=scenario.contact.drive_force_n,
+            robot=scenario.robot,
         )
         self._first_arena = arena
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
@@ -282,8 +283,8 @@ class Simulation:
         command. What is left out stays as it was.
 
         Args:
-            left_cm_s: (n,) cm/s: left wheel of each of `external_wheels`, or one number for all; limited to 12.8 either
-                way, as a controller's.
+            left_cm_s: (n,) cm/s: left wheel of each of `external_wheels`, or one number for all; limited to what
+                wheels can do, as a controller's.
             right_cm_s: (n,) cm/s: right wheel of each.
             ring_on: (m,) whether the ring of each of `external_rings` is lit, or one value for all.
 
@@ -341,7 +342,8 @@ class Simulation:
         if section.arena_values():
             arena = arena_after(self.scenario, entry).build()
             self._change_arena(arena)
-            check_bodies_outside(arena, self._world.poses, self._swarm.sensors.present, origin)
+            radius_cm = self.scenario.robot.radius_cm
+            check_bodies_outside(arena, self._world.poses, radius_cm, self._swarm.sensors.present, origin)
         self._add(section, np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry, Part.PLACEMENT)), origin)
         carry_out(section, self._groups, self._faults, self._set_parameters, sequence, time_ms)
         self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{entry}", section.what))

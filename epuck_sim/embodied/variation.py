@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.control.interface import SENSORS
 from epuck_sim.scenario.embodied import SpreadSection, StuckSection
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.rng import uniform

@@ -14,6 +14,7 @@ from epuck_sim.embodied.cell_list import CellList, sort_into_cells
 from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, make_lit_ring_sensor, perceives
 from epuck_sim.embodied.line_camera import see
 from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.signals import ConeSignal
 from epuck_sim.util.jit import jit
@@ -22,11 +23,11 @@ View = Camera | LitRingSensor
 """What the robots of a group see rings with."""
 
 
-def view_of(group: RobotGroup) -> View | None:
-    """Return what the robots of a group see rings with; None for robots that hear pulses."""
+def view_of(group: RobotGroup, robot: RobotKind) -> View | None:
+    """Return what the robots of a group, of some kind, see rings with; None for robots that hear pulses."""
     if isinstance(group.signal, ConeSignal):
-        return make_lit_ring_sensor(group.signal)
-    return build_camera(group.camera) if group.signal.kind == "camera" else None
+        return make_lit_ring_sensor(group.signal, robot)
+    return build_camera(group.camera, robot) if group.signal.kind == "camera" else None
 
 
 def find_sightings(
@@ -113,7 +114,7 @@ def write_cone_sightings(
     sightings = 0
     for step in range(len(poses)):
         sort_into_cells(poses[step], cells)
-        among = Obstruction(poses[step], circles, edges, cells)
+        among = Obstruction(poses[step], circles, edges, cells, sensor.radius_cm)
         for observer in range(first, first + observers):
             for robot in range(len(labels)):
                 if labels[robot] > 0 and perceives(sensor.cone, sensor.occlusion, among, observer, robot):

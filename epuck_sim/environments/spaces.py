@@ -7,7 +7,6 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
@@ -63,7 +62,9 @@ class AgentSpaces:
         self.drives, self.flashes = bool(len(wheels)), bool(len(rings))
         self._discrete = discrete
         has_phase = not np.isnan(simulation.period_ms[self.robots]).all()
-        sizes = {"camera": simulation.scenario.camera_pixels, "infrared": len(epuck.INFRARED_POSITIONS_CM)}
+        self._robot = robot = simulation.scenario.robot
+        sensors = len(robot.infrared.sensors) if robot.infrared else 0
+        sizes = {"camera": simulation.scenario.camera_pixels, "infrared": sensors}
         sizes |= {"wheels": 2, "ring": 1, **({"phase": PHASE_FEATURES} if has_phase else {})}
         ends = np.cumsum(list(sizes.values())).tolist()
         self.fields = {part: slice(end - size, end) for (part, size), end in zip(sizes.items(), ends, strict=True)}
@@ -84,9 +85,11 @@ class AgentSpaces:
         """Return (swarms, agents, columns) what the agents of each swarm observe in its step."""
         seen = np.empty((len(steps), len(self.robots), *self.observation.shape), np.float32)
         seen[..., self.fields["camera"]] = gather([step.camera for step in steps])[:, self.robots]
-        counts = gather([step.infrared for step in steps])[:, self.robots]
-        seen[..., self.fields["infrared"]] = np.clip(counts / epuck.INFRARED_PEAK_COUNTS, 0, 1)
-        seen[..., self.fields["wheels"]] = situation.wheels_cm_s[:, self.robots] / epuck.WHEEL_LIMIT_CM_S
+        if self._robot.infrared:
+            columns = slice(len(self._robot.infrared.sensors))
+            counts = gather([step.infrared for step in steps])[:, self.robots, columns]
+            seen[..., self.fields["infrared"]] = np.clip(counts / self._robot.infrared.peak_counts, 0, 1)
+        seen[..., self.fields["wheels"]] = situation.wheels_cm_s[:, self.robots] / self._robot.wheel_limit_cm_s
         seen[..., self.fields["ring"]] = situation.ring_on[:, self.robots, None]
         if "phase" in self.fields:
             angles = 2 * np.pi * situation.phase[:, self.robots]
@@ -108,7 +111,7 @@ class AgentSpaces:
                 f"actions have the shape {given.shape} and are {'' if np.isfinite(given).all() else 'not '}all finite; "
                 f"allowed: finite numbers for each of {len(self.robots)} agents, {shape[0]} each"
             )
-        wheels = epuck.WHEEL_LIMIT_CM_S * np.clip(given[..., :2], -1, 1) if self.drives else None
+        wheels = self._robot.wheel_limit_cm_s * np.clip(given[..., :2], -1, 1) if self.drives else None
         return Commanded(wheels, given[..., -1] > 0 if self.flashes else None)
 
     def _command_discrete(self, given: npt.NDArray[Any]) -> Commanded:
@@ -120,5 +123,5 @@ class AgentSpaces:
         ):
             raise ValueError(f"actions are {given!r}; allowed: 0 to {count - 1} for each of {len(self.robots)} agents")
         motions = len(MOTIONS) if self.drives else 1
-        wheels = epuck.WHEEL_LIMIT_CM_S * MOTIONS[given % motions] if self.drives else None
+        wheels = self._robot.wheel_limit_cm_s * MOTIONS[given % motions] if self.drives else None
         return Commanded(wheels, given // motions == 1 if self.flashes else None)

@@ -32,7 +32,8 @@ class _Suspicion:
         self._arena: Arena | None = None  # for which the cell list is
         counts = [group.count for group in scenario.robots]
         firsts = np.cumsum([0, *counts[:-1]]).tolist()
-        self._groups = list(zip(map(view_of, scenario.robots), firsts, counts, strict=True))
+        views = [view_of(group, scenario.robot) for group in scenario.robots]
+        self._groups = list(zip(views, firsts, counts, strict=True))
         self._step_s = 1 / scenario.timing.control_hz
         self._period_s: FloatArray = simulation.period_ms / 1000
         self._patience_s = cycles * self._period_s[:, None]
@@ -53,7 +54,8 @@ class _Suspicion:
         poses = step.poses.copy()[None]
         arena = step.arena
         if arena is not self._arena:
-            self._arena, self._cells = arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1])
+            cell_cm = self._simulation.scenario.robot.cell_cm
+            self._arena, self._cells = arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1], cell_cm)
         for view, first, count in self._groups:
             _, observers, seen = find_sightings(poses, arena, self._cells, view, first, count).T
             self._dark_s[observers, seen] += self._step_s

@@ -8,12 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.recording.entities import Entities
 from epuck_sim.recording.layers.agents import LINKS
 from epuck_sim.recording.layers.arena import unit_vectors
 from epuck_sim.recording.layers.robots import CONTACTS, SIGHTINGS
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 
@@ -59,7 +59,8 @@ def read_links(entities: Entities, scenario: Scenario, positions: Float32Array, 
         contacts, points = np.empty((0, 3), np.int64), np.empty((0, 2))
         pulses = _read_arrows(entities, LINKS, middles, middles, side_cm)
     else:
-        cameras = _far_if_absent(middles + epuck.CAMERA_FORWARD_CM * unit_vectors(headings))
+        assert isinstance(scenario, EmbodiedScenario)  # no other model has cameras
+        cameras = _far_if_absent(middles + scenario.robot.camera_forward_cm * unit_vectors(headings))
         sightings = _read_arrows(entities, SIGHTINGS, cameras, middles, np.inf)
         contacts, points = _read_contacts(entities, middles)
         pulses = np.empty((0, 4), np.int64)

@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import RecordingError
@@ -65,7 +64,7 @@ def robot_population(scenario: EmbodiedScenario) -> Population:
         noun="robot",
         moment="step",
         size=scenario.robot_count,
-        radius_cm=epuck.RADIUS_CM,
+        radius_cm=scenario.robot.radius_cm,
         arena=scenario.arena.build(),
         largest_cm=largest_cm(scenario),
         arena_changes=bool(arena_entries(scenario)),

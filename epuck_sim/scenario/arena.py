@@ -5,7 +5,6 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.geometry import box_corners, is_convex
 from epuck_sim.scenario.base import ConfigModel, Number, Positive
@@ -74,10 +73,10 @@ class ArenaSection(ConfigModel):
 
     later_keys: ClassVar[tuple[str, ...]] = ("movables",)
 
-    width_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
-    """Length of the floor along x; L of thesis 4.2.1, where the arena is square."""
-    height_cm: Annotated[Positive, Field(ge=2 * epuck.RADIUS_CM)] = 60.0
-    """Length of the floor along y."""
+    width_cm: Positive = 60.0
+    """Length of the floor along x, from the robots' diameter; L of thesis 4.2.1, where the arena is square."""
+    height_cm: Positive = 60.0
+    """Length of the floor along y, from the robots' diameter."""
     obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
     movables: tuple[Movable, ...] = ()
     """What robots can push: as high as they are, so that it hides rings and is seen by infrared sensors."""

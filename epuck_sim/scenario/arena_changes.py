@@ -35,7 +35,8 @@ def check_arenas(scenario: EmbodiedScenario, origin: str) -> None:
             )
         given = {
             "arena": {**scenario.arena.model_dump(exclude={"movables"}), **values},
-            "robots": [{"count": scenario.robot_count}],
+            "robot": scenario.robot.model_dump(),
+            "robots": [{"count": scenario.robot_count, "signal": {"kind": "cone"}}],  # which all robots have
         }
         validate(given, f"{origin}.{number}.set")
 

@@ -9,7 +9,6 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.condition import Awaited
@@ -17,6 +16,8 @@ from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, reso
 from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.measures import check_measures_of_present
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_checks import check_robots
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.scenario import Scenario
@@ -116,18 +117,19 @@ class EmbodiedStop(StopSection):
 
 
 class EmbodiedScenario(Scenario):
-    """A swarm of e-pucks (chapter 4)."""
+    """A swarm of robots of one kind, by default e-pucks (chapter 4)."""
 
     foreign_keys: ClassVar[dict[str, str]] = dict.fromkeys(
         ("space", "agents", "neighbourhood", "response", "clocks", "start", "stop.reference"),
         "belongs to model: particles; give that model, or leave it out",
     )
 
-    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule")
+    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule", "robot")
     event_method: ClassVar[str] = "step"
 
     model: Literal["embodied"] = "embodied"
     arena: ArenaSection = ArenaSection()
+    robot: RobotKind = RobotKind()
     robots: tuple[RobotGroup, ...] = (RobotGroup(),)
     noise: NoiseSection = NoiseSection()
     spread: SpreadSection = SpreadSection()
@@ -171,14 +173,7 @@ class EmbodiedScenario(Scenario):
                 f"stop.reference_robot is {self.stop.reference_robot}, which is not present at the start; allowed: a "
                 "robot of a group with present: true, as its firings are counted"
             )
-        floor = self.arena.width_cm * self.arena.height_cm
-        bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
-        densest = math.pi / math.sqrt(12)  # of equal discs in the plane
-        if bodies > densest * floor:
-            raise ValueError(
-                f"{self.robot_count} robots of {2 * epuck.RADIUS_CM:g} cm do not fit into the arena of "
-                f"{self.arena.width_cm:g} x {self.arena.height_cm:g} cm; give fewer robots or a larger arena"
-            )
+        check_robots(self.robot, self.robots, self.arena, self.timing.physics_hz)
         return self
 
     @property

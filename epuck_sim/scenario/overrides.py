@@ -29,6 +29,8 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
     Raises:
         ScenarioError: The key leads nowhere; the message begins with `origin`.
     """
+    if key == "robot.kind":
+        raise ScenarioError(f"{origin}: another kind of robot has other values in all keys; give robot={value} instead")
     # a scenario has one group of robots by default
     default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
     result = _with({**default, **given}, key.split("."), value, origin)

@@ -8,15 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, Value
+from epuck_sim.control.interface import ACTUATORS, EPUCK_WHEELS, MAX_MESSAGES, SENSORS, Value, Wheels
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.names import unknown_name
 from epuck_sim.control.runner import ControllerRunner, SensorArrays
-from epuck_sim.epuck import INFRARED_POSITIONS_CM, OUT_OF_RANGE_MM
+from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.util.seeds import robot_streams
-
-SENSORS = len(INFRARED_POSITIONS_CM)
-"""Number of proximity sensors."""
 
 
 class TestRobot:
@@ -51,6 +48,7 @@ class TestRobot:
         pixels: int = 60,
         step_ms: int = 100,
         interpret: bool = True,
+        wheels: Wheels = EPUCK_WHEELS,
         **more_parameters: Value,
     ) -> None:
         """Start the controller.
@@ -62,6 +60,7 @@ class TestRobot:
             pixels: Length of the camera's row.
             step_ms: Milliseconds from one step to the next.
             interpret: Whether the controller runs as plain Python, so that breakpoints and coverage work, or compiled.
+            wheels: What the robot knows of its wheels; for a Kilobot, `RobotKind(kind="kilobot").wheels`.
             more_parameters: Further parameters.
 
         Raises:
@@ -82,7 +81,7 @@ class TestRobot:
         )
         self._actuators = np.zeros(1, ACTUATORS)
         streams = robot_streams(np.random.SeedSequence(seed), 1)
-        self._runner = ControllerRunner(found, record, streams, self._senses, self._actuators, interpret)
+        self._runner = ControllerRunner(found, record, streams, self._senses, self._actuators, interpret, wheels)
         self._runner.start()
         self.memory = Record("memory", self._runner.memory)
         self.parameters = Record("parameters", record)

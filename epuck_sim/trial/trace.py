@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.memory import check_fields, memory_values
 from epuck_sim.embodied.step import Step
 from epuck_sim.scenario.embodied import EmbodiedScenario

@@ -72,5 +72,5 @@ class PythonSteps:
                 self._simulation._randomness.draw_noise(self._simulation._swarm)
             self._sense(noise_step)
             self._step_controllers()
-            self._apply(noise_step)
+            self._apply(noise_step, self._simulation.scenario.robot.wheels)
             self._steps += 1

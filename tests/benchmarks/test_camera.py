@@ -14,6 +14,7 @@ from epuck_sim.embodied.line_camera import see
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import CameraSection
 from epuck_sim.util.jit import jit
 
@@ -68,7 +69,7 @@ def _states(robots: int, side: int) -> tuple[FloatArray, BoolArray]:
 @pytest.mark.parametrize(("robots", "side"), SWARMS)
 def test_the_pictures_of_a_step(benchmark, costs, robots: int, side: int) -> None:
     poses, as_simulated = _states(robots, side)
-    cells, camera = make_cell_list(side, side, robots), build_camera(CameraSection())
+    cells, camera = make_cell_list(side, side, robots), build_camera(CameraSection(), EPUCK)
     rows, nothing = np.zeros((robots, 60), np.int64), np.empty((0, 4))
     times = max(1, 300 // robots)
     lit = {"as simulated": as_simulated, "all": np.ones_like(as_simulated)}

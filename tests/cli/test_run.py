@@ -140,6 +140,12 @@ def test_the_version_is_printed() -> None:
             ["check", "thesis", "--set", "robots.0.parameters.period_s=0.1"],
             "robots.0.parameters: period_s is 0.1; allowed: longer than",
         ),
+        (
+            ["run", "thesis", "--set", "robot=kilobot"],
+            "signal.kind is 'camera', and the robot 'kilobot' has none",
+        ),
+        (["run", "thesis", "--set", "robot=thymio"], "robot.kind: is 'thymio'; allowed: 'epuck' or 'kilobot'"),
+        (["run", "thesis", "--set", "robot.kind=kilobot"], "give robot=kilobot instead"),
         (["run", "thesis", "--seed", "-1"], "--seed"),
         (["run", "thesis", "--seed", "1.5"], "--seed"),
         (["run", "thesis", "--trials", "0"], "--trials"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from epuck_sim.control.interface import Wheels
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.epuck import WHEEL_BASE_CM
 from epuck_sim.testing import TestRobot
@@ -70,6 +71,18 @@ def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn(interpret):
     robot.step(10)
     assert robot.memory.turn_left_rad == 0
     assert (robot.left_cm_s, robot.right_cm_s) == (5, 5)
+
+
+@pytest.mark.parametrize("interpret", [True, False])
+def test_a_robot_with_other_wheels_reckons_with_these(interpret):
+    wheels = Wheels(limit_cm_s=1.0, base_cm=2.5)
+    robot = TestRobot("random_walk", {"speed_cm_s": 1}, interpret=interpret, wheels=wheels)
+    robot.memory.turn_left_rad = 2.0
+    robot.step()
+    assert (robot.left_cm_s, robot.right_cm_s) == (-1, 1)
+    assert robot.memory.turn_left_rad == pytest.approx(2.0 - 2 * 1 / 2.5 * STEP_S)
+    robot.step(24)
+    assert robot.memory.turn_left_rad == pytest.approx(0, abs=1e-12)
 
 
 def test_robots_without_persistence_forget_their_direction_and_those_with_all_of_it_do_not():

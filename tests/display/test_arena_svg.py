@@ -73,3 +73,8 @@ def test_text_is_escaped_wherever_it_stands() -> None:
     assert 'title="<b&gt;&amp;&quot;' in html  # in an attribute, only > and quotes end something
     assert "<b>" not in html
     assert nasty not in load_scenario({"name": nasty})._repr_html_()
+
+
+def test_robots_are_drawn_as_large_as_they_are() -> None:
+    drawn = fromstring("<div>" + Simulation("kilobots", seed=1)._repr_html_() + "</div>")
+    assert [each.get("r") for each in drawn.iterfind(".//{*}circle")] == ["1.65"] * 25

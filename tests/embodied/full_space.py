@@ -4,13 +4,16 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.cell_list import sort_into_cells
 from epuck_sim.embodied.rigid_bodies import World
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 
 
 class FullSpaceWorld(World):
     """A world in which every robot takes every physics step."""
 
-    def __init__(self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int) -> None:
-        super().__init__(arena, poses, friction, physics_hz)
+    def __init__(
+        self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int, robot: RobotKind = EPUCK
+    ) -> None:
+        super().__init__(arena, poses, friction, physics_hz, robot=robot)
         for (body, disc), (x, y, heading) in zip(self._discs, poses.tolist(), strict=True):
             body.position, body.angle = (x, y), heading
             self._space.add(body, disc)

@@ -15,12 +15,64 @@ from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.camera_pixels import Camera, make_camera
 from epuck_sim.embodied.cell_list import CellList, make_cell_list, sort_into_cells
-from epuck_sim.embodied.infrared import sense_infrared
+from epuck_sim.embodied.infrared import make_infrared_sensors, sense_infrared
 from epuck_sim.embodied.line_camera import see
 from epuck_sim.geometry import box_corners
+from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind
 
 RADIUS_CM = 3.7
 EDGE_CM = 1e-9
+
+SENSORS = np.array(
+    [
+        (3.35, -1.05, -18),
+        (2.30, -2.60, -45),
+        (0.00, -3.30, -90),
+        (-3.00, -1.80, -142),
+        (-3.00, 1.80, 142),
+        (0.00, 3.30, 90),
+        (2.30, 2.60, 45),
+        (3.35, 1.05, 18),
+    ]
+)
+"""(8, 3) x cm, y cm, direction in degrees."""
+
+
+class Body(NamedTuple):
+    """A kind of robot; the e-puck by the facts."""
+
+    radius_cm: float = RADIUS_CM
+    forward_cm: float = RADIUS_CM
+    """How far ahead of the centre the camera is."""
+    sensors: FloatArray = SENSORS
+    """(n, 3) x cm, y cm, direction in degrees."""
+    spread_deg: float = 15
+    range_cm: float = 12
+    peak_counts: float = 3731
+    peak_cm: float = 0.3
+    width_cm2: float = 0.7
+
+    def kind(self) -> RobotKind:
+        """Return what a scenario says of it."""
+        return RobotKind(
+            radius_cm=self.radius_cm,
+            wheel_base_cm=self.radius_cm,
+            camera=CameraMount(forward_cm=self.forward_cm),
+            infrared=ProximitySection(
+                sensors=[tuple(row) for row in self.sensors.tolist()],
+                spread_deg=self.spread_deg,
+                range_cm=self.range_cm,
+                peak_counts=self.peak_counts,
+                peak_cm=self.peak_cm,
+                width_cm2=self.width_cm2,
+            ),
+        )
+
+
+E_PUCK = Body()
+SMALL = Body(1.65, 0.5, np.array([(1.5, 0.4, 10.0), (-1.0, -1.2, -140.0), (0.2, 1.6, 95.0)]), 25, 7, 900, 0.5, 1.5)
+LARGE = Body(6.0, 4.0, np.array([(5.5, 2.0, 20.0), (-5.9, 0.0, 180.0)]), 5, 21, 4500, 0.0, 3.0)
+BODIES = (E_PUCK, SMALL, LARGE)
 
 
 class Scene(NamedTuple):
@@ -31,6 +83,7 @@ class Scene(NamedTuple):
     lit: BoolArray
     """(robots,) whether each ring is on."""
     arena: Arena
+    body: Body = E_PUCK
 
 
 class CameraSettings(NamedTuple):
@@ -42,9 +95,10 @@ class CameraSettings(NamedTuple):
     range_cm: float = math.inf
     reflection_range_cm: float = 0.0
 
-    def make(self) -> Camera:
-        view_rad = math.radians(self.field_of_view_deg)
-        return make_camera(self.pixels, view_rad, self.central_pixels, self.range_cm, self.reflection_range_cm)
+    def make(self, body: Body = E_PUCK) -> Camera:
+        angle_rad = math.radians(self.field_of_view_deg)
+        ranges = self.range_cm, self.reflection_range_cm
+        return make_camera(self.pixels, angle_rad, self.central_pixels, *ranges, body.kind())
 
     def angles(self) -> FloatArray:
         """Return rad: directions of the middles of the pixels, left of straight ahead, from left to right."""
@@ -55,7 +109,7 @@ class CameraSettings(NamedTuple):
 
 
 def sorted_cells(scene: Scene) -> CellList:
-    cells = make_cell_list(scene.arena.width_cm, scene.arena.height_cm, len(scene.poses))
+    cells = make_cell_list(scene.arena.width_cm, scene.arena.height_cm, len(scene.poses), scene.body.kind().cell_cm)
     sort_into_cells(scene.poses, cells)
     return cells
 
@@ -64,9 +118,10 @@ def readings(scene: Scene, observer: int = 0) -> FloatArray:
     """Return the noiseless infrared readings of the robots from `observer` on."""
     arena = scene.arena
     written = np.full((len(scene.poses) - observer, 8), np.nan)
-    walls = arena.width_cm, arena.height_cm
-    sense_infrared(scene.poses, *walls, arena.circles, arena.edges, sorted_cells(scene), True, observer, written)
-    return written
+    surfaces = arena.width_cm, arena.height_cm, arena.circles, arena.edges
+    sensors = make_infrared_sensors(scene.body.kind())
+    sense_infrared(scene.poses, *surfaces, sorted_cells(scene), sensors, True, observer, written)
+    return written[:, : len(sensors.x)]
 
 
 def rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
@@ -74,7 +129,7 @@ def rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
     arena = scene.arena
     written = np.full((len(scene.poses) - observer, camera.pixels), 77, np.int64)
     cells = sorted_cells(scene)
-    see(scene.poses, scene.lit, arena.circles, arena.edges, cells, camera.make(), observer, written)
+    see(scene.poses, scene.lit, arena.circles, arena.edges, cells, camera.make(scene.body), observer, written)
     return written
 
 
@@ -86,18 +141,20 @@ def empty_arena(width_cm: float = 200.0, height_cm: float = 200.0) -> Arena:
 
 
 @st.composite
-def scenes(draw: st.DrawFn, robots: tuple[int, ...] = (1, 2, 3, 10, 60)) -> Scene:
+def scenes(draw: st.DrawFn, robots: tuple[int, ...] = (1, 2, 3, 10, 60), bodies: tuple[Body, ...] = (E_PUCK,)) -> Scene:
     """Robots that do not overlap, some in contact, in corners or at walls, among obstacles of every kind."""
     count = draw(st.sampled_from(robots))
-    floor_cm2 = 500.0 + count * draw(st.sampled_from([120.0, 400.0, 2000.0]))
+    body = draw(st.sampled_from(bodies))
+    share = (body.radius_cm / RADIUS_CM) ** 2
+    floor_cm2 = share * (500.0 + count * draw(st.sampled_from([120.0, 400.0, 2000.0])))
     slenderness = draw(st.sampled_from([1.0, 2.0, 8.0, 0.125]))
     obstacles = draw(st.integers(0, 6))
     random = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     height = math.sqrt(floor_cm2 / slenderness)
     arena = random_arena(floor_cm2 / height, height, obstacles, random)
-    poses = random_poses(arena, count, random)
+    poses = random_poses(arena, count, random, body.radius_cm)
     assume(len(poses) > 0)
-    return Scene(poses, random.random(len(poses)) < random.choice([0.1, 0.5, 1.0]), arena)
+    return Scene(poses, random.random(len(poses)) < random.choice([0.1, 0.5, 1.0]), arena, body)
 
 
 def random_arena(width: float, height: float, obstacles: int, random: np.random.Generator) -> Arena:
@@ -120,14 +177,14 @@ def random_arena(width: float, height: float, obstacles: int, random: np.random.
     return make_arena(width, height, circles, polygons)
 
 
-def random_poses(arena: Arena, count: int, random: np.random.Generator) -> FloatArray:
+def random_poses(arena: Arena, count: int, random: np.random.Generator, radius_cm: float = RADIUS_CM) -> FloatArray:
     """Return up to `count` poses, as many as find room in a few attempts each."""
     poses = np.empty((count, 3))
     placed = 0
     for _ in range(15 * count):
-        pose = x, y, _ = _candidate(arena, poses[:placed], random)
-        gaps = np.hypot(poses[:placed, 0] - x, poses[:placed, 1] - y) - 2 * RADIUS_CM
-        if (gaps >= -1e-12).all() and clearance_cm(arena, x, y) >= RADIUS_CM - 1e-12:
+        pose = x, y, _ = _candidate(arena, poses[:placed], random, radius_cm)
+        gaps = np.hypot(poses[:placed, 0] - x, poses[:placed, 1] - y) - 2 * radius_cm
+        if (gaps >= -1e-12).all() and clearance_cm(arena, x, y) >= radius_cm - 1e-12:
             poses[placed] = pose
             placed += 1
             if placed == count:
@@ -135,19 +192,21 @@ def random_poses(arena: Arena, count: int, random: np.random.Generator) -> Float
     return poses[:placed]
 
 
-def _candidate(arena: Arena, placed: FloatArray, random: np.random.Generator) -> tuple[float, float, float]:
+def _candidate(
+    arena: Arena, placed: FloatArray, random: np.random.Generator, radius_cm: float
+) -> tuple[float, float, float]:
     """Return a pose that may be free: anywhere, at one or two walls, touching an obstacle or another robot."""
-    low, high = RADIUS_CM, np.array([arena.width_cm, arena.height_cm]) - RADIUS_CM
+    low, high = radius_cm, np.array([arena.width_cm, arena.height_cm]) - radius_cm
     x, y = random.uniform(low, high)
     heading = random.choice([random.uniform(-20, 20), random.integers(8) * math.pi / 4])
     kind = random.random()
     if kind < 0.05:
         return random.choice([low, high[0]]), random.choice([low, high[1], y]), heading
-    discs = np.vstack([np.column_stack([placed[:, :2], np.full(len(placed), RADIUS_CM)]), arena.circles])
+    discs = np.vstack([np.column_stack([placed[:, :2], np.full(len(placed), radius_cm)]), arena.circles])
     if kind < 0.2 and len(discs):
         x, y, radius = random.choice(discs)
         towards = random.uniform(-math.pi, math.pi)
-        apart = radius + RADIUS_CM
+        apart = radius + radius_cm
         nose_on = random.random() < 0.1
         return x - apart * math.cos(towards), y - apart * math.sin(towards), towards if nose_on else heading
     return x, y, heading
@@ -201,7 +260,7 @@ def cast_on_segments(origins: FloatArray, directions: FloatArray, segments: Floa
 
 
 def _bodies(scene: Scene) -> FloatArray:
-    return np.column_stack([scene.poses[:, :2], np.full(len(scene.poses), RADIUS_CM)])
+    return np.column_stack([scene.poses[:, :2], np.full(len(scene.poses), scene.body.radius_cm)])
 
 
 def _towards(angles: FloatArray) -> FloatArray:
@@ -210,30 +269,20 @@ def _towards(angles: FloatArray) -> FloatArray:
 
 # --- the infrared sensors' twin ---------------------------------------------------------------------
 
-SENSORS = np.array(
-    [
-        (3.35, -1.05, -18),
-        (2.30, -2.60, -45),
-        (0.00, -3.30, -90),
-        (-3.00, -1.80, -142),
-        (-3.00, 1.80, 142),
-        (0.00, 3.30, 90),
-        (2.30, 2.60, 45),
-        (3.35, 1.05, 18),
-    ]
-)
-"""(8, 3) x cm, y cm, direction in degrees."""
 
-
-def slow_response(distance_cm: FloatArray) -> FloatArray:
+def slow_response(distance_cm: FloatArray, body: Body) -> FloatArray:
     """F of the facts: level nearer than 0.3 cm, nothing beyond 12 cm."""
-    x = np.clip(distance_cm, 0.3, 12)
-    return np.where(distance_cm > 12, 0, 3731 * (0.7 - 0.3**2) / (x**2 - 2 * 0.3 * x + 0.7))
+    x0 = body.peak_cm
+    x = np.clip(distance_cm, x0, body.range_cm)
+    counts = body.peak_counts * (body.width_cm2 - x0**2) / (x**2 - 2 * x0 * x + body.width_cm2)
+    return np.where(distance_cm > body.range_cm, 0, counts)
 
 
 def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
-    """Return (robots, 8) readings, and for which of them a ray runs along an edge."""
-    written, doubtful = np.empty((len(scene.poses), 8)), np.empty((len(scene.poses), 8), bool)
+    """Return (robots, sensors) readings, and for which of them a ray runs along an edge."""
+    body, count = scene.body, len(scene.body.sensors)
+    written, doubtful = np.empty((len(scene.poses), count)), np.empty((len(scene.poses), count), bool)
+    spread = np.array((-1, 0, 1)) * body.spread_deg
     bodies = _bodies(scene)
     right, top, out = scene.arena.width_cm, scene.arena.height_cm, 100  # out: that no ray slips through a corner
     walls = np.array(
@@ -246,17 +295,17 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
     )
     for robot, (x, y, heading) in enumerate(scene.poses):
         forward, left = _towards(heading), _towards(heading + math.pi / 2)
-        positions = (x, y) + SENSORS[:, :1] * forward + SENSORS[:, 1:2] * left
-        angles = heading + np.radians(SENSORS[:, 2:] + (-15, 0, 15))
+        positions = (x, y) + body.sensors[:, :1] * forward + body.sensors[:, 1:2] * left
+        angles = heading + np.radians(body.sensors[:, 2:] + spread)
         rays = np.repeat(positions, 3, axis=0), _towards(angles.ravel())
         discs, by_disc = cast_on_discs(*rays, np.vstack([np.delete(bodies, robot, axis=0), scene.arena.circles]))
         flats, by_flat = cast_on_segments(*rays, np.vstack([walls, scene.arena.edges]))
-        distance = np.hstack([discs, flats]).min(axis=1).reshape(8, 3)
-        foot = distance[:, 1] / math.cos(math.radians(15))
-        total = slow_response(distance).sum(axis=1) - 2 * slow_response(foot)
-        written[robot] = np.clip(total, 0, 3731)
-        by_edge = (by_disc.any(axis=1) | by_flat.any(axis=1)).reshape(8, 3)
-        at_range = np.abs(np.column_stack([distance, foot]) - 12) < EDGE_CM
+        distance = np.hstack([discs, flats]).min(axis=1).reshape(count, 3)
+        foot = distance[:, 1] / math.cos(math.radians(body.spread_deg))
+        total = slow_response(distance, body).sum(axis=1) - 2 * slow_response(foot, body)
+        written[robot] = np.clip(total, 0, body.peak_counts)
+        by_edge = (by_disc.any(axis=1) | by_flat.any(axis=1)).reshape(count, 3)
+        at_range = np.abs(np.column_stack([distance, foot]) - body.range_cm) < EDGE_CM
         doubtful[robot] = by_edge.any(axis=1) | at_range.any(axis=1)
     return written, doubtful
 
@@ -272,7 +321,7 @@ def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArra
     window = slice(outside, camera.pixels - outside)
     for robot, (x, y, heading) in enumerate(scene.poses):
         directions = _towards(heading + camera.angles()[window])
-        rays = np.tile((x, y) + RADIUS_CM * _towards(heading), (len(directions), 1)), directions
+        rays = np.tile((x, y) + scene.body.forward_cm * _towards(heading), (len(directions), 1)), directions
         lit = scene.lit & (np.arange(len(bodies)) != robot)
         dark = ~scene.lit & (np.arange(len(bodies)) != robot)
         reds, by_red = cast_on_discs(*rays, bodies[lit])

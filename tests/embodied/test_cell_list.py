@@ -7,8 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.cell_list import REACH_CM, make_cell_list, sort_into_cells
+from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
 from tests.embodied.scenes import Scene, scenes, sorted_cells
+
+REACH_CM = math.hypot(3.35, 1.05) + 12 + 3.7
+"""Distance of two e-pucks at which an infrared ray of one can meet the other: sensors 0 and 7 are farthest out."""
 
 sizes = st.floats(7.4, 1000)
 

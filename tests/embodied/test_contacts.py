@@ -23,7 +23,8 @@ EDGE_CM = 1e-9
 
 def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
     """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
-    found, points = find_contacts(poses, arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1]))
+    cells = make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1])
+    found, points = find_contacts(poses, arena, cells, RADIUS_CM)
     steps = found[:, 0]
     assert steps.tolist() == sorted(steps)
     assert points.shape == (len(steps), 2)

@@ -8,13 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.control.interface import ACTUATORS
+from epuck_sim.control.interface import ACTUATORS, Wheels
 from epuck_sim.embodied.differential_drive import apply_commands, chord_velocities
 from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.simulation import Simulation
 
 BASE_CM = 5.1
 LIMIT_CM_S = 12.8
+WHEELS = Wheels(LIMIT_CM_S, BASE_CM)
 
 starts = st.tuples(st.floats(300, 700), st.floats(300, 700), st.floats(-10, 10))
 speeds = st.floats(-LIMIT_CM_S, LIMIT_CM_S)
@@ -49,7 +50,7 @@ def test_a_robot_that_touches_nothing_ends_each_control_step_on_the_exact_arc(ti
         wheel_speeds = np.array([(left, right)])
         still = np.zeros((1, 2))
         chord_velocities(
-            world.poses, np.zeros(1), wheel_speeds, still + 1, still, 0.0, 1 / control_hz, world.velocities
+            world.poses, np.zeros(1), wheel_speeds, still + 1, still, 0.0, 1 / control_hz, world.velocities, BASE_CM
         )
         world.advance(physics_hz // control_hz)
         expected = arc(expected, left, right, 1 / control_hz)
@@ -73,7 +74,7 @@ def test_wheels_never_turn_faster_than_their_limit(commands):
     poses, driven, velocities = np.zeros((robots, 3)), np.full((robots, 2), np.nan), np.zeros((robots, 3))
     gain, noise = np.ones((robots, 2)), np.zeros((1, robots, 2))
     invalid = apply_commands(
-        actuators, driven, np.zeros(robots, bool), np.zeros(robots), poses, gain, 0.0, 0.1, velocities, noise, 0
+        actuators, driven, np.zeros(robots, bool), np.zeros(robots), poses, gain, 0.0, 0.1, velocities, noise, 0, WHEELS
     )
     assert invalid == -1
     np.testing.assert_array_equal(driven, np.clip(commands, -LIMIT_CM_S, LIMIT_CM_S))
@@ -86,16 +87,27 @@ def test_a_command_that_is_not_a_number_is_reported_with_its_robot(command):
     actuators = np.zeros(4, ACTUATORS)
     actuators[command][2:] = np.nan
     arrays = np.zeros((4, 2)), np.zeros(4, bool), np.zeros(4), np.zeros((4, 3)), np.ones((4, 2))
-    assert apply_commands(actuators, *arrays, 0.0, 0.1, np.zeros((4, 3)), np.zeros((1, 4, 2)), 0) == 2
+    assert apply_commands(actuators, *arrays, 0.0, 0.1, np.zeros((4, 3)), np.zeros((1, 4, 2)), 0, WHEELS) == 2
 
 
 @given(start=starts, command=wheels, gains=st.tuples(st.floats(0, 2), st.floats(0, 2)))
 def test_a_wheel_with_a_gain_turns_that_much_faster_and_its_command_is_reported_as_given(start, command, gains):
     actuators, driven, velocities = np.zeros(1, ACTUATORS), np.empty((1, 2)), np.empty((1, 3))
     actuators["left_cm_s"], actuators["right_cm_s"] = command
-    poses, noise = np.array([start]), np.zeros((1, 1, 2))
+    poses, noise, gain = np.array([start]), np.zeros((1, 1, 2)), np.array([gains])
     apply_commands(
-        actuators, driven, np.zeros(1, bool), np.zeros(1), poses, np.array([gains]), 0.0, 0.1, velocities, noise, 0
+        actuators,
+        driven,
+        np.zeros(1, bool),
+        np.zeros(1),
+        poses,
+        gain,
+        0.0,
+        0.1,
+        velocities,
+        noise,
+        0,
+        WHEELS,
     )
     np.testing.assert_array_equal(driven, [command])
     expected = arc(start, command[0] * gains[0], command[1] * gains[1], 0.1)
@@ -109,9 +121,9 @@ def test_the_noise_of_the_given_step_is_used():
     noise = np.random.default_rng(1).random((4, 3, 2))
     for step in range(4):
         apply_commands(
-            actuators, driven, np.zeros(3, bool), np.zeros(3), poses, gain, 0.05, 0.1, velocities, noise, step
+            actuators, driven, np.zeros(3, bool), np.zeros(3), poses, gain, 0.05, 0.1, velocities, noise, step, WHEELS
         )
-        chord_velocities(poses, np.zeros(3), driven, gain, noise[step], 0.05, 0.1, expected)
+        chord_velocities(poses, np.zeros(3), driven, gain, noise[step], 0.05, 0.1, expected, BASE_CM)
         np.testing.assert_array_equal(velocities, expected)
 
 

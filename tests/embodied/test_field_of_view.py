@@ -11,6 +11,7 @@ from epuck_sim.embodied.cell_list import CellList, cell_index, make_cell_list
 from epuck_sim.embodied.field_of_view import (
     ATAN2_ERROR_RAD,
     SECTOR_RAD,
+    SLACK_CM,
     FieldOfView,
     angular_radius_bound,
     cells_in_strip,
@@ -24,6 +25,7 @@ from epuck_sim.embodied.ray_casting import to_disc
 from tests.embodied.scenes import RADIUS_CM
 
 WIDTH_CM, HEIGHT_CM = 150.0, 230.0
+REACH_CM = RADIUS_CM + SLACK_CM
 headings = st.floats(-math.pi, math.pi) | st.integers(-4, 4).map(lambda eighths: eighths * math.pi / 4)
 shares = st.floats(0, 1) | st.sampled_from([0.0, 1.0])
 
@@ -41,7 +43,8 @@ class Sight(NamedTuple):
 
 def view_of(x: float, y: float, heading: float, width: float) -> FieldOfView:
     left, right = heading + width / 2, heading - width / 2
-    return FieldOfView(x, y, math.cos(left), math.sin(left), math.cos(right), math.sin(right), width >= math.pi)
+    edges = math.cos(left), math.sin(left), math.cos(right), math.sin(right)
+    return FieldOfView(x, y, *edges, width >= math.pi, REACH_CM)
 
 
 @st.composite
@@ -121,5 +124,5 @@ def test_the_fast_angle_is_as_good_as_it_says(ahead: float, aside: float) -> Non
 @given(st.floats(3.7, 1000))
 def test_the_bound_of_the_angular_radius_is_above_it_and_near_it(distance: float) -> None:
     exact = math.asin(min(RADIUS_CM / distance, 1.0))
-    assert exact - 1e-15 <= angular_radius_bound(distance)
-    assert distance < 2 * RADIUS_CM or angular_radius_bound(distance) < 1.1 * exact
+    assert exact - 1e-15 <= angular_radius_bound(distance, RADIUS_CM)
+    assert distance < 2 * RADIUS_CM or angular_radius_bound(distance, RADIUS_CM) < 1.1 * exact

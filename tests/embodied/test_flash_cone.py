@@ -22,7 +22,7 @@ sections = st.builds(
 
 
 def obstruction(scene: Scene) -> Obstruction:
-    return Obstruction(scene.poses, scene.arena.circles, scene.arena.edges, sorted_cells(scene))
+    return Obstruction(scene.poses, scene.arena.circles, scene.arena.edges, sorted_cells(scene), RADIUS_CM)
 
 
 def pairs(scene: Scene, section: ConeSection, occlusion: bool) -> BoolArray:

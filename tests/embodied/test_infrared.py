@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.infrared import firmware_table_mm, inverse_response_mm, response, to_distances
+from epuck_sim.embodied.infrared_response import Response, firmware_table_mm, reading_at, to_distances
+from epuck_sim.embodied.infrared_response import inverse_response_mm as inverse_of
 from epuck_sim.geometry import box_corners
-from tests.embodied.scenes import RADIUS_CM, SENSORS, Scene, empty_arena, readings, scenes, slow_readings
+from tests.embodied.scenes import BODIES, RADIUS_CM, SENSORS, Scene, empty_arena, readings, scenes, slow_readings
 
 NOTHING_MM = 65535
 SPREAD = math.radians(15)
+RESPONSE = Response(range_cm=12.0, peak_counts=3731.0, peak_cm=0.3, width_cm2=0.7)
 sensors = pytest.mark.parametrize("sensor", range(8))
 distances = st.floats(0.3, 12)
 outputs = st.floats(0, 3731)
@@ -42,8 +44,16 @@ def _distances(counts, by_table=False, noise_counts=0.0, noise=None, gain=1.0):
     """Return the readings with noise and the distances that `to_distances` writes for (robots, 8) counts."""
     written, distance_mm = np.array(counts, float), np.full(np.shape(counts), -1)
     noise, gain = np.zeros_like(written) if noise is None else noise, np.broadcast_to(gain, written.shape).copy()
-    to_distances(written, gain, noise, noise_counts, by_table, distance_mm)
+    to_distances(written, RESPONSE, 8, gain, noise, noise_counts, by_table, distance_mm)
     return written, distance_mm
+
+
+def response(distance):
+    return reading_at(distance, RESPONSE)
+
+
+def inverse_response_mm(reading):
+    return inverse_of(reading, RESPONSE)
 
 
 # --- the response and the distances it stands for ---------------------------------------------------
@@ -198,11 +208,11 @@ def test_distances_are_those_of_the_noisy_readings(by_table, convert):
 def test_readings_are_those_of_the_slow_twin():
     tally = Counter()
 
-    @given(scenes(robots=(1, 2, 3, 10, 60, 300)))
+    @given(scenes(robots=(1, 2, 3, 10, 60, 300), bodies=BODIES))
     def compare(scene):
         expected, doubtful = slow_readings(scene)
         fast = readings(scene)
-        np.testing.assert_allclose(fast[~doubtful], expected[~doubtful], rtol=1e-9, atol=1e-9 * 3731)
+        np.testing.assert_allclose(fast[~doubtful], expected[~doubtful], rtol=1e-9, atol=1e-9 * 4500)
         tally.update(sensors=doubtful.size, doubtful=doubtful.sum(), reading=(expected > 0).sum())
 
     compare()
@@ -226,5 +236,5 @@ def test_the_robots_from_a_number_on_read_what_they_do_among_all(scene):
 
 def test_the_constants_are_those_of_the_facts():
     np.testing.assert_array_equal(epuck.INFRARED_POSITIONS_CM, SENSORS[:, :2])
-    np.testing.assert_array_equal(epuck.INFRARED_DIRECTIONS_RAD, np.radians(SENSORS[:, 2]))
+    np.testing.assert_array_equal(epuck.INFRARED_DIRECTIONS_DEG, SENSORS[:, 2])
     assert epuck.INFRARED_RANGE_CM == 12

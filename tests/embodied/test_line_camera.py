@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
 from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
-from epuck_sim.embodied.infrared import to_distances
+from epuck_sim.embodied.infrared import make_infrared_sensors
+from epuck_sim.embodied.infrared_response import to_distances
 from epuck_sim.embodied.line_camera import see
 from epuck_sim.embodied.sensing import SensingArrays, sense
 from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import (
+    BODIES,
     RADIUS_CM,
     CameraSettings,
     Scene,
@@ -226,7 +228,7 @@ def test_pixels_share_the_field_of_view(pixels, degrees, lit):
 def test_rows_are_those_of_the_slow_twin():
     tally = Counter()
 
-    @given(scenes(robots=(2, 3, 10, 60, 300)), camera_settings())
+    @given(scenes(robots=(2, 3, 10, 60, 300), bodies=BODIES), camera_settings())
     def compare(scene, camera):
         expected, doubtful = slow_rows(scene, camera)
         np.testing.assert_array_equal(rows(scene, camera)[~doubtful], expected[~doubtful])
@@ -247,11 +249,11 @@ def test_it_does_not_matter_whether_lit_rings_are_few_or_robots_are_told_by_numb
     np.testing.assert_array_equal(rows(Scene(scene.poses, lit, scene.arena), camera), expected)
 
 
-@given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+@given(scenes(robots=(10, 60), bodies=BODIES), camera_settings(), st.integers(0, 2**32 - 1))
 def test_rows_are_those_of_the_slow_twin_where_robots_overlap(scene, camera, seed):
     random = np.random.default_rng(seed)
     poses = scene.poses + random.uniform(-0.05, 0.05, scene.poses.shape)  # cm, as robots that push each other
-    pushed = Scene(poses, random.random(len(poses)) < random.choice([0.1, 0.5]), scene.arena)
+    pushed = Scene(poses, random.random(len(poses)) < random.choice([0.1, 0.5]), scene.arena, scene.body)
     expected, doubtful = slow_rows(pushed, camera)
     np.testing.assert_array_equal(rows(pushed, camera)[~doubtful], expected[~doubtful])
 
@@ -286,6 +288,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by
     gain, noise = random.uniform(0.5, 1.5, (observers, 8)), random.standard_normal((3, len(scene.poses), 8))
     counts, distance_mm = np.full((observers, 8), np.nan), np.zeros((observers, 8), np.int64)
     seen = np.full((observers, camera.pixels), 77, np.int64)
+    sensors = make_infrared_sensors(scene.body.kind())
     arrays = SensingArrays(
         poses=scene.poses,
         ring_on=scene.lit,
@@ -295,6 +298,8 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by
         edges=scene.arena.edges,
         cells=cells,
         camera=camera.make(),
+        radius_cm=RADIUS_CM,
+        infrared_sensors=sensors,
         first_robot=observer,
         infrared_gain=gain,
         infrared_noise=noise,
@@ -308,7 +313,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by
     noise_step = random.integers(3)
     sense(arrays, noise_step)
     expected, expected_mm = readings(scene)[group].copy(), np.zeros((observers, 8), np.int64)
-    to_distances(expected, gain, noise[noise_step, group].copy(), 10.0, by_table, expected_mm)
+    to_distances(expected, sensors.response, 8, gain, noise[noise_step, group].copy(), 10.0, by_table, expected_mm)
     np.testing.assert_array_equal(counts, expected)
     np.testing.assert_array_equal(distance_mm, expected_mm)
     np.testing.assert_array_equal(seen, rows(scene, camera)[group])

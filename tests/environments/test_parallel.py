@@ -1,5 +1,6 @@
 """Claims about the PettingZoo environment: it keeps PettingZoo's rules, and agents act exactly as controllers would."""
 
+import math
 import warnings
 
 import numpy as np
@@ -204,3 +205,23 @@ def test_wrappers_that_people_use_work():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         api_test(env, num_cycles=60)
+
+
+def test_robots_of_another_kind_observe_the_sensors_that_they_have_and_drive_up_to_their_own_limit():
+    robot = {"kind": "kilobot", "infrared": {"sensors": [[1.5, 0, 0], [-1.5, 0, 180]], "peak_counts": 1000}}
+    group = {"controller": "external", "poses": [[4, 25, math.pi], [40, 25, 0]], "signal": {"kind": "radio"}}
+    scenario = {"arena": {"width_cm": 50, "height_cm": 50}, "noise": "off", "robot": robot, "robots": [group]}
+    env = parallel_env(scenario, seed=1)
+    observations, _ = env.reset()
+    part = {name: observations["robot_0"][columns] for name, columns in env.observation_fields.items()}
+    assert {name: len(values) for name, values in part.items()} == {"camera": 1, "infrared": 2, "wheels": 2, "ring": 1}
+    distance = 4 - 1.5
+    assert part["infrared"][0] == pytest.approx((0.7 - 0.09) / (distance**2 - 0.6 * distance + 0.7))
+    observations, *_ = env.step(dict.fromkeys(env.agents, np.array([1.0, -0.5, -1.0])))
+    assert observations["robot_0"][env.observation_fields["wheels"]].tolist() == [1, -0.5]
+    alone = Simulation(scenario, 1)
+    next(alone)
+    alone.command(1.0, -0.5)
+    assert alone.advance(1).wheels_cm_s[0].tolist() == [1, -0.5]
+    blind = parallel_env({**scenario, "robot": "kilobot"}, seed=1)
+    assert blind.reset()[0]["robot_0"][blind.observation_fields["infrared"]].shape == (0,)

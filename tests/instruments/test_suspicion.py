@@ -66,7 +66,7 @@ def slow_alarms(cycles, seconds, dead, seed):
     loaded = load_scenario({**SWARM, "faults": [{"kind": "ring_dead", "robots": [dead]}]})
     simulation, robots = Simulation(loaded, seed), 8
     arena = loaded.arena.build()
-    cells, view = make_cell_list(arena.width_cm, arena.height_cm, robots), view_of(loaded.robots[0])
+    cells, view = make_cell_list(arena.width_cm, arena.height_cm, robots), view_of(loaded.robots[0], loaded.robot)
     dark = {(i, j): 0.0 for i in range(robots) for j in range(robots)}
     suspects: set[tuple[int, int]] = set()
     alarms = 0

@@ -50,7 +50,7 @@ def test_sightings_are_those_of_the_cameras(tmp_path) -> None:
     cells = make_cell_list(arena.width_cm, arena.height_cm, 14)
     expected = []
     for group, first in zip(CROWD.robots, (0, 6), strict=True):
-        found = find_sightings(poses, arena, cells, build_camera(group.camera), first, group.count)
+        found = find_sightings(poses, arena, cells, build_camera(group.camera, CROWD.robot), first, group.count)
         expected += [
             (row, looks, seen, int(row > 0 and steps[row - 1].ring_on[seen])) for row, looks, seen in found.tolist()
         ]
@@ -74,6 +74,27 @@ def test_contacts_are_those_of_discs_that_touch(tmp_path) -> None:
     assert read.links is not None
     assert read.links.contact_points.shape == (len(expected), 2)
     assert {-1} < set(read.contacts[:, 2])
+
+
+def test_links_of_other_robots_are_those_that_the_simulation_found(tmp_path) -> None:
+    robot = {"kind": "kilobot", "camera": {"forward_cm": 0.5}}
+    groups = [{"count": 20, "parameters": {"period_s": 1.0}}]
+    arena = {"width_cm": 25, "height_cm": 25}
+    scenario = load_scenario({"robot": robot, "robots": groups, "arena": arena, "stop": {"max_time_s": 10}})
+    contacts: list[tuple[int, ...]] = []
+    lit: list[tuple[int, ...]] = []
+
+    def keep(step: Step, _: object) -> None:
+        contacts.extend((step.number, *pair) for pair in step.contacts.tolist())
+        lit.extend((step.number, *pair) for pair in step.sightings.tolist())
+
+    with record(tmp_path / "t.rrd", scenario, 4, Level.FULL) as recorder:
+        run_trial(Simulation(scenario, 4), [recorder, keep])
+    read = read_recording(tmp_path / "t.rrd")
+    assert sorted(map(tuple, read.contacts.tolist())) == sorted(contacts)
+    assert sorted(tuple(row[:3]) for row in read.sightings.tolist() if row[3]) == sorted(lit)
+    assert len(contacts) > 20
+    assert len(lit) > 100
 
 
 @pytest.mark.parametrize("settings", [[], ["space.boundary=cyclic"], ["space.dimensions=1"], ["agents.count=60"]])

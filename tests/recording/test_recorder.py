@@ -415,7 +415,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
 def test_contacts_are_those_of_the_bodies(trial: Trial) -> None:
     arena = trial.scenario.arena.build()
     cells = make_cell_list(arena.width_cm, arena.height_cm, trial.scenario.robot_count)
-    found, points = find_contacts(trial.watched["poses"], arena, cells)
+    found, points = find_contacts(trial.watched["poses"], arena, cells, RADIUS_CM)
     steps = found[:, 0]
     rows = trial.found.lists("/arena/contacts", "Points2D:positions")
     assert [step for step, row in enumerate(rows) for _ in row] == steps.tolist()

@@ -396,12 +396,12 @@ def test_a_point_that_makes_no_scenario_is_named_with_what_is_allowed(axes: dict
 
 
 def test_all_mistakes_at_a_point_are_named_each_with_the_point() -> None:
-    scenario = load_scenario({"name": "x", "sweep": {"points": [{COUNT: 0, WIDTH: 1}]}})
+    scenario = load_scenario({"name": "x", "sweep": {"points": [{COUNT: 0, WIDTH: 0}]}})
     with pytest.raises(ScenarioError) as caught:
         points(scenario)
     lines = str(caught.value).splitlines()
     assert len(lines) == 2
-    assert all(line.startswith("x: sweep: point 0 (robots.0.count = 0, arena.width_cm = 1): ") for line in lines)
+    assert all(line.startswith("x: sweep: point 0 (robots.0.count = 0, arena.width_cm = 0): ") for line in lines)
 
 
 def test_a_parameter_that_all_of_the_swept_controllers_lack_is_refused_at_its_point() -> None:

@@ -43,7 +43,7 @@ class ArenaView:
         camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
         arena = scenario.arena.build()
         self._movables = arena.circles[arena.first_movable :, :2]
-        self._renderer = Renderer(section, camera, arena, seed=0)
+        self._renderer = Renderer(section, camera, arena, seed=0, robot=scenario.robot)
 
     def draw(
         self,

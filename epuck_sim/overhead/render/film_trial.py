@@ -124,7 +124,7 @@ def _film(
     """
     section = scenario.overhead
     try:
-        camera = VirtualCamera(section, scenario.arena.build(), seed)
+        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot)
     except EpuckSimError as error:
         raise FilmError(f"{scenario.name}: {error}") from error
     size = section.width_px, section.height_px

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.overhead.camera_model import CameraModel
@@ -16,6 +15,7 @@ from epuck_sim.overhead.render.bounding_boxes import bounding_boxes
 from epuck_sim.overhead.render.ring_light import COLOUR_LEVELS, NOMINAL_EXPOSURE_MS, add_rings, reach_cm
 from epuck_sim.overhead.render.room import draw_bodies, draw_circle, farthest_first, render_room
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 
 NOISE_OFFSETS = 2**20
 """Number of different places in the noise table at which the noise of a picture may begin."""
@@ -37,7 +37,9 @@ class ExposureSample(NamedTuple):
 class Renderer:
     """Renders pictures of one arena; the same pictures in the same order with the same seed are equal."""
 
-    def __init__(self, section: OverheadSection, camera: CameraModel, arena: Arena, seed: int) -> None:
+    def __init__(
+        self, section: OverheadSection, camera: CameraModel, arena: Arena, seed: int, robot: RobotKind = EPUCK
+    ) -> None:
         """Prepare what all pictures share.
 
         Args:
@@ -45,8 +47,11 @@ class Renderer:
             camera: Geometry of the camera.
             arena: The arena below it.
             seed: Seed of the noise.
+            robot: What kind of robots are in it.
         """
         self._camera = camera
+        self._body_cm = float(robot.radius_cm), float(robot.height_cm)
+        self._ring_cm = float(robot.ring_radius_cm), float(robot.ring_height_cm)
         self._light = section.exposure_ms / NOMINAL_EXPOSURE_MS
         self._bloom = section.bloom
         self._blur_px = section.blur_px
@@ -79,9 +84,10 @@ class Renderer:
         image = np.zeros(self._room.shape, np.float32)
         lit = _in_arena(np.concatenate([sample.poses[sample.ring_on] for sample in samples]))
         reach = reach_cm(self._light, self._bloom)
-        boxes = bounding_boxes(self._camera, lit[:, :2], epuck.RING_RADIUS_CM + reach, (epuck.RING_HEIGHT_CM,))
+        radius_cm, height_cm = self._ring_cm
+        boxes = bounding_boxes(self._camera, lit[:, :2], radius_cm + reach, (height_cm,))
         light = self._light / len(samples)
-        add_rings(image, self._floor_cm, self._camera.position_cm, lit, boxes, light, self._bloom, reach)
+        add_rings(image, self._floor_cm, self._camera.position_cm, lit, boxes, light, self._bloom, reach, self._ring_cm)
         return image
 
     def _scene(self, samples: Sequence[ExposureSample]) -> Float32Array:
@@ -94,8 +100,9 @@ class Renderer:
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 draw_circle(image, self._floor_cm, place, radius)
             poses = farthest_first(_in_arena(sample.poses), camera.position_cm)
-            boxes = bounding_boxes(camera, poses[:, :2], epuck.RADIUS_CM, (0.0, epuck.HEIGHT_CM))
-            draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes)
+            radius_cm, height_cm = self._body_cm
+            boxes = bounding_boxes(camera, poses[:, :2], radius_cm, (0.0, height_cm))
+            draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes, self._body_cm)
             scene += image
         scene /= len(samples)
         return scene

@@ -2,7 +2,6 @@
 
 import math
 
-from epuck_sim import epuck
 from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.util.jit import jit
 
@@ -48,6 +47,7 @@ def add_rings(
     light: float,
     bloom: float,
     reach: float,
+    ring_cm: tuple[float, float],
 ) -> None:
     """Add the light of rings to an image.
 
@@ -60,8 +60,10 @@ def add_rings(
         light: Light of an LED.
         bloom: Brightness of the haze at the ring, relative to the LED's.
         reach: Distance from a ring, in cm, beyond which nothing is added.
+        ring_cm: Radius of each ring, and its height above the floor.
     """
-    rise = epuck.RING_HEIGHT_CM / eye_cm[2]
+    radius, height = ring_cm
+    rise = height / eye_cm[2]
     for ring in range(len(poses)):
         # the ring's centre, projected along the lines of sight onto the floor, where the ring appears enlarged
         x, y = poses[ring, 0] - rise * eye_cm[0], poses[ring, 1] - rise * eye_cm[1]
@@ -71,11 +73,11 @@ def add_rings(
                 dx = (1.0 - rise) * floor_cm[row, column, 0] - x
                 dy = (1.0 - rise) * floor_cm[row, column, 1] - y
                 distance = math.sqrt(dx * dx + dy * dy)
-                off_ring = abs(distance - epuck.RING_RADIUS_CM)
+                off_ring = abs(distance - radius)
                 if off_ring <= reach:
                     brightness = bloom * math.exp(-off_ring / FADE_CM)
                     if off_ring <= CORE_CM:
-                        ahead = (dx * ahead_x + dy * ahead_y) / distance
+                        ahead = (dx * ahead_x + dy * ahead_y) / max(distance, 1e-9)
                         brightness += _led_light(ahead) * math.exp(-0.5 * (off_ring / WIDTH_CM) ** 2)
                     image[row, column] += light * brightness
 

@@ -41,10 +41,10 @@ HEADING_MARK = 225.0
 """Grey level of the wedge on a robot's top that points ahead."""
 
 MARK_TIP_CM = 3.2
-"""Distance of the heading mark's tip ahead of the robot's centre."""
+"""Distance of the heading mark's tip ahead of an e-puck's centre; other robots' marks are in proportion."""
 
 MARK_END_CM = 0.4
-"""Distance of the heading mark's broad end ahead of the robot's centre."""
+"""Distance of the heading mark's broad end ahead of an e-puck's centre."""
 
 MARK_SLOPE = 0.45
 """Half the heading mark's width per cm of distance from its tip."""
@@ -95,7 +95,12 @@ def farthest_first(poses: FloatArray, eye_cm: FloatArray) -> FloatArray:
 
 @jit
 def draw_bodies(
-    image: Float32Array, floor_cm: Float32Array, eye_cm: FloatArray, poses: FloatArray, boxes: IntArray
+    image: Float32Array,
+    floor_cm: Float32Array,
+    eye_cm: FloatArray,
+    poses: FloatArray,
+    boxes: IntArray,
+    body_cm: tuple[float, float],
 ) -> None:
     """Draw robots one after the other: cylinders with a mark that points ahead.
 
@@ -105,8 +110,11 @@ def draw_bodies(
         eye_cm: (3,) cm: position of the camera.
         poses: (n, 3) cm, cm, rad: x, y, heading; those drawn later hide those drawn earlier.
         boxes: (n, 4) px, as `bounding_boxes` returns them.
+        body_cm: Radius and height of each robot.
     """
-    rise = epuck.HEIGHT_CM / eye_cm[2]
+    radius, height = body_cm
+    scale = radius / epuck.RADIUS_CM
+    rise = height / eye_cm[2]
     for body in range(len(poses)):
         x, y = poses[body, 0], poses[body, 1]
         cos, sin = math.cos(poses[body, 2]), math.sin(poses[body, 2])
@@ -116,17 +124,17 @@ def draw_bodies(
                 along_x = rise * (eye_cm[0] - floor_cm[row, column, 0])
                 along_y = rise * (eye_cm[1] - floor_cm[row, column, 1])
                 top_x, top_y = foot_x + along_x, foot_y + along_y
-                if top_x * top_x + top_y * top_y <= epuck.RADIUS_CM**2:
+                if top_x * top_x + top_y * top_y <= radius**2:
                     ahead, aside = cos * top_x + sin * top_y, abs(cos * top_y - sin * top_x)
-                    is_mark = ahead >= MARK_END_CM and aside <= MARK_SLOPE * (MARK_TIP_CM - ahead)
+                    is_mark = ahead >= scale * MARK_END_CM and aside <= MARK_SLOPE * (scale * MARK_TIP_CM - ahead)
                     image[row, column] = HEADING_MARK if is_mark else BODY_TOP
-                elif _segment_meets_body(foot_x, foot_y, along_x, along_y):
+                elif _segment_meets_body(foot_x, foot_y, along_x, along_y, radius):
                     image[row, column] = BODY_SIDE
 
 
 @jit
-def _segment_meets_body(x: float, y: float, along_x: float, along_y: float) -> bool:
+def _segment_meets_body(x: float, y: float, along_x: float, along_y: float, radius: float) -> bool:
     """Return whether the segment from (x, y) along (along_x, along_y) comes within a body's radius of the origin."""
     square = along_x * along_x + along_y * along_y
     share = 0.0 if square == 0.0 else min(max(-(x * along_x + y * along_y) / square, 0.0), 1.0)
-    return (x + share * along_x) ** 2 + (y + share * along_y) ** 2 <= epuck.RADIUS_CM**2
+    return (x + share * along_x) ** 2 + (y + share * along_y) ** 2 <= radius**2

@@ -14,6 +14,7 @@ from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 
 SAMPLES = 4
 """Number of moments, evenly spread over an exposure, that are rendered into one picture.
@@ -47,19 +48,20 @@ class VirtualCamera:
     step has them, and all rings are off.
     """
 
-    def __init__(self, section: OverheadSection, arena: Arena, seed: int) -> None:
+    def __init__(self, section: OverheadSection, arena: Arena, seed: int, robot: RobotKind = EPUCK) -> None:
         """Place the camera above an arena.
 
         Args:
             section: The section `overhead` of a scenario.
             arena: The arena below the camera.
             seed: Seed of the noise.
+            robot: What kind of robots are in it.
 
         Raises:
             EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
         """
         camera = overhead_camera(section, arena.width_cm, arena.height_cm)
-        self._renderer = Renderer(section, camera, arena, seed)
+        self._renderer = Renderer(section, camera, arena, seed, robot)
         self._section = section
         self._exposure_s = section.exposure_ms / 1000
         self._offset_s = 0.0  # film's clock minus trial's clock

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import Arena
-from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.step import Step
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.level import Level

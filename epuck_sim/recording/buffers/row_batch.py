@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.control.interface import SENSORS
 
 
 class RowBatch(NamedTuple):

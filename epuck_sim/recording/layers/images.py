@@ -6,12 +6,12 @@ import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim import epuck
-from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.control.interface import SENSORS
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.numerals import row_numbers
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robot_kind import ProximitySection
 
 CAMERA = "/camera/rows"
 """Entity with a picture at each step: a row for each robot, of class 1 where a lit ring is seen."""
@@ -57,7 +57,7 @@ def static_image_entities(scenario: EmbodiedScenario) -> Iterator[Chunk]:
     infrared = rr.DepthImage.from_fields(
         format=_format(SENSORS, robots, rr.ChannelDatatype.U16),
         meter=1000,
-        depth_range=[0, 10 * epuck.INFRARED_RANGE_CM],
+        depth_range=[0, 10 * (scenario.robot.infrared or ProximitySection()).range_cm],
         colormap="spectral",  # from red to blue; what is out of range is as blue as what is far
     )
     yield static_chunk(INFRARED, infrared)

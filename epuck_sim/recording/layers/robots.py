@@ -8,7 +8,6 @@ import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.attendance import parked
@@ -23,6 +22,7 @@ from epuck_sim.recording.layers.images import SpaceTime, image_entities, static_
 from epuck_sim.recording.layers.time_series import static_wheel_series, wheel_series
 from epuck_sim.recording.population import Population
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.signals import CameraSignal
 
@@ -63,7 +63,7 @@ class RobotLayers:
         """For each group: number of its first robot, number of its robots, what they see with, and its outline."""
         first = 0
         for group in scenario.robots:
-            self._groups.append((first, group.count, view_of(group), _outline(group)))
+            self._groups.append((first, group.count, view_of(group, scenario.robot), _outline(group, scenario.robot)))
             first += group.count
         counts = [group.count for group in scenario.robots]
         self._forward_cm = np.repeat([outline.forward_cm for *_, outline in self._groups], counts)
@@ -73,10 +73,10 @@ class RobotLayers:
         alone = np.zeros((1, 1, 3))
         cells = self._cells(population.arena)
         find_sightings(alone, population.arena, cells, self._groups[0][2], 0, 1)
-        find_contacts(alone, population.arena, cells)
+        find_contacts(alone, population.arena, cells, population.radius_cm)
 
     def _cells(self, arena: Arena) -> CellList:
-        return make_cell_list(arena.width_cm, arena.height_cm, self._population.size)
+        return make_cell_list(arena.width_cm, arena.height_cm, self._population.size, self._scenario.robot.cell_cm)
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of overlays, pictures and wheel speeds."""
@@ -124,7 +124,7 @@ class RobotLayers:
         """Return the contacts at these steps as `find_contacts` does."""
         found, points = [], []
         for first_step, poses, arena in self._moments(batch):
-            contacts, places = find_contacts(poses, arena, self._cells(arena))
+            contacts, places = find_contacts(poses, arena, self._cells(arena), self._population.radius_cm)
             contacts[:, 0] += first_step
             found.append(contacts)
             points.append(places)
@@ -173,12 +173,12 @@ def _stretches(batch: RowBatch) -> Iterator[tuple[slice, Arena]]:
         yield slice(first, end), arena
 
 
-def _outline(group: RobotGroup) -> Outline:
-    """Return the outline of a group's fields of view, or cones of vision or emission; of no length all around."""
+def _outline(group: RobotGroup, robot: RobotKind) -> Outline:
+    """Return the outline of the fields of view, or cones, of a group of some kind of robot; of no length all around."""
     signal = group.signal
     if isinstance(signal, CameraSignal):
-        camera = build_camera(group.camera)
-        return Outline(epuck.CAMERA_FORWARD_CM, _longest(group.camera.range_cm), camera.half_view_rad)
+        camera = build_camera(group.camera, robot)
+        return Outline(robot.camera_forward_cm, _longest(group.camera.range_cm), camera.half_view_rad)
     longest_cm = 0.0 if signal.angle_deg == 360 else _longest(signal.range_cm)
     return Outline(0.0, longest_cm, math.radians(signal.angle_deg / 2))
 

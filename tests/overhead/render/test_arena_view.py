@@ -38,3 +38,19 @@ def test_the_same_robots_make_the_same_picture_without_the_cameras_faults():
 def test_sizes_that_no_film_could_have_are_refused():
     with pytest.raises(ScenarioError, match="width_px"):
         ArenaView(SCENARIO, width_px=101)
+
+
+def test_a_kilobot_is_drawn_as_wide_as_it_is_and_its_led_where_it_is():
+    def drawn(robot) -> tuple[int, int]:
+        """Return the number of pixels that show a robot, and of those that are red if it is lit."""
+        scenario = load_scenario({"robot": robot, "robots": [{"signal": {"kind": "radio"}}]})
+        view = ArenaView(scenario, 400, 400)
+        pose = np.array([[30.0, 30.0, 0.3]])  # below the camera, which sees no side
+        empty = view.draw(pose[:0], np.zeros(0, bool)).astype(int)
+        dark, lit = (view.draw(pose, np.array([on])).astype(int) for on in (False, True))
+        red = lit[..., 0] - lit[..., 1] > 100
+        return int((np.abs(dark - empty).max(axis=-1) > 20).sum()), int(red.sum())
+
+    (epuck, ring), (kilobot, led) = drawn("epuck"), drawn("kilobot")
+    assert kilobot / epuck == pytest.approx((1.65 / 3.7) ** 2, rel=0.1)
+    assert 0 < led < 0.3 * ring

@@ -1,0 +1,118 @@
+"""The section `robot`: shipped kinds, kinds that differ from them, and what is refused."""
+
+import math
+
+import pytest
+
+from epuck_sim import epuck, kilobot
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.yaml_io import parse_yaml
+
+RADIO = [{"count": 3, "signal": {"kind": "radio"}}]
+
+
+def test_robots_are_e_pucks_unless_a_scenario_says_otherwise() -> None:
+    robot = load_scenario("thesis").robot
+    assert robot == EPUCK
+    assert (robot.radius_cm, robot.mass_g, robot.wheels) == (3.7, 152, (12.8, 5.1))
+    assert robot.camera_forward_cm == 3.7
+    assert robot.infrared is not None
+    assert robot.infrared.sensors[0] == (3.35, -1.05, -18)
+    assert robot.ray_reach_cm == pytest.approx(math.hypot(3.35, 1.05) + 12)
+
+
+def test_a_kilobot_has_neither_infrared_sensors_nor_a_camera() -> None:
+    robot = load_scenario({"robot": "kilobot", "robots": RADIO}).robot
+    assert (robot.radius_cm, robot.height_cm, robot.mass_g) == (1.65, 3.4, 24)
+    assert robot.wheels == (kilobot.WHEEL_LIMIT_CM_S, kilobot.WHEEL_BASE_CM) == (1, 2.5)
+    assert (robot.infrared, robot.camera) == (None, None)
+    assert robot.cell_cm >= 2 * robot.radius_cm
+
+
+def test_keys_that_are_given_change_a_kind_and_the_others_stay() -> None:
+    given = {"kind": "kilobot", "mass_g": 10, "camera": {}, "infrared": {"sensors": [[1.5, 0, 0]], "range_cm": 3}}
+    robot = load_scenario({"robot": given}).robot
+    assert (robot.mass_g, robot.radius_cm, robot.wheel_base_cm) == (10, 1.65, 2.5)
+    assert robot.camera_forward_cm == 1.65
+    assert robot.infrared is not None
+    assert (robot.infrared.range_cm, robot.infrared.peak_counts) == (3, epuck.INFRARED_PEAK_COUNTS)
+    changed = load_scenario({"robot": {"wheel_base_cm": 6}}).robot
+    assert changed == EPUCK.model_copy(update={"wheel_base_cm": 6})
+
+
+@pytest.mark.parametrize("robot", ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}, {"infrared": None}])
+def test_a_scenario_that_is_written_and_read_again_has_the_same_robots(robot) -> None:
+    scenario = load_scenario({"robot": robot, "robots": RADIO})
+    assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
+
+
+def test_a_swept_kind_has_the_values_of_its_own() -> None:
+    given = {"robots": RADIO, "sweep": {"grid": {"robot": ["epuck", "kilobot", {"kind": "kilobot", "radius_cm": 2}]}}}
+    robots = [point.scenario.robot for point in points(given)]
+    assert [robot.radius_cm for robot in robots] == [3.7, 1.65, 2]
+    assert [robot.wheel_limit_cm_s for robot in robots] == [12.8, 1, 1]
+
+
+def test_a_single_key_of_the_robots_is_swept() -> None:
+    found = points({"robot": "kilobot", "robots": RADIO, "sweep": {"grid": {"robot.wheel_limit_cm_s": [0.5, 2]}}})
+    assert [point.scenario.robot.wheel_limit_cm_s for point in found] == [0.5, 2]
+    assert {point.scenario.robot.radius_cm for point in found} == {1.65}
+
+
+def test_numbers_of_resamples_of_folders_without_the_section_stay() -> None:
+    assert load_scenario("thesis").later_defaults()["robot"] is True
+    assert "robot" not in load_scenario("kilobots").later_defaults()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"robot": "thymio"}, "robot.kind: is 'thymio'; allowed: 'epuck' or 'kilobot'"),
+        ({"robot": 3}, "robot: is 3; allowed: a mapping of keys to values"),
+        ({"robot": {"kind": ["epuck"]}}, "robot.kind: is ['epuck']; allowed: 'epuck' or 'kilobot'"),
+        ({"robot": {"radius": 3}}, "robot.radius: unknown 'radius', did you mean 'radius_cm'?; allowed: kind"),
+        ({"robot": {"radius_cm": 0}}, "robot.radius_cm: is 0; allowed: above 0"),
+        ({"robot": {"radius_cm": 100}}, "robot.radius_cm: is 100; allowed: at most 50"),
+        ({"robot": {"mass_g": True}}, "robot.mass_g: is True; allowed: a number, not true or false"),
+        ({"robot": {"wheel_base_cm": 8}}, "robot: wheel_base_cm is 8; allowed: up to 7.4, the body's diameter"),
+        ({"robot": {"camera": {"forward_cm": 4}}}, "robot: camera.forward_cm is 4; allowed: up to 3.7, the body's"),
+        ({"robot": {"infrared": {"sensors": []}}}, "robot.infrared.sensors: is []; allowed: 1 or more values"),
+        ({"robot": {"infrared": {"sensors": [[0, 0, 0]] * 9}}}, "allowed: at most 8 values"),
+        ({"robot": {"infrared": {"sensors": [[3, 3, 0]]}}}, "robot: infrared.sensors.0 is 4.24 cm from the axle's"),
+        ({"robot": {"infrared": {"peak_cm": 1}}}, "robot.infrared: width_cm2 is 0.7; allowed: above the square of"),
+        ({"robot": {"infrared": {"range_cm": 0.2}}}, "robot.infrared: peak_cm is 0.3; allowed: below range_cm, 0.2"),
+        ({"robot": "kilobot"}, "robots.0.signal.kind is 'camera', and the robot 'kilobot' has none; allowed: cone or"),
+        (
+            {"robot": "kilobot", "arena": {"width_cm": 3}, "robots": RADIO},
+            "arena.width_cm: is 3; allowed: at least 3.3",
+        ),
+        ({"robot": "kilobot", "arena": {"width_cm": 4, "height_cm": 4}, "robots": RADIO}, "3 robots of 3.3 cm do not"),
+        (
+            {"robot": {"wheel_limit_cm_s": 20}},
+            "robot.wheel_limit_cm_s is 20; allowed: up to 13 at timing.physics_hz 100: faster robots would overlap",
+        ),
+        (
+            {"robot": {"radius_cm": 5.5}, "robots": [{"count": 1, "placement": "grid"}]},
+            "robots.0.placement is 'grid', whose points are 10 cm apart, and robots are 11 cm wide",
+        ),
+    ],
+)
+def test_robots_that_there_are_not_are_refused_in_words(given, message) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(given)
+    assert message in str(caught.value)
+
+
+def test_faster_wheels_are_allowed_with_more_physics_steps() -> None:
+    given = {"robot": {"wheel_limit_cm_s": 20}, "timing": {"physics_hz": 200}}
+    assert load_scenario(given).robot.wheel_limit_cm_s == 20
+
+
+def test_the_kind_is_changed_with_the_whole_section() -> None:
+    thesis = load_scenario("thesis", ["robots.0.signal={kind: radio}"])
+    with pytest.raises(ScenarioError, match=r"--set robot\.kind=kilobot: .* give robot=kilobot instead"):
+        load_scenario(thesis, ["robot.kind=kilobot"])
+    assert load_scenario(thesis, ["robot=kilobot"]).robot == load_scenario("kilobots").robot
