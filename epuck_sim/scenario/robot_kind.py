@@ -23,7 +23,7 @@ _EPUCK_SENSORS = tuple(
 
 
 class ProximitySection(ConfigModel):
-    """The infrared proximity sensors of a robot; what is left out is the e-puck's."""
+    """The infrared proximity sensors of a robot, `null` for one without any; what is left out is the e-puck's."""
 
     sensors: Annotated[tuple[tuple[Number, Number, Number], ...], Field(min_length=1, max_length=SENSORS)] = (
         _EPUCK_SENSORS
@@ -52,7 +52,7 @@ class ProximitySection(ConfigModel):
 
 
 class CameraMount(ConfigModel):
-    """Where a robot's camera is; what it sees is a matter of each group of robots."""
+    """Where a robot's camera is, `null` for one without any; what it sees is a matter of each group of robots."""
 
     forward_cm: Annotated[Number, Field(ge=0)] | None = None
     """Distance ahead of the axle's centre; by default at the front of the body, where the e-puck's is."""
