@@ -134,7 +134,7 @@ def _state(path: Path) -> tuple[int, int, int]:
 
 def _quick_check(path: Path) -> str:
     """Return "ok", or what SQLite finds damaged; it reads the whole file."""
-    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+    with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     return str(verdict)
 
@@ -146,7 +146,7 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
     All that is read in the block is of one moment, whatever a run that is at work on the database adds meanwhile.
     """
     check_database(path)
-    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+    with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
         yield connection
 
@@ -165,6 +165,14 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
             connection.execute("PRAGMA journal_mode = DELETE")
     with suppress(OSError):  # the folder may be gone by now
         _checked[path.resolve()] = _state(path)
+
+
+def _connect_to_read(path: Path) -> sqlite3.Connection:
+    """Return a connection that cannot write, after the write in which another process may have died was undone."""
+    if path.with_name(f"{path.name}-journal").exists():
+        with closing(_connect(path, "rw")) as connection:  # a connection that cannot write cannot undo a write either
+            connection.execute("SELECT count(*) FROM sqlite_master")
+    return _connect(path, "ro")
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
