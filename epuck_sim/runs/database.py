@@ -136,7 +136,19 @@ def _quick_check(path: Path) -> str:
     """Return "ok", or what SQLite finds damaged; it reads the whole file."""
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-    return str(verdict)
+        return str(verdict) if verdict != "ok" else _check_rows(connection)
+
+
+def _check_rows(connection: sqlite3.Connection) -> str:
+    """Return "ok", or what is missing in a database that SQLite finds undamaged."""
+    for table in ("points", "trials"):
+        if not _columns(connection, table):
+            return f"it has no table {table}"
+    if connection.execute("SELECT 1 FROM points LIMIT 1").fetchone() is None:
+        return "it has no points"
+    if connection.execute("PRAGMA foreign_key_check(trials)").fetchone() is not None:
+        return "it has trials of a point that is gone"
+    return "ok"
 
 
 @contextmanager

@@ -74,8 +74,8 @@ def export(folder: Path, target: Path) -> int:
     trials = [json.loads(text or "{}") for text in values]
     is_text = target.suffix == ".csv"
     arrays |= {f"measures.{name}": _measure([trial.get(name) for trial in trials], is_text) for name in names}
-    with atomic_write(target) as part:
-        WRITERS[target.suffix](pa.table(arrays), part)
+    with atomic_write(target) as part, part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
+        WRITERS[target.suffix](pa.table(arrays), file)
     return int(failed)
 
 

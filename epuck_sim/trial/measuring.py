@@ -12,7 +12,7 @@ from epuck_sim.measures.interface import CYCLE_METHOD, Measure, Scalar, Value
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.stop import StopCondition
 from epuck_sim.trial.observer import EndCondition, Observer
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import describe_error, short_repr
 from epuck_sim.util.python_files import line_of_error
 
 
@@ -98,7 +98,9 @@ def _observer(measure: Measure, origin: str, method: Callable[[Any, Any], object
     def tell(event: Any, state: Any) -> None:
         try:  # a context manager would take longer than many a measure
             method(event, state)
-        except (Exception, SystemExit) as error:  # whatever a user's file may raise
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever a user's file may raise
             raise _failure(measure, origin, error) from error
 
     return tell
@@ -123,14 +125,16 @@ def _checked(
 def _located(measure: Measure, origin: str) -> Iterator[None]:
     try:
         yield
-    except (Exception, SystemExit) as error:  # whatever a user's file may raise
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a user's file may raise
         raise _failure(measure, origin, error) from error
 
 
 def _failure(measure: Measure, origin: str, error: BaseException) -> MeasureError:
     """Return the error of a measure, with the file and line where it was raised."""
     where = line_of_error(error, measure.sources)
-    what = f"{type(error).__name__}: {error}"
+    what = describe_error(error)
     return MeasureError(f"{origin}: {where}: {what}" if where else f"{origin}: {what}")
 
 
