@@ -1,3 +1,4 @@
+from . import figures
 from .embodied.simulation import Simulation
 from .embodied.step import Step
 from .errors import (
@@ -49,6 +50,7 @@ __all__ = [
     "StoreError",
     "Trace",
     "TrialResult",
+    "figures",
     "film_trial",
     "load_scenario",
     "points",

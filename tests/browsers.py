@@ -18,9 +18,9 @@ needs_browser = pytest.mark.skipif(BROWSER is None, reason="there is no chromium
 OPTIONS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--virtual-time-budget=30000")
 
 
-def shown(page: Path, profile: Path) -> str:
+def shown(page: Path, profile: Path, query: str = "") -> str:
     """Return the page's HTML after its scripts have run."""
-    return _run(profile, "--dump-dom", page.as_uri()).stdout
+    return _run(profile, "--dump-dom", page.as_uri() + query).stdout
 
 
 def picture(page: Path, profile: Path, *, is_dark: bool = False, size: str = "1000,1600") -> FloatArray:

@@ -1,6 +1,7 @@
 """What README and docs show is run as it stands."""
 
 import doctest
+import json
 import pkgutil
 import re
 import shlex
@@ -26,7 +27,20 @@ from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial, simulate
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+LONG_SWEEPS = (
+    "fig-",
+    "random-walks",
+    "broad-speeds",
+    "switching",
+    "wireless",
+    "consensus",
+    "fault-detection",
+    "embodiment",
+)
+"""What the names of sweeps begin with whose quick versions take minutes."""
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -43,7 +57,7 @@ def code(page_part) -> list:
 
 
 def is_controller(block: str) -> bool:
-    return "PARAMETERS = " in block
+    return "PARAMETERS = " in block and ("def step(" in block or "\nstep = " in block)
 
 
 @pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
@@ -95,11 +109,11 @@ def test_measures_shown_measure_trials_of_both_models(model: str, block: str, tm
 
 
 def commands(page: Path) -> list[list[str]]:
-    """Return the commands that a page shows; of the thesis's figures, short ones instead of minutes."""
+    """Return the commands that a page shows; of sweeps that take minutes, short ones."""
     shown = "".join(blocks(page, "console"))
     found = [shlex.split(line) for line in re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)]
     short = ["--trials", "1", "--set", "stop.max_cycles=2"]
-    return [[*words, *short] if words[0] == "run" and words[1].startswith("fig-") else words for words in found]
+    return [[*words, *short] if words[0] == "run" and words[1].startswith(LONG_SWEEPS) else words for words in found]
 
 
 @pytest.fixture
@@ -115,7 +129,7 @@ def shown(monkeypatch) -> list[str]:
         yield SimpleNamespace(wait=lambda: noted.append("live")), 0
 
     @contextmanager
-    def nothing_live(*_: object):
+    def nothing_live(*_: object, **__: object):
         yield lambda *_: None
 
     monkeypatch.setenv("DISPLAY", ":0")
@@ -126,18 +140,47 @@ def shown(monkeypatch) -> list[str]:
     return noted
 
 
+def named_files(page: Path) -> dict[str, str]:
+    """Return the contents of the files that a page shows, by the names that stand before them."""
+    shown = re.findall(
+        r"`([\w-]+\.\w+)`[^`]*:\n\n```(?:python|yaml)\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL
+    )
+    return dict(shown)
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
-    Path("turner.py").write_text(controller)
-    assert len(commands(page)) >= 6
+    for name, text in {**named_files(ROOT / "README.md"), **named_files(page)}.items():
+        Path(name).write_text(text)
     for words in commands(page):
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 0, (words, result.stderr)
     assert Path("trace.parquet").exists() == any("--trace" in words for words in commands(page))
     looked_at = [words for words in commands(page) if words[0] == "replay" or "--live" in words]
     assert shown == ["live" if "--live" in words else "thesis" for words in looked_at]
+
+
+def test_commands_and_files_are_found() -> None:
+    assert len(commands(ROOT / "README.md")) >= 15
+    assert named_files(ROOT / "README.md").keys() == {"turner.py"}
+    assert named_files(ROOT / "docs/tutorial.md").keys() == {"listener.py", "lowest_order.py"}
+
+
+def test_the_tutorial_tells_what_comes_out(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = ROOT / "docs/tutorial.md"
+    Path("listener.py").write_text(named_files(page)["listener.py"])
+    told = " ".join(page.read_text().split())
+    three = ["--seed", "1", "--trials", "3"]
+    for words, sentence in (
+        (three, "T_sync is now {}, {} and {} cycles."),
+        (["--seed", "1", "--set", "robots.0.count=5"], "Five robots need {} cycles."),
+        (["--controller", "listener.py", *three], "The three trials take {}, {} and {} cycles."),
+    ):
+        result = CliRunner().invoke(app, ["run", "thesis", *words, "--json"])
+        trials = [json.loads(line) for line in result.stdout.splitlines()]
+        assert sentence.format(*(trial["t_sync_cycles"] for trial in trials)) in told
 
 
 def test_the_sweep_shown_has_the_stated_points() -> None:
@@ -151,8 +194,10 @@ def test_the_readmes_controller_is_no_longer_than_promised() -> None:
 
 
 def test_the_scenario_reference_shows_all_keys_with_their_defaults() -> None:
-    shown, with_obstacles = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/scenario.md", "yaml"))
+    pages = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/scenario.md", "yaml"))
+    shown, with_obstacles, with_movables = pages
     assert load_scenario(shown) == load_scenario({})
+    assert load_scenario({**with_movables, "robots": [{"poses": [[10, 50, 0]]}]}).arena.movables
     assert len(load_scenario(with_obstacles).arena.obstacles) == 3
     defaults = load_scenario({}).model_dump()
     for section, keys in defaults.items():

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE
 from epuck_sim.display.numbers import in_digits
-from epuck_sim.figures.labels import axis_label, quantity_label
+from epuck_sim.figures.labels import axis_labels, quantity_label
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.comparison import Comparison, PointComparison
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate
@@ -31,7 +31,7 @@ def print_comparison(names: Sequence[str], comparison: Comparison, as_json: bool
     title = f"{quantity_label(comparison.of)} with 95 % intervals\nA: {names[0]}\nB: {names[1]}"
     table = Table(title=Text(title), title_justify="left")
     shown = distinguishing_axes([point.axes for point in comparison.points])
-    for heading in (*map(axis_label, shown[0]), *_headings(comparison)):
+    for heading in (*axis_labels(shown[0]), *_headings(comparison)):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(comparison.points, shown, strict=True):
         table.add_row(*(Text(str(value)) for value in axes.values()), *_cells(point, comparison))

@@ -12,6 +12,16 @@ import typer
 
 from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError
 
+EXTRAS = {
+    "av": ("av", "film"),
+    "cv2": ("opencv-python-headless", "film"),
+    "matplotlib": ("matplotlib", "plot"),
+    "pyarrow": ("pyarrow", "table"),
+    "rerun": ("rerun-sdk", "view"),
+    "rerun_cli": ("rerun-sdk", "view"),
+}
+"""Packages that no sweep needs, and the extras that install them, by the modules they bring."""
+
 
 @contextmanager
 def exit_on_error() -> Iterator[None]:
@@ -33,6 +43,13 @@ def exit_on_error() -> Iterator[None]:
         if sys.stdout.closed or sys.stderr.closed:
             raise typer.Exit(2) from error
         raise
+    except ModuleNotFoundError as error:
+        missing = EXTRAS.get((error.name or "").partition(".")[0])
+        if missing is None:
+            raise
+        package, extra = missing
+        typer.echo(f"error: this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'", err=True)
+        raise typer.Exit(2) from error
     except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)
         raise typer.Exit(130) from interrupt

@@ -14,7 +14,9 @@ news = typer.Typer(no_args_is_help=True, help="Write a commented file to begin w
 
 
 @news.command("measure")
-def new_measure(name: Annotated[str, typer.Argument(help="Name of the measure, and of its file NAME.py.")]) -> None:
+def new_measure(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the measure, and of its file NAME.py.")],
+) -> None:
     """Write NAME.py, a commented measure of trials that runs as it stands."""
     with exit_on_error():
         _reject_no_name(name, "measure", "coverage")
@@ -22,7 +24,9 @@ def new_measure(name: Annotated[str, typer.Argument(help="Name of the measure, a
 
 
 @news.command("controller")
-def new_controller(name: Annotated[str, typer.Argument(help="Name of the controller's file NAME.py.")]) -> None:
+def new_controller(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the controller's file NAME.py.")],
+) -> None:
     """Write NAME.py, a commented controller of robots that runs as it stands."""
     with exit_on_error():
         _reject_no_name(name, "controller", "wanderer")
@@ -30,7 +34,9 @@ def new_controller(name: Annotated[str, typer.Argument(help="Name of the control
 
 
 @news.command("scenario")
-def new_scenario(name: Annotated[str, typer.Argument(help="Name of the scenario, and of its file NAME.yaml.")]) -> None:
+def new_scenario(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the scenario, and of its file NAME.yaml.")],
+) -> None:
     """Write NAME.yaml, a commented scenario that runs as it stands."""
     with exit_on_error():
         message = f"{name!r} is no name for a scenario; allowed: letters, digits, _ and -, such as pillar-80"

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE
 from epuck_sim.display.numbers import in_digits
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.figures.labels import axis_labels
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.series import PointSeries, SeriesStatistics
 from epuck_sim.statistics.summary import finite_or_none
@@ -27,7 +27,7 @@ def print_series(title: str, points: Sequence[PointSeries], as_json: bool) -> No
         return
     table = Table(title=Text(f"{title} at cycles, with 95 % intervals"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
-    for heading in (*map(axis_label, shown[0]), "cycle", "trials", "mean", "median"):
+    for heading in (*axis_labels(shown[0]), "cycle", "trials", "mean", "median"):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(points, shown, strict=True):
         for row in _rows(point.statistics):

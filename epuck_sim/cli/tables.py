@@ -10,9 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.display.numbers import format_estimate, in_digits, in_words
-from epuck_sim.figures.labels import axis_label, quantity_label
+from epuck_sim.figures.labels import axis_labels, quantity_label
 from epuck_sim.measures.interface import Value
-from epuck_sim.runs.reader import Failure, Status
+from epuck_sim.runs.status import Failure, Status
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.trial.result import TrialResult
@@ -66,7 +66,7 @@ def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]",
     table = Table(title=Text(title), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
     censored = ["censored"] * (of is None)
-    for heading in ("point", *map(axis_label, shown[0]), "trials", *censored, *statistics.values()):
+    for heading in ("point", *axis_labels(shown[0]), "trials", *censored, *statistics.values()):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(points, shown, strict=True):
         table.add_row(
@@ -74,10 +74,7 @@ def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]",
             *(Text(str(value)) for value in axes.values()),
             str(point.trials),
             *[f"{point.censored:.0%}"] * len(censored),
-            *(
-                format_estimate(*(getattr(point, f"{name}{end}") for end in ("", "_low", "_high")))
-                for name in statistics
-            ),
+            *(format_estimate(*point.estimate(statistic)) for statistic in statistics),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
     if any(point.censored for point in points):
@@ -145,4 +142,5 @@ def _format_value(value: Value) -> str:
 
 def print_trial_json(result: TrialResult) -> None:
     """Print a trial as one JSON object on a line of stdout, at once."""
-    print(json.dumps({**result._asdict(), "versions": versions()}), flush=True)
+    events = [event._asdict() for event in result.events]
+    print(json.dumps({**result._asdict(), "events": events, "versions": versions()}), flush=True)

@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,8 @@ from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, sh
 from epuck_sim.util.python_files import line_of_error
 
 Value = bool | int | float
+
+_Parameter = TypeVar("_Parameter", bound=bool | int | float | str)
 
 EXTERNAL = ("wheels", "ring")
 """What a controller may leave to commands from outside."""
@@ -113,15 +115,7 @@ class Controller:
         Raises:
             ValueError: A name or value is not allowed; the message says what is.
         """
-        for name in given:
-            if name not in self.parameters:
-                raise ValueError(
-                    f"{did_you_mean(name, self.parameters)}; {self.name} has {comma_list(self.parameters)}"
-                )
-        values = {
-            name: typed(name, given[name], default) if name in given else default
-            for name, default in self.parameters.items()
-        }
+        values = with_defaults(self.name, given, self.parameters, typed)
         if self.is_oscillator and values["period_s"] <= 0:
             raise ValueError(f"period_s is {values['period_s']}; allowed: above 0")
         if self.check is not None:
@@ -136,12 +130,38 @@ class Controller:
                 raise ValueError(said.partition(": ")[2] if own else f"{where}: {said}") from error
         return values
 
+    def parameter_values(self, record: np.void) -> dict[str, Value]:
+        """Return the parameters that a record holds, by name; see `parameter_record`."""
+        return {name: type(default)(record[name]) for name, default in self.parameters.items()}
+
     def parameter_record(self, values: Mapping[str, Value]) -> npt.NDArray[np.void]:
         """Return (1,) a record that holds the value of each parameter."""
         record = np.zeros(1, record_type({name: type(value) for name, value in self.parameters.items()}))
         for name, value in values.items():
             record[name] = value
         return record
+
+
+def with_defaults(
+    owner: str, given: Mapping[str, object], defaults: Mapping[str, _Parameter], convert: Callable[..., _Parameter]
+) -> dict[str, _Parameter]:
+    """Return every parameter with its given value, converted, or its default.
+
+    Args:
+        owner: Name of what has these parameters.
+        given: Values by the names of parameters.
+        defaults: Every parameter's default.
+        convert: Function of a name, a given value and a default, such as `typed`.
+
+    Raises:
+        ValueError: A name is unknown, or a value cannot be converted; the message says what is allowed.
+    """
+    for name in given:
+        if name not in defaults:
+            raise ValueError(f"{did_you_mean(name, dict(defaults))}; {owner} has {comma_list(defaults)}")
+    return {
+        name: convert(name, given[name], default) if name in given else default for name, default in defaults.items()
+    }
 
 
 def typed(name: str, given: object, default: Value) -> Value:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.control_loop import ControlLoop
+from epuck_sim.embodied.control_loop import ControlLoop, InterpretedLoop, run_calls
 from epuck_sim.embodied.differential_drive import apply_commands
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState
 from epuck_sim.util.addresses import compiled_for, hold
@@ -48,7 +48,7 @@ def _carry_out(address: int) -> None:
         apply_commands(
             drive.actuators,
             drive.wheels_cm_s,
-            drive.ring_on,
+            drive.ring_commands,
             drive.turns_rad,
             commands.loop.bodies.poses,
             drive.wheel_gain,
@@ -58,6 +58,7 @@ def _carry_out(address: int) -> None:
             drive.wheel_noise,
             step % NOISE_STEPS,
         )
+        run_calls(commands.loop.late_calls)
 
 
 class Commands:
@@ -65,10 +66,12 @@ class Commands:
 
     arrays: CommandArrays
 
-    def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], *, interpret: bool) -> None:
-        """Find the robots that are commanded from outside; interpret: whether controllers run as plain Python."""
+    def __init__(
+        self, loop: ControlLoop, groups: Sequence[RobotGroupState], interpreted: InterpretedLoop | None
+    ) -> None:
+        """Find the robots that are commanded from outside; interpreted: the loop, if it runs as plain Python."""
         wheel_robots, ring_robots = (_external_robots(groups, part) for part in ("wheels", "ring"))
-        kind: Any = np.recarray if interpret else np.ndarray
+        kind: Any = np.recarray if interpreted else np.ndarray
         drive = loop.drive._replace(actuators=loop.drive.actuators.view(kind))
         self.arrays = CommandArrays(
             loop=loop._replace(drive=drive),
@@ -77,8 +80,9 @@ class Commands:
             ring_robots=ring_robots,
             rings=np.zeros(len(ring_robots), np.bool_),
         )
-        if interpret:
-            self.carry_out = partial(bind(_carry_out, value_at=lambda _: self.arrays), 0)
+        if interpreted:
+            names: dict[str, Any] = {"value_at": lambda _: self.arrays, "run_calls": interpreted.run_calls}
+            self.carry_out = partial(bind(_carry_out, **names), 0)
         elif len(wheel_robots) or len(ring_robots):
             self._owner, address = hold(self.arrays)
             self.carry_out = partial(compiled_for(_carry_out, self.arrays), address)

@@ -43,7 +43,8 @@ def find_contact_candidates(bodies: Bodies, time_s: float) -> None:
         fastest = max(fastest, velocities[robot, 0] ** 2 + velocities[robot, 1] ** 2)
     path_cm = math.sqrt(fastest) * time_s + PUSHED_CM
     reach_cm = _TOUCH_CM + 2.0 * path_cm
-    if reach_cm > min(cells.width_cm, cells.height_cm):  # robots of further cells may be within reach, too
+    # robots of further cells may be within reach, too; and movables may push robots that are far from each other
+    if reach_cm > min(cells.width_cm, cells.height_cm) or len(bodies.movables) > 0:
         bodies.is_candidate[:] = True
         return
     found = 0

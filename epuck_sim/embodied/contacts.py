@@ -29,9 +29,9 @@ def find_contacts(poses: FloatArray, arena: Arena, cells: CellList) -> tuple[Int
         cells: A cell list of the arena, which is overwritten.
 
     Returns:
-        (contacts, 3) step, robot, and the robot that it touches, or -1: a wall or obstacle; in the order of the steps.
-        And (contacts, 2) cm: points of contact. Two robots have one, midway between them; on walls and obstacles it is
-        the point nearest to the robot.
+        (contacts, 3) step, robot, and the robot that it touches, or -1: a wall, obstacle or movable; in the
+        order of the steps. And (contacts, 2) cm: points of contact. Two robots have one, midway between them; on other
+        things it is the point nearest to the robot.
     """
     room = len(poses) * poses.shape[1]
     found, points = np.empty((room, 3), np.int64), np.empty((room, 2))

@@ -5,7 +5,6 @@ plain Python.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -16,6 +15,16 @@ from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
 from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.differential_drive import apply_commands
+from epuck_sim.embodied.faults import Faults
+from epuck_sim.embodied.faulty_swarm import (
+    SENSE_FAULTY,
+    FaultySwarm,
+    begin_step,
+    fail,
+    freeze,
+    hold_oscillators,
+    make_faulty_group,
+)
 from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_flashes
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SignalReceiver, SwarmArrays
 from epuck_sim.embodied.radio import Radio, receive_pulses
@@ -48,6 +57,7 @@ class Drive(NamedTuple):
 
     actuators: npt.NDArray[np.void]
     wheels_cm_s: FloatArray
+    ring_commands: BoolArray
     ring_on: BoolArray
     turns_rad: FloatArray
     ring_before: BoolArray
@@ -68,6 +78,8 @@ class ControlLoop(NamedTuple):
     bodies: Bodies
     calls: IntArray
     """(calls, 2) addresses of functions, and of what they take: all groups sense, then all controllers run."""
+    late_calls: IntArray
+    """(calls, 2) the same, for what follows when commands have been carried out; none without faults."""
     clocks: RobotClocks
     stoppages: Stoppages
     drive: Drive
@@ -91,18 +103,21 @@ def make_control_loop(
         variation: How robots differ.
         variation_streams: (robots, 4) random streams.
     """
+    groups = len(scenario.robots)
     timing, clock_rate = scenario.timing, variation.clock_rate
     rates = clock_rate if scenario.spread.clock_rate > 0 else clock_rate[:0]
     return ControlLoop(
         step=step,
         physics_steps=timing.physics_hz // timing.control_hz,
         bodies=bodies,
-        calls=np.zeros((2 * len(scenario.robots), 2), np.int64),
+        calls=np.zeros((4 * groups + 1 if scenario.faults else 2 * groups, 2), np.int64),
+        late_calls=np.zeros((1 if scenario.faults else 0, 2), np.int64),
         clocks=RobotClocks(timing.step_ms * rates, swarm.sensors.step_ms),
         stoppages=begin_stoppages(scenario.stuck, variation_streams, variation.wheel_gain),
         drive=Drive(
             actuators=swarm.actuators,
             wheels_cm_s=swarm.wheels_cm_s,
+            ring_commands=swarm.ring_commands,
             ring_on=swarm.ring_on,
             turns_rad=swarm.turns_rad,
             ring_before=swarm.ring_before,
@@ -169,8 +184,8 @@ def copy_rings(ring_on: BoolArray, ring_before: BoolArray) -> None:
 def _take_steps(address: int, steps: int, until_lit: int) -> int:
     """Take a number of control steps, or as many as it takes until the ring of robot `until_lit` is lit, if not -1.
 
-    Bodies move before each step but the first. All robots sense the same instant, as rings and wheels take effect after
-    all controllers have run.
+    That is as commanded, even if the ring has a fault. Bodies move before each step but the first. All robots sense the
+    same instant, as rings and wheels take effect after all controllers have run.
 
     Returns:
         The first robot whose controller set a speed or a turn that is no number, which ends the loop; or -1.
@@ -189,7 +204,7 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
         invalid = apply_commands(
             drive.actuators,
             drive.wheels_cm_s,
-            drive.ring_on,
+            drive.ring_commands,
             drive.turns_rad,
             loop.bodies.poses,
             drive.wheel_gain,
@@ -201,46 +216,112 @@ def _take_steps(address: int, steps: int, until_lit: int) -> int:
         )
         if invalid >= 0:
             return invalid
-        if until_lit >= 0 and drive.ring_on[until_lit]:
+        run_calls(loop.late_calls)
+        if until_lit >= 0 and drive.ring_commands[until_lit]:
             break
     return -1
 
 
-def interpreted_loop(loop: ControlLoop, groups: Sequence[RobotGroupState]) -> Callable[[int, int], int]:
-    """Return `_take_steps` of this loop as a function of its other arguments, as plain Python."""
-    sensing = [_sensing(loop, group) for group in groups]
-    sense_groups = [bind(_SENSE[type(group.receiver)], value_at=lambda _, group=group: group) for group in sensing]
-    for sense_group in sense_groups:  # now, so that compiling it belongs to no trial's time
-        sense_group(0)
-    move_bodies(loop.bodies, 0)
+class Call(NamedTuple):
+    """A function of an address, and the value that it finds there."""
 
-    def run_calls(_: IntArray) -> None:
-        for sense_group in sense_groups:
-            sense_group(0)
-        for group in groups:
-            group.runner.step_all(group.runner.address)
+    function: Callable[[int], None]
+    value: Any
 
-    return partial(bind(_take_steps, value_at=lambda _: loop, run_calls=run_calls), 0)
+
+class Calls(NamedTuple):
+    """What a control step calls, in order."""
+
+    before_controllers: list[Call]
+    after_controllers: list[Call]
+    late: list[Call]
+    """When commands have been carried out."""
+
+
+def _plan(loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> Calls:
+    """Return what a control step calls, besides controllers; faults: those of the scenario, if it has any."""
+    if faults is None:
+        sensing = [GroupSensing(loop.step, group.sensing, group.receiver) for group in groups]
+        return Calls([Call(_SENSE[type(each.receiver)], each) for each in sensing], [], [])
+    drive = loop.drive
+    swarm = FaultySwarm(
+        step=loop.step,
+        step_ms=round(1000 * drive.step_s),
+        faults=faults,
+        clocks=loop.clocks,
+        ring_commands=drive.ring_commands,
+        ring_on=drive.ring_on,
+        ring_before=drive.ring_before,
+        velocities=loop.bodies.velocities,
+    )
+    faulty = [make_faulty_group(loop.step, faults, group) for group in groups]
+    return Calls(
+        [
+            Call(begin_step, swarm),
+            *(Call(hold_oscillators, group) for group in faulty),
+            *(Call(SENSE_FAULTY[type(group.receiver)], group) for group in faulty),
+        ],
+        [Call(freeze, group) for group in faulty],
+        [Call(fail, swarm)],
+    )
+
+
+class InterpretedLoop:
+    """`_take_steps` of a loop as a function of its other arguments, as plain Python."""
+
+    def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
+        self._loop, self._faults = loop, faults
+        self.call_controllers(groups)
+        for function in self._before:  # now, so that compiling it belongs to no trial's time
+            function(0)
+        move_bodies(loop.bodies, 0)
+        self._take_steps = bind(_take_steps, value_at=lambda _: loop, run_calls=self.run_calls)
+
+    def call_controllers(self, groups: Sequence[RobotGroupState]) -> None:
+        """Call what runs on the robots of these groups from the next step on."""
+        plan = _plan(self._loop, groups, self._faults)
+        self._before, after, self._late = ([_interpreted(call) for call in calls] for calls in plan)
+        controllers = [lambda _, runner=group.runner: runner.step_all(runner.address) for group in groups]
+        self._early = [*self._before, *controllers, *after]
+
+    def run_calls(self, calls: IntArray) -> None:
+        """Call all functions: those of `ControlLoop.calls`, or `late_calls`."""
+        for function in self._early if calls is self._loop.calls else self._late:
+            function(0)
+
+    def __call__(self, steps: int, until_lit: int) -> int:
+        """Carry out `_take_steps`."""
+        return int(self._take_steps(0, steps, until_lit))
+
+
+def _interpreted(call: Call) -> Callable[[int], None]:
+    function: Callable[[int], None] = bind(call.function, value_at=lambda _: call.value)
+    return function
 
 
 class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
-    def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
+    def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
+        self._loop, self._faults = loop, faults
         self._take_steps = compiled_for(_take_steps, loop)
         self._owner, self._address = hold(loop)
-        self._owners = []
-        for number, group in enumerate(groups):
-            sensing = _sensing(loop, group)
-            owner, address = hold(sensing)
-            self._owners.append(owner)
-            loop.calls[number] = function_address(compiled_for(_SENSE[type(group.receiver)], sensing)), address
-            loop.calls[len(groups) + number] = group.runner.step_address, group.runner.address
+        self.call_controllers(groups)
+
+    def call_controllers(self, groups: Sequence[RobotGroupState]) -> None:
+        """Call what runs on the robots of these groups from the next step on."""
+        self._owners: list[object] = []
+        plan = _plan(self._loop, groups, self._faults)
+        before, after, late = ([self._addresses(call) for call in calls] for calls in plan)
+        controllers = [(group.runner.step_address, group.runner.address) for group in groups]
+        self._loop.calls[:] = [*before, *controllers, *after]
+        self._loop.late_calls[:] = np.reshape(late, (-1, 2))
+
+    def _addresses(self, call: Call) -> tuple[int, int]:
+        owner, address = hold(call.value)
+        self._owners.append(owner)
+        return function_address(compiled_for(call.function, call.value)), address
 
     def __call__(self, steps: int, until_lit: int) -> int:
         """Carry out `_take_steps`."""
         return int(self._take_steps(self._address, steps, until_lit))
-
-
-def _sensing(loop: ControlLoop, group: RobotGroupState) -> GroupSensing:
-    return GroupSensing(loop.step, group.sensing, group.receiver)

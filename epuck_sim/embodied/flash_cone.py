@@ -13,7 +13,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.cell_list import CellList, cell_index, cells_around, members_in_row
 from epuck_sim.scenario.signals import ConeSection, ConeSignal
-from epuck_sim.util.jit import jit
+from epuck_sim.util.jit import jit, jit_no_alloc
 
 _RADIUS = epuck.RADIUS_CM
 _FULL_CIRCLE_COS = -2.0
@@ -66,7 +66,7 @@ def make_lit_ring_sensor(section: ConeSignal) -> LitRingSensor:
     return LitRingSensor(make_cone(section), section.occlusion)
 
 
-@jit
+@jit_no_alloc
 def in_cone(poses: FloatArray, receiver: int, sender: int, cone: FlashCone) -> bool:
     """Return whether a sender's flash reaches a receiver; the cone's edge belongs to it."""
     dx, dy = poses[sender, 0] - poses[receiver, 0], poses[sender, 1] - poses[receiver, 1]
@@ -81,7 +81,7 @@ def in_cone(poses: FloatArray, receiver: int, sender: int, cone: FlashCone) -> b
     return ahead >= cone.cos * distance
 
 
-@jit
+@jit_no_alloc
 def is_hidden(receiver: int, sender: int, among: Obstruction) -> bool:
     """Return whether a robot's body or an obstacle is on the line between the centres of two robots."""
     ax, ay = among.poses[receiver, 0], among.poses[receiver, 1]
@@ -98,7 +98,7 @@ def is_hidden(receiver: int, sender: int, among: Obstruction) -> bool:
     return _is_behind_robot(receiver, sender, among)
 
 
-@jit
+@jit_no_alloc
 def _is_behind_robot(receiver: int, sender: int, among: Obstruction) -> bool:
     """Return whether a third robot is on the line between two; only cells that the line passes are looked at."""
     poses, cells = among.poses, among.cells
@@ -117,7 +117,7 @@ def _is_behind_robot(receiver: int, sender: int, among: Obstruction) -> bool:
     return False
 
 
-@jit
+@jit_no_alloc
 def _part_in_row(ax: float, ay: float, bx: float, by: float, row: int, cells: CellList) -> tuple[float, float]:
     """Return from where to where in x a line is within a robot's radius of a row of cells.
 
@@ -133,7 +133,7 @@ def _part_in_row(ax: float, ay: float, bx: float, by: float, row: int, cells: Ce
     return min(one, other), max(one, other)
 
 
-@jit
+@jit_no_alloc
 def _distance_to_line(x: float, y: float, dx: float, dy: float) -> float:
     """Return the distance of a point from the line from the origin to (dx, dy)."""
     square = dx * dx + dy * dy
@@ -141,7 +141,7 @@ def _distance_to_line(x: float, y: float, dx: float, dy: float) -> float:
     return math.hypot(x - share * dx, y - share * dy)
 
 
-@jit
+@jit_no_alloc
 def _crosses(dx: float, dy: float, ax: float, ay: float, bx: float, by: float) -> bool:
     """Return whether the line from the origin to (dx, dy) crosses that from (ax, ay) to (bx, by)."""
     if (dx * ay - dy * ax > 0.0) == (dx * by - dy * bx > 0.0):
@@ -171,7 +171,7 @@ def perceive_flashes(
         flashes[row, 0] = len(lit) > 0 and _perceives(cone, occlusion, ring_on, lit, among, observer + row)
 
 
-@jit
+@jit_no_alloc
 def _perceives(
     cone: FlashCone, occlusion: bool, ring_on: BoolArray, lit: IntArray, among: Obstruction, receiver: int
 ) -> bool:
@@ -190,7 +190,7 @@ def _perceives(
     return False
 
 
-@jit
+@jit_no_alloc
 def perceives(cone: FlashCone, occlusion: bool, among: Obstruction, receiver: int, sender: int) -> bool:
     """Return whether a robot would perceive another one's lit ring."""
     reaches = sender != receiver and in_cone(among.poses, receiver, sender, cone)

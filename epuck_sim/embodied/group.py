@@ -1,7 +1,7 @@
 """Groups of robots at work: their controllers, and the arrays with which they sense and act."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -38,8 +38,10 @@ class SwarmArrays(NamedTuple):
     """(robots, 2) cm/s: left and right wheel as commanded."""
     turns_rad: FloatArray
     """(robots,) rad: turns on the spot as commanded."""
+    ring_commands: BoolArray
+    """(robots,) whether each robot's ring is commanded to be lit; the same array as `ring_on` without faults."""
     ring_on: BoolArray
-    """(robots,) whether each robot's ring is lit."""
+    """(robots,) whether it is lit."""
     ring_before: BoolArray
     """(robots,) whether it was in the step before, which is what the other robots see."""
     cells: CellList
@@ -56,13 +58,15 @@ class SwarmArrays(NamedTuple):
 def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) -> SwarmArrays:
     """Return the arrays of all robots before the first step: nothing is sensed or commanded yet."""
     robots = len(world.poses)
+    ring_on = np.zeros(robots, np.bool_)
     return SwarmArrays(
         arena=arena,
         poses=world.poses,
         velocities=world.velocities,
         wheels_cm_s=np.zeros((robots, 2)),
         turns_rad=np.zeros(robots),
-        ring_on=np.zeros(robots, np.bool_),
+        ring_commands=np.zeros(robots, np.bool_) if scenario.faults else ring_on,
+        ring_on=ring_on,
         ring_before=np.zeros(robots, np.bool_),
         cells=world.bodies.cells,
         sensors=SensorArrays(
@@ -93,6 +97,8 @@ class RobotGroupState(NamedTuple):
     """What runs on them."""
     first_parameters: npt.NDArray[np.void]
     """(1,) the record of its parameters in the scenario."""
+    first_memory: Mapping[str, Any]
+    """What its robots remember at the start in the scenario, by name; the controllers' `start` has set the rest."""
     runner: ControllerRunner
     """Its controllers."""
     sensing: SensingArrays
@@ -103,8 +109,7 @@ class RobotGroupState(NamedTuple):
     @property
     def parameters(self) -> dict[str, Value]:
         """The parameters of its controllers, by name."""
-        record = self.runner.arrays.parameters[0]
-        return {name: type(default)(record[name]) for name, default in self.controller.parameters.items()}
+        return self.controller.parameter_values(self.runner.arrays.parameters[0])
 
     @property
     def period_ms(self) -> float:
@@ -116,7 +121,8 @@ class RobotGroupState(NamedTuple):
 
 def restart_swarm_arrays(swarm: SwarmArrays, step_ms: int) -> None:
     """Set the arrays that a trial changes to what they are before its first step; `World.place` sets the poses."""
-    for array in (swarm.wheels_cm_s, swarm.turns_rad, swarm.ring_on, swarm.ring_before, *swarm.sensors):
+    rings = swarm.ring_commands, swarm.ring_on, swarm.ring_before
+    for array in (swarm.wheels_cm_s, swarm.turns_rad, *rings, *swarm.sensors):
         array[:] = 0
     swarm.sensors.step_ms[:] = step_ms
     swarm.sensors.new_picture[:] = True
@@ -160,7 +166,7 @@ def make_group(
     # a picture that is delivered later is not yet the controller's
     pixels = receiver.in_view if isinstance(receiver, CameraClock) and len(receiver.in_view) else sensors.camera
     arrays = _sensing_arrays(scenario, group, first_robot, swarm, sensors, infrared_gain[rows], pixels)
-    return RobotGroupState(rows, controller, first_parameters, runner, arrays, receiver)
+    return RobotGroupState(rows, controller, first_parameters, group.memory, runner, arrays, receiver)
 
 
 def _start_receiver(
@@ -180,11 +186,17 @@ def _start_receiver(
 
 
 def restart_group(group: RobotGroupState) -> None:
-    """Start a group's controllers with the scenario's parameters; raise RobotError if one of them raises."""
+    """Start a group's controllers with the scenario's parameters and memory.
+
+    Raises:
+        RobotError: A controller raises.
+    """
     group.runner.arrays.senses.camera[:] = 0
     restart_receiver(group.receiver)
     group.runner.arrays.parameters.view(np.ndarray)[:] = group.first_parameters
     group.runner.start()
+    for name, value in group.first_memory.items():
+        group.runner.memory[name] = value
 
 
 def set_parameters(group: RobotGroupState, values: Mapping[str, Value]) -> None:

@@ -61,8 +61,8 @@ def _at_given_poses(
         gap = clearance_cm(arena, x, y) - epuck.RADIUS_CM
         if gap < -_TOLERANCE_CM:
             raise ScenarioError(
-                f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall or an obstacle; allowed: at "
-                f"least {epuck.RADIUS_CM:g} cm away from them"
+                f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
+                f"allowed: at least {epuck.RADIUS_CM:g} cm away from them"
             )
         others = np.vstack([placed, poses[:number]])
         distances = np.hypot(others[:, 0] - x, others[:, 1] - y)

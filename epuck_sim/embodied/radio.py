@@ -88,9 +88,8 @@ def make_radio(
 
 
 def restart_radio(radio: Radio) -> None:
-    """Set receivers to before the first step: nothing is sent, and nothing on its way."""
-    for array in (radio.is_sending, radio.counts_on_way, radio.messages_on_way):
-        array[:] = 0
+    """Set receivers to before the first step: nothing is on its way."""
+    radio.counts_on_way[:] = 0
 
 
 @jit
@@ -109,8 +108,8 @@ def receive_pulses(radio: Radio, poses: FloatArray, ring_on: BoolArray, first_ro
         radio.is_sending[robot] = goes_on or radio.actuators[robot].send != 0
     senders = np.flatnonzero(radio.is_sending)
     slots = len(radio.counts_on_way)
+    departing, arriving = (step + slots - 1) % slots, step % slots
     for row in range(len(radio.counts)):
-        departing, arriving = (step + slots - 1) % slots, step % slots
         radio.counts_on_way[departing, row] = _take_from_air(
             radio, poses, senders, first_robot + row, row, radio.messages_on_way[departing, row]
         )

@@ -19,6 +19,8 @@ class Part(IntEnum):
     CONTROLLERS = 3
     VARIATION = 4
     SIGNALS = 5
+    FAULTS = 6
+    SCHEDULE = 7
 
 
 def spawned(seed: int, part: Part) -> np.random.SeedSequence:

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.camera_pixels import Camera
 from epuck_sim.embodied.cell_list import CellList, make_cell_list
 from epuck_sim.embodied.contacts import surfaces_of, write_contacts
-from epuck_sim.embodied.flash_cone import LitRingSensor
 from epuck_sim.embodied.group import SwarmArrays
-from epuck_sim.embodied.visibility import View, view_of, write_cone_sightings, write_sightings
+from epuck_sim.embodied.visibility import SIGHTING_WRITERS, View, view_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.addresses import compiled_for, hold
 from epuck_sim.util.jit import bind, jit_no_alloc
@@ -36,7 +34,7 @@ class SightingSearch(NamedTuple):
     circles: FloatArray
     edges: FloatArray
     cells: CellList
-    view: View
+    sees_with: View
     first: int
     """Number of the group's first robot."""
     observers: int
@@ -89,17 +87,14 @@ def _write_lit_sightings(address: int) -> int:
         search.circles,
         search.edges,
         search.cells,
-        search.view,
+        search.sees_with,
         search.first,
         search.observers,
         search.found,
     )
 
 
-_WRITE_LIT_SIGHTINGS = {
-    Camera: bind(_write_lit_sightings, write=write_sightings),
-    LitRingSensor: bind(_write_lit_sightings, write=write_cone_sightings),
-}
+_WRITE_LIT_SIGHTINGS = {kind: bind(_write_lit_sightings, write=writer) for kind, writer in SIGHTING_WRITERS.items()}
 """`_write_lit_sightings` by what robots see with."""
 
 
@@ -168,7 +163,7 @@ class Relations:
         )
 
     def contacts(self, step: int) -> IntArray:
-        """Return (contacts, 2) robot, and the robot that it touches, or -1: a wall or obstacle, in the present step.
+        """Return (contacts, 2) robot, and the robot that it touches in the present step, or -1: no robot, but a thing.
 
         Args:
             step: Number of the present step.
@@ -208,7 +203,7 @@ class Relations:
             circles=swarm.arena.circles,
             edges=swarm.arena.edges,
             cells=self._cells(),
-            view=view,
+            sees_with=view,
             first=first,
             observers=observers,
             found=np.zeros((room, 3), np.int64),

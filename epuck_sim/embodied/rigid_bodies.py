@@ -1,10 +1,11 @@
-"""The rigid bodies: robots, walls and obstacles in pymunk. No other module uses pymunk.
+"""The rigid bodies: robots, walls and obstacles in pymunk, which else only `movables` uses.
 
 Contacts are hard, without bounce, and by default without friction: they never turn a robot (Enki). Wheels set the
 bodies' velocities at the beginning of each control step, and changes made by contacts last until the next one. Thus a
-robot that pushes one that holds still moves both at half its speed.
+robot that pushes one that holds still moves both at half its speed. Where there are movables, forces count: `movables`.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
 from epuck_sim.embodied.chipmunk import CALLS, move_bodies
 from epuck_sim.embodied.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.movables import Movables
 from epuck_sim.errors import EpuckSimError
 
 WALL_CM = 50.0
@@ -44,16 +46,24 @@ class World:
     """What compiled code moves; it holds `poses` and `velocities`."""
 
     def __init__(
-        self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int, *, touch: bool = True
+        self,
+        arena: Arena,
+        poses: FloatArray,
+        friction: float,
+        physics_hz: int,
+        *,
+        touch: bool = True,
+        drive_force_n: float = 0.5,
     ) -> None:
         """Put robots at (robots, 3) `poses` into the arena.
 
         Args:
-            arena: The arena, in cm.
+            arena: The arena, in cm; where its movables are is written to it.
             poses: (robots, 3) cm, cm, rad: x, y, heading.
             friction: Coefficient between any two bodies that touch.
             physics_hz: Physics steps in a second.
             touch: Whether robots touch each other; else they pass through each other.
+            drive_force_n: Largest force of wheels where there are movables, N.
         """
         root = friction**0.5  # pymunk multiplies the friction of the two that touch
         self._ground = pymunk.Body(body_type=pymunk.Body.STATIC)
@@ -66,7 +76,14 @@ class World:
         self.poses = np.empty_like(poses)
         self.velocities = np.empty_like(poses)
         # compiled code refers to both by their addresses only
-        self._batches = _Batch(_POSE, self.poses), _Batch(_VELOCITY, self.velocities)
+        self._batches = {
+            "poses": _Batch(_POSE, self.poses),
+            "velocities": _Batch(_VELOCITY, self.velocities),
+            "turns": _Batch(BodyFields.ANGULAR_VELOCITY, self.velocities),
+            "circles": _Batch(BodyFields.POSITION, arena.circles),
+        }
+        robots = [body for body, _ in self._discs] if len(arena.movables) else []
+        self._movables = Movables(arena, self._ground, robots, root, drive_force_n)
         self.bodies = Bodies(
             poses=self.poses,
             velocities=self.velocities,
@@ -77,11 +94,13 @@ class World:
             cells=make_cell_list(arena.width_cm, arena.height_cm, len(poses)),
             touch=touch,
             step_s=1.0 / physics_hz,
-            calls=_calls(*self._batches),
+            calls=_calls(self._batches),
             pointers=np.array([[_pointer(body._body), _pointer(disc._shape)] for body, disc in self._discs]),
             is_candidate=np.zeros(len(poses), np.bool_),
             reached=np.zeros(len(poses), np.int64),
             is_in_space=np.zeros(len(poses), np.bool_),
+            movables=self._movables.addresses,
+            drives=self._movables.drive_addresses,
         )
         self.place(poses)
 
@@ -95,6 +114,7 @@ class World:
         lib.cpSpaceAddBody(space._space, self._ground._body)
         for shape in self._fixed:
             lib.cpSpaceAddShape(space._space, shape._shape)
+        self._movables.enter(space)
         self.bodies.calls["space"] = _pointer(space._space)
         self.poses[:] = poses
         self.velocities[:] = 0.0
@@ -102,6 +122,7 @@ class World:
 
     def _empty_space(self) -> None:
         """Take everything out of the space: pymunk takes the bodies away from the shapes that it finds at its end."""
+        self._movables.leave(self._space)
         in_space = [self._discs[robot] for robot in np.flatnonzero(self.bodies.is_in_space)]
         for shape in [*(disc for _, disc in in_space), *self._fixed]:
             if lib.cpShapeGetSpace(shape._shape) != ffi.NULL:
@@ -171,13 +192,13 @@ _FUNCTIONS = {
 """Name and kind of each of Chipmunk's functions that `CALLS` names."""
 
 
-def _calls(poses: _Batch, velocities: _Batch) -> npt.NDArray[np.void]:
+def _calls(batches: Mapping[str, _Batch]) -> npt.NDArray[np.void]:
     """Return (1,) the record of addresses that `move_bodies` takes, without the space's."""
     calls = np.zeros(1, CALLS)
     for name, (function, kind) in _FUNCTIONS.items():
         calls[name] = function_address(function, kind)
-    calls["poses"], calls["poses_index"] = poses.pointer, poses.index_pointer
-    calls["velocities"], calls["velocities_index"] = velocities.pointer, velocities.index_pointer
+    for name, batch in batches.items():
+        calls[name], calls[f"{name}_index"] = batch.pointer, batch.index_pointer
     return calls
 
 
@@ -219,7 +240,8 @@ def _walls(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
 def _obstacles(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
     """Return the shapes of the arena's obstacles."""
     circles: list[pymunk.Shape] = [
-        pymunk.Circle(body, radius + MARGIN_CM, offset=(x, y)) for x, y, radius in arena.circles.tolist()
+        pymunk.Circle(body, radius + MARGIN_CM, offset=(x, y))
+        for x, y, radius in arena.circles[: arena.first_movable].tolist()
     ]
     return circles + [
         pymunk.Poly(body, [(x, y) for x, y in corners.tolist()], radius=MARGIN_CM) for corners in arena.polygons

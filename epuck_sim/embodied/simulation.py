@@ -12,10 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.control.interface import Value
+from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.runner import RobotError
 from epuck_sim.embodied.commands import Commands
-from epuck_sim.embodied.control_loop import CompiledLoop, interpreted_loop, make_control_loop, restart_loop
+from epuck_sim.embodied.control_loop import CompiledLoop, InterpretedLoop, make_control_loop, restart_loop
+from epuck_sim.embodied.fault_events import take_events
+from epuck_sim.embodied.faults import make_faults, restart_faults
 from epuck_sim.embodied.group import (
     NOISE_STEPS,
     RobotGroupState,
@@ -28,14 +30,17 @@ from epuck_sim.embodied.group import (
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.randomness import Part, Randomness, spawned
 from epuck_sim.embodied.relations import Relations
+from epuck_sim.embodied.replacement import Replaced, replace_controller
 from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, Snapshot
+from epuck_sim.embodied.schedule import carry_out, timed_entries
+from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class Simulation:
@@ -60,7 +65,8 @@ class Simulation:
     """Seconds from one control step to the next."""
     period_ms: FloatArray
     """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
-
+    events: list[TrialEvent]
+    """Entries of the schedule that were carried out, and faults that began and ended, in the order of their steps."""
     commands: Commands
     """What is commanded from outside; `command` checks it first, and snapshots know of it."""
     external_wheels: IntArray
@@ -95,8 +101,11 @@ class Simulation:
         self._step_ms = scenario.timing.step_ms
         self._interpret = interpret
         self._step = np.full(1, -1)  # the number of the last step taken
-        contact, physics_hz = scenario.contact, scenario.timing.physics_hz
-        self._world = World(arena, np.zeros((robots, 3)), contact.friction, physics_hz, touch=contact.robots)
+        self._world = World(
+            *(arena, np.zeros((robots, 3)), scenario.contact.friction, scenario.timing.physics_hz),
+            touch=scenario.contact.robots,
+            drive_force_n=scenario.contact.drive_force_n,
+        )
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
         self._randomness = Randomness(scenario)
         self._groups = self._make_groups()
@@ -105,14 +114,16 @@ class Simulation:
             *(scenario, self._step, self._world.bodies, self._swarm),
             *(self._randomness.variation, self._randomness.variation_streams),
         )
-        self._take_steps = (interpreted_loop if interpret else CompiledLoop)(self._loop, self._groups)
-        self.commands = Commands(self._loop, self._groups, interpret=interpret)
+        self._faults = make_faults(scenario) if scenario.faults else None
+        interpreted = InterpretedLoop(self._loop, self._groups, self._faults) if interpret else None
+        self._take_steps = interpreted or CompiledLoop(self._loop, self._groups, self._faults)
+        self.commands = Commands(self._loop, self._groups, interpreted)
         self.external_wheels = self.commands.arrays.wheel_robots
         self.external_rings = self.commands.arrays.ring_robots
-        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
         self._relations = Relations(scenario, self._swarm)
-        self._shown: tuple[Any, ...] = (*shown, self._relations)
+        self._show()
         self._short_rows = self._find_short_rows()
+        self._timed = timed_entries(scenario.schedule, self._step_ms)
         self.reset(seed)
 
     def _make_groups(self) -> list[RobotGroupState]:
@@ -134,6 +145,11 @@ class Simulation:
             first_robot += section.count
         return groups
 
+    def _show(self) -> None:
+        """Find the arrays that steps show."""
+        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
+        self._shown: tuple[Any, ...] = (*shown, self._relations)
+
     def reset(self, seed: int | None = None) -> None:
         """Start anew, to the same outcome as a new simulation with this seed, but several times as fast.
 
@@ -151,11 +167,16 @@ class Simulation:
         poses = place_robots(scenario, spawned(seed, Part.PLACEMENT))
         self.seed = seed
         self._changes: list[Change] = []
+        self.events = []
+        self._timed.restart()
+        self._replaced_at: int | None = None
         self._step[0] = -1
         self._world.place(poses)
         restart_swarm_arrays(self._swarm, self._step_ms)
         self._randomness.restart(seed)
         restart_loop(self._loop, self._step_ms, self._randomness.variation)
+        if self._faults is not None:
+            restart_faults(self._faults, scenario, spawned(seed, Part.FAULTS))
         self.commands.restart()
         self._relations.restart()
         for group in self._groups:
@@ -210,7 +231,7 @@ class Simulation:
 
         Args:
             steps: Number of steps to take, at least 1.
-            until_lit: Number of a robot; a step in which its ring is lit is the last one.
+            until_lit: Number of a robot; a step in which its ring is commanded to be lit is the last one.
 
         Returns:
             The last step; its arrays are overwritten by the next one.
@@ -225,11 +246,16 @@ class Simulation:
             raise ValueError(f"until_lit is {until_lit}; allowed: 0 to {len(self.period_ms) - 1}")
         end = self.steps + steps
         while True:
+            while self._timed.next == self.steps:
+                self._carry_out(self._timed.take())
             noise_step = self.steps % NOISE_STEPS
             if noise_step == 0:
                 self._randomness.draw_noise(self._swarm)
-            self._run(min(end - self.steps, NOISE_STEPS - noise_step), -1 if until_lit is None else until_lit)
-            if self.steps == end or (until_lit is not None and self._swarm.ring_on[until_lit]):
+            unseen = min(end - self.steps, NOISE_STEPS - noise_step, self._timed.next - self.steps)
+            self._run(unseen, -1 if until_lit is None else until_lit)
+            if self._faults is not None:
+                self.events += take_events(self._faults, self._step_ms)
+            if self.steps == end or (until_lit is not None and self._swarm.ring_commands[until_lit]):
                 return self._last_step()
 
     def command(
@@ -273,15 +299,73 @@ class Simulation:
         """
         if not 0 <= group < len(self._groups):
             raise ValueError(f"group is {group}; allowed: 0 to {len(self._groups) - 1}")
+        self._set_parameters(group, values)
+        self._changes.append(ParameterChange(self.steps, group, values))
+
+    def _set_parameters(self, group: int, values: Mapping[str, Value]) -> None:
+        """Change parameters of a group's controllers."""
         changed = self._groups[group]
         origin = f"{self.scenario.name}: robots.{group}"
         given = {**changed.parameters, **values}
         set_parameters(changed, resolve_parameters(changed.controller, given, self._step_ms, origin))
         self.period_ms[changed.robots] = changed.period_ms
-        self._changes.append(ParameterChange(self.steps, group, values))
+
+    def carry_out_scheduled(self, entry: int) -> None:
+        """Carry out an entry of the scenario's schedule now: its changes act from the next step on.
+
+        Entries with a time are carried out by the simulation itself, others by `run_trial`.
+
+        Args:
+            entry: Number of the entry.
+        """
+        self._carry_out(entry)
+        self._changes.append(ScheduledChange(self.steps, entry))
+
+    def _carry_out(self, entry: int) -> None:
+        time_ms = self.steps * self._step_ms
+        sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
+        section = self.scenario.schedule[entry]
+        carry_out(section, self._groups, self._faults, self._set_parameters, sequence, time_ms)
+        self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{entry}", section.what))
+
+    @property
+    def controllers(self) -> list[Controller]:
+        """What runs on the robots of each group."""
+        return [group.controller for group in self._groups]
+
+    def replace_controller(self, group: int, controller: Controller) -> Replaced:
+        """Have the robots of a group go on with another controller from the next step on.
+
+        See `embodied.replacement` for what they remember, and which parameters they keep. Until it is reset, the
+        simulation is no longer what its scenario and seed alone decide.
+
+        Args:
+            group: Number of the group in the scenario.
+            controller: See `control.loader.load_controller`.
+
+        Returns:
+            What robots still remember.
+
+        Raises:
+            EpuckSimError: It cannot be compiled, raises, or does not fit; then the old one goes on.
+        """
+        origin = f"{self.scenario.name}: robots.{group}"
+        replaced = replace_controller(self._groups[group], controller, self._step_ms, origin, interpret=self._interpret)
+        self._groups[group] = replaced.group
+        self._take_steps.call_controllers(self._groups)
+        self.period_ms[replaced.group.robots] = replaced.group.period_ms
+        self._replaced_at = self.steps
+        self._show()
+        return replaced
 
     def snapshot(self) -> Snapshot:
-        """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later."""
+        """Return all that is needed to have the simulation as it is now: `restore`, or pickle it for later.
+
+        Raises:
+            ValueError: A controller was replaced since the last reset: the steps before could not be simulated again.
+        """
+        if self._replaced_at is not None:
+            raise ValueError(f"a controller was replaced after step {self._replaced_at - 1}; there is no snapshot")
         return Snapshot(self.scenario, self.seed, self.steps, tuple(self._changes))
 
     def restore(self, snapshot: Snapshot) -> None:

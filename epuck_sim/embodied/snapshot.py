@@ -47,7 +47,19 @@ class ParameterChange(NamedTuple):
         simulation.set_parameters(self.group, **self.values)
 
 
-Change = Command | ParameterChange
+class ScheduledChange(NamedTuple):
+    """An entry of the schedule that waited for a cycle."""
+
+    steps: int
+    """Control steps before it."""
+    entry: int
+
+    def repeat(self, simulation: "Simulation") -> None:
+        """Carry out the entry again."""
+        simulation.carry_out_scheduled(self.entry)
+
+
+Change = Command | ParameterChange | ScheduledChange
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,11 @@ class Step(NamedTuple):
     wheels_cm_s: FloatArray
     """(robots, 2) cm/s: left and right wheel as commanded, within the wheels' limit, without noise."""
     ring_on: BoolArray
-    """(robots,): whether the ring is lit, as commanded."""
+    """(robots,): whether the ring is lit, as commanded if it has no fault."""
+    ring_commands: BoolArray
+    """(robots,): whether the ring is commanded to be lit; the reference's commands count as its firings."""
+    movables: FloatArray
+    """(movables, 2) cm: x, y of the arena's movables at this instant."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
     relations: Relations
@@ -63,9 +67,10 @@ class Step(NamedTuple):
 
     @property
     def contacts(self) -> IntArray:
-        """(contacts, 2) robot, and the robot that it touches, or -1: a wall or obstacle; found when it is asked for.
+        """(contacts, 2) robot, and the robot that it touches, or -1: a wall, obstacle or movable.
 
-        Surfaces at most 1.6 mm apart touch. Two robots have one contact, that of the one with the lower number.
+        They are found when they are asked for. Surfaces at most 1.6 mm apart touch. Two robots have one contact,
+        that of the one with the lower number.
         """
         return self.relations.contacts(self.number)
 
@@ -85,6 +90,8 @@ def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tu
         _read_only(swarm.sensors.camera),
         _read_only(swarm.wheels_cm_s),
         _read_only(swarm.ring_on),
+        _read_only(swarm.ring_commands),
+        _read_only(swarm.arena.circles[swarm.arena.first_movable :, :2]),
         tuple(map(_read_only, memories)),
     )
 

@@ -29,11 +29,6 @@ def view_of(group: RobotGroup) -> View | None:
     return build_camera(group.camera) if group.signal.kind == "camera" else None
 
 
-def sighting_writer(view: View) -> Callable[..., int]:
-    """Return `write_sightings`, or its like for the ideal sensor."""
-    return write_sightings if isinstance(view, Camera) else write_cone_sightings
-
-
 def find_sightings(
     poses: FloatArray, arena: Arena, cells: CellList, view: View | None, first: int, observers: int
 ) -> IntArray:
@@ -59,7 +54,7 @@ def find_sightings(
     numbers = np.arange(1, poses.shape[1] + 1)  # 0 is what a dark pixel holds
     given = (numbers, arena.circles, arena.edges, cells, view, first, observers)
     found = np.empty((2 * len(poses) * observers, 3), np.int64)  # most robots see no more than two
-    write = sighting_writer(view)
+    write = SIGHTING_WRITERS[type(view)]
     sightings = write(poses, *given, found)
     if sightings > len(found):
         found = np.empty((sightings, 3), np.int64)
@@ -126,3 +121,7 @@ def write_cone_sightings(
                         found[sightings] = step, observer, robot
                     sightings += 1
     return sightings
+
+
+SIGHTING_WRITERS: dict[type, Callable[..., int]] = {Camera: write_sightings, LitRingSensor: write_cone_sightings}
+"""What writes sightings, by what robots see with."""

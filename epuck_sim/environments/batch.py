@@ -109,6 +109,7 @@ class SwarmBatch:
             phase=phase,
             width_cm=arena.width_cm,
             height_cm=arena.height_cm,
+            movables=gather([step.movables for step in steps]),
         )
 
     def observe(self, situation: Situation) -> Float32Array:

@@ -12,8 +12,8 @@ from pettingzoo import ParallelEnv
 from epuck_sim.arrays import BoolArray, Float32Array
 from epuck_sim.environments.batch import SwarmBatch
 from epuck_sim.environments.rewards import Situation, SituationFunction
+from epuck_sim.environments.screen import RENDER_MODES, RenderMode, Screen
 from epuck_sim.overhead.film.frame import Picture
-from epuck_sim.overhead.render.arena_view import ArenaView
 from epuck_sim.scenario.scenario import Scenario
 
 
@@ -26,7 +26,7 @@ def parallel_env(
     actions: Literal["continuous", "discrete"] = "continuous",
     episode_s: float = 60.0,
     control_steps: int = 1,
-    render_mode: Literal["rgb_array", "human"] | None = None,
+    render_mode: RenderMode | None = None,
 ) -> "SwarmEnv":
     """Return a PettingZoo `ParallelEnv` of one swarm.
 
@@ -57,13 +57,13 @@ def parallel_env(
 class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # PettingZoo has no types
     """A swarm whose robots are agents, `robot_0` and so on by their numbers; see `parallel_env`."""
 
-    def __init__(self, batch: SwarmBatch, render_mode: str | None) -> None:
+    def __init__(self, batch: SwarmBatch, render_mode: RenderMode | None) -> None:
         self._batch = batch
         simulation = batch.simulations[0]
         self.render_mode = render_mode
         self.metadata = {
             "name": "epuck_sim_v0",
-            "render_modes": ["human", "rgb_array"],
+            "render_modes": RENDER_MODES,
             "render_fps": 1 / (simulation.step_s * batch.control_steps),
             "is_parallelizable": True,
         }
@@ -74,7 +74,7 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
         self.action_spaces = {agent: batch.spaces.new_action_space() for agent in self.possible_agents}
         self.observation_fields = batch.spaces.fields
         """Which columns of an observation hold what."""
-        self._view: ArenaView | None = None
+        self._screen = Screen(simulation.scenario, render_mode)
 
     def observation_space(self, agent: str) -> gymnasium.Space[Any]:
         """Return the space of an agent's observations."""
@@ -132,32 +132,8 @@ class SwarmEnv(ParallelEnv[str, Float32Array, Any]):  # type: ignore[misc] # Pet
 
     def render(self) -> Picture | None:
         """Return (height, width, 3) a picture of the arena from above, or show it; see `ArenaView`."""
-        if self.render_mode is None:
-            gymnasium.logger.warn("render() needs render_mode='rgb_array' or 'human' in parallel_env()")
-            return None
-        if self._view is None:
-            self._view = ArenaView(self._batch.simulations[0].scenario)
-        situation = self._batch.look()
-        picture = self._view.draw(situation.poses[0], situation.ring_on[0])
-        if self.render_mode == "rgb_array":
-            return picture
-        self._show(picture)
-        return None
-
-    def _show(self, picture: Picture) -> None:
-        """Show a picture in a window."""
-        from matplotlib import pyplot  # noqa: PLC0415 slow, and only windows need it
-
-        if not hasattr(self, "_image"):
-            self._window = pyplot.figure("epuck-sim", frameon=False)
-            self._image = self._window.add_axes((0.0, 0.0, 1.0, 1.0)).imshow(picture)
-        self._image.set_data(picture)
-        pyplot.pause(0.001)
+        return self._screen.render(self._batch.look())
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if hasattr(self, "_image"):
-            from matplotlib import pyplot  # noqa: PLC0415 see `_show`
-
-            pyplot.close(self._window)
-            del self._image
+        self._screen.close()

@@ -36,6 +36,8 @@ class Situation(NamedTuple):
     """Width of the arena."""
     height_cm: float
     """Height of the arena."""
+    movables: FloatArray = np.empty((0, 2))
+    """(..., movables, 2) cm: where the arena's movables are."""
 
 
 SituationFunction = Callable[[Situation], npt.NDArray[Any]]

@@ -72,7 +72,7 @@ def describe_changes(changes: Mapping[str, Any]) -> str:
     >>> describe_changes({"robots.0.parameters.speed_cm_s": 3.0, "stop.max_cycles": 7})
     'with V = 3 cm/s, stop.max_cycles = 7'
     >>> describe_changes({"robots.0.count": 2, "robots.1.count": 3})
-    'with robots.0.count = 2, robots.1.count = 3'
+    'with N = 2, N of robots.1 = 3'
     """
     if not changes:
         return ""

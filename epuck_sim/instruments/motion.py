@@ -62,6 +62,29 @@ class NearWalls:
         return self._near / self._seen if self._seen else None
 
 
+class MeanSpeed:
+    """Mean speed over the floor in cm/s, of all robots and steps (robots)."""
+
+    MODELS = ("embodied",)
+
+    def __init__(self, simulation: Any) -> None:
+        self._step_s = 1 / simulation.scenario.timing.control_hz
+        self._before: FloatArray | None = None
+        self._way_cm, self._steps = 0.0, 0
+
+    def step(self, step: Any, _: Any) -> None:
+        """Add how far robots have come since the last step."""
+        places = step.poses[:, :2].copy()
+        if self._before is not None:
+            self._way_cm += float(np.hypot(*(places - self._before).T).mean())
+            self._steps += 1
+        self._before = places
+
+    def value(self) -> float | None:
+        """Return the mean; None before the second step."""
+        return self._way_cm / (self._steps * self._step_s) if self._steps else None
+
+
 class VelocityCorrelationTime:
     """Time in s after which the autocorrelation of velocities has fallen to 1 / e of that at once.
 

@@ -37,6 +37,12 @@ class _Twin:
         if not 0 <= parameters.displacement < 0.5:
             raise ValueError(f"displacement is {parameters.displacement:g}; allowed: 0 up to 0.5, in cycles")
 
+    @staticmethod
+    def check_scenario(scenario: Any, _: Any) -> None:
+        """Raise ValueError for a schedule that waits for what comes at other times in the twin."""
+        if any(entry.at_s is None for entry in scenario.schedule):
+            raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
+
     def cycle(self, event: Any, _: Any) -> None:
         """Compare the phases with the twin's."""
         self._twin.run_to(event.time_s)

@@ -23,8 +23,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from epuck_sim.control.interface import typed
-from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
+from epuck_sim.control.interface import typed, with_defaults
+from epuck_sim.util.messages import describe_error, short_repr
 
 Parameter = bool | int | float | str
 """Value of a parameter of a measure."""
@@ -97,15 +97,7 @@ class Measure:
         Raises:
             ValueError: A name or value is not allowed; the message says what is.
         """
-        for name in given:
-            if name not in self.parameters:
-                raise ValueError(
-                    f"{did_you_mean(name, dict(self.parameters))}; {self.name} has {comma_list(self.parameters)}"
-                )
-        values = {
-            name: typed_parameter(name, given[name], default) if name in given else default
-            for name, default in self.parameters.items()
-        }
+        values = with_defaults(self.name, given, self.parameters, typed_parameter)
         check = getattr(self.make, "check", None)
         if check is not None:
             try:

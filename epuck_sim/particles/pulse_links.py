@@ -7,7 +7,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.neighbour_lists import NeighbourLists
-from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
 
 SHIFTS_ONLY = 50
 """Swarms of this size or larger have links only where a phase was shifted: if all fire at once, all receive all."""
@@ -18,7 +18,8 @@ class PulseLinks:
 
     def __init__(self, scenario: ParticleScenario) -> None:
         """Compile what finds neighbours, before any clock runs."""
-        self._neighbours = NeighbourLists(scenario)
+        # agents that are drawn anew for each pulse cannot be found from outside: they have no links
+        self._neighbours = None if isinstance(scenario.neighbourhood, RandomAgents) else NeighbourLists(scenario)
         self._has_all = scenario.agents.count < SHIFTS_ONLY
 
     def find(self, positions: FloatArray, headings: FloatArray, fired: IntArray, received: IntArray) -> IntArray:
@@ -36,6 +37,8 @@ class PulseLinks:
         awaits_shift = np.zeros(len(positions), np.bool_)
         awaits_shift[received] = True
         links = [np.empty((0, 3), np.int64)]
+        if self._neighbours is None:
+            return links[0]
         for agent, receivers in zip(fired, self._neighbours.receivers(positions, headings, fired), strict=True):
             is_shifted = awaits_shift[receivers]
             awaits_shift[receivers] = False  # no agent receives two pulses at one instant

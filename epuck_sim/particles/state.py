@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.particles.events import UNLIMITED, Instant, Rules, advance, reflect_if_next
+from epuck_sim.particles.cascade import Instant
+from epuck_sim.particles.curve_compilation import trial_error
+from epuck_sim.particles.events import UNLIMITED, advance, turn_if_next
 from epuck_sim.particles.motion import Trajectories, compute_positions
 from epuck_sim.particles.neighbourhood import Neighbourhood
 from epuck_sim.particles.oscillators import Oscillators, earliest_firing, phase_at
+from epuck_sim.particles.rules import Rules
 from epuck_sim.util.addresses import compiled_for, hold
 from epuck_sim.util.jit import jit_no_alloc
 
@@ -64,10 +67,10 @@ def _advance(address: int, pulses: int, cycles: int, last_cycle: int, last_time:
     )
 
 
-def _reflect_if_next(address: int) -> int:
-    """Carry out `events.reflect_if_next`."""
+def _turn_if_next(address: int) -> int:
+    """Carry out `events.turn_if_next`."""
     state = value_at(address)  # noqa: F821 see `bind`
-    return reflect_if_next(state.trajectories, state.neighbourhood, state.oscillators, state.instant)
+    return turn_if_next(state.trajectories, state.neighbourhood, state.oscillators, state.instant)
 
 
 def _observe(address: int) -> None:
@@ -84,28 +87,47 @@ def _next_firing(address: int) -> float:
 class HeldState:
     """A state that compiled code reads at its address: entering that takes a tenth of unpacking the arrays."""
 
-    def __init__(self, state: SwarmState) -> None:
-        """Hold a state; compile what works on it, before any clock runs."""
-        self._state = state
+    def __init__(self, state: SwarmState, curve: str) -> None:
+        """Hold a state; compile what works on it, before any clock runs.
+
+        Args:
+            state: The state.
+            curve: Name of the response curve in its rules, for what is raised.
+        """
+        self._state, self._curve = state, curve
         self._owner, self._address = hold(state)
-        self._advance, self._reflect_if_next, self._observe, self._next_firing = (
-            compiled_for(function, state) for function in (_advance, _reflect_if_next, _observe, _next_firing)
+        self._advance, self._turn_if_next, self._observe, self._next_firing = (
+            compiled_for(function, state) for function in (_advance, _turn_if_next, _observe, _next_firing)
         )
 
     def advance(self, pulses: int, cycles: int, last_cycle: int, last_time: float = 0.0) -> None:
-        """Simulate until a limit is reached; see `events.advance`."""
-        self._advance(self._address, pulses, cycles, last_cycle, last_time)
+        """Simulate until a limit is reached; see `events.advance`.
+
+        Raises:
+            CurveError: A user's response curve raises.
+        """
+        self._advance_at(self._address, pulses, cycles, last_cycle, last_time)
 
     def advance_to(self, cycle: int, time: float) -> None:
-        """Simulate up to a time in a cycle, and measure the order parameter at each firing of the reference."""
+        """Simulate up to a time in a cycle, and measure the order parameter at each firing of the reference.
+
+        Raises:
+            CurveError: A user's response curve raises.
+        """
         # between events the order parameter at the reference's last firing may be asked for: always measure it
         measuring = self._state._replace(rules=self._state.rules._replace(max_offset=1.0))
         _owner, address = hold(measuring)
-        self._advance(address, UNLIMITED, UNLIMITED, cycle, time)
+        self._advance_at(address, UNLIMITED, UNLIMITED, cycle, time)
 
-    def reflect_if_next(self) -> int:
-        """Reflect the agent that reaches a wall before the next firing; return its index, or -1."""
-        return int(self._reflect_if_next(self._address))
+    def _advance_at(self, address: int, pulses: int, cycles: int, last_cycle: int, last_time: float) -> None:
+        try:
+            self._advance(address, pulses, cycles, last_cycle, last_time)
+        except Exception as error:  # nothing else in the kernel raises
+            raise trial_error(self._curve, error) from error
+
+    def turn_if_next(self) -> int:
+        """Continue the trajectory that ends before the next firing; return whose it is, or -1."""
+        return int(self._turn_if_next(self._address))
 
     def positions(self) -> FloatArray:
         """Return (agents, dimensions) cm: positions at the present time."""

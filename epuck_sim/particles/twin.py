@@ -29,7 +29,12 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
         seed: The trial's seed.
         displacement: If 0, no phase of the twin is displaced and no period has jitter (5.4.1, 5.4.2). Else they are as
             in the trial, and the phase of agent 0 is ahead by so many cycles, or by what is left until it fires.
+
+    Raises:
+        ValueError: Entries of the schedule wait for a firing or a condition: those of the twin come at other times.
     """
+    if any(entry.at_s is None for entry in scenario.schedule):
+        raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
     changes: dict[str, object] = {"stop": scenario.stop.model_copy(update={"order_parameter": None})}
     if not displacement:
         changes["start"] = scenario.start.model_copy(update={"displacement": 0.0})

@@ -4,8 +4,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
+from epuck_sim.figures.labels import quantity_label
 from epuck_sim.report.groups import point_labels
-from epuck_sim.runs.reader import PointTrials, Status, database_of, read_measure_names, read_points, read_status
+from epuck_sim.runs.reader import PointTrials, database_of, read_measure_names, read_points
+from epuck_sim.runs.status import Status, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.measured import Measured, measure
 from epuck_sim.statistics.summary import PointSummary, summarize
@@ -58,9 +60,11 @@ def read_contents(folder: Path | str) -> Contents:
     points = read_points(folder)
     measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
     series = [Series(name, found) for name, found in measures.items() if _is_series(found)]
-    has_t_sync = any(point.has_t_sync for point in points)
-    quantities = [_quantity("T_sync", "T_sync [cycles]", points)] * has_t_sync
-    quantities += [_quantity(name, name, found) for name, found in measures.items() if not _is_series(found)]
+    has_t_sync = all(point.has_t_sync for point in points)
+    quantities = [_quantity("T_sync", quantity_label(None), points)] if has_t_sync else []
+    quantities += [
+        _quantity(name, quantity_label(name), found) for name, found in measures.items() if not _is_series(found)
+    ]
     stored = Path(folder) / RUN_SCENARIO
     text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
     changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)

@@ -9,7 +9,7 @@ from plotly import graph_objects as go
 
 from epuck_sim.display.numbers import format_estimate
 from epuck_sim.figures.labels import axis_label, format_axis_values
-from epuck_sim.figures.style import LOG_RATIO
+from epuck_sim.figures.scales import LOG_RATIO
 from epuck_sim.report.contents import Quantity
 from epuck_sim.report.groups import Arrangement, Group, arrange, choose_vertical
 from epuck_sim.report.theme import SYMBOLS, Choices, add_choices, colours, make_figure
@@ -61,7 +61,7 @@ def _estimate(summary: PointSummary, statistic: str) -> tuple[str, list[float | 
     field = "restricted_mean" if statistic == "mean" and summary.mean is None else statistic
     if summary.censored == 1:
         return STATISTIC_NAMES[field], [None] * 3
-    return STATISTIC_NAMES[field], [getattr(summary, f"{field}{end}") for end in ("", "_low", "_high")]
+    return STATISTIC_NAMES[field], summary.estimate(field)
 
 
 def _line(

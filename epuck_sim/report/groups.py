@@ -7,7 +7,7 @@ import numpy as np
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.labels import axis_label, distinguishing_labels, format_axis_values
-from epuck_sim.figures.style import is_logarithmic
+from epuck_sim.figures.scales import is_logarithmic
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis, distinguishing_axes, other_axes

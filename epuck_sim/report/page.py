@@ -6,6 +6,7 @@ from plotly import graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from epuck_sim.display.html import element, to_html
+from epuck_sim.display.page import make_document
 from epuck_sim.report.contents import Contents, Quantity, Series
 from epuck_sim.report.distribution_plot import draw_distributions
 from epuck_sim.report.estimate_plots import draw_estimates, draw_map
@@ -19,7 +20,6 @@ from epuck_sim.report.sections import (
     tabulate,
 )
 from epuck_sim.report.series_plot import count_series, draw_series
-from epuck_sim.report.theme import STYLE
 
 CONFIG = {
     "responsive": True,
@@ -50,12 +50,7 @@ def make_page(contents: Contents) -> str:
     """Return the page; equal contents give an equal page."""
     body = "".join(_sections(contents))
     library = f"<script>{get_plotlyjs()}</script>" if _FIGURE in body else ""
-    title = to_html(element("title", f"{contents.status.scenario}: report"))
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"{title}<style>{STYLE}</style>{library}</head>\n<body>\n{body}</body></html>\n"
-    )
+    return make_document(f"{contents.status.scenario}: report", body, library)
 
 
 def _sections(contents: Contents) -> Iterator[str]:

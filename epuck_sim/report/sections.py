@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from epuck_sim.display.html import Node, details, element, facts, table
 from epuck_sim.display.numbers import format_estimate, in_words
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.figures.labels import axis_label, axis_labels
 from epuck_sim.report.contents import Contents, Quantity
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.figure_axes import distinguishing_axes
@@ -84,7 +84,7 @@ def tabulate(contents: Contents, quantity: Quantity) -> Iterator[Node]:
         [
             str(summary.trials),
             *[f"{summary.censored:.0%}"] * quantity.is_time,
-            *(format_estimate(*(getattr(summary, f"{name}{end}") for end in ("", "_low", "_high"))) for name in names),
+            *(format_estimate(*summary.estimate(name)) for name in names),
         ]
         for summary in quantity.summaries
     ]
@@ -157,7 +157,7 @@ def _by_point(points: Sequence[PointTrials], headings: Sequence[str], cells: Ite
         [str(point.number), *map(str, row.values()), *rest]
         for point, row, rest in zip(points, axes, cells, strict=True)
     )
-    return element("div", table(["point", *map(axis_label, axes[0]), *headings], rows), class_="scroll")
+    return element("div", table(["point", *axis_labels(axes[0]), *headings], rows), class_="scroll")
 
 
 def _folder(contents: Contents) -> str:

@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import find_controller, is_file
 from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.measures import MeasureSection
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import Point
-from epuck_sim.scenario.scenario import WITHOUT_EFFECT
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import short_repr
 
@@ -31,7 +33,8 @@ class StoredPoint(NamedTuple):
     axes: str
     scenario: str
     controllers: str
-    """Controller of each group: a shipped one's name, or the name and the digest of the sources of a user's file."""
+    """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file; of
+    agents, a user's response curve."""
     measures: str
     """By the name of each measure, its parameters and the measure itself, as controllers are stored."""
 
@@ -45,13 +48,19 @@ def stored_point(point: Point) -> StoredPoint:
         scenario.trials,
         json.dumps(point.axes),
         scenario.model_dump_json(),
-        json.dumps([_controller(name) for name in scenario.controllers]),
+        json.dumps([*map(_controller, scenario.controllers), *_own_curve(scenario)]),
         json.dumps(dict(map(_measure, scenario.measures))),
     )
 
 
 def _controller(name: str) -> str:
     return name if not is_file(name) else _with_digest(Path(name).name, find_controller(name).sources)
+
+
+def _own_curve(scenario: Scenario) -> list[str]:
+    """Return the response curve, if it is a user's."""
+    curve = scenario.response.curve if isinstance(scenario, ParticleScenario) else ""
+    return [_with_digest(Path(curve).name, find_curve(curve).sources)] if curve.endswith(".py") else []
 
 
 def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
@@ -129,8 +138,11 @@ def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
     scenario = _with_defaults(json.loads(point.scenario))
-    for group, controller in zip(scenario.get("robots", ()), json.loads(point.controllers), strict=True):
+    stored = json.loads(point.controllers)
+    for group, controller in zip(scenario.get("robots", ()), stored, strict="robots" in scenario):
         group["controller"] = controller
+    if "response" in scenario and stored:
+        (scenario["response"]["curve"],) = stored
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
 
 

@@ -51,6 +51,7 @@ LATER_COLUMNS = {
     "points": {"measures": "TEXT NOT NULL DEFAULT '{}'"},  # JSON: see `compatibility.StoredPoint.measures`
     "trials": {
         "measured": "TEXT",  # JSON: value of each measure by its name; NULL without measures
+        "events": "TEXT",  # JSON: what changed in the trial, see `scenario.schedule.TrialEvent`; NULL if nothing did
         "measuring_error": "TEXT",  # why a stored trial could not be measured again for new measures; NULL if it could
     },
 }
@@ -90,9 +91,9 @@ def add_later_columns(connection: sqlite3.Connection) -> None:
             connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
 
 
-def has_later_columns(connection: sqlite3.Connection, table: str) -> bool:
-    """Return whether a table has all its columns of `LATER_COLUMNS`."""
-    return LATER_COLUMNS[table].keys() <= _columns(connection, table)
+def has_column(connection: sqlite3.Connection, table: str, name: str) -> bool:
+    """Return whether a table has a column, which may be one of `LATER_COLUMNS`."""
+    return name in _columns(connection, table)
 
 
 def _columns(connection: sqlite3.Connection, table: str) -> set[str]:

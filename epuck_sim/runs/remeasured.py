@@ -17,12 +17,20 @@ class StoredResult(NamedTuple):
     cycles: int
     measured: str | None
     """JSON: value of each measure by its name."""
+    events: str | None
+    """JSON: what changed; None if nothing did."""
+
+
+def events_json(result: TrialResult) -> str | None:
+    """Return what changed in a trial as JSON; None if nothing did."""
+    return json.dumps([event._asdict() for event in result.events]) if result.events else None
 
 
 def difference(stored: StoredResult, result: TrialResult) -> str | None:
     """Return in what the repetition of a trial differs from what is stored of it; None if it does not."""
-    fields = [name for name in stored._fields if name != "measured"]
+    fields = [name for name in stored._fields if name not in ("measured", "events")]
     pairs = [(name, getattr(stored, name), getattr(result, name)) for name in fields]
+    pairs.append(("events", stored.events, events_json(result)))
     pairs += [(name, value, result.measures[name]) for name, value in json.loads(stored.measured or "{}").items()]
     for name, before, now in pairs:
         if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same

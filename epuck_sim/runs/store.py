@@ -21,14 +21,14 @@ from epuck_sim.runs.database import (
     as_column,
     check_database,
     create_database,
-    has_later_columns,
+    has_column,
     quoted,
     reading,
     sqlite_errors,
     writing,
 )
 from epuck_sim.runs.records import Outcome
-from epuck_sim.runs.remeasured import StoredResult, difference
+from epuck_sim.runs.remeasured import StoredResult, difference, events_json
 from epuck_sim.runs.run_lock import acquire
 from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point
@@ -76,7 +76,7 @@ class Store:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
             self._resources = stack.pop_all()
-        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured")
+        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
             f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
@@ -135,6 +135,7 @@ class Store:
             *(outcome.provenance[name] for name in PROVENANCE),
             outcome.error,
             None if result is None else _measured(result),
+            None if result is None else events_json(result),
         )
         with sqlite_errors(self._path), self._connection:
             self._connection.execute(self._insert, values)
@@ -154,7 +155,7 @@ def _measured(result: TrialResult) -> str | None:
 
 def _stored_points(path: Path) -> list[StoredPoint]:
     with reading(path) as connection:
-        measures = "measures" if has_later_columns(connection, "points") else "'{}'"
+        measures = "measures" if has_column(connection, "points", "measures") else "'{}'"
         rows = connection.execute(
             "SELECT key, number, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key), "
             f"axes, scenario, controllers, {measures} FROM points"

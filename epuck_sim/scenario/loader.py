@@ -70,7 +70,7 @@ def load_scenario(
         axes: Axes for the grid of the scenario's sweep as `key=value,value,...`.
         measures: Names of measures, added to the scenario's own; see `measures.loader.find_measure`.
         controller: A shipped controller, or a file, relative to the working directory, that runs on all robots instead
-            of the scenario's own. Parameters of these are kept where it has them; a warning names the others.
+            of the scenario's own. Their parameters and memory are kept where it has them; a warning names the others.
         quick: Take the quick version, which the file has under `quick`.
 
     Returns:

@@ -16,6 +16,9 @@ from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 AS = "as"
 """Key among a measure's parameters that names its value, so that a scenario may have one measure several times."""
 
+ORDER_PARAMETER = "order_parameter"
+"""Name of the measure that conditions may be on in every trial."""
+
 ONE_MEASURE = "a measure's name, or a mapping of one name to its parameters"
 
 
@@ -93,7 +96,9 @@ def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[M
 
 
 def check_condition(name: str, measures: Sequence[MeasureSection], event_method: str, origin: str) -> None:
-    """Check that a measure on which the end of a trial depends can be looked at while the trial runs.
+    """Check that a measure that a condition is on can be looked at while a trial runs.
+
+    The order parameter can, whether it is among the measures or not: every trial measures it.
 
     Args:
         name: Name of the measure.
@@ -105,6 +110,8 @@ def check_condition(name: str, measures: Sequence[MeasureSection], event_method:
         ScenarioError: It is not among the measures, or is asked for its value at the end alone.
     """
     found = {measure.name: measure for measure in (section.find() for section in measures)}
+    if name == ORDER_PARAMETER and name not in found:
+        return
     if name not in found:
         raise ScenarioError(f"{origin}: {did_you_mean(name, dict(found))}; measures: {comma_list(found)}")
     if not any(found[name].is_told(method) for method in (event_method, CYCLE_METHOD)):

@@ -82,15 +82,19 @@ def quick_version(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
         raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
     if not isinstance(changes, Mapping):
         raise ScenarioError(f"{origin}: {QUICK}: is {short_repr(changes)}; allowed: a mapping of keys to values")
-    return _merged(without_quick(given), changes)
+    return merge(without_quick(given), changes)
 
 
-def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `given` with `changes`: sections are merged key by key, other values are replaced."""
+def merge(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `given` with `changes`: sections are merged key by key, other values are replaced.
+
+    >>> merge({"stop": {"max_cycles": 9}, "trials": 5}, {"stop": {"order_parameter": 0.9}})
+    {'stop': {'max_cycles': 9, 'order_parameter': 0.9}, 'trials': 5}
+    """
     merged = dict(given)
     for key, value in changes.items():
         old = given.get(key)
-        merged[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+        merged[key] = merge(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
     return merged
 
 

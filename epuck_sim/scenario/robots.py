@@ -1,6 +1,6 @@
 """One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -12,7 +12,9 @@ class CameraSection(ConfigModel):
     """A group's line camera (thesis 4.1.1; the cone of vision of 3.1.2 by `field_of_view_deg` and `range_cm`)."""
 
     pixels: Annotated[WholeNumber, Field(ge=1, le=1000)] = 60
+    """Number of pixels in the row."""
     field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
+    """Angle that the row covers, half of it to either side of straight ahead."""
     central_pixels: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Number of pixels in the middle of the row that are used (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
@@ -49,7 +51,10 @@ class CameraSection(ConfigModel):
 class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
+
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
+    """`inverse_response`: by inverting the mean response; `firmware_table`: by the table of the robots' firmware."""
     robots: bool = True
     """Whether they see other robots; else walls and obstacles only, to avoid walls alone (thesis 3.1.4.1)."""
 
@@ -57,7 +62,10 @@ class InfraredSection(ConfigModel):
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal")
+
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
+    """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
     placement: Literal["random", "grid", "poses"] = "random"
     """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
@@ -66,6 +74,9 @@ class RobotGroup(ConfigModel):
     """Name of a shipped controller, or a file (.py, .c or .so), relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
+    memory: dict[str, Any] = Field(default_factory=dict)
+    """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
+    for each robot; `phase_ms` is an oscillator's phase."""
     signal: SignalSection = CameraSignal()
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()

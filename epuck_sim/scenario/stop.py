@@ -1,50 +1,17 @@
 """When a trial ends: with synchrony, when a measure has passed a value, or at its limits."""
 
-import re
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
-
-CONDITION = re.compile(r"\s*(\w+)\s*(>=|<=|>|<)\s*([-+.\w]+)\s*")
-"""A condition as text: a measure, a relation and a number."""
-
-
-class StopCondition(ConfigModel):
-    """A condition on a measure; also read from text, such as `near_walls < 0.2`."""
-
-    measure: Annotated[str, Field(min_length=1)]
-    """Name of one of the scenario's measures; of a series the last value counts, true counts as 1."""
-    relation: Literal[">", ">=", "<", "<="]
-    value: Number
-
-    @model_validator(mode="before")
-    @classmethod
-    def _from_text(cls, given: Any) -> Any:
-        if not isinstance(given, str):
-            return given
-        found = CONDITION.fullmatch(given)
-        if found is None:
-            raise ValueError("MEASURE >= NUMBER, with >=, >, <= or <")
-        return dict(zip(("measure", "relation", "value"), found.groups(), strict=True))
-
-    def holds(self, value: float) -> bool:
-        """Return whether a value of the measure satisfies the condition."""
-        if self.relation in (">", ">="):
-            return value > self.value or (value == self.value and self.relation == ">=")
-        return value < self.value or (value == self.value and self.relation == "<=")
-
-    def __str__(self) -> str:
-        """Return the condition as text."""
-        return f"{self.measure} {self.relation} {self.value:.12g}"
+from epuck_sim.scenario.condition import Condition
 
 
 class StopSection(ConfigModel):
     """When a trial ends."""
 
     later_keys: ClassVar[tuple[str, ...]] = ("when",)
-    """Keys that came later; seeds of resamples leave them out, so that earlier folders keep their numbers."""
 
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
     """The swarm is synchronised once the order parameter reaches this value at a firing of the reference.
@@ -57,7 +24,7 @@ class StopSection(ConfigModel):
     """Firings of the reference after which the trial ends, and is censored if it was to be synchronised."""
     max_time_s: Annotated[Number, Field(gt=0, le=1e10)] | None = None
     """The trial also ends after this time."""
-    when: StopCondition | None = None
+    when: Condition | None = None
     """The trial also ends when this holds."""
 
     @model_validator(mode="before")

@@ -139,7 +139,7 @@ def compare(matches: Sequence[Match], left_out: int = 0) -> Comparison:
     good = [pair for pair in pairs if pair.is_comparable]
     is_early = any(pair.is_censored_early for pair in good)
     p_values, p_value = _log_rank_test(good) if is_early else _permutation_test(good)
-    tested = iter(zip(p_values, _holm(p_values), strict=True))
+    tested = iter(zip(p_values, holm(p_values), strict=True))
     points = [
         _compare_point(axes, pair, *(next(tested) if pair.is_comparable else (math.nan, math.nan)))
         for (axes, *_), pair in zip(matches, pairs, strict=True)
@@ -196,10 +196,10 @@ def _log_rank_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
     return [log_rank([each]) for each in parts], log_rank(parts)
 
 
-def _holm(p_values: Sequence[float]) -> list[float]:
+def holm(p_values: Sequence[float]) -> list[float]:
     """Return p-values corrected for their number by Holm's method.
 
-    >>> _holm([0.01, 0.04, 0.03])
+    >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]
     """
     corrected, largest = [0.0] * len(p_values), 0.0

@@ -60,6 +60,10 @@ class PointSummary(NamedTuple):
     is_share: bool = False
     """Whether the mean is the share of trials in which a truth value is true."""
 
+    def estimate(self, statistic: str) -> list[float | None]:
+        """Return the value of a statistic, given by its field, and the two ends of its interval."""
+        return [getattr(self, f"{statistic}{end}") for end in ("", "_low", "_high")]
+
 
 def summarize(points: Iterable[PointTrials]) -> list[PointSummary]:
     """Return the statistics of T_sync, or of the measure that `read_points` was asked for, at each point.

@@ -118,13 +118,23 @@ def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
 
 
 def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:
-    """Return a value with Student's interval; parts of its variance may have few degrees of freedom (Welch 1947)."""
+    """Return a value with Student's interval; parts of its variance may have few degrees of freedom."""
+    error, freedom = welch(parts)
+    if error == 0:
+        return without_interval(value)
+    reach = student_quantile(freedom) * error
+    return Estimate(value, value - reach, value + reach)
+
+
+def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
+    """Return the standard error of a sum, and its degrees of freedom (Welch 1947).
+
+    Args:
+        parts: Variance of each term, and the degrees of freedom with which that is known.
+    """
     variance = sum(part for part, _ in parts)
     spread = sum(part**2 / max(freedom, 1) for part, freedom in parts)
-    if spread == 0:
-        return without_interval(value)
-    reach = student_quantile(variance**2 / spread) * math.sqrt(variance)
-    return Estimate(value, value - reach, value + reach)
+    return math.sqrt(variance), variance**2 / spread if spread else math.inf
 
 
 def permuted_differences(pair: Pair, seed: int) -> FloatArray:

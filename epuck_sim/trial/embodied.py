@@ -4,8 +4,10 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial.observer import EndCondition, Observer, Progress
+from epuck_sim.trial.conditions import Conditions
+from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.schedule import WaitingEntries
 from epuck_sim.trial.synchrony import SynchronyWatch
 
 UNSEEN_STEPS = 50
@@ -15,9 +17,9 @@ UNSEEN_STEPS = 50
 def run_robots(
     simulation: Simulation,
     observers: Sequence[Observer],
-    progress: Progress | None = None,
-    at_cycles: Sequence[Observer] = (),
-    is_over: EndCondition = lambda: False,
+    progress: Progress | None,
+    at_cycles: Sequence[Observer],
+    conditions: Conditions,
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
@@ -26,8 +28,10 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
+    waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
     began = time.perf_counter()
-    while not (watch.is_over or is_over()):
+    while not (watch.is_over or conditions.is_over()):
+        waiting.look(watch)
         unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
         cycles = watch.cycles
         step = simulation.advance(unseen, watch.lit_robot)
@@ -50,4 +54,5 @@ def run_robots(
         steps=simulation.steps,
         simulated_s=simulation.steps * simulation.scenario.timing.step_ms / 1000,
         wall_s=time.perf_counter() - began,
+        events=tuple(simulation.events),
     )

@@ -9,9 +9,10 @@ import numpy as np
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import CYCLE_METHOD, Measure, Scalar, Value
+from epuck_sim.scenario.measures import ORDER_PARAMETER
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.stop import StopCondition
-from epuck_sim.trial.observer import EndCondition, Observer
+from epuck_sim.trial.conditions import Conditions, ConditionWatch
+from epuck_sim.trial.observer import Observer
 from epuck_sim.util.messages import describe_error, short_repr
 from epuck_sim.util.python_files import line_of_error
 
@@ -25,8 +26,8 @@ class Measuring(NamedTuple):
     """Tell the measures that ask for every firing of the reference."""
     final: Mapping[str, Callable[[], Value]]
     """Returns the value of each measure, by its name, when the trial is over."""
-    is_over: EndCondition
-    """Returns whether the condition on a measure that ends the trial has come to hold."""
+    conditions: Conditions
+    """Conditions on measures, and whether they have come to hold."""
 
     def values(self) -> dict[str, Value]:
         """Return the value of each measure of a trial that is over."""
@@ -47,7 +48,7 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
     at_events: list[Observer] = []
     at_cycles: list[Observer] = []
     final: dict[str, Callable[[], Value]] = {}
-    condition = _Condition(scenario.stop.when)
+    conditions = Conditions(scenario.conditions)
     for section in scenario.measures:
         measure = section.find()
         origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
@@ -58,36 +59,26 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
         with _located(measure, origin):
             instance = measure.make(simulation, **section.parameters)
         final[measure.name] = _checked(measure, origin, instance.value, as_value)
+        last = _checked(measure, origin, instance.value, last_scalar)
+        watches = conditions.on(measure.name)
         for method, observers in ((scenario.event_method, at_events), (CYCLE_METHOD, at_cycles)):
             if measure.is_told(method):
                 observers.append(_observer(measure, origin, getattr(instance, method)))
-                if condition.is_on(measure.name):
-                    observers.append(condition.observer(_checked(measure, origin, instance.value, last_scalar)))
-    return Measuring(at_events, at_cycles, final, lambda: condition.has_held)
+                observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
+        at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
+    if ORDER_PARAMETER not in final:
+        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))
+    return Measuring(at_events, at_cycles, final, conditions)
 
 
-class _Condition:
-    """The condition on a measure that ends a trial, if there is one, and whether it has held."""
+def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
+    """Return what looks at the last value of a measure."""
+    return lambda *_: watch.look(value())
 
-    def __init__(self, condition: StopCondition | None) -> None:
-        self._condition = condition
-        self.has_held = False
 
-    def is_on(self, name: str) -> bool:
-        """Return whether it is on the measure of this name."""
-        return self._condition is not None and self._condition.measure == name
-
-    def observer(self, value: Callable[[], Value]) -> Observer:
-        """Return what looks at the value of the measure, after the measure was told of an event or a cycle."""
-        condition = self._condition
-        assert condition is not None
-
-        def look(*_: Any) -> None:
-            found = value()
-            if isinstance(found, int | float) and condition.holds(found):
-                self.has_held = True
-
-        return look
+def _look_at_order(watch: ConditionWatch) -> Observer:
+    """Return what looks at the order parameter, which every trial measures."""
+    return lambda _, state: watch.look(state.order_parameter)
 
 
 def _bound(function: Callable[..., Any], simulation: Any, parameters: Mapping[str, Any]) -> Callable[[], Any]:

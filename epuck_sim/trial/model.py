@@ -13,8 +13,9 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import SCENARIO_TYPES
+from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.measuring import begin_measures
-from epuck_sim.trial.observer import EndCondition, Observer, Progress
+from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
 
 
@@ -36,9 +37,9 @@ class Model(NamedTuple):
     scenario: type[Scenario]
     simulate: Callable[[Any, int, bool], Simulated]
     """Returns a fresh simulation; takes the scenario, a seed, and whether to interpret controllers."""
-    run: Callable[[Any, Sequence[Observer], Progress | None, Sequence[Observer], EndCondition], TrialResult]
+    run: Callable[[Any, Sequence[Observer], Progress | None, Sequence[Observer], Conditions], TrialResult]
     """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, further observers that
-    are called after firings of the reference alone, and a condition that ends the trial once it is true."""
+    are called after firings of the reference alone, and the conditions that it waits for."""
     check_room: Callable[[Any], None]
     """Raises ScenarioError for a scenario whose population finds no room."""
 
@@ -57,11 +58,11 @@ def _run_robots(
     observers: Sequence[Observer],
     progress: Progress | None,
     at_cycles: Sequence[Observer],
-    is_over: EndCondition,
+    conditions: Conditions,
 ) -> TrialResult:
     from epuck_sim.trial.embodied import run_robots
 
-    return run_robots(simulation, observers, progress, at_cycles, is_over)
+    return run_robots(simulation, observers, progress, at_cycles, conditions)
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
@@ -83,11 +84,11 @@ def _run_agents(
     observers: Sequence[Observer],
     progress: Progress | None,
     at_cycles: Sequence[Observer],
-    is_over: EndCondition,
+    conditions: Conditions,
 ) -> TrialResult:
     from epuck_sim.trial.particles import run_agents
 
-    return run_agents(simulation, observers, progress, at_cycles, is_over)
+    return run_agents(simulation, observers, progress, at_cycles, conditions)
 
 
 def _points_need_no_room(_: ParticleScenario) -> None:
@@ -148,7 +149,7 @@ def run_trial(
     measuring = begin_measures(simulation, simulation.scenario, simulation.seed)
     observers = (*observers, *measuring.at_events)
     run = MODELS[simulation.scenario.model].run
-    result = run(simulation, observers, progress, measuring.at_cycles, measuring.is_over)
+    result = run(simulation, observers, progress, measuring.at_cycles, measuring.conditions)
     return result._replace(measures=measuring.values())
 
 

@@ -1,9 +1,10 @@
 """What observers of a trial are shown: every event, and how far the trial is."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from epuck_sim.order_parameter import Firing
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class TrialState(Protocol):
@@ -26,6 +27,10 @@ class TrialState(Protocol):
         """Whether the order parameter has reached its threshold."""
 
     @property
+    def events(self) -> Sequence[TrialEvent]:
+        """What has changed so far by a schedule, or by faults."""
+
+    @property
     def outcome(self) -> Firing:
         """The firing at which the swarm was synchronised, or else the last one so far."""
 
@@ -38,7 +43,3 @@ Observer = Callable[[Any, Any], None]
 
 Progress = Callable[[TrialState], None]
 """Called now and then while a trial runs, to show how far it is."""
-
-
-EndCondition = Callable[[], bool]
-"""Returns whether a trial is to end now, whatever its limits."""

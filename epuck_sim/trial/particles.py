@@ -4,8 +4,10 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
-from epuck_sim.trial.observer import EndCondition, Observer, Progress
+from epuck_sim.trial.conditions import Conditions
+from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.schedule import WaitingEntries
 
 SLICE_S = 0.1
 """Wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress."""
@@ -17,15 +19,16 @@ FIRST_SLICE = 100_000
 def run_agents(
     simulation: ParticleSimulation,
     observers: Sequence[Observer],
-    progress: Progress | None = None,
-    at_cycles: Sequence[Observer] = (),
-    is_over: EndCondition = lambda: False,
+    progress: Progress | None,
+    at_cycles: Sequence[Observer],
+    conditions: Conditions,
 ) -> TrialResult:
     """Run a fresh simulation of point agents to the end of its trial; see `trial.model.Model.run`.
 
     Without observers, compiled code runs for about `SLICE_S` at a time, which is much quicker. A slice is a number of
     pulses, whose cost hardly changes as the swarm synchronises; that of an instant, or of a period, does. With
-    `at_cycles`, a slice ends at the next firing of the reference. A trial that ends at a time ends there exactly.
+    `at_cycles`, a slice ends at the next firing of the reference; it ends where an entry of the schedule waits for one,
+    too. A trial that ends at a time ends there exactly.
     """
     if simulation.instants:
         raise ValueError(
@@ -42,11 +45,15 @@ def run_agents(
     last_instant = LastInstant(simulation)
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
     cycles = simulation.cycles
+    waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
 
     def has_ended() -> bool:
-        return simulation.is_synchronised or simulation.cycles >= limit or is_over()
+        return simulation.is_synchronised or simulation.cycles >= limit or conditions.is_over()
 
-    while not has_ended() and simulation.next_firing <= end:
+    while not has_ended():
+        waiting.look(simulation)
+        if simulation.next_firing > end and simulation.next_change > end:
+            break
         if observers:
             event = next(simulation)
             for observer in observers:
@@ -54,7 +61,7 @@ def run_agents(
             now = simulation.cycles
         else:
             asked = time.perf_counter()
-            last_cycle = min(cycles + 1, limit) if at_cycles else limit
+            last_cycle = cycles + 1 if at_cycles else min(limit, waiting.next_cycle)
             simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
             now = simulation.cycles
@@ -83,4 +90,5 @@ def run_agents(
         steps=simulation.instants,
         simulated_s=simulation.time_s if has_order else end_s,
         wall_s=time.perf_counter() - began,
+        events=tuple(simulation.events),
     )

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from epuck_sim.measures.interface import Value
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class TrialResult(NamedTuple):
@@ -32,6 +33,8 @@ class TrialResult(NamedTuple):
     """Time that the trial took, in seconds on the wall."""
     measures: Mapping[str, Value] = {}
     """Value of each of the scenario's measures by its name."""
+    events: tuple[TrialEvent, ...] = ()
+    """What has changed: entries of the schedule that were carried out, and faults that began and ended."""
 
     @property
     def real_time_factor(self) -> float:
@@ -48,6 +51,6 @@ class TrialResult(NamedTuple):
 
 def _format(value: object) -> str:
     """Return a value as text; of a series, its length."""
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return f"{len(value)} values"
     return "-" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)

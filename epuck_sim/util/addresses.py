@@ -123,8 +123,8 @@ def compiled_for(function: Any, value: object) -> Any:
 
 @cache
 def function_address(compiled: Any) -> int:
-    """Return the address of a function of one address that `compile_at` has compiled, for `call_at`."""
-    result = compiled.get_compile_result(types.void(types.intp))
+    """Return the address of a function that `compile_at` has compiled, for `call_at` or `evaluate_at`."""
+    (result,) = compiled.overloads.values()
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
 
 
@@ -142,6 +142,22 @@ def call_at(context: Any, function: Any, argument: Any) -> Any:  # noqa: ARG001
         return context.get_dummy_value()
 
     return types.void(types.intp, types.intp), generate
+
+
+@_intrinsic
+def evaluate_at(context: Any, function: Any, argument: Any, number: Any) -> Any:  # noqa: ARG001
+    """Return the float of the function at an address, of an address and a float; raise what it raises."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        convention = context.call_conv
+        kind = convention.get_function_type(types.float64, signature.args[1:]).as_pointer()
+        function = builder.inttoptr(arguments[0], kind)
+        status, result = convention.call_function(builder, function, types.float64, signature.args[1:], arguments[1:])
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return result
+
+    return types.float64(types.intp, types.intp, types.float64), generate
 
 
 @_intrinsic

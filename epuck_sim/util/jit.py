@@ -18,9 +18,11 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
 
+from llvmlite import ir
 from numba import __version__ as numba_version
 from numba import njit
-from numba.core import config
+from numba.core import config, types
+from numba.extending import intrinsic
 
 from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
 
@@ -29,7 +31,10 @@ Function = TypeVar("Function", bound=Callable[..., object])
 PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
-VALUE_FILES = ("epuck.py", "control/error_lines.py", "control/interface.py", "embodied/rigid_bodies.py")
+VALUE_FILES = (
+    *("epuck.py", "control/error_lines.py", "control/interface.py"),
+    *("embodied/faulty_swarm.py", "embodied/rigid_bodies.py", "particles/rules.py"),
+)
 """Files without kernels on whose constants, types or ways of compiling compiled code depends."""
 
 _redirecting = threading.Lock()
@@ -147,3 +152,19 @@ def jit_nogil(function: Function) -> Function:
 def jit_inline(function: Function) -> Function:
     """Compile a kernel as `jit_no_alloc` does, and inline it wherever it is called: passing many arrays takes time."""
     return compile_cached(function, kernel_digest(), careful=False, _nrt=False, forceinline=True)
+
+
+_intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
+
+
+@_intrinsic
+def unlikely(context: Any, flag: Any) -> Any:  # noqa: ARG001
+    """Return a flag, which compiled code expects to be false: what it leads to is laid out of the way of the rest."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        boolean = ir.IntType(1)
+        kind = ir.FunctionType(boolean, [boolean, boolean])
+        expect = builder.module.declare_intrinsic("llvm.expect", [boolean], kind)
+        return builder.call(expect, [*arguments, boolean(0)])
+
+    return types.boolean(types.boolean), generate

@@ -114,11 +114,12 @@ def test_series_are_summarised_and_drawn_over_the_cycles(tmp_path):
     assert found[0]["trials"][:3] == [25, 25, 25]
     assert found[0]["trials"][5] < 25
     assert "those that reach the cycle" in called("summarize", folder, "--of", "course")
-    called("plot", folder, "--of", "course", "--to", "course")
+    plotted = call("plot", folder, "--of", "course", "--width-cm", 12, "--to", "course")
+    assert (plotted.exit_code, plotted.stderr) == (0, "note: no bands where fewer than 5 trials have a value\n")
     drawn = rows(Path("course.csv"))
     assert float(drawn[1]["mean"]) == pytest.approx(found[0]["mean"][1], rel=1e-5)
     assert (drawn[1]["cycle"], drawn[1]["trials"]) == ("2", "25")
-    for command in (["fit", folder], ["compare", folder, "--axis", f"{COUNT}=2,6"]):
+    for command in (["fit", folder], ["plan", folder], ["compare", folder, "--axis", f"{COUNT}=2,6"]):
         assert "course is a series, with a value for each cycle" in refused(*command, "--of", "course")
     assert "--form map: course is a series" in refused("plot", folder, "--of", "course", "--form", "map")
 
@@ -126,14 +127,36 @@ def test_series_are_summarised_and_drawn_over_the_cycles(tmp_path):
 def test_measures_without_any_value_are_no_mistake(tmp_path):
     folder = folder_of(tmp_path, "nothing", trials=6)
     assert json.loads(called("summarize", folder, "--of", "nothing", "--json"))[0]["trials"] == 0
-    for form in ("curves", "map", "violins"):
-        assert call("plot", folder, "--of", "nothing", "--form", form, "--to", form).exit_code == 0
+    assert call("plot", folder, "--of", "nothing", "--form", "curves", "--to", "curves").exit_code == 0
+    for form in ("map", "violins"):
+        said = refused("plot", folder, "--of", "nothing", "--form", form)
+        assert said == f"error: no trial has a value of nothing, so that --form {form} would be blank\n"
     compared = json.loads(called("compare", folder, "--of", "nothing", "--axis", f"{COUNT}=2,6", "--json"))
     assert (compared["compared"], compared["p_value"]) == (0, None)
     assert "fewer than 20 trials with a value" in called("fit", folder, "--of", "nothing")
 
 
-@pytest.mark.parametrize("command", ["summarize", "plot", "fit", "compare"])
+def test_plan_says_how_many_trials_show_a_difference_of_a_measure(tmp_path):
+    numbers = folder_of(tmp_path, "number")
+    printed = called("plan", numbers, "--of", "number", "--difference", 5)
+    assert f"{numbers}: number" in " ".join(printed.split())
+    assert "a difference of 5 % in 80 % of all cases" in printed
+    found = json.loads(called("plan", numbers, "--of", "number", "--difference", 5, "--json"))
+    assert (found["of"], found["is_of_shares"], len(found["points"])) == ("number", False, 14)
+    assert found["over_all"] < min(point["trials"] for point in found["points"])
+    truths = folder_of(tmp_path, "truth", trials=40)
+    printed = called("plan", truths, "--of", "truth")
+    assert "a difference of 20 percentage points in 80 % of all cases" in printed
+    shares = json.loads(called("plan", truths, "--of", "truth", "--json"))["points"]
+    assert all(point["trials"] > 20 and point["spread"] is None for point in shares)
+    assert "no share can differ by so much" in called("plan", truths, "--of", "truth", "--difference", 99)
+
+
+def test_plan_of_a_scenario_takes_no_measure():
+    assert "--of needs trials: give a run folder" in refused("plan", "pair", "--of", "number")
+
+
+@pytest.mark.parametrize("command", ["summarize", "plot", "fit", "compare", "plan"])
 def test_what_was_not_measured_is_refused_with_what_was(command, tmp_path):
     folder = folder_of(tmp_path, "number", trials=1)
     more = ["--axis", f"{COUNT}=2,6"] if command == "compare" else []

@@ -12,8 +12,8 @@ from epuck_sim.cli import tables
 from epuck_sim.cli.progress import LINE_S, SweepProgressBar
 from epuck_sim.cli.tables import MOST_FAILURES, print_failures, print_status
 from epuck_sim.display.numbers import in_words
-from epuck_sim.runs.reader import Failure, Status, TrialsByOrigin
 from epuck_sim.runs.records import SweepProgress
+from epuck_sim.runs.status import Failure, Status, TrialsByOrigin
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import PROVENANCE
 

@@ -84,6 +84,20 @@ def test_a_swarm_of_fireflies_in_c_is_that_in_python_to_the_bit(world, interpret
     assert walls
 
 
+@MODES
+def test_what_robots_remember_at_the_start_reaches_firmware(interpret):
+    settings = ["robots.0.count=3", "robots.0.memory={phase_ms: [0, 1200, 4900]}"]
+    in_c, in_python = (
+        Simulation(load_scenario("thesis", [*settings, f"robots.0.controller={controller}"]), 5, interpret=interpret)
+        for controller in (FIREFLY, "firefly")
+    )
+    for _ in range(2):
+        assert in_c._groups[0].runner.memory["phase_ms"].tolist() == [0, 1200, 4900]
+        assert in_c.advance(50).memories[0].tobytes() == in_python.advance(50).memories[0].tobytes()
+        in_c.reset()
+        in_python.reset()
+
+
 def test_random_numbers_are_those_of_python(tmp_path):
     firmware = write_firmware(
         tmp_path / "mine.c", "memory->x = e_uniform(); memory->n = e_randint(1000);", memory="E_FLOAT(x) E_INT(n)"

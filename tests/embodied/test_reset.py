@@ -35,7 +35,7 @@ IMPERFECT = load_scenario(
 UNLIKE = load_scenario(
     {
         "robots": [
-            {"count": 8, "camera": {"pixels": 20}},
+            {"count": 8, "camera": {"pixels": 20}, "memory": {"phase_ms": [*range(0, 4000, 500)]}},
             {"count": 12, "controller": "external"},
             {"count": 5, "placement": "grid", "parameters": {"speed_cm_s": 2}, "camera": {"frames_per_s": 7}},
         ],

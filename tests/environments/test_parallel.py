@@ -5,7 +5,8 @@ import warnings
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from pettingzoo.test import parallel_api_test, parallel_seed_test
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
+from pettingzoo.utils import AssertOutOfBoundsWrapper, OrderEnforcingWrapper, parallel_to_aec
 
 from epuck_sim import epuck
 from epuck_sim.embodied.simulation import Simulation
@@ -196,3 +197,10 @@ def test_a_reward_for_synchrony_needs_oscillators():
     env.reset()
     with pytest.raises(ScenarioError, match="synchrony is of oscillators, and no robot is one"):
         env.step({agent: np.zeros(3) for agent in env.agents})
+
+
+def test_wrappers_that_people_use_work():
+    env = OrderEnforcingWrapper(AssertOutOfBoundsWrapper(parallel_to_aec(parallel_env(SWARM, actions="discrete"))))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        api_test(env, num_cycles=60)

@@ -451,7 +451,7 @@ def test_many_marks_are_drawn_all_the_same(long) -> None:
 
 def test_the_png_is_a_picture_and_not_blank(thesis, saved) -> None:
     picture = image.imread(saved.with_name("page.png"))[..., :3]
-    assert picture.shape == (672, 1440, 3)
+    assert picture.shape == (1680, 3600, 3)
     assert picture.std() > 0.05
     colours = {to_hex(colour / 255) for colour in np.unique((picture * 255).round().reshape(-1, 3), axis=0)}
     arena, *_ = panels(thesis)

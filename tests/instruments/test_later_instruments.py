@@ -1,6 +1,7 @@
 """Further shipped measures, each against a closed form or a slow twin."""
 
 import math
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -280,3 +281,22 @@ def test_an_agent_is_displaced_before_anything_has_happened():
 def test_parameters_that_make_no_sense_are_refused(name, given, said):
     with pytest.raises(ValueError, match=said):
         find_measure(name).resolve(given)
+
+
+# --- mean speed -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("left", "right", "speed"), [(5, 5, 5), (5, -5, 0), (6, 0, 3)])
+def test_the_mean_speed_of_robots_is_that_of_their_wheels(left, right, speed):
+    group = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"left_cm_s": left, "right_cm_s": right}}
+    stop = {"max_time_s": 3, "order_parameter": None}
+    _, found = run("mean_speed", noise="off", robots=[group], stop=stop)
+    assert found == pytest.approx(speed, rel=0.01, abs=1e-9)  # a chord is shorter than its arc
+
+
+def test_the_mean_speed_of_robots_is_that_of_their_places():
+    places = []
+    _, found = run("mean_speed", lambda step, *_: places.append(step.poses[:, :2].copy()), **ROBOTS)
+    ways = [math.dist(before, after) for steps in pairwise(places) for before, after in zip(*steps, strict=True)]
+    assert found == pytest.approx(10 * sum(ways) / len(ways))
+    assert 0 < found < 12.8

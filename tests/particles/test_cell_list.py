@@ -30,8 +30,9 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
 
 def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
     neighbourhood = swarm._state.neighbourhood
-    assert neighbourhood.uses_cell_list
-    swarm._held = HeldState(swarm._state._replace(neighbourhood=neighbourhood._replace(uses_cell_list=False)))
+    assert not neighbourhood.searches_all
+    all_pairs = swarm._state._replace(neighbourhood=neighbourhood._replace(searches_all=True))
+    swarm._held = HeldState(all_pairs, swarm.scenario.response.curve)
     return swarm
 
 

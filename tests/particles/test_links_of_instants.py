@@ -2,6 +2,7 @@
 
 import pytest
 
+from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.pulse_links import PulseLinks
 from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
 
@@ -18,7 +19,9 @@ def swarm(rule, **agents):
 
 
 @pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule["kind"])
-@pytest.mark.parametrize("reorient_on", [[], ["emitting", "receiving"]], ids=["straight", "turning"])
+@pytest.mark.parametrize(
+    "reorient_on", [[], ["emitting", "receiving"], ["arriving"]], ids=["straight", "turning", "turning on arrivals"]
+)
 def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
     simulation = swarm(rule, reorient_on=reorient_on)
     found, shifted = PulseLinks(simulation.scenario), 0
@@ -33,6 +36,15 @@ def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
             shifted += int(links[:, 2].sum())
         before = simulation.headings()
     assert shifted > 20
+
+
+def test_agents_drawn_at_random_have_no_links():
+    simulation = swarm({"kind": "random", "k": 3}, reorient_on=["arriving"])
+    simulation.run(3)
+    assert len(simulation.last_instant().fired)
+    assert simulation.pulse_links().shape == (0, 3)
+    with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
+        simulation.neighbour_links()
 
 
 def test_the_last_instant_is_the_event_of_the_present_time():

@@ -86,7 +86,7 @@ def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: li
             found.append(super().find(*given).tolist())
             return np.array(found[-1], np.int64).reshape(-1, 3)
 
-    monkeypatch.setattr("epuck_sim.recording.buffers.agents.PulseLinks", Listening)
+    monkeypatch.setattr("epuck_sim.particles.simulation.PulseLinks", Listening)
     with record(tmp_path / "t.rrd", scenario, 1) as recorder:
         run_trial(ParticleSimulation(scenario, 1), [recorder])
     read = read_recording(tmp_path / "t.rrd")
@@ -95,6 +95,15 @@ def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: li
     firing = set(zip(read.time_s[read.pulses[:, 0]].tolist(), read.pulses[:, 1].tolist(), strict=True))
     assert firing <= set(zip(read.flash_s.tolist(), read.flash_robot.tolist(), strict=True))
     assert len(read.pulses) > 100
+
+
+def test_a_recording_shows_no_links_to_agents_drawn_at_random(tmp_path) -> None:
+    scenario = load_scenario("particles", ["stop.max_cycles=3", "neighbourhood={kind: random}"])
+    with record(tmp_path / "t.rrd", scenario, 1) as recorder:
+        run_trial(ParticleSimulation(scenario, 1), [recorder])
+    read = read_recording(tmp_path / "t.rrd")
+    assert len(read.flash_s) > 20
+    assert len(read.pulses) == 0
 
 
 @pytest.mark.parametrize("level", [Level.SUMMARY, Level.POSES])

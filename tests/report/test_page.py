@@ -19,7 +19,8 @@ from epuck_sim.report.sections import MOST_FAILURES
 from epuck_sim.report.series_plot import mean_series
 from epuck_sim.report.theme import PAPER, colours
 from epuck_sim.report.writer import write_report
-from epuck_sim.runs.reader import Failure, read_points
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import Failure
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.statistics.summary import summarize
 from epuck_sim.sweep.run import run_sweep

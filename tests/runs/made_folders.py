@@ -105,6 +105,7 @@ def of_point(point: Point, trials: Trials) -> PointTrials:
         times=trials.times,
         observed=trials.observed,
         seeds=tuple(point.seed(trial) for trial in range(len(trials.times))),
+        has_t_sync=point.scenario.stop.order_parameter is not None,
     )
 
 

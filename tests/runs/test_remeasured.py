@@ -8,8 +8,9 @@ from functools import partial
 import pytest
 
 from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.remeasured import StoredResult, difference
+from epuck_sim.runs.status import read_status
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.result import TrialResult
@@ -138,7 +139,8 @@ def test_an_added_measure_that_raises_costs_no_stored_result_and_is_tried_again(
 
 
 def stored(**changes):
-    return StoredResult(**{**dict(zip(StoredResult._fields, (4, 0.5, 4.0, 80, 4, '{"a": 1}'), strict=True)), **changes})
+    fields = dict(zip(StoredResult._fields, (4, 0.5, 4.0, 80, 4, '{"a": 1}', None), strict=True))
+    return StoredResult(**{**fields, **changes})
 
 
 def result(**measures):
@@ -157,6 +159,7 @@ def result(**measures):
         ({"t_sync_cycles": None}, True),
         ({"simulated_s": 4.000000000000001}, True),
         ({"steps": 81}, True),
+        ({"events": "[]"}, True),
         ({"cycles": 5}, True),
     ],
 )

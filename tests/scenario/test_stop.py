@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.condition import Condition
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
-from epuck_sim.scenario.stop import StopCondition
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.measures.files import COUNTER, write
 
@@ -45,7 +45,7 @@ def test_the_value_of_a_condition_and_the_whole_of_it_can_be_swept():
 
 @given(st.sampled_from([">", ">=", "<", "<="]), st.integers(-2, 2), st.integers(-2, 2))
 def test_a_condition_holds_as_python_says(relation, value, limit):
-    condition = StopCondition(measure="x", relation=relation, value=limit)
+    condition = Condition(measure="x", relation=relation, value=limit)
     assert condition.holds(value) == eval(f"{value} {relation} {limit}")
 
 

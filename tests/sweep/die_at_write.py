@@ -16,7 +16,8 @@ from pathlib import Path
 from random import Random
 
 from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.sweep.executors import Pool
 from epuck_sim.sweep.run import run_sweep

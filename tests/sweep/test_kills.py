@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_status
+from epuck_sim.runs.status import read_status
 from tests.processes import start
 from tests.sweep.short_sweeps import short_sweep
 

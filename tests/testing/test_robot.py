@@ -148,7 +148,7 @@ def test_the_fixture_runs_a_test_twice_and_the_class_is_no_test(tmp_path):
 
 def test_the_plugin_is_named_in_the_package_and_loads_nothing_heavy():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
-    name = project["entry-points"]["pytest11"]["epuck_sim"]
+    name = project["entry-points"]["pytest11"]["epuck_sim.pytest_plugin"]
     assert hasattr(import_module(name), "make_robot")
     program = f"import sys, {name}; print({{'numba', 'numpy', 'pymunk', 'scipy'}} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

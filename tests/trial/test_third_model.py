@@ -46,8 +46,8 @@ class Dice:
         return Firing(self.cycles, self.order_parameter)
 
 
-def run(dice: Dice, observers: Any, _: Any, at_cycles: Any, is_over: Any) -> TrialResult:
-    while not (dice.is_synchronised or dice.cycles >= dice.scenario.stop.max_cycles or is_over()):
+def run(dice: Dice, observers: Any, _: Any, at_cycles: Any, conditions: Any) -> TrialResult:
+    while not (dice.is_synchronised or dice.cycles >= dice.scenario.stop.max_cycles or conditions.is_over()):
         dice.cycles, dice.time_s = dice.cycles + 1, dice.time_s + 1.0
         dice.is_synchronised = bool(dice.random.random() < dice.scenario.chance)
         for observer in (*observers, *at_cycles):

@@ -12,11 +12,12 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from numba import njit
 from numba.core.registry import CPUDispatcher
 
 from epuck_sim.util import jit
 from epuck_sim.util.cache_folder import UNUSED_S
-from epuck_sim.util.jit import PACKAGE, VALUE_FILES, digest, kernel_digest, remove_unused_caches
+from epuck_sim.util.jit import PACKAGE, VALUE_FILES, digest, kernel_digest, remove_unused_caches, unlikely
 
 MARK = "epuck_sim.util.jit import"
 
@@ -244,3 +245,14 @@ def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monke
     assert list(tmp_path.iterdir()) == []
     assert compiled(1) == 3
     assert list(tmp_path.rglob("*.nbi")) != []
+
+
+# --- how kernels are compiled -------------------------------------------------------------------------
+
+
+def test_what_is_unlikely_happens_all_the_same() -> None:
+    @njit
+    def which(number: float) -> str:
+        return "unlikely" if unlikely(number > 1) else "likely"
+
+    assert [which(number) for number in (0.0, 2.0)] == ["likely", "unlikely"]

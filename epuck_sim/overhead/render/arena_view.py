@@ -40,14 +40,18 @@ class ArenaView:
         changes = {**PERFECT, **{name: side for name, side in sides.items() if side is not None}}
         section = load_scenario(scenario, [f"overhead.{key}={value}" for key, value in changes.items()]).overhead
         camera = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
-        self._renderer = Renderer(section, camera, scenario.arena.build(), seed=0)
+        arena = scenario.arena.build()
+        self._movables = arena.circles[arena.first_movable :, :2]
+        self._renderer = Renderer(section, camera, arena, seed=0)
 
-    def draw(self, poses: FloatArray, ring_on: BoolArray) -> Picture:
+    def draw(self, poses: FloatArray, ring_on: BoolArray, movables: FloatArray | None = None) -> Picture:
         """Return (height, width, 3) the picture of robots in red, green and blue from 0 to 255.
 
         Args:
             poses: (robots, 3) cm, cm, rad: x, y, heading.
             ring_on: (robots,) whether each ring is lit.
+            movables: (movables, 2) cm: where the arena's movables are, as steps have it; by default where they begin.
         """
-        sample = ExposureSample(np.asarray(poses), np.asarray(ring_on))
+        places = self._movables if movables is None else np.asarray(movables)
+        sample = ExposureSample(np.asarray(poses), np.asarray(ring_on), places)
         return self._renderer.render([sample], room_is_lit=True)
