@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from epuck_sim.errors import StoreError
+from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -48,7 +49,10 @@ CREATE TABLE trials (
 
 
 LATER_COLUMNS = {
-    "points": {"measures": "TEXT NOT NULL DEFAULT '{}'"},  # JSON: see `compatibility.StoredPoint.measures`
+    "points": {
+        "measures": "TEXT NOT NULL DEFAULT '{}'",  # JSON: see `compatibility.StoredPoint.measures`
+        "share": "TEXT",  # the share of the sweep that the folder is for, the same in all rows; NULL for the whole
+    },
     "trials": {
         "measured": "TEXT",  # JSON: value of each measure by its name; NULL without measures
         "events": "TEXT",  # JSON: what changed in the trial, see `scenario.schedule.TrialEvent`; NULL if nothing did
@@ -69,11 +73,12 @@ ENTER_POINT = (
 )
 
 
-def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> None:
-    """Make a database with points and without trials, which appears under its name when it is complete."""
+@contextmanager
+def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> Iterator[sqlite3.Connection]:
+    """Yield a database with points and without trials, which appears under its name when the block ends well."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
-    with sqlite_errors(path), atomic_write(path) as part, closing(sqlite3.connect(part)) as connection:
+    with sqlite_errors(path), atomic_write(path) as part, closing(_connect(part, "rwc")) as connection:
         connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
@@ -82,22 +87,33 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
         add_later_columns(connection)
         connection.executemany(ENTER_POINT, points)
         connection.commit()
+        yield connection
+        connection.commit()
 
 
 def add_later_columns(connection: sqlite3.Connection) -> None:
     """Add the columns that an earlier folder does not have."""
     for table, columns in LATER_COLUMNS.items():
-        for name in columns.keys() - _columns(connection, table):
+        for name in columns.keys() - set(columns_of(connection, table)):
             connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
+
+
+def read_share(connection: sqlite3.Connection) -> Share:
+    """Return the share of its sweep that a folder is for."""
+    if not has_column(connection, "points", "share"):
+        return WHOLE
+    (text,) = connection.execute("SELECT max(share) FROM points").fetchone()
+    return WHOLE if text is None else Share.parse(text)
 
 
 def has_column(connection: sqlite3.Connection, table: str, name: str) -> bool:
     """Return whether a table has a column, which may be one of `LATER_COLUMNS`."""
-    return name in _columns(connection, table)
+    return name in columns_of(connection, table)
 
 
-def _columns(connection: sqlite3.Connection, table: str) -> set[str]:
-    return {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
+def columns_of(connection: sqlite3.Connection, table: str) -> list[str]:
+    """Return the names of a table's columns."""
+    return [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
 
 
 def check_database(path: Path) -> None:
@@ -143,7 +159,7 @@ def _quick_check(path: Path) -> str:
 def _check_rows(connection: sqlite3.Connection) -> str:
     """Return "ok", or what is missing in a database that SQLite finds undamaged."""
     for table in ("points", "trials"):
-        if not _columns(connection, table):
+        if not columns_of(connection, table):
             return f"it has no table {table}"
     if connection.execute("SELECT 1 FROM points LIMIT 1").fetchone() is None:
         return "it has no points"
@@ -189,7 +205,12 @@ def _connect_to_read(path: Path) -> sqlite3.Connection:
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
+    return sqlite3.connect(file_uri(path, mode), uri=True)
+
+
+def file_uri(path: Path, mode: str) -> str:
+    """Return the URI under which SQLite opens a database to read, `ro`, to write, `rw`, or to make it, `rwc`."""
+    return f"{path.resolve().as_uri()}?mode={mode}"
 
 
 @contextmanager

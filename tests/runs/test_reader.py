@@ -12,7 +12,7 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database, export, reader, status
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import ENTER_POINT, create_database
+from epuck_sim.runs.database import ENTER_POINT, new_database
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
 from epuck_sim.runs.store import Store
@@ -238,7 +238,8 @@ def test_what_is_no_run_folder_is_refused(tmp_path, read, name: str) -> None:
 
 def test_a_database_has_its_points_as_soon_as_it_is_there(tmp_path) -> None:
     rows = [stored_point(point) for point in points(DEMO)]
-    create_database(tmp_path / DATABASE, [COUNT, SPEED], rows)
+    with new_database(tmp_path / DATABASE, [COUNT, SPEED], rows):
+        assert not (tmp_path / DATABASE).exists()
     status = read_status(tmp_path)
     assert (status.points, status.trials, status.stored) == (len(rows), DEMO.trials * len(rows), 0)
     assert [point.number for point in read_points(tmp_path)] == [point.number for point in points(DEMO)]
