@@ -58,8 +58,8 @@ def print_statuses(statuses: Mapping[str, Status], as_json: bool) -> None:
         at_work = f"; {status.at_work} is at work" if status.at_work else ""
         print(f"{folder}{share}: {status.stored} of {status.trials}{failed}{at_work}")
     stored, trials = (sum(getattr(status, name) for status in statuses.values()) for name in ("stored", "trials"))
-    failed = sum(len(status.failed) for status in statuses.values())
-    print(f"together: {stored} of {trials} trials have a result; failed: {failed}")
+    failures = sum(len(status.failed) for status in statuses.values())
+    print(f"together: {stored} of {trials} trials have a result; failed: {failures}")
     if missing := _missing_shares(statuses.values()):
         more = f" and {len(missing) - MOST_MISSING} more" if len(missing) > MOST_MISSING else ""
         print(f"shares without a folder here: {', '.join(missing[:MOST_MISSING])}{more}")
@@ -68,7 +68,7 @@ def print_statuses(statuses: Mapping[str, Status], as_json: bool) -> None:
 def _missing_shares(statuses: Iterable[Status]) -> list[str]:
     """Return the shares that none of the folders is for, if all are shares of the same number of them."""
     shares = {Share.parse(status.share) for status in statuses if status.share is not None}
-    if len({share.count for share in shares}) != 1:
+    if len({share.of for share in shares}) != 1:
         return []
-    (count,) = {share.count for share in shares}
+    (count,) = {share.of for share in shares}
     return [str(share) for share in (Share(number, count) for number in range(1, count + 1)) if share not in shares]

@@ -1,6 +1,7 @@
 """The trials of a sweep that need not be run any more, at a byte for each."""
 
 from collections.abc import Iterable, Iterator, Set
+from typing import cast
 
 
 class FinishedTrials(Set[tuple[int, int]]):
@@ -17,7 +18,7 @@ class FinishedTrials(Set[tuple[int, int]]):
         self._count = sum(marks.count(1) for marks in self._marks.values())
 
     def __contains__(self, trial: object) -> bool:
-        point, number = trial  # type: ignore[misc]
+        point, number = cast(tuple[int, int], trial)
         marks = self._marks.get(point, b"")
         return number < len(marks) and marks[number] == 1
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from epuck_sim.errors import StoreError
+from epuck_sim.runs.checksums import CHECKSUM, columns_of, quoted
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points
-from epuck_sim.runs.database import DATABASE, columns_of, file_uri, new_database, quoted, reading, sqlite_errors
+from epuck_sim.runs.database import DATABASE, file_uri, new_database, reading, sqlite_errors
 from epuck_sim.runs.reader import database_of
 from epuck_sim.runs.run_lock import acquire
 from epuck_sim.scenario.loader import RUN_SCENARIO
@@ -81,12 +82,15 @@ def _add(connection: sqlite3.Connection, folder: Path) -> None:
             ).fetchone()
             if double is not None:
                 raise StoreError(f"{folder}: trial {double[1]} at {double[0]} differs from that of another folder")
-            names = {row[1] for row in connection.execute("PRAGMA share.table_info(trials)")}
-            columns = ", ".join(quoted(name) for name in columns_of(connection, "trials") if name in names)
-            updates = ", ".join(f"{quoted(name)} = excluded.{quoted(name)}" for name in sorted(names))
+            names = columns_of(connection, "trials")
+            known = {row[1] for row in connection.execute("PRAGMA share.table_info(trials)")}
+            if not known.issuperset(names):  # of an earlier version; checksums are of all columns
+                known.discard(CHECKSUM)
+            values = ", ".join(quoted(name) if name in known else "NULL" for name in names)
+            updates = ", ".join(f"{quoted(name)} = excluded.{quoted(name)}" for name in names)
             connection.execute(
-                f"INSERT INTO main.trials ({columns}) SELECT {columns} FROM share.trials WHERE true "
-                f"ON CONFLICT (point, trial) DO UPDATE SET {updates} WHERE trials.error IS NOT NULL "
+                f"INSERT INTO main.trials ({', '.join(map(quoted, names))}) SELECT {values} FROM share.trials "
+                f"WHERE true ON CONFLICT (point, trial) DO UPDATE SET {updates} WHERE trials.error IS NOT NULL "
                 "OR excluded.error IS NULL AND length(excluded.measured) > ifnull(length(trials.measured), 0)"
             )
     finally:

@@ -13,8 +13,8 @@ class Share(NamedTuple):
     """One of several shares, each of which has about as many trials of every point as any other."""
 
     number: int
-    """From 1 to `count`."""
-    count: int
+    """From 1 to `of`."""
+    of: int
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -41,11 +41,11 @@ class Share(NamedTuple):
         >>> [list(Share(number, 3).trials(0, 5)) for number in (1, 2, 3)]
         [[0, 3], [1, 4], [2]]
         """
-        begin = (point * GOLDEN_RATIO % 2**64) * self.count >> 64
-        return range((self.number - 1 - begin) % self.count, trials, self.count)
+        begin = (point * GOLDEN_RATIO % 2**64) * self.of >> 64
+        return range((self.number - 1 - begin) % self.of, trials, self.of)
 
     def __str__(self) -> str:
-        return f"{self.number}/{self.count}"
+        return f"{self.number}/{self.of}"
 
 
 WHOLE = Share(1, 1)

@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from epuck_sim.errors import StoreError
+from epuck_sim.runs.checksums import quoted, sign, signing
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
     DATABASE,
@@ -22,7 +23,6 @@ from epuck_sim.runs.database import (
     as_column,
     check_database,
     new_database,
-    quoted,
     read_share,
     reading,
     sqlite_errors,
@@ -83,8 +83,10 @@ class Store:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
                 self._connection.execute("UPDATE points SET share = ?", (str(share) if share else None,))
+                sign(self._connection, "points")
             self._resources = stack.pop_all()
         self.share = share or WHOLE
+        self._signing = signing(self._connection, "trials", "point = ? AND trial = ?")
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
@@ -124,6 +126,7 @@ class Store:
                 "UPDATE trials SET measured = ?, measuring_error = ? WHERE point = ? AND trial = ?",
                 (measured, error, self._points[outcome.point].key, outcome.trial),
             )
+            self._sign(outcome)
         return error is None
 
     def _without_measures(self, outcome: Outcome) -> StoredResult | None:
@@ -149,6 +152,10 @@ class Store:
         )
         with sqlite_errors(self._path), self._connection:
             self._connection.execute(self._insert, values)
+            self._sign(outcome)
+
+    def _sign(self, outcome: Outcome) -> None:
+        self._connection.execute(self._signing, (self._points[outcome.point].key, outcome.trial))
 
     def __enter__(self) -> Self:
         return self

@@ -1,7 +1,5 @@
 """Shares that are put together are the table that one run would have made, and what does not belong is refused."""
 
-import sqlite3
-from contextlib import closing
 from pathlib import Path
 from random import Random
 
@@ -17,6 +15,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from tests.cli.commands import call, called, contents, refused
+from tests.runs.made_folders import edit
 from tests.runs.test_store import CONTROLLER, COUNT, DATABASE, DEMO, MINE, fill, outcome, scenario_of, stored
 
 MANY = scenario_of({"grid": {COUNT: [2, 3, 4, 5, 6, 7]}}, trials=7)
@@ -36,11 +35,6 @@ def fill_share(folder: Path, share: Share, scenario: Scenario = MANY, part: floa
 
 def shares(tmp_path: Path, count: int, **changes) -> list[Path]:
     return [fill_share(tmp_path / f"{number}", Share(number, count), **changes) for number in range(1, count + 1)]
-
-
-def changed(folder: Path, statement: str) -> None:
-    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
-        connection.execute(statement)
 
 
 @pytest.mark.parametrize("count", [1, 3, 5, 12])
@@ -94,7 +88,7 @@ def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_pa
     noisy = fill_share(tmp_path / "noisy", Share(2, 2), MANY.model_copy(update={"seed": 5}))
     axes = fill_share(tmp_path / "axes", Share(2, 2), DEMO)
     version = fill_share(tmp_path / "version", Share(2, 2))
-    changed(version, "UPDATE trials SET numba = '0.1' WHERE trial = 1")
+    edit(version, "UPDATE trials SET numba = '0.1' WHERE trial = 1")
     double = fill_share(tmp_path / "double", Share(1, 2), cycles=5)
     for other, message in (
         (noisy, "seed: 5 in the folder, 0 in|seed: 0 in the folder, 5 in"),
@@ -158,8 +152,8 @@ def test_shares_that_are_run_by_the_command_are_merged_to_what_one_run_makes(tmp
         assert call("run", *sweep, *share).exit_code == 0
     assert call("run", *sweep, "--out", tmp_path / "one", "--workers", "1").exit_code == 0
     assert "10 of 10 trials" in called("merge", tmp_path / "1", tmp_path / "2", "--out", tmp_path / "merged")
-    assert [{**row, "wall_s": 0} for row in stored(tmp_path / "merged")] == [
-        {**row, "wall_s": 0} for row in stored(tmp_path / "one")
+    assert [{**row, "wall_s": 0, "checksum": 0} for row in stored(tmp_path / "merged")] == [
+        {**row, "wall_s": 0, "checksum": 0} for row in stored(tmp_path / "one")
     ]
     assert "5 of 5 trials" in call("run", tmp_path / "1").stdout
     assert "--share needs a run folder of its own" in refused("run", "pair", "--share", "1/2")

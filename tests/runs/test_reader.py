@@ -196,7 +196,7 @@ def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_pat
     shutil.copytree(tmp_path / "made", tmp_path / "run")
     checked = []
     check = database._quick_check
-    monkeypatch.setattr(database, "_quick_check", lambda path: checked.append(path) or check(path))
+    monkeypatch.setattr(database, "_quick_check", lambda path, **given: checked.append(path) or check(path, **given))
     for _ in range(2):
         read(tmp_path / "run")
         fill(tmp_path / "run", load_scenario(DEMO, ["trials=4"]))
