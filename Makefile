@@ -14,7 +14,7 @@ QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
 
-.PHONY: run test lint docs bench slow figures clean
+.PHONY: run test lint docs bench slow torture figures clean
 
 run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
@@ -37,6 +37,10 @@ bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 
 slow: $(VENV)/test-tools ## the science that takes minutes
 	$(BIN)/python -m pytest -m slow
+
+torture: $(VENV)/test-tools ## kills at every write, flipped bytes, far-fetched input, shares and a stand-in for SLURM; bounded by timeout
+	timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -s tests/sweep/test_kills.py tests/runs/test_checksums.py \
+	    tests/runs/test_merge.py tests/cli/test_far_fetched.py tests/cli/test_job_array.py
 
 figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
 	mkdir -p runs

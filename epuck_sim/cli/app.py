@@ -15,6 +15,7 @@ from epuck_sim.cli.replicate import replications
 from epuck_sim.cli.report import reports
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
+from epuck_sim.cli.run_folders import run_folders
 from epuck_sim.cli.scenarios import scenarios
 
 app = typer.Typer(
@@ -23,7 +24,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-for commands in (runs, scenarios, replays, films, results, plots, reports, replications, plans):
+for commands in (runs, run_folders, scenarios, replays, films, results, plots, reports, replications, plans):
     app.add_typer(commands)
 app.add_typer(news, name="new")
 

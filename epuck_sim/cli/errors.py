@@ -1,6 +1,7 @@
 """How the command ends where something is wrong: one message and an exit code, never a traceback for a mistake."""
 
 import errno
+import sys
 import traceback
 import warnings
 from bdb import BdbQuit
@@ -36,6 +37,12 @@ def exit_on_error() -> Iterator[None]:
         what = f"{error.filename}" if error.filename else "the output cannot be written"
         typer.echo(f"error: {what}: {error.strerror or error}", err=True)
         raise typer.Exit(2) from error
+    except ValueError as error:
+        if sys.stdout.closed and not sys.stderr.closed:  # by a controller, say
+            typer.echo("error: the output cannot be written: it was closed", err=True)
+        if sys.stdout.closed or sys.stderr.closed:
+            raise typer.Exit(2) from error
+        raise
     except ModuleNotFoundError as error:
         missing = EXTRAS.get((error.name or "").partition(".")[0])
         if missing is None:

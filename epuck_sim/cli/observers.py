@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from epuck_sim.cli.keys import pressed_keys
 from epuck_sim.cli.progress import print_stderr
 from epuck_sim.recording.level import Level
+from epuck_sim.runs.share import Share
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.trial.observer import Observer
@@ -46,6 +47,8 @@ class RunOptions(NamedTuple):
     """Fields of the controllers' MEMORY that traces, recordings and the live view have."""
     relations: bool = False
     """Whether traces list whom each robot sees lit, and whom it touches."""
+    share: Share | None = None
+    """Share of a sweep's trials to run; None for the whole, or for that of the folder."""
 
 
 @contextmanager

@@ -126,6 +126,14 @@ def run(
         Path | None,
         typer.Option(metavar="FOLDER", help="Run all points and trials into this run folder.", rich_help_panel=SWEEPS),
     ] = None,
+    share: Annotated[
+        str | None,
+        typer.Option(
+            metavar="K/N",
+            help="Run only share K of N, into a folder of its own; `merge` puts shares together.",
+            rich_help_panel=SWEEPS,
+        ),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Worker processes; all cores by default.", rich_help_panel=SWEEPS)
     ] = None,
@@ -161,11 +169,14 @@ def run(
         from epuck_sim.cli.conflicts import find_conflicts
         from epuck_sim.cli.observers import LiveView, RunOptions
         from epuck_sim.cli.trials import run_one, run_some, sweep_into
+        from epuck_sim.runs.share import Share
         from epuck_sim.scenario.loader import find_scenario, load_scenario
 
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         options = RunOptions(as_json, trace, record, view, film, level or Level.FULL, interpret, workers, dask)
-        options = options._replace(memory=tuple(memory or ()), relations=relations)
+        options = options._replace(
+            memory=tuple(memory or ()), relations=relations, share=Share.parse(share) if share else None
+        )
         one = point is not None or trial is not None
         file = find_scenario(scenario)
         folder = out or (file.parent if file.parent == Path(scenario) and not one else None)
@@ -188,16 +199,3 @@ def run(
             sweep_into(scenario, loaded, folder, options)
         else:
             run_some(scenario, loaded, options)
-
-
-@runs.command()
-def status(
-    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A run folder, as `run --out` makes it.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-) -> None:
-    """Show how far the sweep in FOLDER is: trials stored, censored and failed, and the process at work on it."""
-    with exit_on_error():
-        from epuck_sim.cli.tables import print_status
-        from epuck_sim.runs.status import read_status
-
-        print_status(read_status(folder), as_json)

@@ -1,4 +1,4 @@
-"""What people see of a sweep: how far it is, what a run folder holds, and the statistics of its points."""
+"""What people see of trials, and the statistics of a sweep's points."""
 
 import json
 import sys
@@ -9,49 +9,19 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.display.numbers import format_estimate, in_digits, in_words
+from epuck_sim.display.numbers import format_estimate, in_digits
 from epuck_sim.figures.labels import axis_labels, quantity_label
 from epuck_sim.measures.interface import Value
-from epuck_sim.runs.status import Failure, Status
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.provenance import format_versions, versions
+from epuck_sim.util.provenance import versions
 
 if TYPE_CHECKING:  # or every command would wait for scipy
     from epuck_sim.statistics.summary import PointSummary
 
 WIDE = 1000
 """Width in columns of a table that goes to a file: enough for any."""
-
-MOST_FAILURES = 10
-"""Maximum number of failed trials that are listed."""
-
-
-def print_status(status: Status, as_json: bool) -> None:
-    """Print how far a sweep is on stdout."""
-    if as_json:
-        rows = {name: [row._asdict() for row in getattr(status, name)] for name in ("failed", "versions")}
-        print(json.dumps({**status._asdict(), **rows}))
-        return
-    print(f"{status.scenario}: {status.points} points, {status.stored} of {status.trials} trials have a result")
-    censored = "" if status.censored is None else f"censored: {status.censored}; "
-    print(f"  {censored}failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}")
-    if status.unmeasured:
-        print(f"  {status.unmeasured} of these results lack measures that were added")
-    for row in status.versions:
-        print(f"  {row.trials} trials: {format_versions(row.made_by)}")
-    if status.at_work:
-        print(f"  {status.at_work} is at work on it")
-    print_failures(status.failed)
-
-
-def print_failures(failures: Sequence[Failure]) -> None:
-    """Print the first failed trials on stdout, each with the words that run it alone."""
-    for failure in failures[:MOST_FAILURES]:
-        print(f"  failed: --point {failure.point} --trial {failure.trial}: {failure.error}")
-    if len(failures) > MOST_FAILURES:
-        print(f"  and {len(failures) - MOST_FAILURES} more")
 
 
 def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]", as_json: bool) -> None:

@@ -10,7 +10,8 @@ import typer
 from epuck_sim.cli.errors import prefix_scenario
 from epuck_sim.cli.observers import RunOptions, open_observers
 from epuck_sim.cli.progress import SweepProgressBar, TrialProgress, print_stderr
-from epuck_sim.cli.tables import print_status, print_trial_json, print_trials
+from epuck_sim.cli.status_tables import print_status
+from epuck_sim.cli.tables import print_trial_json, print_trials
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.status import read_outcome, read_status
@@ -105,7 +106,7 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
     open_pool = partial(local_pool, options.workers) if options.dask is None else partial(dask_pool, options.dask)
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
-            run_sweep(scenario, folder, open_pool, bar, interpret=options.interpret)
+            run_sweep(scenario, folder, open_pool, bar, interpret=options.interpret, share=options.share)
         except KeyboardInterrupt:
             progress = bar.progress
             # the last progress may lack a trial that was just stored

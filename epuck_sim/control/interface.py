@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
 from epuck_sim.util.python_files import line_of_error
 
 Value = bool | int | float
@@ -141,10 +141,13 @@ class Controller:
         if self.check is not None:
             try:
                 self.check(SimpleNamespace(**values))
-            except Exception as error:  # whatever a user's file may raise
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # whatever a user's file may raise
                 where = line_of_error(error, self.sources) or self.path
-                said = str(error) if isinstance(error, ValueError) else f"{where}: {type(error).__name__}: {error}"
-                raise ValueError(said) from error
+                said = describe_error(error)
+                own = isinstance(error, ValueError)
+                raise ValueError(said.partition(": ")[2] if own else f"{where}: {said}") from error
         return values
 
     def parameter_values(self, record: np.void) -> dict[str, Value]:

@@ -12,7 +12,7 @@ from epuck_sim.control.interface import EXTERNAL, Controller, record_type, typed
 from epuck_sim.control.names import check_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
 from epuck_sim.util.python_files import (
     AS_LOADED,
     fingerprint,
@@ -89,9 +89,11 @@ def _stamps(controller: Controller) -> list[int]:
 def _load(path: Path) -> Controller:
     try:
         file = load_python_file(path, (builtin_folder(CONTROLLERS),))
-    except (Exception, SystemExit) as error:  # whatever a user's file may raise
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a user's file may raise
         where = line_of_error(error, [path]) or path
-        raise ControllerError(f"{where}: cannot be loaded: {type(error).__name__}: {error}") from error
+        raise ControllerError(f"{where}: cannot be loaded: {describe_error(error)}") from error
     parts = vars(file.module)
     source = file.sources[path]
     for part, wanted in PARTS.items():

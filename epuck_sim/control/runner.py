@@ -20,6 +20,7 @@ from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import function_address, hold
 from epuck_sim.util.jit import bind
+from epuck_sim.util.messages import describe_error
 from epuck_sim.util.python_files import line_of_error
 
 Records = npt.NDArray[np.void]
@@ -212,7 +213,7 @@ class ControllerRunner:
     def _run(self, loop: Callable[[int], None]) -> None:
         try:
             loop(self.address)
-        except (Exception, SystemExit) as error:  # whatever a user's controller may raise
+        except BaseException as error:  # whatever a user's controller may raise
             if fault := self.fault(error):
                 raise fault from error
             raise
@@ -220,7 +221,7 @@ class ControllerRunner:
     def fault(self, error: BaseException) -> "RobotError | None":
         """Return what to say of an error that a robot of this group has raised; None if none of them did."""
         robot = int(self.arrays.serving[0])
-        if robot < 0 or isinstance(error, BdbQuit):  # the user has left the debugger
+        if robot < 0 or isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C pressed
             return None
         return RobotError(self.controller, robot, error, self._place_of(error))
 
@@ -252,5 +253,5 @@ class RobotError(ControllerError):
 
     def __init__(self, controller: Controller, robot: int, error: BaseException, place: str) -> None:
         inside = "" if place.startswith(str(controller.path)) else f" (in the controller {controller.path})"
-        super().__init__(f"{place}: {type(error).__name__}: {error}{inside}")
+        super().__init__(f"{place}: {describe_error(error)}{inside}")
         self.robot = robot

@@ -444,7 +444,7 @@ class Simulation:
         """Take control steps for which noise is drawn; a robot whose controller fails is named."""
         try:
             invalid = self._take_steps(steps, until_lit)
-        except (Exception, SystemExit) as error:  # whatever a user's controller may raise
+        except BaseException as error:  # whatever a user's controller may raise
             for group in self._groups:
                 if fault := group.runner.fault(error):
                     raise self._located(fault, group.robots.start) from error

@@ -24,7 +24,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from epuck_sim.control.interface import typed, with_defaults
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import describe_error, short_repr
 
 Parameter = bool | int | float | str
 """Value of a parameter of a measure."""
@@ -102,8 +102,12 @@ class Measure:
         if check is not None:
             try:
                 check(SimpleNamespace(**values))
-            except Exception as error:  # whatever a user's file may raise
-                raise ValueError(str(error) if isinstance(error, ValueError) else f"check: {error!r}") from error
+            except KeyboardInterrupt:
+                raise
+            except BaseException as error:  # whatever a user's file may raise
+                said = describe_error(error)
+                own = isinstance(error, ValueError)
+                raise ValueError(said.partition(": ")[2] if own else f"check: {said}") from error
         return values
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import Measure, default_parameters
 from epuck_sim.measures.shipped import SHIPPED
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
 from epuck_sim.util.python_files import PythonFile, line_of_definition, line_of_error, load_python_file
 
 _loaded: dict[Path, tuple[list[int], PythonFile]] = {}
@@ -79,9 +79,11 @@ def _load(path: Path) -> PythonFile:
             return file
     try:
         file = load_python_file(path)
-    except (Exception, SystemExit) as error:  # whatever a user's file may raise
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a user's file may raise
         where = line_of_error(error, [path]) or path
-        raise MeasureError(f"{where}: cannot be loaded: {type(error).__name__}: {error}") from error
+        raise MeasureError(f"{where}: cannot be loaded: {describe_error(error)}") from error
     _loaded[path] = _stamps(file), file
     return file
 

@@ -2,12 +2,14 @@
 
 import hashlib
 import json
+import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import find_controller, is_file
 from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.runs.database import has_column
 from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.measures import MeasureSection
 from epuck_sim.scenario.particles import ParticleScenario
@@ -53,6 +55,13 @@ def stored_point(point: Point) -> StoredPoint:
     )
 
 
+def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -> list[StoredPoint]:
+    """Return the points of a database in the order of the sweep, with the number of trials that an SQL term gives."""
+    measures = "measures" if has_column(connection, "points", "measures") else "'{}'"
+    columns = f"key, number, {trials}, axes, scenario, controllers, {measures}"
+    return [StoredPoint(*row) for row in connection.execute(f"SELECT {columns} FROM points ORDER BY number")]
+
+
 def _controller(name: str) -> str:
     return name if not is_file(name) else _with_digest(Path(name).name, find_controller(name).sources)
 
@@ -74,13 +83,16 @@ def _with_digest(name: str, sources: Mapping[Path, bytes]) -> str:
     return f"{name} with digest {hashlib.sha256(b''.join(sources.values())).hexdigest()[:12]}"
 
 
-def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint]) -> None:
+def check_same_sweep(
+    folder: Path, stored: Sequence[StoredPoint], given: Sequence[StoredPoint], other: str = "now"
+) -> None:
     """Check that a folder's results belong to a sweep, which may have more points and trials than the folder.
 
     Args:
         folder: The folder, for the message.
         stored: Its points.
         given: The points of the sweep.
+        other: Where the sweep's values are, for the message.
 
     Raises:
         StoreError: They do not; the message shows the difference.
@@ -89,19 +101,21 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
     for point in stored:
         if set(json.loads(point.axes)) != set(json.loads(given[0].axes)):
             axes = " and ".join(", ".join(json.loads(each.axes)) or "none" for each in (point, given[0]))
-            raise StoreError(f"{folder}: holds another sweep; axes in the folder and now: {axes}; give another folder")
+            raise StoreError(
+                f"{folder}: holds another sweep; axes in the folder and {other}: {axes}; give another folder"
+            )
         if not point.trials:
             continue  # none has been run
         if point.key not in now:
             raise StoreError(
                 f"{folder}: holds a point that this sweep lacks: {point.key}; add it, or give another folder"
             )
-        differences = list(_differences(point, now[point.key]))
+        differences = list(_differences(point, now[point.key], other))
         if differences:
             more = ["..."] if len(differences) > MOST_SHOWN else []
             lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
             raise StoreError(f"{folder}: holds results of another scenario; give another folder:\n  {lines}")
-        _check_measures(folder, json.loads(point.measures), json.loads(now[point.key].measures))
+        _check_measures(folder, json.loads(point.measures), json.loads(now[point.key].measures), other)
         if point.trials > now[point.key].trials:
             raise StoreError(
                 f"{folder}: holds {point.trials} trials at {point.key}; trials is {now[point.key].trials}; "
@@ -109,7 +123,7 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
             )
 
 
-def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -> None:
+def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any], other: str) -> None:
     """Raise StoreError if trials with results were measured otherwise than those to come would be.
 
     Measures that were added are none of these: stored trials are run again for them.
@@ -117,23 +131,23 @@ def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -
     for name, measure in stored.items():
         if name not in now:
             raise StoreError(
-                f"{folder}: holds results of the measure {name}, which is lacking now; give another folder"
+                f"{folder}: holds results of the measure {name}, which is lacking {other}; give another folder"
             )
         for key in dict.fromkeys([*measure, *now[name]]):
             old, new = measure.get(key, MISSING), now[name].get(key, MISSING)
             if old != new:
                 raise StoreError(
                     f"{folder}: holds results of another measure {name}; give another folder: "
-                    f"{key}: {short_repr(old)} in the folder, {short_repr(new)} now"
+                    f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}"
                 )
 
 
-def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
+def _differences(stored: StoredPoint, now: StoredPoint, other: str) -> Iterator[str]:
     before, after = (dict(_flat("", _with_effect(point))) for point in (stored, now))
     for key in dict.fromkeys([*before, *after]):
         old, new = before.get(key, MISSING), after.get(key, MISSING)
         if old != new:
-            yield f"{key}: {short_repr(old)} in the folder, {short_repr(new)} now"
+            yield f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}"
 
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:

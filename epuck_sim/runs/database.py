@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from epuck_sim.errors import StoreError
+from epuck_sim.runs.checksums import CHECKSUM, columns_of, find_damaged_row, quoted, sign, signing
+from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -17,8 +19,8 @@ DATABASE = "results.sqlite"
 APPLICATION_ID = int.from_bytes(b"epck")
 """Marks a SQLite file as ours (its header, bytes 68 to 71)."""
 
-FORMAT = 1
-"""Version of the tables (bytes 60 to 63)."""
+FORMAT = 2
+"""Version of the tables (bytes 60 to 63); the first had no checksums, and is read, too."""
 
 RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
 """Columns that hold fields of a TrialResult."""
@@ -48,8 +50,13 @@ CREATE TABLE trials (
 
 
 LATER_COLUMNS = {
-    "points": {"measures": "TEXT NOT NULL DEFAULT '{}'"},  # JSON: see `compatibility.StoredPoint.measures`
+    "points": {
+        "measures": "TEXT NOT NULL DEFAULT '{}'",  # JSON: see `compatibility.StoredPoint.measures`
+        "share": "TEXT",  # the share of the sweep that the folder is for, the same in all rows; NULL for the whole
+        CHECKSUM: "INTEGER",
+    },
     "trials": {
+        CHECKSUM: "INTEGER",
         "measured": "TEXT",  # JSON: value of each measure by its name; NULL without measures
         "events": "TEXT",  # JSON: what changed in the trial, see `scenario.schedule.TrialEvent`; NULL if nothing did
         "measuring_error": "TEXT",  # why a stored trial could not be measured again for new measures; NULL if it could
@@ -62,6 +69,15 @@ UNMEASURED = """
 """
 """Condition on a trial, joined with its point: it lacks the value of a measure."""
 
+LOST_POINT = """
+    WITH RECURSIVE found (key) AS (
+        SELECT min(point) FROM trials
+        UNION ALL SELECT (SELECT min(point) FROM trials WHERE point > key) FROM found WHERE key IS NOT NULL
+    )
+    SELECT key FROM found WHERE key IS NOT NULL AND key NOT IN (SELECT key FROM points)
+"""
+"""Query for points that trials have, but the table of points has not; it looks at one trial of each point."""
+
 ENTER_POINT = (
     "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures) VALUES (?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario, "
@@ -69,11 +85,12 @@ ENTER_POINT = (
 )
 
 
-def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> None:
-    """Make a database with points and without trials, which appears under its name when it is complete."""
+@contextmanager
+def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ...]]) -> Iterator[sqlite3.Connection]:
+    """Yield a database with points and without trials, which appears under its name when the block ends well."""
     columns = "".join(f"{quoted(key)}, " for key in axes)
     provenance = ", ".join(f"{name} TEXT NOT NULL" for name in PROVENANCE)
-    with sqlite_errors(path), atomic_write(path) as part, closing(sqlite3.connect(part)) as connection:
+    with sqlite_errors(path), atomic_write(path) as part, closing(_connect(part, "rwc")) as connection:
         connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
@@ -81,23 +98,35 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
         connection.execute(TRIALS.format(axes=columns, provenance=provenance))
         add_later_columns(connection)
         connection.executemany(ENTER_POINT, points)
+        sign(connection, "points")
+        connection.commit()
+        yield connection
+        connection.execute(signing(connection, "trials", f"{CHECKSUM} IS NULL"))
         connection.commit()
 
 
 def add_later_columns(connection: sqlite3.Connection) -> None:
-    """Add the columns that an earlier folder does not have."""
+    """Add the columns that an earlier folder does not have; checksums of its trials become those with them."""
     for table, columns in LATER_COLUMNS.items():
-        for name in columns.keys() - _columns(connection, table):
+        missing = columns.keys() - set(columns_of(connection, table))
+        for name in missing:
             connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
+        if missing:
+            sign(connection, table)
+    connection.execute(f"PRAGMA user_version = {FORMAT}")
+
+
+def read_share(connection: sqlite3.Connection) -> Share:
+    """Return the share of its sweep that a folder is for."""
+    if not has_column(connection, "points", "share"):
+        return WHOLE
+    (text,) = connection.execute("SELECT max(share) FROM points").fetchone()
+    return WHOLE if text is None else Share.parse(text)
 
 
 def has_column(connection: sqlite3.Connection, table: str, name: str) -> bool:
     """Return whether a table has a column, which may be one of `LATER_COLUMNS`."""
-    return name in _columns(connection, table)
-
-
-def _columns(connection: sqlite3.Connection, table: str) -> set[str]:
-    return {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
+    return name in columns_of(connection, table)
 
 
 def check_database(path: Path) -> None:
@@ -117,10 +146,10 @@ def check_database(path: Path) -> None:
     if not header.startswith(b"SQLite format 3\0") or int.from_bytes(header[68:72]) != APPLICATION_ID:
         raise StoreError(f"{path}: is not a database of epuck-sim; give another folder")
     found = int.from_bytes(header[60:64])
-    if found != FORMAT:
-        raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}")
+    if not 1 <= found <= FORMAT:
+        raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads 1 to {FORMAT}")
     page_size = int.from_bytes(header[16:18])
-    verdict = _quick_check(path)
+    verdict = _quick_check(path, has_checksums=found > 1)
     if verdict == "ok" and path.stat().st_size % (65536 if page_size == 1 else page_size):
         verdict = "its end is missing"  # SQLite would take what is missing of the last page for zeros
     if verdict != "ok":
@@ -133,11 +162,28 @@ def _state(path: Path) -> tuple[int, int, int]:
     return stat.st_ino, stat.st_mtime_ns, stat.st_size
 
 
-def _quick_check(path: Path) -> str:
+def _quick_check(path: Path, has_checksums: bool) -> str:
     """Return "ok", or what SQLite finds damaged; it reads the whole file."""
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-    return str(verdict)
+        return str(verdict) if verdict != "ok" else _check_rows(connection, has_checksums)
+
+
+def _check_rows(connection: sqlite3.Connection, has_checksums: bool) -> str:
+    """Return "ok", or what is missing or wrong in a database that SQLite finds undamaged."""
+    for table in LATER_COLUMNS:
+        if not columns_of(connection, table):
+            return f"it has no table {table}"
+        if has_column(connection, table, CHECKSUM):
+            if damage := find_damaged_row(connection, table):
+                return damage
+        elif has_checksums:
+            return f"{table} has no checksums"
+    if connection.execute("SELECT 1 FROM points LIMIT 1").fetchone() is None:
+        return "it has no points"
+    if connection.execute(LOST_POINT).fetchone() is not None:
+        return "it has trials of a point that is gone"
+    return "ok"
 
 
 @contextmanager
@@ -177,7 +223,12 @@ def _connect_to_read(path: Path) -> sqlite3.Connection:
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True)
+    return sqlite3.connect(file_uri(path, mode), uri=True)
+
+
+def file_uri(path: Path, mode: str) -> str:
+    """Return the URI under which SQLite opens a database to read, `ro`, to write, `rw`, or to make it, `rwc`."""
+    return f"{path.resolve().as_uri()}?mode={mode}"
 
 
 @contextmanager
@@ -189,11 +240,8 @@ def sqlite_errors(path: Path) -> Iterator[None]:
         raise StoreError(f"{path}: {error}; stored results are intact; fix this and run the command again") from error
     except sqlite3.DatabaseError as error:
         raise StoreError(f"{path}: is damaged: {error}") from error
-
-
-def quoted(name: str) -> str:
-    """Return a column's name in quotes, for SQL."""
-    return '"' + name.replace('"', '""') + '"'
+    except UnicodeDecodeError as error:  # SQLite's message names what is damaged
+        raise StoreError(f"{path}: is damaged: its tables have no readable names") from error
 
 
 def as_column(value: Any) -> Any:

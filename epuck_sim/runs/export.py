@@ -76,8 +76,8 @@ def export(folder: Path, target: Path) -> int:
     arrays |= {f"measures.{name}": _measure([trial.get(name) for trial in trials], is_text) for name in names}
     if any(events):
         arrays["events"] = pa.array(events, pa.string())
-    with atomic_write(target) as part:
-        WRITERS[target.suffix](pa.table(arrays), part)
+    with atomic_write(target) as part, part.open("wb") as file:  # pyarrow opens no file whose name is not UTF-8
+        WRITERS[target.suffix](pa.table(arrays), file)
     return int(failed)
 
 

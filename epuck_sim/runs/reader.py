@@ -121,27 +121,21 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
     """
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
-        ends: dict[str, list[tuple[int, int]]] = {key: [] for key, *_ in found}
-        seeds: dict[str, list[int]] = {key: [] for key, *_ in found}
-        events: dict[str, list[tuple[TrialEvent, ...]]] = {key: [] for key, *_ in found}
         values = _read_measured(connection, str(folder), of) if of is not None else {}
-        for key, cycles, censored, seed, text in connection.execute(
-            f"SELECT point, cycles, censored, seed, {events_column(connection)} FROM trials WHERE error IS NULL "
-            "ORDER BY point, trial"
-        ):
-            ends[key].append((cycles, censored))
-            seeds[key].append(seed)
-            events[key].append(_read_events(text))
+        columns = f"cycles, censored, seed, {events_column(connection)}"
+        query = f"SELECT {columns} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
+        stored = {key: connection.execute(query, (key,)).fetchall() for key, *_ in found}
     results = SweepTrials()
     for key, number, axes, scenario in found:
-        cycles, censored = np.array(ends[key], np.float64).reshape(-1, 2).T  # NaN for null
+        ends, unsynchronised, seeds, events = zip(*stored[key], strict=True) if stored[key] else ((),) * 4
+        cycles, censored = (np.array(column, np.float64) for column in (ends, unsynchronised))  # NaN for null
         try:
             read = validate(json.loads(scenario), f"point {number}")
         except ScenarioError as error:
             raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
-        trials = tuple(seeds[key]), tuple(values.get(key, ()))
+        trials = seeds, tuple(values.get(key, ()))
         has_t_sync = read.stop.order_parameter is not None and not np.isnan(censored).any()
-        changes = tuple(events[key])
+        changes = tuple(map(_read_events, events))
         results.append(
             PointTrials(number, key, json.loads(axes), read, cycles, censored == 0, *trials, of, changes, has_t_sync)
         )
@@ -154,7 +148,7 @@ def events_column(connection: sqlite3.Connection) -> str:
 
 
 def _read_events(text: str | None) -> tuple[TrialEvent, ...]:
-    events = json.loads(text or "[]")
+    events = [] if text is None else json.loads(text)
     return tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in events)
 
 

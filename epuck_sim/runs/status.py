@@ -5,9 +5,10 @@ import sqlite3
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.runs.database import UNMEASURED, has_column, reading
+from epuck_sim.runs.database import UNMEASURED, has_column, read_share, reading
 from epuck_sim.runs.reader import database_of, measures_in
 from epuck_sim.runs.run_lock import current_holder
+from epuck_sim.runs.share import WHOLE
 from epuck_sim.util.provenance import PROVENANCE
 
 
@@ -43,7 +44,7 @@ class Status(NamedTuple):
     scenario: str
     points: int
     trials: int
-    """Number of trials in the whole sweep."""
+    """Number of trials in the whole sweep, or in the folder's share of it."""
     stored: int
     """Number of trials that have a result."""
     censored: int | None
@@ -58,6 +59,8 @@ class Status(NamedTuple):
     """The process that is running the sweep."""
     unmeasured: int = 0
     """Number of stored trials that lack a measure which was added later."""
+    share: str | None = None
+    """Share of the sweep that the folder is for, as 3/40; None for the whole sweep."""
 
 
 def read_status(folder: Path) -> Status:
@@ -68,7 +71,8 @@ def read_status(folder: Path) -> Status:
     """
     origin = ", ".join(PROVENANCE)
     with reading(database_of(folder)) as connection:
-        points, trials = connection.execute("SELECT count(*), total(trials) FROM points").fetchone()
+        share = read_share(connection)
+        points = connection.execute("SELECT number, trials FROM points").fetchall()
         (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
         stored, censored, wall_s = connection.execute(
             "SELECT count(*), sum(censored), total(wall_s) FROM trials WHERE error IS NULL"
@@ -82,8 +86,8 @@ def read_status(folder: Path) -> Status:
         made = connection.execute(f"SELECT {origin}, count(*) FROM trials GROUP BY {origin}").fetchall()
     return Status(
         scenario=json.loads(scenario)["name"],
-        points=points,
-        trials=int(trials),
+        points=len(points),
+        trials=sum(len(share.trials(*point)) for point in points),
         stored=stored,
         censored=censored if stored else 0,
         failed=[Failure(*row) for row in failed],
@@ -91,6 +95,7 @@ def read_status(folder: Path) -> Status:
         versions=[TrialsByOrigin(*row) for row in made],
         at_work=current_holder(folder),
         unmeasured=unmeasured,
+        share=None if share == WHOLE else str(share),
     )
 
 

@@ -11,7 +11,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, stored_point
+from epuck_sim.errors import StoreError
+from epuck_sim.runs.checksums import quoted, sign, signing
+from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
     DATABASE,
     ENTER_POINT,
@@ -20,16 +22,18 @@ from epuck_sim.runs.database import (
     add_later_columns,
     as_column,
     check_database,
-    create_database,
-    has_column,
-    quoted,
+    new_database,
+    read_share,
     reading,
     sqlite_errors,
     writing,
 )
+from epuck_sim.runs.finished import FinishedTrials
+from epuck_sim.runs.reader import measures_in
 from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.remeasured import StoredResult, difference, events_json
 from epuck_sim.runs.run_lock import acquire
+from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import Scenario
@@ -44,13 +48,14 @@ _FINISHED = f"{_STORED} AND NOT {UNMEASURED}"
 class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
 
-    def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point]) -> None:
+    def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
         """Lock the folder, which is made if it does not exist, and enter the points that are new.
 
         Args:
             folder: A run folder, or one that is new or empty.
             scenario: What is run.
             points: All its points.
+            share: Share of the trials that the folder is for; by default what it was for before, or the whole sweep.
 
         Raises:
             StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
@@ -64,8 +69,10 @@ class Store:
             stack.enter_context(acquire(folder))
             if self._path.exists():
                 check_same_sweep(folder, _stored_points(self._path), rows)
+                share = _check_same_share(self._path, share)
             else:
-                create_database(self._path, list(points[0].axes), rows)
+                with new_database(self._path, list(points[0].axes), rows):
+                    pass
             # before the points: the folder's own scenario must have all that the database has
             with atomic_write(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
@@ -75,7 +82,11 @@ class Store:
                 add_later_columns(self._connection)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
+                self._connection.execute("UPDATE points SET share = ?", (str(share) if share else None,))
+                sign(self._connection, "points")
             self._resources = stack.pop_all()
+        self.share = share or WHOLE
+        self._signing = signing(self._connection, "trials", "point = ? AND trial = ?")
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
@@ -83,13 +94,14 @@ class Store:
             f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(updates)} WHERE error IS NOT NULL"
         )
 
-    def finished(self) -> set[tuple[int, int]]:
+    def finished(self) -> FinishedTrials:
         """Return the numbers of point and trial of every trial that has a result, and a value of each measure.
 
         Failed trials have no result; trials from before a measure was added do not have its value.
         """
         with sqlite_errors(self._path):
-            return set(self._connection.execute(f"SELECT number, trial {_FINISHED}"))
+            wanted = _FINISHED if measures_in(self._connection) else _STORED
+            return FinishedTrials(self._connection.execute(f"SELECT number, trial {wanted}"))
 
     def censored(self) -> int | None:
         """Return how many finished trials were not synchronised; None if none of them has a T_sync."""
@@ -114,6 +126,7 @@ class Store:
                 "UPDATE trials SET measured = ?, measuring_error = ? WHERE point = ? AND trial = ?",
                 (measured, error, self._points[outcome.point].key, outcome.trial),
             )
+            self._sign(outcome)
         return error is None
 
     def _without_measures(self, outcome: Outcome) -> StoredResult | None:
@@ -139,6 +152,10 @@ class Store:
         )
         with sqlite_errors(self._path), self._connection:
             self._connection.execute(self._insert, values)
+            self._sign(outcome)
+
+    def _sign(self, outcome: Outcome) -> None:
+        self._connection.execute(self._signing, (self._points[outcome.point].key, outcome.trial))
 
     def __enter__(self) -> Self:
         return self
@@ -153,11 +170,16 @@ def _measured(result: TrialResult) -> str | None:
     return json.dumps(result.measures) if result.measures else None
 
 
+def _check_same_share(path: Path, given: Share | None) -> Share | None:
+    """Return the share that a folder is for; None for the whole sweep, or raise StoreError if another is given."""
+    with reading(path) as connection:
+        stored = read_share(connection)
+    if given not in (None, stored):
+        what = "the whole sweep" if stored == WHOLE else f"share {stored}"
+        raise StoreError(f"{path.parent}: is for {what}, --share is {given}; give another folder")
+    return None if stored == WHOLE else stored
+
+
 def _stored_points(path: Path) -> list[StoredPoint]:
     with reading(path) as connection:
-        measures = "measures" if has_column(connection, "points", "measures") else "'{}'"
-        rows = connection.execute(
-            "SELECT key, number, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key), "
-            f"axes, scenario, controllers, {measures} FROM points"
-        )
-        return [StoredPoint(*row) for row in rows]
+        return read_stored_points(connection, "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)")

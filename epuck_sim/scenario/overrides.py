@@ -9,6 +9,9 @@ from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.util.messages import short_repr
 
+MAX_PARTS = 20
+"""Largest number of parts of a dotted key; those of scenarios have up to six."""
+
 
 def apply_override(given: Mapping[str, Any], setting: str) -> dict[str, Any]:
     """Return the mapping `given` with one change, `key=value` with a dotted key.
@@ -31,9 +34,12 @@ def set_value(given: Mapping[str, Any], key: str, value: Any, origin: str) -> di
     """
     if key == "robot.kind":
         raise ScenarioError(f"{origin}: another kind of robot has other values in all keys; give robot={value} instead")
+    parts = key.split(".")
+    if len(parts) > MAX_PARTS:
+        raise ScenarioError(f"{origin[:60]}...: a key of {len(parts)} parts; allowed: at most {MAX_PARTS}")
     # a scenario has one group of robots by default
     default: dict[str, Any] = {"robots": [{}]} if key.startswith("robots.") else {}
-    result = _with({**default, **given}, key.split("."), value, origin)
+    result = _with({**default, **given}, parts, value, origin)
     assert isinstance(result, dict)  # a mapping changed is a mapping
     return result
 

@@ -13,7 +13,7 @@ from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr, storable
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
 """Class of a scenario by the name that its key `model` gives."""
@@ -83,6 +83,7 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
     Raises:
         ScenarioError: It fails validation; each line of the message begins with `origin`.
     """
+    _reject_surrogates(given, origin)
     model = given.get("model", "embodied")
     if not isinstance(model, str) or model not in SCENARIO_TYPES:
         raise ScenarioError(
@@ -93,6 +94,20 @@ def validate(given: Mapping[str, Any], origin: str) -> Scenario:
         return kind.model_validate(given)
     except ValidationError as error:
         raise ScenarioError("\n".join(_message(kind, origin, detail) for detail in error.errors())) from error
+
+
+def _reject_surrogates(value: Any, origin: str, *path: str) -> None:
+    """Raise ScenarioError for a text that is not Unicode, which no file and no database would take."""
+    if isinstance(value, Mapping):
+        for key, part in value.items():
+            _reject_surrogates(key, origin, *path)
+            _reject_surrogates(part, origin, *path, str(key))
+    elif isinstance(value, list | tuple):
+        for number, part in enumerate(value):
+            _reject_surrogates(part, origin, *path, str(number))
+    elif isinstance(value, str) and storable(value) != value:
+        where = storable(": ".join([origin, *([".".join(path)] if path else [])]))
+        raise ScenarioError(f"{where}: is {short_repr(value)}; allowed: text in Unicode")
 
 
 def _message(kind: type[Scenario], origin: str, detail: ErrorDetails) -> str:

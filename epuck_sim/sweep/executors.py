@@ -5,6 +5,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -20,6 +21,9 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 CONNECT_S = 6
 """Time in seconds within which a cluster must answer."""
+
+WORKERS_S = 3.0
+"""Time in seconds between two looks whether a cluster has workers at all."""
 
 COUNT_S = 1.0
 """Shortest time in seconds between two counts of a cluster's workers."""
@@ -163,8 +167,25 @@ def dask_pool(address: str) -> Iterator[Pool]:
             counted_at = time.monotonic()
         return slots
 
+    over = threading.Event()
+    look = (lambda: len(client.nthreads()), address, over)
+    threading.Thread(target=_say_without_workers, args=look, daemon=True).start()
     try:
         with client:
             yield Pool(client.get_executor(pure=False), count, (KilledWorker,))
     finally:
+        over.set()
         log.setLevel(level)
+
+
+def _say_without_workers(workers: Callable[[], int], address: str, over: threading.Event) -> None:
+    """Say on stderr that a cluster has no workers, once whenever it has lost or not yet got them."""
+    is_said = False
+    while not over.wait(WORKERS_S):
+        try:
+            is_empty = workers() == 0
+        except Exception:  # the client was closed, or has lost the scheduler: the run will say so
+            return
+        if is_empty and not is_said:
+            print(f"--dask {address}: the scheduler has no workers; waiting for them", file=sys.stderr, flush=True)
+        is_said = is_empty

@@ -1,12 +1,12 @@
 """A sweep from its scenario to its run folder: the trials that are missing are run, and stored as they end."""
 
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from epuck_sim.runs.records import Outcome, SweepProgress, Task
+from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -24,6 +24,7 @@ def run_sweep(
     observer: Callable[[SweepProgress], None] = lambda _: None,
     *,
     interpret: bool = False,
+    share: Share | None = None,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
@@ -33,6 +34,7 @@ def run_sweep(
         open_pool: Opens a pool of workers, see `epuck_sim.sweep.executors`; processes on all cores by default.
         observer: Called with the progress before the first trial and after each.
         interpret: Run controllers as plain Python, with the same outcome.
+        share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
 
     Returns:
         How far the sweep is at the end.
@@ -47,13 +49,15 @@ def run_sweep(
         check_interpretable(loaded)
     all_points = points(loaded)
     check_sweep(all_points)
-    with Store(Path(folder), loaded, all_points) as store:
+    with Store(Path(folder), loaded, all_points, share) as store:
         finished = store.finished()
-        total = sum(point.scenario.trials for point in all_points)
+        ours = store.share
+        total = sum(len(ours.trials(point.number, point.scenario.trials)) for point in all_points)
         progress = SweepProgress(total, len(finished), store.censored(), 0, 0)
         observer(progress)
-        queue = TaskQueue(missing_tasks(all_points, finished, interpret), total - len(finished))
-        with closing(schedule(queue, first_of_each_kind(all_points, finished, interpret), open_pool)) as outcomes:
+        queue = TaskQueue(missing_tasks(all_points, finished, interpret, ours), max(0, total - len(finished)))
+        kinds = first_of_each_kind(all_points, finished, interpret, ours)
+        with closing(schedule(queue, kinds, open_pool)) as outcomes:
             for outcome in outcomes:
                 is_stored = store.add(outcome)
                 progress = progress._replace(
@@ -72,7 +76,9 @@ def _censored(before: int | None, outcome: Outcome) -> int | None:
     return before if censored is None else (before or 0) + censored
 
 
-def missing_tasks(points: Sequence[Point], finished: set[tuple[int, int]], interpret: bool) -> Iterator[Task]:
+def missing_tasks(
+    points: Sequence[Point], finished: Set[tuple[int, int]], interpret: bool, share: Share = WHOLE
+) -> Iterator[Task]:
     """Yield the trials that have no result yet, trial 0 of all points first.
 
     Points take turns, so that slow ones are spread over all workers and over the whole run.
@@ -81,21 +87,27 @@ def missing_tasks(points: Sequence[Point], finished: set[tuple[int, int]], inter
         points: All points of the sweep.
         finished: Numbers of point and trial of the trials that have a result.
         interpret: Run controllers as plain Python.
+        share: Share of the trials that are wanted.
     """
-    for trial in range(max(point.scenario.trials for point in points)):
-        for point in points:
-            if trial < point.scenario.trials and (point.number, trial) not in finished:
-                yield _task(point, trial, interpret)
+    wanted = [share.trials(point.number, point.scenario.trials) for point in points]
+    for turn in range(max(map(len, wanted))):
+        for point, trials in zip(points, wanted, strict=True):
+            if turn < len(trials) and (point.number, trials[turn]) not in finished:
+                yield _task(point, trials[turn], interpret)
 
 
-def first_of_each_kind(points: Sequence[Point], finished: set[tuple[int, int]], interpret: bool) -> list[Task]:
-    """Return a missing trial for each kind of scenario that is compiled by itself."""
-    stored = Counter(number for number, _ in finished)
+def first_of_each_kind(
+    points: Sequence[Point], finished: Set[tuple[int, int]], interpret: bool, share: Share = WHOLE
+) -> list[Task]:
+    """Return a missing trial of a share for each kind of scenario that is compiled by itself."""
     kinds: dict[tuple[str, ...], Task] = {}
     for point in points:
-        if point.scenario.compiled not in kinds and stored[point.number] < point.scenario.trials:
-            trial = next(trial for trial in range(point.scenario.trials) if (point.number, trial) not in finished)
-            kinds[point.scenario.compiled] = _task(point, trial, interpret)
+        if point.scenario.compiled in kinds:
+            continue
+        for trial in share.trials(point.number, point.scenario.trials):
+            if (point.number, trial) not in finished:
+                kinds[point.scenario.compiled] = _task(point, trial, interpret)
+                break
     return list(kinds.values())
 
 

@@ -11,13 +11,14 @@ from epuck_sim.runs.records import Outcome, Task
 from epuck_sim.sweep.watchdog import watchdog
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.messages import describe_error, storable
 from epuck_sim.util.provenance import host, versions
 
 
 def compile_ahead(tasks: Sequence[Task]) -> None:
     """Set up the trials without a step, so that other workers find compiled code in the cache."""
     for task in tasks:
-        with suppress(Exception), watchdog(task.scenario.name):  # running the trial will show it
+        with suppress(BaseException), watchdog(task.scenario.name):  # running the trial will show it
             simulate(task.scenario, task.seed, interpret=task.interpret)
 
 
@@ -33,9 +34,9 @@ def _run_task(task: Task) -> Outcome:
             dog.watch_steps(getattr(simulation, "controller_at_work", lambda: None))  # agents have none
             result, error = run_trial(simulation), None
     except EpuckSimError as problem:
-        result, error = None, str(problem)
+        result, error = None, storable(str(problem))
     except BaseException as problem:  # one trial's error, of whatever kind, must not end the others
-        result, error = None, f"{type(problem).__name__}: {problem}"
+        result, error = None, describe_error(problem)
     return make_outcome(task, result, error)
 
 

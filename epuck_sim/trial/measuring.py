@@ -13,7 +13,7 @@ from epuck_sim.scenario.measures import ORDER_PARAMETER
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.conditions import Conditions, ConditionWatch
 from epuck_sim.trial.observer import Observer
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import describe_error, short_repr
 from epuck_sim.util.python_files import line_of_error
 
 
@@ -89,7 +89,9 @@ def _observer(measure: Measure, origin: str, method: Callable[[Any, Any], object
     def tell(event: Any, state: Any) -> None:
         try:  # a context manager would take longer than many a measure
             method(event, state)
-        except (Exception, SystemExit) as error:  # whatever a user's file may raise
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever a user's file may raise
             raise _failure(measure, origin, error) from error
 
     return tell
@@ -114,14 +116,16 @@ def _checked(
 def _located(measure: Measure, origin: str) -> Iterator[None]:
     try:
         yield
-    except (Exception, SystemExit) as error:  # whatever a user's file may raise
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a user's file may raise
         raise _failure(measure, origin, error) from error
 
 
 def _failure(measure: Measure, origin: str, error: BaseException) -> MeasureError:
     """Return the error of a measure, with the file and line where it was raised."""
     where = line_of_error(error, measure.sources)
-    what = f"{type(error).__name__}: {error}"
+    what = describe_error(error)
     return MeasureError(f"{origin}: {where}: {what}" if where else f"{origin}: {what}")
 
 

@@ -90,7 +90,9 @@ class Trace:
         with ExitStack() as stack:
             self._part = stack.enter_context(temporary_path(self._path))
             with write_errors(path):
-                self._writer = pq.ParquetWriter(self._part, self._schema, compression="zstd")
+                # pyarrow opens no file whose name is not UTF-8
+                self._contents = stack.enter_context(self._part.open("wb"))
+                self._writer = pq.ParquetWriter(self._contents, self._schema, compression="zstd")
             self._file = stack.pop_all()
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
@@ -133,10 +135,11 @@ class Trace:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        with self._file, write_errors(self._path):
+        with write_errors(self._path), self._file:
             if kind is None and self._filled:
                 self._write()
             self._writer.close()
+            self._contents.close()
             if kind is None:
                 publish(self._part, self._path)
 

@@ -1,5 +1,6 @@
 """Writing files that appear under their names only when they are whole."""
 
+import errno
 import glob
 import os
 import secrets
@@ -92,6 +93,11 @@ def check_target(path: Path) -> None:
 
 
 def _reason_against(path: Path) -> str:
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            return "is a link that leads to itself"
     if path.is_dir():
         return "is a directory"
     if not path.name or path.name == "..":

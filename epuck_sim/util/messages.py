@@ -21,6 +21,26 @@ def nearest_name(name: str, known: Iterable[str]) -> str | None:
     return nearest[0] if nearest else None
 
 
+def describe_error(error: BaseException) -> str:
+    """Return the type and the message of an error, whatever a user's class makes of it, as text that can be stored."""
+    try:
+        text = str(error)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as another:
+        text = f"its message cannot be shown: {type(another).__name__}"
+    return f"{type(error).__name__}: {storable(text)}"
+
+
+def storable(text: str) -> str:
+    r"""Return a text in which surrogates, which neither files nor SQLite take, are written as escapes.
+
+    >>> storable("no \ud800 text")
+    'no \\ud800 text'
+    """
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 def comma_list(names: Mapping[str, object] | list[str]) -> str:
     """Return the names separated by commas; "none" if there are no names."""
     return ", ".join(names) or "none"

@@ -5,11 +5,10 @@ import os
 import shutil
 import signal
 import socket
-import sqlite3
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,6 +35,7 @@ from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
 from tests.cli.commands import call, called, contents, refused
 from tests.processes import COMMAND, start, wait_until
+from tests.runs.made_folders import edit
 
 SWEEP = """
 name: short
@@ -335,9 +335,7 @@ def test_a_trial_that_comes_out_otherwise_than_stored_is_noted(
     swept, here, tmp_path, views, change: str, note: str
 ) -> None:
     folder = Path(shutil.copytree(swept, tmp_path / "run"))
-    with closing(sqlite3.connect(folder / DATABASE)) as connection:
-        connection.execute(f"UPDATE trials SET epuck_sim = '0.0.1', {change}")
-        connection.commit()
+    edit(folder, f"UPDATE trials SET epuck_sim = '0.0.1', {change}")
     result = call("replay", folder, "--point", "1", "--trial", "0")
     assert result.exit_code == 0
     assert result.stderr.startswith(note)

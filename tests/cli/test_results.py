@@ -6,6 +6,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -493,6 +494,17 @@ def emptied(folder: Path) -> None:
     (folder / DATABASE).write_bytes(b"")
 
 
+def changed(statement: str) -> Callable[[Path], None]:
+    """Return what another program may do to a database."""
+
+    def change(folder: Path) -> None:
+        with closing(sqlite3.connect(folder / DATABASE)) as connection:
+            connection.execute(statement)
+            connection.commit()
+
+    return change
+
+
 def without_database(folder: Path) -> None:
     (folder / DATABASE).unlink()
 
@@ -511,6 +523,10 @@ def a_directory(folder: Path) -> None:
         (cut_off, "is damaged"),
         (scratched, "is damaged"),
         (newer, "has format 99"),
+        (changed("DELETE FROM points"), "is damaged: it has no points"),
+        (changed("DELETE FROM points WHERE number = 0"), "is damaged: it has trials of a point that is gone"),
+        (changed("DROP TABLE points"), "is damaged: it has no table points"),
+        (changed("DROP TABLE trials"), "is damaged: it has no table trials"),
         (without_database, f"is not a run folder: there is no {DATABASE} in it"),
         (a_directory, f"is not a run folder: there is no {DATABASE} in it"),
     ],

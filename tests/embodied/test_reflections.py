@@ -11,11 +11,13 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.embodied.infrared import make_infrared_sensors
 from epuck_sim.embodied.reflections import see_with_reflections
 from epuck_sim.embodied.sensing import SensingArrays
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import (
+    BODIES,
     EDGE_CM,
     RADIUS_CM,
     CameraSettings,
@@ -45,7 +47,9 @@ def mirrored_rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> In
         circles=scene.arena.circles,
         edges=scene.arena.edges,
         cells=sorted_cells(scene),
-        camera=camera.make(),
+        camera=camera.make(scene.body),
+        radius_cm=scene.body.radius_cm,
+        infrared_sensors=make_infrared_sensors(scene.body.kind()),
         first_robot=observer,
         infrared_gain=np.ones((robots, 8)),
         infrared_noise=np.zeros((1, len(scene.poses), 8)),
@@ -95,14 +99,15 @@ def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArra
     arena, lit = scene.arena, scene.lit
     robots = len(scene.poses)
     red, doubtful = np.zeros((2, robots, camera.pixels), bool)
-    bodies = np.column_stack([scene.poses[:, :2], np.full(robots, RADIUS_CM)])
+    bodies = np.column_stack([scene.poses[:, :2], np.full(robots, scene.body.radius_cm)])
     right, top = arena.width_cm, arena.height_cm
     walls = np.array([(0, 0, 0, top), (right, 0, right, top), (0, 0, right, 0), (0, top, right, top)])
     outside = (camera.pixels - camera.central_pixels) // 2
     window = slice(outside, camera.pixels - outside)
     for robot, (x, y, heading) in enumerate(scene.poses):
         angles = heading + camera.angles()[window]
-        nose = x + RADIUS_CM * math.cos(heading), y + RADIUS_CM * math.sin(heading)
+        forward_cm = scene.body.forward_cm
+        nose = x + forward_cm * math.cos(heading), y + forward_cm * math.sin(heading)
         rays = np.tile(nose, (len(angles), 1)), np.column_stack([np.cos(angles), np.sin(angles)])
         others = np.arange(robots) != robot
         to_bodies, by_body = cast_on_discs(*rays, np.vstack([bodies[others], arena.circles]))
@@ -137,7 +142,7 @@ def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArra
 def test_rows_are_those_of_the_slow_twin() -> None:
     tally = Counter()
 
-    @given(scenes(robots=(1, 2, 3, 10, 60)), camera_settings(), st.sampled_from([FAR, 15.0, 40.0]))
+    @given(scenes(robots=(1, 2, 3, 10, 60), bodies=BODIES), camera_settings(), st.sampled_from([FAR, 15.0, 40.0]))
     def compare(scene: Scene, camera: CameraSettings, range_cm: float) -> None:
         camera = camera._replace(reflection_range_cm=range_cm)
         expected, doubtful = slow_rows(scene, camera)

@@ -2,12 +2,16 @@
 
 import csv
 import math
+import sqlite3
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from epuck_sim.runs.checksums import sign
+from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.store import Store
@@ -158,3 +162,20 @@ def rows(file: Path) -> list[dict[str, str]]:
 def six_digits(number: float) -> str:
     """Return a number as the tables of figures have it; nothing for what is not finite."""
     return f"{number:.6g}" if math.isfinite(number) else ""
+
+
+def edit(folder: Path, statement: str, *values: Any) -> None:
+    """Change a database with the right checksums, as if its trials had ended otherwise."""
+    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
+        connection.execute(statement, values)
+        for table in ("points", "trials"):
+            sign(connection, table)
+
+
+def make_older(folder: Path, **dropped: Sequence[str]) -> None:
+    """Take columns from the tables that are named, and what the first format did not have."""
+    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
+        for table, names in {"points": ["share"], "trials": []}.items():
+            for name in (*names, "checksum", *dropped.get(table, ())):
+                connection.execute(f"ALTER TABLE {table} DROP COLUMN {name}")
+        connection.execute("PRAGMA user_version = 1")

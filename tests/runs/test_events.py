@@ -17,6 +17,7 @@ from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
+from tests.runs.made_folders import edit, make_older
 from tests.runs.test_store import DEMO, fill
 
 SCENARIO = {
@@ -78,10 +79,8 @@ def test_events_are_equal_after_a_resume_with_any_number_of_workers(workers, cha
 
 def test_folders_from_before_there_were_events_are_read_exported_and_go_on(tmp_path):
     fill(tmp_path)
-    with closing(sqlite3.connect(tmp_path / DATABASE)) as connection:
-        connection.execute("ALTER TABLE trials DROP COLUMN events")
-        connection.execute("UPDATE trials SET measuring_error = 'of no use' WHERE trial = 0")
-        connection.commit()
+    edit(tmp_path, "UPDATE trials SET measuring_error = 'of no use' WHERE trial = 0")
+    make_older(tmp_path, trials=["events"])
     assert {trial.error for trial in read_status(tmp_path).failed} == {"of no use"}
     assert all(point.events == ((),) * 3 for point in read_points(tmp_path))
     export(tmp_path, tmp_path / "out.csv")

@@ -6,6 +6,7 @@ import json
 import math
 import random
 from pathlib import Path
+from typing import BinaryIO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -291,8 +292,8 @@ def test_where_writing_fails_the_older_file_stays_and_nothing_is_left_beside_it(
     target = tmp_path / name
     target.write_text("older")
 
-    def write_half(_: pa.Table, part: Path) -> None:
-        Path(part).write_text("half")
+    def write_half(_: pa.Table, part: BinaryIO) -> None:
+        part.write(b"half")
         raise problem
 
     monkeypatch.setitem(export_module.WRITERS, target.suffix, write_half)

@@ -1,8 +1,6 @@
 """What run folders keep of measures: values to the bit, and never those of two different measures."""
 
 import json
-import sqlite3
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 
@@ -21,8 +19,8 @@ from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, write
-from tests.runs.made_folders import rows
-from tests.runs.test_store import DATABASE, outcome
+from tests.runs.made_folders import make_older, rows
+from tests.runs.test_store import outcome
 
 VALUES = [1 / 3, None, 2.0]
 SERIES = [[0.1, None, 1 / 3], [], [1, 0.25]]
@@ -121,9 +119,7 @@ def test_a_folder_is_refused_to_other_measures(folder, mine):
 
 def without_columns(folder: Path) -> None:
     """Make a folder as it was before there were measures."""
-    with closing(sqlite3.connect(folder / DATABASE)) as connection:
-        connection.execute("ALTER TABLE points DROP COLUMN measures")
-        connection.execute("ALTER TABLE trials DROP COLUMN measured")
+    make_older(folder, points=["measures"], trials=["measured"])
 
 
 def test_a_folder_from_before_there_were_measures_is_read_and_goes_on(folder, tmp_path):

@@ -12,7 +12,7 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database, export, reader, status
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import ENTER_POINT, create_database
+from epuck_sim.runs.database import ENTER_POINT, new_database
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
 from epuck_sim.runs.store import Store
@@ -196,7 +196,7 @@ def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_pat
     shutil.copytree(tmp_path / "made", tmp_path / "run")
     checked = []
     check = database._quick_check
-    monkeypatch.setattr(database, "_quick_check", lambda path: checked.append(path) or check(path))
+    monkeypatch.setattr(database, "_quick_check", lambda path, **given: checked.append(path) or check(path, **given))
     for _ in range(2):
         read(tmp_path / "run")
         fill(tmp_path / "run", load_scenario(DEMO, ["trials=4"]))
@@ -238,7 +238,8 @@ def test_what_is_no_run_folder_is_refused(tmp_path, read, name: str) -> None:
 
 def test_a_database_has_its_points_as_soon_as_it_is_there(tmp_path) -> None:
     rows = [stored_point(point) for point in points(DEMO)]
-    create_database(tmp_path / DATABASE, [COUNT, SPEED], rows)
+    with new_database(tmp_path / DATABASE, [COUNT, SPEED], rows):
+        assert not (tmp_path / DATABASE).exists()
     status = read_status(tmp_path)
     assert (status.points, status.trials, status.stored) == (len(rows), DEMO.trials * len(rows), 0)
     assert [point.number for point in read_points(tmp_path)] == [point.number for point in points(DEMO)]

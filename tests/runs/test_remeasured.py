@@ -16,6 +16,7 @@ from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.result import TrialResult
 from tests.cli.commands import call, called
 from tests.measures.files import COUNTER, write
+from tests.runs.made_folders import edit
 
 FAILING = "def failing(simulation):\n    return 1 / (simulation.scenario.agents.count - 5)\n"
 
@@ -50,12 +51,7 @@ def everything(folder):
     with closing(sqlite3.connect(folder / DATABASE)) as connection:
         connection.row_factory = sqlite3.Row
         rows = connection.execute("SELECT * FROM trials ORDER BY point, trial").fetchall()
-    return [{name: row[name] for name in row.keys() if name != "wall_s"} for row in rows]  # noqa: SIM118 a Row
-
-
-def alter(folder, text, *values):
-    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
-        connection.execute(text, values)
+    return [{name: row[name] for name in row.keys() if name not in ("wall_s", "checksum")} for row in rows]  # noqa: SIM118 a Row
 
 
 def test_stored_trials_get_the_added_measures_and_keep_their_results(folder, mine, tmp_path):
@@ -107,7 +103,7 @@ def test_a_run_that_was_stopped_goes_on(folder, mine):
 )
 def test_a_trial_that_is_no_longer_the_same_is_reported_and_stays_as_it_is(folder, mine, column, value, said):
     run(folder, sweep("near_walls"))
-    alter(folder, f"UPDATE trials SET {column} = ? WHERE trial = 1", value)
+    edit(folder, f"UPDATE trials SET {column} = ? WHERE trial = 1", value)
     before = everything(folder)
     progress = run(folder, sweep("near_walls", mine))
     assert (progress.stored, progress.failed) == (4, 2)

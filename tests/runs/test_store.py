@@ -111,7 +111,7 @@ def test_the_database_is_marked_as_ours_with_its_format(tmp_path) -> None:
     fill(tmp_path)
     with closing(sqlite3.connect(tmp_path / DATABASE)) as connection:
         assert connection.execute("PRAGMA application_id").fetchone() == (int.from_bytes(b"epck"),)
-        assert connection.execute("PRAGMA user_version").fetchone() == (1,)
+        assert connection.execute("PRAGMA user_version").fetchone() == (2,)
 
 
 def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_host(tmp_path) -> None:
@@ -119,6 +119,7 @@ def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_h
     with Store(tmp_path, DEMO, found) as store:
         store.add(outcome(found[1], 2))
     (row,) = stored(tmp_path)
+    assert isinstance(row.pop("checksum"), int)
     assert row == {
         "number": 1,
         "point": found[1].key,
@@ -623,8 +624,8 @@ SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "overwritten in the middle": (pages_overwritten, "is damaged"),
     "without its tables' definitions": (lambda whole: whole[:100] + garbage(3996) + whole[4096:], "is damaged"),
     "of another format": (
-        lambda whole: whole[:60] + (2).to_bytes(4) + whole[64:],
-        "has format 2, this version of epuck-sim reads 1",
+        lambda whole: whole[:60] + (3).to_bytes(4) + whole[64:],
+        "has format 3, this version of epuck-sim reads 1 to 2",
     ),
 }
 

@@ -29,7 +29,7 @@ def table(folder: Path) -> list[tuple]:
     with reading(folder / DATABASE) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         names = [row[1] for row in connection.execute("PRAGMA table_info(trials)")]
-        columns = ", ".join(f'"{name}"' for name in names if name not in ("wall_s", "host"))
+        columns = ", ".join(f'"{name}"' for name in names if name not in ("wall_s", "host", "checksum"))
         return connection.execute(f"SELECT {columns} FROM trials ORDER BY point, trial").fetchall()
 
 

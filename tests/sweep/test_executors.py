@@ -7,6 +7,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import ExitStack
 from functools import partial
@@ -113,6 +114,37 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_table_as_processes_here(tm
         assert other.poll() is None
     run_sweep(load_scenario(path), tmp_path / "here", partial(local_pool, 2))
     assert table(folder) == table(tmp_path / "here")
+
+
+def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(executors, "WORKERS_S", 0)
+    counts, over = iter([0, 0, 2, 2, 0, 0]), threading.Event()
+
+    def workers() -> int:
+        count = next(counts, None)
+        if count is None:
+            over.set()
+        return 1 if count is None else count
+
+    executors._say_without_workers(workers, "tcp://here", over)
+    assert capsys.readouterr().err == "--dask tcp://here: the scheduler has no workers; waiting for them\n" * 2
+
+
+def test_a_cluster_without_workers_is_named_within_ten_seconds_and_waited_for(tmp_path) -> None:
+    assert executors.WORKERS_S < 10 - executors.CONNECT_S
+    path, folder, contact = short_sweep(tmp_path, 1), tmp_path / "run", tmp_path / "scheduler.json"
+    here = ("--host", "127.0.0.1", "--no-dashboard")
+    with ExitStack() as stack:
+        cluster_process(stack, "scheduler", *here, "--port", "0", "--scheduler-file", str(contact), folder=tmp_path)
+        wait_until(lambda: contact.exists() and contact.read_text().endswith("}"))
+        address = json.loads(contact.read_text())["address"]
+        run = begin(path, "--out", folder, "--dask", address, folder=tmp_path)
+        assert run.stderr is not None
+        assert f"--dask {address}: the scheduler has no workers; waiting for them\n" in iter(run.stderr.readline, "")
+        cluster_process(stack, "worker", address, *here, "--nthreads", "1", "--no-nanny", folder=tmp_path)
+        _, err = run.communicate(timeout=120)
+        assert run.returncode == 0, err
+    assert stored(folder) == 8
 
 
 def test_a_scheduler_that_does_not_answer_is_named_within_ten_seconds(tmp_path) -> None:

@@ -4,8 +4,6 @@ import json
 import os
 import re
 import signal
-import sqlite3
-from contextlib import closing
 from functools import partial
 from pathlib import Path
 from random import Random
@@ -16,7 +14,6 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -25,6 +22,7 @@ from epuck_sim.sweep.run import first_of_each_kind, missing_tasks, run_sweep
 from epuck_sim.sweep.worker import run_chunk
 from epuck_sim.trial.model import run_trial
 from tests.processes import processes_marked, wait_until
+from tests.runs.made_folders import edit
 from tests.sweep.short_sweeps import begin, errors, short_sweep, stored, table
 
 TRIALS = 30
@@ -268,8 +266,7 @@ def test_other_versions_that_made_trials_are_reported(tmp_path) -> None:
     run_sweep(load_scenario(path), folder, partial(local_pool, 1))
     quiet = CliRunner().invoke(app, ["run", str(folder)])
     assert (quiet.exit_code, "note: " in quiet.stderr) == (0, False)
-    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
-        connection.execute("UPDATE trials SET pymunk = '6.0' WHERE trial = 1")
+    edit(folder, "UPDATE trials SET pymunk = '6.0' WHERE trial = 1")
     noisy = CliRunner().invoke(app, ["run", str(folder)])
     assert noisy.exit_code == 0
     assert re.search(r"note: 8 trials were made by epuck_sim .*, pymunk 6.0, .*; this is epuck_sim ", noisy.stderr)

@@ -1,0 +1,57 @@
+"""A checksum in each row of a database, so that a damaged file never gives wrong rows: SQLite checks no contents."""
+
+import marshal
+import sqlite3
+import zlib
+from typing import Any
+
+CHECKSUM = "checksum"
+"""Column that holds the checksum of a row's other columns, and of their names."""
+
+MARSHAL_VERSION = 2
+"""Format in which values are summed: the first with floats in binary, without references, and never changed again."""
+
+
+def columns_of(connection: sqlite3.Connection, table: str) -> list[str]:
+    """Return the names of a table's columns."""
+    return [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
+
+
+def quoted(name: str) -> str:
+    """Return a column's name in quotes, for SQL."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+def sign(connection: sqlite3.Connection, table: str) -> None:
+    """Store the checksums of all rows of a table."""
+    connection.execute(signing(connection, table, "true"))
+
+
+def signing(connection: sqlite3.Connection, table: str, which: str) -> str:
+    """Return the statement that stores the checksums of those rows of a table for which a condition holds."""
+    connection.create_function("row_sum", -1, lambda *row: _row_sum(row), deterministic=True)
+    return f"UPDATE {table} SET {CHECKSUM} = row_sum({_terms(connection, table)}) WHERE {which}"
+
+
+def find_damaged_row(connection: sqlite3.Connection, table: str) -> str | None:
+    """Return what is wrong with the first row of a table that does not have its checksum; None if all have."""
+    found = connection.execute(f"SELECT {_terms(connection, table)}, {CHECKSUM} FROM {table}")
+    try:
+        for number, row in enumerate(found):
+            if _row_sum(row[:-1]) != row[-1]:
+                return f"row {number} of {table} does not have its checksum"
+    except sqlite3.OperationalError as error:
+        if "decode" not in str(error):
+            raise
+        return f"a row of {table} is no text"
+    return None
+
+
+def _terms(connection: sqlite3.Connection, table: str) -> str:
+    """Return what is summed, as SQL: the columns by name, for earlier folders have them in another order."""
+    names = sorted(set(columns_of(connection, table)) - {CHECKSUM})
+    return ", ".join([str(zlib.crc32("\n".join(names).encode())), *map(quoted, names)])
+
+
+def _row_sum(row: tuple[Any, ...]) -> int:
+    return zlib.crc32(marshal.dumps(row, MARSHAL_VERSION))

@@ -1,0 +1,136 @@
+"""Far-fetched mistakes: what only an attacker, or a bad day, comes up with ends in a message, too."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.status import read_status
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.util.atomic_write import check_target
+from epuck_sim.util.messages import describe_error
+from tests.cli.commands import call, called, refused
+from tests.processes import COMMAND
+from tests.runs.made_folders import SPEED, SPEEDS, ended, store, sweep
+
+CONTROLLER = """
+import sys
+
+PARAMETERS = {{}}
+MEMORY = {{}}
+
+class Strange(BaseException):
+    def __str__(self):
+        raise self
+
+def start(memory, parameters, random):
+    pass
+
+def step(sensors, memory, actuators, parameters, random):
+    {line}
+"""
+
+NOT_UTF8 = os.fsdecode(b"b\xffd")
+
+
+def scene(folder: Path, line: str) -> Path:
+    """Write a scenario of one robot whose controller does `line` in each step."""
+    (folder / "mine.py").write_text(CONTROLLER.format(line=line))
+    path = folder / "scene.yaml"
+    path.write_text("robots: [{controller: mine.py, count: 1}]\nstop: {max_time_s: 0.3}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("raise BaseException('mine')", "BaseException: mine"),
+        ("raise GeneratorExit", "GeneratorExit: "),
+        ("raise Strange", "Strange: its message cannot be shown: Strange"),
+        ("raise ValueError('\\ud800')", "ValueError: \\ud800"),
+    ],
+)
+def test_whatever_a_controller_raises_is_named_with_its_line(tmp_path, line: str, message: str) -> None:
+    stderr = refused("run", scene(tmp_path, line), "--interpret")
+    assert f"{tmp_path}/mine.py:15: {message}" in stderr
+
+
+@pytest.mark.parametrize("line", ["raise BaseException('mine')", "raise GeneratorExit", "raise Strange()"])
+def test_whatever_a_file_raises_when_it_is_loaded_is_named(tmp_path, line: str) -> None:
+    path = scene(tmp_path, "pass")
+    with (tmp_path / "mine.py").open("a") as file:
+        file.write(f"\n{line}\n")
+    assert f"{tmp_path}/mine.py:17: cannot be loaded: " in refused("check", path)
+
+
+def test_a_controller_that_closes_the_output_is_no_traceback(tmp_path) -> None:
+    command = [*COMMAND, "run", scene(tmp_path, "sys.stdout.close()"), "--interpret"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "error: the output cannot be written: it was closed\n")
+
+
+def test_a_message_that_is_no_unicode_costs_a_sweep_its_own_trial_alone(tmp_path) -> None:
+    line = "raise ValueError('\\ud800')"
+    result = call("run", scene(tmp_path, line), "--interpret", "--out", tmp_path / "run", "--trials", "2")
+    assert result.exit_code == 1
+    assert [failure.error.rpartition("ValueError: ")[2] for failure in read_status(tmp_path / "run").failed] == [
+        *("\\ud800", "\\ud800")
+    ]
+
+
+def test_an_error_whose_message_is_interrupted_stays_interrupted() -> None:
+    class Slow(Exception):  # noqa: N818
+        def __str__(self) -> str:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        describe_error(Slow())
+
+
+@pytest.mark.parametrize("given", [{"description": "\ud800"}, {"figure": {"x": "a.\ud800"}}, {"\ud800": 1}])
+def test_text_that_is_no_unicode_is_refused_in_a_scenario(given: dict) -> None:
+    with pytest.raises(EpuckSimError, match="allowed: text in Unicode") as raised:
+        load_scenario(given)
+    str(raised.value).encode()
+
+
+@pytest.mark.parametrize("option", ["--set", "--sweep"])
+def test_a_key_of_a_thousand_parts_is_refused_in_a_short_line(option: str) -> None:
+    stderr = refused("check", "pair", option, f"{'.'.join('a' * 1000)}=1")
+    assert "a key of 1000 parts; allowed: at most 20" in stderr
+    assert len(stderr) < 200
+
+
+def test_an_output_that_is_a_loop_of_links_is_refused(tmp_path) -> None:
+    (tmp_path / "a.parquet").symlink_to("b")
+    (tmp_path / "b").symlink_to("a.parquet")
+    with pytest.raises(EpuckSimError, match="is a link that leads to itself"):
+        check_target(tmp_path / "a.parquet")
+    assert "is a link that leads to itself" in refused("run", "pair", "--trace", tmp_path / "a.parquet")
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_results_are_exported_under_a_name_that_is_not_utf_8(tmp_path, ending: str) -> None:
+    folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=2), lambda _: ended([5, 6]))
+    called("export", folder, "--to", tmp_path / f"{NOT_UTF8}{ending}")
+    called("export", folder, "--to", tmp_path / f"same{ending}")
+    assert (tmp_path / f"{NOT_UTF8}{ending}").read_bytes() == (tmp_path / f"same{ending}").read_bytes()
+
+
+def test_a_trace_may_have_a_name_that_is_not_utf_8(tmp_path) -> None:
+    names = [f"{NOT_UTF8}.parquet", "same.parquet"]
+    for name in names:
+        called("run", "pair", "--set", "stop.max_time_s=0.3", "--trace", tmp_path / name)
+    first, second = ((tmp_path / name).read_bytes() for name in names)
+    assert first == second
+
+
+def test_a_folder_without_trials_is_still_a_folder(tmp_path) -> None:
+    scenario = sweep({SPEED: SPEEDS})
+    with Store(tmp_path / "run", scenario, points(scenario)):
+        pass
+    assert read_status(tmp_path / "run").stored == 0

@@ -1,0 +1,59 @@
+"""The job array of the docs, with stand-ins for what SLURM brings: shares run, end in time and are queued again."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from epuck_sim.runs.database import DATABASE
+from epuck_sim.runs.status import read_status
+from tests.sweep.short_sweeps import short_sweep, stored
+
+PAGE = Path(__file__).parents[2] / "docs" / "clusters.md"
+
+
+def start(folder: Path, scenario: Path, number: int, of: int) -> subprocess.Popen:
+    """Start the script as SLURM would start job `number` of an array of `of`, for a scenario of ours."""
+    (script,) = [
+        block for block in re.findall(r"^```bash\n(.*?)^```", PAGE.read_text(), re.M | re.S) if "#SBATCH" in block
+    ]
+    (folder / "array.sh").write_text(script.replace("fig-4-2a", str(scenario)).replace("/40", f"/{of}"))
+    tools = {"epuck-sim": f'exec {sys.executable} -m epuck_sim "$@"', "scontrol": f'echo "$@" >> {folder}/requeued'}
+    (folder / "bin").mkdir(exist_ok=True)
+    for name, line in tools.items():
+        (folder / "bin" / name).write_text(f"#!/bin/sh\n{line}\n")
+        (folder / "bin" / name).chmod(0o755)
+    given = {"SLURM_ARRAY_TASK_ID": str(number), "SLURM_ARRAY_JOB_ID": "77", "SLURM_CPUS_PER_TASK": "1"}
+    path = {"PATH": f"{folder / 'bin'}:{os.environ['PATH']}", "SLURM_TMPDIR": str(folder / "node")}
+    return subprocess.Popen(["bash", "array.sh"], cwd=folder, env={**os.environ, **given, **path})
+
+
+def test_a_job_runs_its_share_and_keeps_it(tmp_path) -> None:
+    job = start(tmp_path, short_sweep(tmp_path, 3), 2, 3)
+    assert job.wait(300) == 0
+    status = read_status(tmp_path / "runs/shares/2")
+    assert (status.share, status.stored, status.trials) == ("2/3", 8, 8)
+    assert not (tmp_path / "requeued").exists()
+
+
+def test_a_job_whose_time_is_nearly_up_is_queued_again_and_goes_on(tmp_path) -> None:
+    scenario, local = short_sweep(tmp_path, 4000), tmp_path / "node" / "share-77-1"
+    job = start(tmp_path, scenario, 1, 2)
+    until = time.monotonic() + 300
+    while not stored(local) and time.monotonic() < until:
+        time.sleep(0.1)
+    job.send_signal(signal.SIGUSR1)
+    assert job.wait(60) == 0
+    assert (tmp_path / "requeued").read_text() == "requeue 77_1\n"
+    kept = stored(tmp_path / "runs/shares/1")
+    assert 0 < kept < 16_000
+    (local / DATABASE).unlink()  # the next job may have another node
+    job = start(tmp_path, scenario, 1, 2)
+    while stored(local) <= kept and time.monotonic() < until:
+        time.sleep(0.1)
+    job.send_signal(signal.SIGUSR1)
+    assert job.wait(60) == 0
+    assert stored(tmp_path / "runs/shares/1") > kept

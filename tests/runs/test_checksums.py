@@ -1,0 +1,96 @@
+"""A file in which bytes have changed never gives other rows than it had: they are read as they were, or not at all."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from epuck_sim.errors import StoreError
+from epuck_sim.runs import database
+from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.runs.status import read_status
+from tests.cli.commands import refused
+from tests.runs.made_folders import make_older
+from tests.runs.test_store import COUNT, SPEED, fill, scenario_of, stored
+
+SWEEP = scenario_of({"grid": {COUNT: [2, 3, 4, 5], SPEED: [1, 0.5, 0.25]}}, trials=20)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("whole")
+    fill(folder, SWEEP)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def unchecked(monkeypatch) -> None:
+    """Have every file checked, even if it takes the place of one that was checked in the same instant."""
+    monkeypatch.setattr(database, "_state", lambda _: object())
+
+
+def everything(folder: Path) -> list[list[tuple]]:
+    with reading(folder / DATABASE) as connection:
+        return [connection.execute(f"SELECT * FROM {table} ORDER BY 1, 2").fetchall() for table in ("points", "trials")]
+
+
+def flipped(contents: bytes, random: Random, count: int) -> bytes:
+    changed = bytearray(contents)
+    for _ in range(count):
+        changed[random.randrange(len(changed))] ^= random.randrange(1, 256)
+    return bytes(changed)
+
+
+def check_flips(whole: Path, folder: Path, flips: int) -> Iterator[bool]:
+    """Yield whether each of some damaged files is refused; those that are not must be read as if they were whole."""
+    contents, rows, random = (whole / DATABASE).read_bytes(), everything(whole), Random(7)
+    for number in range(flips):
+        (folder / DATABASE).write_bytes(flipped(contents, random, 1 + number % 3))
+        try:
+            found = everything(folder)
+        except StoreError:
+            yield True
+        else:
+            assert found == rows, number
+            yield False
+
+
+def test_flipped_bytes_never_give_wrong_rows(whole, tmp_path) -> None:
+    refusals = sum(check_flips(whole, tmp_path, 300))
+    assert refusals > 200
+
+
+@pytest.mark.slow
+def test_thousands_of_flipped_bytes_never_give_wrong_rows(whole, tmp_path) -> None:
+    refusals = sum(check_flips(whole, tmp_path, 5000))
+    print(f"\n5,000 damaged databases: {refusals} refused, {5000 - refusals} read as they were, none with wrong rows")
+
+
+@pytest.mark.parametrize("table", ["trials", "points"])
+def test_a_value_that_is_not_what_was_stored_is_refused(whole, tmp_path, table: str) -> None:
+    (tmp_path / DATABASE).write_bytes((whole / DATABASE).read_bytes())
+    column = {"trials": "cycles", "points": "trials"}[table]
+    with closing(sqlite3.connect(tmp_path / DATABASE)) as connection, connection:
+        connection.execute(f"UPDATE {table} SET {column} = {column} + 1")
+    assert f"is damaged: row 0 of {table} does not have its checksum" in refused("status", tmp_path)
+
+
+def test_a_database_without_the_checksums_it_must_have_is_refused(whole, tmp_path) -> None:
+    (tmp_path / DATABASE).write_bytes((whole / DATABASE).read_bytes())
+    with closing(sqlite3.connect(tmp_path / DATABASE)) as connection, connection:
+        connection.execute("ALTER TABLE trials DROP COLUMN checksum")
+    assert "is damaged: trials has no checksums" in refused("status", tmp_path)
+
+
+def test_an_earlier_folder_is_read_and_gets_checksums_when_it_goes_on(tmp_path) -> None:
+    fill(tmp_path, SWEEP)
+    before = stored(tmp_path)
+    make_older(tmp_path)
+    assert read_status(tmp_path).stored == 240
+    fill(tmp_path, SWEEP)
+    assert stored(tmp_path) == before
+    assert all(row["checksum"] is not None for row in before)
+    read_status(tmp_path)

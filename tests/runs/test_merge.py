@@ -1,0 +1,159 @@
+"""Shares that are put together are the table that one run would have made, and what does not belong is refused."""
+
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from epuck_sim.errors import StoreError
+from epuck_sim.runs.export import export
+from epuck_sim.runs.merge import merge_folders
+from epuck_sim.runs.share import Share
+from epuck_sim.runs.status import read_status
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.scenario import Scenario
+from tests.cli.commands import call, called, contents, refused
+from tests.runs.made_folders import edit
+from tests.runs.test_store import CONTROLLER, COUNT, DATABASE, DEMO, MINE, fill, outcome, scenario_of, stored
+
+MANY = scenario_of({"grid": {COUNT: [2, 3, 4, 5, 6, 7]}}, trials=7)
+
+
+def fill_share(folder: Path, share: Share, scenario: Scenario = MANY, part: float = 1.0, **changes) -> Path:
+    """Store a part of the trials of a share, by chance."""
+    random = Random(share.number)
+    found = points(scenario)
+    with Store(folder, scenario, found, share) as store:
+        for point in found:
+            for trial in share.trials(point.number, scenario.trials):
+                if random.random() < part:
+                    store.add(outcome(point, trial, **changes))
+    return folder
+
+
+def shares(tmp_path: Path, count: int, **changes) -> list[Path]:
+    return [fill_share(tmp_path / f"{number}", Share(number, count), **changes) for number in range(1, count + 1)]
+
+
+@pytest.mark.parametrize("count", [1, 3, 5, 12])
+def test_all_shares_together_are_one_run_bit_for_bit(tmp_path, count: int) -> None:
+    folders = shares(tmp_path, count)
+    before = [contents(folder) for folder in folders]
+    merge_folders([*reversed(folders)], tmp_path / "merged")
+    fill(tmp_path / "one", MANY)
+    assert stored(tmp_path / "merged") == stored(tmp_path / "one")
+    for name in ("merged", "one"):
+        export(tmp_path / name, tmp_path / f"{name}.parquet")
+    assert (tmp_path / "merged.parquet").read_bytes() == (tmp_path / "one.parquet").read_bytes()
+    assert load_scenario(tmp_path / "merged") == MANY
+    assert [contents(folder) for folder in folders] == before
+
+
+def test_any_set_of_unfinished_shares_is_put_together_and_goes_on_as_the_whole(tmp_path) -> None:
+    folders = shares(tmp_path, 4, part=0.5)[:3]
+    merge_folders(folders, tmp_path / "merged")
+    rows = [row for folder in folders for row in stored(folder)]
+    assert stored(tmp_path / "merged") == sorted(rows, key=lambda row: (row["number"], row["trial"]))
+    status = read_status(tmp_path / "merged")
+    assert (status.share, status.trials, status.stored) == (None, 42, len(rows))
+    fill(tmp_path / "merged", MANY)
+    fill(tmp_path / "one", MANY)
+    assert stored(tmp_path / "merged") == stored(tmp_path / "one")
+
+
+def test_trials_in_several_folders_are_stored_once_and_results_replace_failures(tmp_path) -> None:
+    failed = fill_share(tmp_path / "failed", Share(1, 2), error="gone")
+    again = fill_share(tmp_path / "again", Share(1, 2))
+    others = fill_share(tmp_path / "others", Share(1, 3))
+    for number, folders in enumerate(([failed, again, others], [others, again, failed])):
+        merge_folders(folders, tmp_path / f"merged{number}")
+        assert {(row["number"], row["trial"]) for row in stored(tmp_path / f"merged{number}")} == {
+            (row["number"], row["trial"]) for folder in folders for row in stored(folder)
+        }
+        assert read_status(tmp_path / f"merged{number}").failed == []
+
+
+def test_a_sweep_that_has_grown_meanwhile_is_as_large_as_its_largest_share(tmp_path) -> None:
+    small = fill_share(tmp_path / "small", Share(1, 2))
+    large = fill_share(tmp_path / "large", Share(2, 2), MANY.model_copy(update={"trials": 9}))
+    merge_folders([small, large], tmp_path / "merged")
+    assert read_status(tmp_path / "merged").trials == 6 * 9
+    assert load_scenario(tmp_path / "merged").trials == 9
+
+
+def test_folders_of_another_scenario_or_controller_or_version_are_refused(tmp_path) -> None:
+    share = fill_share(tmp_path / "share", Share(1, 2))
+    noisy = fill_share(tmp_path / "noisy", Share(2, 2), MANY.model_copy(update={"seed": 5}))
+    axes = fill_share(tmp_path / "axes", Share(2, 2), DEMO)
+    version = fill_share(tmp_path / "version", Share(2, 2))
+    edit(version, "UPDATE trials SET numba = '0.1' WHERE trial = 1")
+    double = fill_share(tmp_path / "double", Share(1, 2), cycles=5)
+    for other, message in (
+        (noisy, "seed: 5 in the folder, 0 in|seed: 0 in the folder, 5 in"),
+        (axes, "holds another sweep; axes in the folder and in"),
+        (version, "holds trials made by .*numba 0.1.*; merge folders of the same versions"),
+        (double, "trial . at .* differs from that of another folder"),
+    ):
+        for folders in ([share, other], [other, share]):
+            with pytest.raises(StoreError, match=message):
+                merge_folders(folders, tmp_path / "merged")
+            assert not (tmp_path / "merged" / DATABASE).exists()
+    mine = []
+    for number, pace in enumerate(("2.0", "3.0"), start=1):
+        (tmp_path / str(number)).mkdir()
+        (tmp_path / str(number) / "mine.py").write_text(MINE.replace("2.0", pace))
+        scenario = scenario_of({"points": [{CONTROLLER: str(tmp_path / str(number) / "mine.py")}]})
+        mine.append(fill_share(tmp_path / f"mine{number}", Share(number, 2), scenario))
+    with pytest.raises(StoreError, match=r"robots\.0\.controller: 'mine.py with digest"):
+        merge_folders(mine, tmp_path / "merged")
+
+
+def test_a_target_that_holds_results_and_a_source_that_is_none_are_refused(tmp_path) -> None:
+    share = fill_share(tmp_path / "share", Share(1, 2))
+    target = fill_share(tmp_path / "target", Share(2, 2))
+    for folders, out in (([share], target), ([share], share), ([share, tmp_path], tmp_path / "new")):
+        before = contents(target)
+        with pytest.raises(StoreError, match=r"holds results already|is not a run folder"):
+            merge_folders(folders, out)
+        assert contents(target) == before
+
+
+def test_a_folder_stays_with_its_share(tmp_path) -> None:
+    folder = fill_share(tmp_path / "share", Share(1, 2))
+    with Store(folder, MANY, points(MANY)) as store:
+        assert store.share == Share(1, 2)
+    with pytest.raises(StoreError, match="is for share 1/2, --share is 2/2; give another folder"):
+        Store(folder, MANY, points(MANY), Share(2, 2))
+    fill(tmp_path / "whole", MANY)
+    with pytest.raises(StoreError, match="is for the whole sweep, --share is 2/2"):
+        Store(tmp_path / "whole", MANY, points(MANY), Share(2, 2))
+
+
+def test_the_status_of_many_shares_says_what_is_missing(tmp_path) -> None:
+    folders = shares(tmp_path, 4, part=0.5)[:3]
+    lines = called("status", *folders).splitlines()
+    counts = [len(stored(folder)) for folder in folders]
+    trials = [read_status(folder).trials for folder in folders]
+    assert lines == [
+        *(f"{tmp_path}/{k + 1} (share {k + 1}/4): {counts[k]} of {trials[k]}" for k in range(3)),
+        f"together: {sum(counts)} of {sum(trials)} trials have a result; failed: 0",
+        "shares without a folder here: 4/4",
+    ]
+    assert f"demo: share 1/4, 6 points, {counts[0]} of {trials[0]} trials" in called("status", folders[0])
+    assert called("status", *folders, "--json").count('"folder"') == 3
+
+
+def test_shares_that_are_run_by_the_command_are_merged_to_what_one_run_makes(tmp_path) -> None:
+    sweep = ("pair", "--set", "stop.max_time_s=0.3", "--sweep", "robots.0.parameters.coupling=0.1,0.2", "--trials", "5")
+    for number in (1, 2):
+        share = ("--share", f"{number}/2", "--out", tmp_path / f"{number}", "--workers", "1")
+        assert call("run", *sweep, *share).exit_code == 0
+    assert call("run", *sweep, "--out", tmp_path / "one", "--workers", "1").exit_code == 0
+    assert "10 of 10 trials" in called("merge", tmp_path / "1", tmp_path / "2", "--out", tmp_path / "merged")
+    assert [{**row, "wall_s": 0, "checksum": 0} for row in stored(tmp_path / "merged")] == [
+        {**row, "wall_s": 0, "checksum": 0} for row in stored(tmp_path / "one")
+    ]
+    assert "5 of 5 trials" in call("run", tmp_path / "1").stdout
+    assert "--share needs a run folder of its own" in refused("run", "pair", "--share", "1/2")

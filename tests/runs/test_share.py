@@ -1,0 +1,56 @@
+"""Shares of a sweep: every trial is in one of them, and each takes about as long as any other."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.finished import FinishedTrials
+from epuck_sim.runs.share import WHOLE, Share
+
+
+@given(st.integers(1, 50), st.integers(0, 10_000), st.integers(0, 200))
+def test_every_trial_is_in_one_share_and_shares_of_a_point_differ_by_one_trial(count, point, trials) -> None:
+    parts = [Share(number, count).trials(point, trials) for number in range(1, count + 1)]
+    assert sorted(trial for part in parts for trial in part) == [*range(trials)]
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+
+
+@given(st.integers(1, 50), st.integers(0, 1000), st.integers(0, 100), st.integers(0, 100))
+def test_trials_that_are_added_leave_those_before_them_in_their_share(count, point, trials, more) -> None:
+    share = Share(count, count)
+    assert [*share.trials(point, trials)] == [trial for trial in share.trials(point, trials + more) if trial < trials]
+
+
+@pytest.mark.parametrize("speeds", [5, 8, 10, 13, 20, 21, 32])
+@pytest.mark.parametrize("count", [4, 10, 20, 40, 64])
+@pytest.mark.parametrize("trials", [1, 7, 30])
+def test_shares_take_about_as_long_even_if_one_speed_takes_a_hundred_times_another(speeds, count, trials) -> None:
+    points = range(40 * speeds)
+    costs = [
+        sum(
+            len(Share(number, count).trials(point, trials)) * 100 ** (point % speeds / (speeds - 1)) for point in points
+        )
+        for number in range(1, count + 1)
+    ]
+    # a point's trials cannot be divided among shares better than by one trial of 100
+    assert max(costs) < 1.1 * sum(costs) / count + 300
+
+
+@pytest.mark.parametrize("text", ["", "3", "0/4", "5/4", "-1/4", "1/0", "1/4 ", "a/b", "1/4/2"])
+def test_a_text_that_names_no_share_is_refused(text: str) -> None:
+    with pytest.raises(EpuckSimError, match="allowed: K/N with K from 1 to N"):
+        Share.parse(text)
+
+
+def test_a_share_is_read_as_it_is_written() -> None:
+    assert str(Share.parse("3/40")) == "3/40"
+    assert [*WHOLE.trials(17, 4)] == [0, 1, 2, 3]
+
+
+@given(st.sets(st.tuples(st.integers(0, 5), st.integers(0, 50))))
+def test_finished_trials_are_the_set_of_them(trials) -> None:
+    finished = FinishedTrials(trials)
+    assert finished == trials
+    assert len(finished) == len(trials)
+    assert (6, 0) not in finished
