@@ -34,29 +34,46 @@ LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])
 """Rotation from the arena's frame into that of a camera looking straight down (x right, y down, z ahead)."""
 
 
+class Lens(NamedTuple):
+    """Where a camera's picture shows a direction: OpenCV's camera matrix and distortion, of a usual or fisheye lens."""
+
+    focal_px: float
+    """Focal length across the picture."""
+    focal_down_px: float
+    """Focal length down the picture; the same where pixels are square."""
+    middle_px: tuple[float, float]
+    """Column and row that the optical axis meets."""
+    coefficients: tuple[float, ...]
+    """OpenCV's distortion coefficients: k1, k2, p1, p2, k3 of its usual model, or k1 to k4 of its fisheye model."""
+    is_fisheye: bool = False
+
+    @property
+    def matrix(self) -> FloatArray:
+        """OpenCV's (3, 3) camera matrix."""
+        column, row = self.middle_px
+        return np.array([[self.focal_px, 0, column], [0, self.focal_down_px, row], [0, 0, 1]])
+
+
+def simple_lens(width_px: int, height_px: int, focal_px: float, k1: float = 0.0) -> Lens:
+    """Return a lens with square pixels whose axis meets the middle of the picture; k1: its radial distortion."""
+    return Lens(focal_px, focal_px, ((width_px - 1) / 2, (height_px - 1) / 2), (k1, 0.0, 0.0, 0.0))
+
+
+def fisheye_lens(width_px: int, height_px: int, focal_px: float) -> Lens:
+    """Return an equidistant fisheye lens: pixels off the middle are proportional to angles off the axis."""
+    return Lens(focal_px, focal_px, ((width_px - 1) / 2, (height_px - 1) / 2), (0.0, 0.0, 0.0, 0.0), True)
+
+
 class CameraModel(NamedTuple):
-    """A pinhole camera with radial distortion, somewhere above the arena."""
+    """A camera somewhere above the arena."""
 
     width_px: int
     height_px: int
-    focal_px: float
-    k1: float
-    """Coefficient of the radial distortion; 0 for none."""
+    lens: Lens
     rotation: FloatArray
     """(3, 3) rotation from the arena's frame into the camera's."""
     position_cm: FloatArray
     """(3,) position of the pinhole in the arena's frame."""
-
-    @property
-    def _matrix(self) -> FloatArray:
-        """OpenCV's (3, 3) camera matrix: pixels are square, and the optical axis meets the middle of the picture."""
-        middle_column, middle_row = (self.width_px - 1) / 2, (self.height_px - 1) / 2
-        return np.array([[self.focal_px, 0, middle_column], [0, self.focal_px, middle_row], [0, 0, 1]])
-
-    @property
-    def _distortion(self) -> FloatArray:
-        """OpenCV's (4,) distortion coefficients: k1, then k2, p1 and p2, which are 0."""
-        return np.array([self.k1, 0.0, 0.0, 0.0])
 
     def project(self, points_cm: FloatArray) -> FloatArray:
         """Return the pixels that show points in front of the camera.
@@ -69,9 +86,9 @@ class CameraModel(NamedTuple):
         """
         rotation, _ = cv2.Rodrigues(self.rotation)
         shift = -self.rotation @ self.position_cm
-        pixels, _ = cv2.projectPoints(
-            np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3), rotation, shift, self._matrix, self._distortion
-        )
+        show = cv2.fisheye.projectPoints if self.lens.is_fisheye else cv2.projectPoints
+        points = np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3)
+        pixels, _ = show(points, rotation, shift, self.lens.matrix, np.array(self.lens.coefficients))
         return np.asarray(pixels, float).reshape(-1, 2)
 
     def back_project(self, pixels: FloatArray, z_cm: float) -> FloatArray:
@@ -85,12 +102,10 @@ class CameraModel(NamedTuple):
             (n, 2) cm: x and y of each. A pixel above the horizon shows no such point and gets the one behind the camera
             on the same line.
         """
-        straight = cv2.undistortPoints(
-            np.ascontiguousarray(pixels, float).reshape(-1, 1, 2),
-            self._matrix,
-            self._distortion,
-            criteria=UNDISTORT_CRITERIA,
-        ).reshape(-1, 2)
+        seen = np.ascontiguousarray(pixels, float).reshape(-1, 1, 2)
+        straighten = cv2.fisheye.undistortPoints if self.lens.is_fisheye else cv2.undistortPoints
+        coefficients = np.array(self.lens.coefficients)
+        straight = straighten(seen, self.lens.matrix, coefficients, criteria=UNDISTORT_CRITERIA).reshape(-1, 2)
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         distance = (z_cm - self.position_cm[2]) / rays[:, 2]
         points: FloatArray = self.position_cm[:2] + distance[:, None] * rays[:, :2]
@@ -122,6 +137,7 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
     position = np.array([width_cm / 2, height_cm / 2, above_cm])
     focal_px = _focal_px(section, width_cm, height_cm, above_cm)
     k1 = section.distortion
+    lens = simple_lens(section.width_px, section.height_px, focal_px, k1)
     corner = math.hypot(section.width_px, section.height_px) / 2 / focal_px
     lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r
     if k1 <= lowest:
@@ -129,7 +145,7 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
             f"overhead.distortion is {k1:g}, which would fold the corners of a picture with this field of view; "
             f"allowed: above {lowest:.3g}"
         )
-    return CameraModel(section.width_px, section.height_px, focal_px, k1, LOOKING_DOWN, position)
+    return CameraModel(section.width_px, section.height_px, lens, LOOKING_DOWN, position)
 
 
 def _focal_px(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> float:

@@ -32,8 +32,8 @@ FLOOR = "5,5,154,5,154,154,5,154"
 
 KEYS = {
     *("film", "frames", "fps", "duration_s", "start_s", "calibration", "period_s", "flash_ms", "threshold_ms"),
-    *("estimated", "robots_seen", "flashes_per_period", "t_sync_s", "t_sync_cycles", "t_sync_flashes", "warnings"),
-    "versions",
+    *("estimated", "robots_seen", "flashes_per_period", "t_sync_s", "t_sync_periods", "t_sync_cycles", "warnings"),
+    *("versions", "confidence", "reasons", "rings_outside", "always_lit", "position_error_mm"),
 }
 """Of the JSON object that `track` prints."""
 
@@ -86,7 +86,7 @@ def test_the_result_is_one_json_object(shelf) -> None:
     assert found["period_s"] == pytest.approx(1, rel=0.01)
     assert found["flash_ms"] == pytest.approx(100, abs=15)
     assert found["t_sync_s"] == pytest.approx(2.55, abs=0.05)
-    assert found["t_sync_cycles"] == pytest.approx(found["t_sync_s"] / found["period_s"])
+    assert found["t_sync_periods"] == pytest.approx(found["t_sync_s"] / found["period_s"])
     assert found["flashes_per_period"] == pytest.approx(ROBOTS, rel=0.15)
     assert found["estimated"] == ["period_s", "threshold_ms"]
     assert found["warnings"] == []
@@ -156,7 +156,7 @@ def test_options_say_what_is_known(shelf) -> None:
     film = shelf / "swarm.mp4"
     assert tracked(film, "--period-s", "1")["estimated"] == ["threshold_ms"]
     strict = tracked(film, "--threshold-ms", "5")
-    assert (strict["threshold_ms"], strict["t_sync_s"], strict["t_sync_cycles"]) == (5, None, None)
+    assert (strict["threshold_ms"], strict["t_sync_s"], strict["t_sync_periods"]) == (5, None, None)
     assert strict["estimated"] == ["period_s"]
     loose, tight = (tracked(film, "--order-parameter", order)["threshold_ms"] for order in ("0.8", "0.99"))
     assert loose > 2 * tight

@@ -17,7 +17,7 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame
 from tests.overhead.track.films import TRACK
 
-NEVER = TRACK._replace(t_sync_s=None, t_sync_cycles=None, t_sync_flashes=None, estimated=())
+NEVER = TRACK._replace(t_sync_s=None, t_sync_periods=None, t_sync_cycles=None, estimated=())
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.overhead.track.film_calibration import TrackOptions
@@ -11,7 +11,7 @@ from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
 from tests.overhead.score import Score, compare
 from tests.overhead.track.counts import counted, uneven
-from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, make_camera, shoot
+from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, make_geometry, shoot
 
 NOWHERE = np.empty((0, 2))
 
@@ -20,7 +20,7 @@ NOWHERE = np.empty((0, 2))
 def counter(monkeypatch: pytest.MonkeyPatch) -> RingCounter:
     """A counter whose rings are those coded into frames."""
     monkeypatch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
-    return RingCounter(make_camera())
+    return RingCounter(make_geometry()._replace(knows_floor=False))
 
 
 def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> RingCounter:
@@ -83,11 +83,12 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     is_lit[[number for number in flickers if number < len(times_s)]] ^= True
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
-        counter = RingCounter(make_camera())
+        counter = RingCounter(make_geometry()._replace(knows_floor=False))
         tracked_frames = list(track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s))
     if not counter.counts.any():
         return
-    track = analyse("film", counter, "", TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    track = analyse("film", counter, TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    assume(not track.steady)  # overlapping flashes may seem to be one ring that stays lit
     last = tracked_frames[-1]
 
     assert len(tracked_frames) == track.frames == len(times_s)
@@ -120,7 +121,7 @@ def test_a_frame_is_processed_when_it_is_asked_for(counter: RingCounter) -> None
 def test_rings_are_found_where_robots_are(light: str) -> None:
     times_s = even(3.2)
     ring_on = in_step(times_s)
-    counter = RingCounter(make_camera())
+    counter = RingCounter(make_geometry()._replace(knows_floor=False))
     total = Score()
     for frame, on in zip(shoot(times_s, ring_on, light=light), ring_on, strict=True):
         rings = counter.process(frame)

@@ -1,0 +1,173 @@
+"""Judges whether an answer about synchrony can be trusted, from the counts, the flashes and the total lit area."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.overhead.track.flashes import Flash
+from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, evaluate
+
+MOST = 0.75
+"""Share of the robots that counts as most of them."""
+
+MANY = 1.35
+"""Flashes per period and robot from which they do not add up; coupling shortens cycles."""
+
+MOST_OF_USUAL = 0.6
+"""The same as `MOST` where the number of robots is not told, relative to the flashes in a usual period."""
+
+LIGHT_TOLERANCE = 1.5
+"""Factor by which the spread by the total light may differ from that by rings before they contradict each other."""
+
+LATE_PERIODS = 0.75
+"""Time in periods by which the total light may be synchronised before the rings."""
+
+TWIN_S = 0.1
+"""Time by which a flash and its mirror image may seem to begin or end apart."""
+
+DIMMER = 0.8
+"""Light of a mirror image, relative to that of its robot, at most."""
+
+FEW = 5
+"""Number of flashes below which nothing is said about them."""
+
+
+class Evidence(NamedTuple):
+    """What is known of a film once its counts are evaluated."""
+
+    times_s: FloatArray
+    counts: IntArray
+    """(frames,) rings lit, without those that are no flashes."""
+    area: IntArray
+    """(frames,) pixels of the floor that are lit."""
+    flashes: Sequence[Flash]
+    period_s: float
+    flash_s: float
+    threshold_s: float
+    start_s: float
+    robots: int | None
+    """Number of robots, if it is told."""
+    period_is_told: bool
+    floor_is_known: bool
+
+
+def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+    """Return the reasons for which nothing can be said about T_sync; none if it can be trusted.
+
+    Args:
+        evidence: What is known.
+        sync: The evaluation that shows synchrony; None if none does.
+    """
+    found = _about_robots(evidence, sync)
+    if not evidence.period_is_told and recurs_after_two(evidence.flashes, evidence.period_s):
+        found.append(
+            f"places flash again after two periods of {evidence.period_s:.4g} s rather than after one: two groups may "
+            f"flash in turn; half of the period fits as well; give --period-s"
+        )
+    if not evidence.floor_is_known and (images := count_images(evidence.flashes)):
+        found.append(
+            f"{images} flashes are dimmer and begin and end with another one: they may be mirror images in the walls; "
+            "give the floor's corners by --corners, so that what is outside of it is left out"
+        )
+    return found + _about_light(evidence, sync)
+
+
+def _about_robots(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+    """Return what does not add up to the number of robots: rings lit at once, or flashes in a period."""
+    times_s, counts, robots = evidence.times_s, evidence.counts, evidence.robots
+    most_lit = int(np.minimum(counts[1:], counts[:-1]).max(initial=0))
+    if robots is not None and most_lit > robots:
+        return [
+            f"{most_lit} rings were lit at once, but there are {robots} robots: check --robots, or what else is lit"
+        ]
+    frames_s = np.append(np.diff(times_s), np.median(np.diff(times_s)))
+    frames_s = np.minimum(frames_s, 3 * np.median(frames_s))
+    flashes = frames_s * counts / evidence.flash_s
+    per_period = float(flashes.sum() / frames_s.sum()) * evidence.period_s
+    if robots is not None and not MOST <= per_period / robots <= MANY:
+        return [f"there were {per_period:.1f} flashes per period, but there are {robots} robots"]
+    if sync is None:
+        return []
+    near = np.abs(times_s - sync.time_s) <= evidence.period_s / 2
+    together = float(flashes[near].sum())
+    if robots is not None and together < MOST * robots:
+        return [f"the narrow histogram holds {together:.1f} flashes, but there are {robots} robots"]
+    if together < MOST_OF_USUAL * per_period:
+        return [f"the narrow histogram holds {together:.1f} flashes, but a usual period {per_period:.1f}"]
+    return []
+
+
+def recurs_after_two(flashes: Sequence[Flash], period_s: float) -> bool:
+    """Return whether places flash again two periods later rather than one period later."""
+    after = [_distances_later(flashes, delay * period_s, period_s / 4) for delay in (1, 2)]
+    both = ~np.isnan(after[0]) & ~np.isnan(after[1])
+    if np.count_nonzero(both) < FEW:
+        return False
+    one, two = (float(np.median(distances[both])) for distances in after)
+    return one > 2 * two + 1.0
+
+
+def _distances_later(flashes: Sequence[Flash], delay_s: float, within_s: float) -> FloatArray:
+    """Return (flashes,) cm from each flash to the nearest one about `delay_s` later; NaN if there is none."""
+    onsets = np.array([flash.onset_s for flash in flashes])
+    places = np.array([(flash.x_cm, flash.y_cm) for flash in flashes]).reshape(-1, 2)
+    nearest = np.full(len(flashes), np.nan)
+    for index, (onset_s, place) in enumerate(zip(onsets, places, strict=True)):
+        first, end = np.searchsorted(onsets, (onset_s + delay_s - within_s, onset_s + delay_s + within_s))
+        if end > first:
+            nearest[index] = np.hypot(*(places[first:end] - place).T).min()
+    return nearest
+
+
+def count_images(flashes: Sequence[Flash]) -> int:
+    """Return how many flashes may be mirror images; 0 if it may be chance.
+
+    Each begins and ends with a brighter one, which flashes that are not synchronised do not.
+    """
+    if len(flashes) < FEW:
+        return 0
+    table = np.array(flashes)
+    bright = np.quantile(table[:, 4], 0.8)
+    dim = np.flatnonzero(table[:, 4] < DIMMER * bright)
+    bright_ones = table[table[:, 4] >= DIMMER * bright]
+    twins = 0
+    for onset_s, end_s in table[dim, :2]:
+        off = np.maximum(np.abs(bright_ones[:, 0] - onset_s), np.abs(bright_ones[:, 1] - end_s))
+        twins += bool(off.min() <= TWIN_S)
+    return twins if twins >= max(FEW, 0.7 * len(dim), 0.05 * len(table)) else 0
+
+
+def _about_light(evidence: Evidence, sync: Evaluation | None) -> list[str]:
+    """Return how the total light contradicts the rings: it needs neither shapes nor sizes."""
+    lit = evidence.counts > 0
+    if not evidence.area.any() or np.count_nonzero(lit) < FEW:
+        return []
+    dark = np.quantile(evidence.area, 0.05) if lit.all() else np.median(evidence.area[~lit])
+    area = np.maximum(evidence.area - dark, 0.0)
+    per_ring = float(np.median(area[lit] / evidence.counts[lit]))
+    if per_ring <= 0:
+        return []
+    by_light = np.rint(area / per_ring).astype(np.int64)
+    evaluations = [
+        each
+        for each in evaluate(evidence.times_s, by_light, evidence.period_s, evidence.start_s)
+        if each.coverage >= MIN_COVERAGE
+    ]
+    narrow_s = [each.time_s for each in evaluations if each.spread_s <= evidence.threshold_s / LIGHT_TOLERANCE]
+    if narrow_s and (sync is None or narrow_s[0] < sync.time_s - LATE_PERIODS * evidence.period_s):
+        return [
+            f"the total light is synchronised at {narrow_s[0] - evidence.start_s:.1f} s, but the rings that are found "
+            "are not: rings are missed, or something else is lit; give --corners, --arena-cm and --height-cm"
+        ]
+    if sync is not None:
+        near = [
+            each.spread_s for each in evaluations if abs(each.time_s - sync.time_s) <= LATE_PERIODS * evidence.period_s
+        ]
+        if near and min(near) > LIGHT_TOLERANCE * evidence.threshold_s:
+            return [
+                f"the total light is spread by {1000 * min(near):.0f} ms where the rings that are found are "
+                "synchronised: rings are missed, or something else is lit; give --corners, --arena-cm and --height-cm"
+            ]
+    return []
