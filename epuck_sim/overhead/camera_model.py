@@ -119,7 +119,7 @@ class CameraModel(NamedTuple):
 
 
 def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float) -> CameraModel:
-    """Return the camera of a scenario, which looks straight down at the middle of the arena.
+    """Return the camera of a scenario, which looks at the middle of the arena.
 
     Args:
         section: The section `overhead` of the scenario.
@@ -134,23 +134,44 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
         raise EpuckSimError(
             f"overhead.height_cm is {above_cm:g}; allowed: more than {2 * WALL_HEIGHT_CM:g}, twice the walls' height"
         )
-    position = np.array([width_cm / 2, height_cm / 2, above_cm])
-    focal_px = _focal_px(section, width_cm, height_cm, above_cm)
-    k1 = section.distortion
-    lens = simple_lens(section.width_px, section.height_px, focal_px, k1)
-    corner = math.hypot(section.width_px, section.height_px) / 2 / focal_px
-    lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r
-    if k1 <= lowest:
-        raise EpuckSimError(
-            f"overhead.distortion is {k1:g}, which would fold the corners of a picture with this field of view; "
-            f"allowed: above {lowest:.3g}"
-        )
-    return CameraModel(section.width_px, section.height_px, lens, LOOKING_DOWN, position)
+    rotation = _rotation(math.radians(section.tilt_deg), math.radians(section.turn_deg))
+    middle = np.array([width_cm / 2, height_cm / 2, 0.0])
+    lens = _lens(section, width_cm, height_cm, above_cm)
+    position = middle - above_cm / rotation[2, 2] * -rotation[2]
+    return CameraModel(section.width_px, section.height_px, lens, rotation, position)
 
 
-def _focal_px(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> float:
-    """Return the focal length in pixels: from the field of view if it is given, else so that floor and walls fit."""
+def _rotation(tilt: float, turn: float) -> FloatArray:
+    """Return the rotation of a camera that is turned about the vertical, and then tilted."""
+    if not tilt and not turn:
+        return LOOKING_DOWN  # without zeros that are negative
+    lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
+    spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
+    rotation: FloatArray = lean @ LOOKING_DOWN @ spin
+    return rotation
+
+
+def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> Lens:
+    """Return the lens whose field of view is the one given, or else just holds floor and walls from straight above.
+
+    Raises:
+        EpuckSimError: The distortion would fold the picture.
+    """
+    size = section.width_px, section.height_px
     if section.field_of_view_deg is not None:
-        return section.width_px / 2 / math.tan(math.radians(section.field_of_view_deg) / 2)
-    sides = ((section.width_px, width_cm), (section.height_px, height_cm))
-    return min(pixels * (above_cm - WALL_HEIGHT_CM) / (side_cm * MARGIN) for pixels, side_cm in sides)
+        focals_px = [section.width_px / 2 / math.tan(math.radians(section.field_of_view_deg) / 2)]
+    else:
+        sides = tuple(zip(size, (width_cm, height_cm), strict=True))
+        focals_px = [pixels * (above_cm - WALL_HEIGHT_CM) / (side_cm * MARGIN) for pixels, side_cm in sides]
+    if section.lens == "fisheye":
+        halves_px = zip((side_px / 2 for side_px in size), focals_px, strict=False)
+        return fisheye_lens(*size, min(half_px / math.atan(half_px / focal_px) for half_px, focal_px in halves_px))
+    focal_px = min(focals_px)
+    corner = math.hypot(*size) / 2 / focal_px
+    lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r
+    if section.distortion <= lowest:
+        raise EpuckSimError(
+            f"overhead.distortion is {section.distortion:g}, which would fold the corners of a picture with this field "
+            f"of view; allowed: above {lowest:.3g}"
+        )
+    return simple_lens(*size, focal_px, section.distortion)

@@ -41,6 +41,11 @@ class Webcam(NamedTuple):
     noise: float = 2.0
     quality: int = 80  # of the JPEG pictures that a webcam sends
 
+    def scaled(self, factor):
+        """Return the same camera with fewer or more pixels."""
+        width, height = (round(side * factor / 2) * 2 for side in self.size_px)
+        return self._replace(size_px=(width, height), focal_px=self.focal_px * width / self.size_px[0])
+
     @property
     def matrix(self):
         width, height = self.size_px
@@ -198,7 +203,7 @@ def _splat(target, seen, amount):
 def shoot(camera, robots, frames_per_s=15.0, extras=(), dropped=0.0):
     """Yield each frame with what is true of it: (n, 2) cm lit inside the arena."""
     generator = np.random.default_rng(robots.seed)
-    end_s = float(robots.onsets_s.max())
+    end_s = float(robots.onsets_s.max()) + 2 * robots.flash_s
     for number in range(round(end_s * frames_per_s)):
         time_s = number / frames_per_s
         places, headings = robots.places_cm(time_s)

@@ -13,6 +13,7 @@ from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.render.bounding_boxes import bounding_boxes
+from epuck_sim.overhead.render.imperfections import add_points, mirror_images
 from epuck_sim.overhead.render.ring_light import COLOUR_LEVELS, NOMINAL_EXPOSURE_MS, add_rings, reach_cm
 from epuck_sim.overhead.render.room import draw_bodies, farthest_first, render_room
 from epuck_sim.scenario.overhead import OverheadSection
@@ -43,7 +44,11 @@ class Renderer:
             seed: Seed of the noise.
         """
         self._camera = camera
-        self._light = section.exposure_ms / NOMINAL_EXPOSURE_MS
+        self._light = section.gain * section.exposure_ms / NOMINAL_EXPOSURE_MS
+        self._arena = arena
+        self._led_points = section.led_points
+        self._gloss = section.gloss
+        self._ambient = section.ambient
         self._bloom = section.bloom
         self._blur_px = section.blur_px
         self._floor_cm = camera.plane_map(0.0)
@@ -63,20 +68,33 @@ class Renderer:
         if room_is_lit:
             light, grey = self._through_lens(self._rings(samples)), self._through_lens(self._scene(samples))
             return self._develop([grey + levels * light for levels in COLOUR_LEVELS])
-        if any(sample.ring_on.any() for sample in samples):
+        if self._ambient or any(sample.ring_on.any() for sample in samples):
             light = self._through_lens(self._rings(samples))
-            return self._develop([levels * light for levels in COLOUR_LEVELS])
+            channels = [levels * light for levels in COLOUR_LEVELS]
+            if self._ambient:
+                grey = np.float32(self._ambient) * self._through_lens(self._scene(samples))
+                channels = [grey + channel for channel in channels]
+            return self._develop(channels)
         return np.clip(self._next_noise(), 0, 255).astype(np.uint8)
 
     def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
         lit = np.concatenate([sample.poses[sample.ring_on] for sample in samples])
-        reach = reach_cm(self._light, self._bloom)
-        boxes = bounding_boxes(self._camera, lit[:, :2], epuck.RING_RADIUS_CM + reach, (epuck.RING_HEIGHT_CM,))
         light = self._light / len(samples)
-        add_rings(image, self._floor_cm, self._camera.position_cm, lit, boxes, light, self._bloom, reach)
+        self._add_rings(image, lit, light)
+        if self._gloss:
+            self._add_rings(image, mirror_images(lit, self._arena), self._gloss * light)
         return image
+
+    def _add_rings(self, image: Float32Array, poses: FloatArray, light: float) -> None:
+        """Add the light of rings at (n, 3) poses to an image, in place."""
+        if self._led_points:
+            add_points(image, self._camera, poses, light)
+            return
+        reach = reach_cm(self._light, self._bloom)
+        boxes = bounding_boxes(self._camera, poses[:, :2], epuck.RING_RADIUS_CM + reach, (epuck.RING_HEIGHT_CM,))
+        add_rings(image, self._floor_cm, self._camera.position_cm, poses, boxes, light, self._bloom, reach)
 
     def _scene(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the levels of the lit room with the robots in it."""

@@ -1,7 +1,7 @@
 """Determines a camera from its pictures: from the floor's corners, and from the size and the shape of rings.
 
-A lens that bends straight lines and a camera that hangs askew show rings larger or smaller, and flattened, from place to
-place. So rings tell the distortion and the tilt; corners tell the place of the floor.
+A lens that bends straight lines and a camera that hangs askew show rings larger or smaller, and flattened, from place
+to place. So rings tell the distortion and the tilt; corners tell the place of the floor.
 """
 
 import math
@@ -47,7 +47,7 @@ TILT_PRIOR = 0.3
 """Standard deviation, in radians, of the tilt of a camera of which no corners are given."""
 
 FISHEYE_GAIN = 0.6
-"""Sum of the squares of a fisheye lens, relative to that of a usual one, below which the lens is taken for a fisheye."""
+"""Sum of the squares of a fisheye lens, relative to that of a usual one, below which a lens is a fisheye."""
 
 _CIRCLE = np.arange(24) * math.tau / 24
 
@@ -102,9 +102,11 @@ class _Solution(NamedTuple):
 
 
 class _Problem:
-    """Least squares over (7,): tilt and turn, offset relative to the height, logarithm of the focal length, k1; size.
+    """Least squares over (8,) values; what the film does not tell is held.
 
-    What the film does not tell is held: the turn and the offset without corners, k1 without enough rings.
+    0 to 2: rotation vector, of which the third, the turn, is held without corners, and all without enough rings. 3, 4:
+    offset relative to the height, held without corners. 5: logarithm of the focal length, or of the relative height if
+    the lens is known. 6: k1, held without enough rings. 7: logarithm of the rings' relative size, held without corners.
     """
 
     def __init__(
@@ -128,18 +130,21 @@ class _Problem:
         else:
             scale = float(np.median(rings.radius_px)) / epuck.RING_RADIUS_CM
             start[5] = math.log(scale * (above_cm - epuck.RING_HEIGHT_CM))
+        if lens is not None:  # then the film tells the height instead of the focal length
+            start[5] = math.log(lens.focal_px / above_cm) - (start[5] - math.log(above_cm))
         tells_tilt = corners is not None or rings.number >= ENOUGH_RINGS
-        self._free = np.array([tells_tilt] * 2 + [corners is not None] * 3 + [lens is None, False, False])
+        self._free = np.array([tells_tilt] * 2 + [corners is not None] * 3 + [True, False, False])
         self._free[7] = corners is not None and rings.number > 0
         self._start = start
 
     def _camera(self, values: FloatArray, is_fisheye: bool) -> CameraModel:
         rotation = np.asarray(cv2.Rodrigues(values[:3])[0], float) @ LOOKING_DOWN
         middle = self._floor.mean(axis=0)
+        above_cm = self._above_cm * (1.0 if self._lens is None else math.exp(values[5]))
         if self._corners is not None:
-            position = middle + self._above_cm * np.array([*values[3:5], 1.0])
+            position = middle + above_cm * np.array([*values[3:5], 1.0])
         else:
-            position = middle - rotation[2] * self._above_cm / -rotation[2, 2]
+            position = middle - rotation[2] * above_cm / -rotation[2, 2]
         focal_px = math.exp(values[5])
         lens = self._lens or (
             fisheye_lens(*self._size_px, focal_px) if is_fisheye else simple_lens(*self._size_px, focal_px, values[6])

@@ -1,9 +1,11 @@
 """Determines which camera took a film: from the user's options, the film's own description, or its pictures."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Annotated, Any, NamedTuple, Protocol, Self
 
+import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
 from epuck_sim.arrays import FloatArray
@@ -46,6 +48,24 @@ class FrameSource(Protocol):
         """Return the frames."""
 
 
+class Excerpt:
+    """The part of a film that the options choose, at the times that they say."""
+
+    def __init__(self, source: FrameSource, options: "TrackOptions") -> None:
+        self.name, self.width_px, self.height_px = source.name, source.width_px, source.height_px
+        self._source, self._options = source, options
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames; those before the first one that counts are skipped, after the last none is read."""
+        fps = self._options.fps
+        for number, frame in enumerate(self._source.frames()):
+            time_s = number / fps if fps else frame.time_s
+            if time_s > self._options.end_s:
+                return
+            if time_s >= self._options.start_s:
+                yield Frame(time_s, frame.picture)
+
+
 class FilmMetadata(BaseModel):
     """The part of a film's description (see `film_trial.describe_film`) that tracking uses."""
 
@@ -83,6 +103,12 @@ class TrackOptions(NamedTuple):
 
     lens: Lens | None = None
     """The lens, if it was calibrated."""
+    start_s: float = 0.0
+    """Time on the film's clock before which frames are left out."""
+    end_s: float = math.inf
+    """Time on the film's clock after which frames are left out."""
+    fps: float | None = None
+    """Frames per second, instead of the film's own time stamps."""
 
     def with_defaults(self, metadata: FilmMetadata) -> Self:
         """Return these options, completed from a film's metadata where they are None."""
@@ -144,7 +170,8 @@ def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STU
             f"among the robots; the unit is cm; give another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"
         )
     frames = iter(source.frames())
-    corners, origin = options.corners_px, CORNERS
+    corners: FloatArray | None = None if options.corners_px is None else np.array(options.corners_px, float)
+    origin = CORNERS
     if corners is None:
         corners, origin, frames = _lit_corners(frames)
     background = Background()

@@ -102,3 +102,12 @@ def count_lit(flashes: Iterable[Flash], times_s: FloatArray) -> IntArray:
         change[first] += 1
         change[end + is_last] -= 1
     return np.cumsum(change)[:-1]
+
+
+def count_places(places_cm: Iterable[tuple[float, float]]) -> int:
+    """Return the number of places that are farther apart than a ring moves between frames."""
+    apart: list[tuple[float, float]] = []
+    for place in places_cm:
+        if all(math.dist(place, other) > REACH_CM for other in apart):
+            apart.append(place)
+    return len(apart)

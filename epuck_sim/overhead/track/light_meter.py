@@ -34,7 +34,6 @@ class LightMeter:
         lit = is_lit(picture)
         without = picture if lit or background is None else np.asarray(cv2.subtract(picture, background), np.uint8)
         light = cv2.blur(ring_light(without, lit), (SMOOTH_PX, SMOOTH_PX))
-        is_bright = cv2.compare(light, LIT_LEVEL, cv2.CMP_GE)
         if self._floor is not None:
-            is_bright = cv2.bitwise_and(is_bright, is_bright, mask=self._floor)
-        return int(cv2.countNonZero(is_bright))
+            light = cv2.multiply(light, self._floor)
+        return int(cv2.countNonZero(cv2.threshold(light, LIT_LEVEL - 1, 1, cv2.THRESH_BINARY)[1]))

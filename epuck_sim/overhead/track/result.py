@@ -10,7 +10,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.flashes import Flash, count_lit
+from epuck_sim.overhead.track.flashes import Flash, count_lit, count_places
 from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.period_estimation import estimate_flash_s, estimate_period_s, spread_at_s
 from epuck_sim.overhead.track.ring_counter import RingCounter
@@ -59,7 +59,7 @@ class Track(NamedTuple):
     rings_outside: int
     """Number of rings seen outside of the floor, in all frames; they are left out."""
     always_lit: int
-    """Number of rings that stayed lit for longer than half a period; they are left out."""
+    """Number of places with rings that stayed lit for longer than half a period; they are left out."""
     position_error_mm: float | None
     """Standard error of positions that the geometry gives; None if the film does not tell."""
     robots_seen: int
@@ -92,10 +92,12 @@ class Track(NamedTuple):
     """Rings that are always lit, as flashes."""
     geometry: Geometry
     """The camera that took the film, and the floor."""
+    options: TrackOptions
+    """What was known of the film."""
 
     def summary(self) -> dict[str, Any]:
         """Return the fields that are texts, numbers, or tuples of texts."""
-        others = {"times_s", "counts", "evaluations", "flashes", "steady", "geometry"}
+        others = {"times_s", "counts", "evaluations", "flashes", "steady", "geometry", "options"}
         return {name: value for name, value in self._asdict().items() if name not in others}
 
     def periods_at(self, time_s: Any) -> Any:
@@ -146,7 +148,6 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
             area=counter.areas_px,
             flashes=flashes,
             period_s=period_s,
-            flash_s=flash_s,
             threshold_s=threshold_s,
             start_s=start_s,
             robots=options.robots,
@@ -156,7 +157,10 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         sync,
     )
     t_sync_s = None if reasons or sync is None else sync.time_s
-    doubts = [*_doubts_about_lights(counter, len(steady)), *_doubts_about_geometry(counter.geometry)]
+    lit_always = count_places(
+        [*((ring.x_cm, ring.y_cm) for ring in counter.always_lit()), *(each[2:4] for each in steady)]
+    )
+    doubts = [*_doubts_about_lights(counter, lit_always), *_doubts_about_geometry(counter.geometry)]
     doubts += [] if options.period_s else _doubts_about_period(period_s, float(times_s[-1] - times_s[0]))
     frame_s = float(np.median(np.diff(times_s)))
     most_lit = int(np.minimum(counts[1:], counts[:-1]).max())
@@ -181,7 +185,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         threshold_ms=1000 * threshold_s,
         estimated=tuple(name for name in ("period_s", "threshold_ms") if getattr(options, name) is None),
         rings_outside=counter.outside,
-        always_lit=len(steady),
+        always_lit=lit_always,
         position_error_mm=10 * error_cm if error_cm else None,
         robots_seen=most_lit,
         flashes_per_period=float(lit_s.sum() / frames_s.sum()) * period_s,
@@ -197,6 +201,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         flashes=flashes,
         steady=steady,
         geometry=counter.geometry,
+        options=options,
     )
 
 
@@ -245,7 +250,7 @@ def _doubts_about_geometry(geometry: Geometry) -> list[str]:
     if geometry.knows_floor or geometry.tilt_deg < TILTED_DEG:
         return []
     return [
-        f"the camera seems to be tilted by {geometry.tilt_deg:.0f} degrees: T_sync does not depend on it, positions do; "
+        f"the camera seems to be tilted by {geometry.tilt_deg:.0f} degrees: positions depend on it; "
         "give the floor's corners by --corners"
     ]
 

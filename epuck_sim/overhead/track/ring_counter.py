@@ -48,6 +48,8 @@ class RingCounter:
         seen = self._finder.find(frame.picture, background)
         rings = [ring for ring in seen if self.geometry.is_on_floor(ring.x_cm, ring.y_cm)]
         lit = is_lit(frame.picture)
+        if not self.frames:
+            self.start_s = frame.time_s
         if self._was_lit and not lit and not self._has_begun:
             self.start_s = frame.time_s
             self._begin()
@@ -71,6 +73,12 @@ class RingCounter:
     def flashes(self) -> tuple[Flash, ...]:
         """Flashes of the trial, in order of their onsets."""
         return self._linker.flashes
+
+    def always_lit(self) -> list[Ring]:
+        """Return the rings on the floor that are part of the background: those that never went off."""
+        background = self._background.picture
+        rings = [] if background is None else self._finder.find(background)
+        return [ring for ring in rings if self.geometry.is_on_floor(ring.x_cm, ring.y_cm)]
 
     @property
     def areas_px(self) -> IntArray:

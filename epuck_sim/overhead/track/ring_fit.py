@@ -122,7 +122,10 @@ def fit_ring(view: npt.NDArray[np.uint8], cells_per_cm: int, column: float, row:
             return None
         if np.hypot(shape[1], shape[2]) < STEADY_CM:
             break
-    radius = _crest_cm(profile.mean(axis=0), radius)
+    outline = _outline(profile, _DESIGN @ shape + HALF_CM, inside + EDGE / 2 * (bright - inside))
+    radius = float(outline[0])
+    if not MIN_CM < radius < MAX_CM:
+        return None
     on = joined[:, np.abs(_RADII - radius) <= ON_CM].max(axis=1)
     bright = float(np.median(on))
     if bright - inside < least:
@@ -134,7 +137,7 @@ def fit_ring(view: npt.NDArray[np.uint8], cells_per_cm: int, column: float, row:
         column,
         row,
         radius,
-        (float(shape[3] / radius), float(shape[4] / radius)),
+        (float(outline[3] / radius), float(outline[4] / radius)),
         float(np.sqrt(np.mean(off[near] ** 2))) if near.any() else math.inf,
         (on - inside >= MIN_BETWEEN_LEDS * (bright - inside)) & ~(off > OUTLIER_CM),
         bright - inside,
@@ -187,11 +190,21 @@ def _circle(edge: FloatArray, has: BoolArray) -> tuple[FloatArray, FloatArray]:
     return shape, np.where(has, off, np.nan)
 
 
-def _crest_cm(levels: Float32Array, radius: float) -> float:
-    """Return where (radii,) mean levels are highest within `OUTSIDE_CM` of a radius, to a fraction of a sample."""
-    near = 1 + np.flatnonzero(np.abs(_RADII[1:-1] - radius) <= OUTSIDE_CM / 2)
-    at = int(near[levels[near].argmax()])
-    before, here, after = levels[at - 1 : at + 2]
-    bend = float(before - 2 * here + after)
-    shift = (before - after) / (2 * bend) if bend < 0 else 0.0
-    return float(_RADII[at] + STEP_CM * min(max(shift, -0.5), 0.5))
+def _outline(profile: Float32Array, expected: FloatArray, level: float) -> FloatArray:
+    """Fit the middle of the light, which joining gaps would flatten less: the light itself counts, at the LEDs most.
+
+    Args:
+        profile: (BINS, radii) light.
+        expected: (BINS,) cm: about where it is brightest.
+        level: Level below which light does not count.
+
+    Returns:
+        (5,) cm: radius, centre, and amplitudes along twice the angle.
+    """
+    away = _RADII - expected[:, None]
+    weights = np.where(np.abs(away) <= OUTSIDE_CM, np.maximum(profile - level, 0.0), 0.0)
+    total = weights.sum(axis=1)
+    middles = expected + (weights * away).sum(axis=1) / np.maximum(total, RIDGE)
+    design = _DESIGN * total[:, None]
+    outline: FloatArray = np.linalg.solve(_DESIGN.T @ design + RIDGE * np.eye(5), design.T @ middles)
+    return outline

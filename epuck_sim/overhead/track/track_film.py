@@ -15,8 +15,10 @@ from epuck_sim.overhead.film.frame import Frame, ProgressWrapper
 from epuck_sim.overhead.film.live_camera import LiveCamera
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.lens_file import read_lens
 from epuck_sim.overhead.track.annotate import Annotator
 from epuck_sim.overhead.track.film_calibration import (
+    Excerpt,
     TrackOptions,
     calibrate,
     described_geometry,
@@ -35,7 +37,9 @@ LIVE_FRAMES = 30
 """Number of dark frames in which rings are studied while a live camera waits."""
 
 
-def track_film(name: str, options: TrackOptions, rings: Path | None, progress: ProgressWrapper) -> Track:
+def track_film(
+    name: str, options: TrackOptions, rings: Path | None, progress: ProgressWrapper, lens: Path | None = None
+) -> Track:
     """Track a film.
 
     Args:
@@ -43,6 +47,7 @@ def track_film(name: str, options: TrackOptions, rings: Path | None, progress: P
         options: What is known of the film.
         rings: A CSV table to write with all rings in all frames.
         progress: Shows how far the film has been read.
+        lens: The file of a calibrated lens.
 
     Raises:
         FilmError: The film cannot be read, or shows no swarm.
@@ -50,14 +55,26 @@ def track_film(name: str, options: TrackOptions, rings: Path | None, progress: P
     """
     with open_film(name) as film:
         metadata = parse_metadata(film.description)
+        if lens is not None:
+            options = options._replace(lens=read_lens(lens, (film.width_px, film.height_px)))
         described = described_geometry(film, options, metadata)
         options = options.with_defaults(metadata)
-        geometry = described or calibrate(film, options)
+        geometry = described or calibrate(Excerpt(film, options), options)
     counter = RingCounter(geometry)
     with open_film(name) as film, ring_table(rings) as write_rings:
-        for frame in progress(film.frames(), film.duration_s):
+        for frame in progress(Excerpt(film, options).frames(), film.duration_s):
             write_rings(frame, counter.process(frame))
         return analyse(name, counter, options, tuple(film.warnings))
+
+
+def save_flashes(path: Path, track: Track) -> None:
+    """Write a CSV table with a row for each flash: when it began, how long it lasted and where."""
+    with atomic_write(path) as part, part.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["onset_s", "duration_s", "x_cm", "y_cm", "light"])
+        for flash in track.flashes:
+            times_s = f"{flash.onset_s:.6f}", f"{flash.end_s - flash.onset_s:.6f}"
+            writer.writerow([*times_s, *(f"{value:.6g}" for value in flash[2:])])
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
@@ -67,7 +84,7 @@ def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
         open_film(track.film) as film,
         annotated_film(path, camera.width_px, camera.height_px, track.period_s) as write,
     ):
-        frames = progress(film.frames(), film.duration_s)
+        frames = progress(Excerpt(film, track.options).frames(), film.duration_s)
         counter, threshold_s = RingCounter(track.geometry), track.threshold_ms / 1000
         for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, track.steady):
             write(tracked if track.confidence != "none" else tracked._replace(t_sync_s=None))
@@ -78,7 +95,8 @@ def snapshot(track: Track) -> Snapshot:
     at_s = math.inf if track.t_sync_s is None else track.start_s + track.t_sync_s
     begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
     with open_film(track.film) as film:
-        frame = next(frame for frame in film.frames() if frame.time_s >= begins_s)
+        frames = Excerpt(film, track.options).frames()
+        frame = next(frame for frame in frames if frame.time_s >= begins_s)
     geometry = track.geometry
     finder = RingFinder(geometry.camera, geometry.ring_light)
     seen = finder.find(frame.picture, geometry.background)

@@ -7,13 +7,13 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.track.flashes import Flash
-from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, evaluate
+from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, evaluate, frame_ends
 
 MOST = 0.75
 """Share of the robots that counts as most of them."""
 
-MANY = 1.35
-"""Flashes per period and robot from which they do not add up; coupling shortens cycles."""
+ODD_SHARE = 0.35
+"""Relative difference of flashes per period from the number of robots that is normal; coupling shortens cycles."""
 
 MOST_OF_USUAL = 0.6
 """The same as `MOST` where the number of robots is not told, relative to the flashes in a usual period."""
@@ -44,7 +44,6 @@ class Evidence(NamedTuple):
     """(frames,) pixels of the floor that are lit."""
     flashes: Sequence[Flash]
     period_s: float
-    flash_s: float
     threshold_s: float
     start_s: float
     robots: int | None
@@ -82,20 +81,18 @@ def _about_robots(evidence: Evidence, sync: Evaluation | None) -> list[str]:
         return [
             f"{most_lit} rings were lit at once, but there are {robots} robots: check --robots, or what else is lit"
         ]
-    frames_s = np.append(np.diff(times_s), np.median(np.diff(times_s)))
-    frames_s = np.minimum(frames_s, 3 * np.median(frames_s))
-    flashes = frames_s * counts / evidence.flash_s
-    per_period = float(flashes.sum() / frames_s.sum()) * evidence.period_s
-    if robots is not None and not MOST <= per_period / robots <= MANY:
+    seen_s = float((frame_ends(times_s, times_s[-1]) - times_s).sum())
+    middles_s = np.array([(flash.onset_s + flash.end_s) / 2 for flash in evidence.flashes])
+    per_period = len(middles_s) / seen_s * evidence.period_s
+    if robots is not None and abs(per_period / robots - 1) > ODD_SHARE:
         return [f"there were {per_period:.1f} flashes per period, but there are {robots} robots"]
     if sync is None:
         return []
-    near = np.abs(times_s - sync.time_s) <= evidence.period_s / 2
-    together = float(flashes[near].sum())
+    together = np.count_nonzero(np.abs(middles_s - sync.time_s) <= evidence.period_s / 2)
     if robots is not None and together < MOST * robots:
-        return [f"the narrow histogram holds {together:.1f} flashes, but there are {robots} robots"]
+        return [f"the narrow histogram holds {together} flashes, but there are {robots} robots"]
     if together < MOST_OF_USUAL * per_period:
-        return [f"the narrow histogram holds {together:.1f} flashes, but a usual period {per_period:.1f}"]
+        return [f"the narrow histogram holds {together} flashes, but a usual period {per_period:.1f}"]
     return []
 
 

@@ -16,6 +16,7 @@ from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
+from epuck_sim.overhead.track.film_calibration import TrackOptions
 from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_detection import Ring
@@ -87,6 +88,7 @@ TRACK = Track(
     flashes=(),
     steady=(),
     geometry=make_geometry(),
+    options=TrackOptions(),
 )
 """The result of tracking some film, for tests of how results are shown."""
 

@@ -227,7 +227,7 @@ def test_rings_tell_the_distortion_that_corners_alone_do_not():
     alone = camera_from_corners(camera.project(FLOOR), 640, 480, 60, 60, 110.0)
     together = fit_camera((640, 480), (60, 60), 110.0, seen_by(camera), camera.project(FLOOR)).camera
     assert worst_cm(alone, camera) > 0.3
-    assert worst_cm(together, camera) < 0.1
+    assert worst_cm(together, camera) < 0.15
 
 
 def test_a_ring_that_is_none_does_little_harm():

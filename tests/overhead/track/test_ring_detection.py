@@ -67,7 +67,7 @@ def test_finds_one_that_was_lit_for_a_part_of_the_exposure(share):
 
 def test_misses_a_sliver_of_one():
     camera = straight_camera()
-    assert finder_for(camera).find(ring_picture(camera, [(20.0, 20.0)], share=[0.03])) == []
+    assert finder_for(camera).find(ring_picture(camera, [(20.0, 20.0)], share=[0.01])) == []
 
 
 @pytest.mark.parametrize("look", [
