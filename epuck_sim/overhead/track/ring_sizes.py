@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple, Self
 
+import cv2
 import numpy as np
 
 from epuck_sim import epuck
@@ -11,7 +12,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, simple_lens
 from epuck_sim.overhead.film.frame import Frame, Picture
 from epuck_sim.overhead.track.background import Background
-from epuck_sim.overhead.track.ring_detection import RingFinder, is_lit
+from epuck_sim.overhead.track.ring_detection import RingFinder, is_lit, ring_light
 
 MIN_RADIUS_PX = 5.0
 """Radius of the smallest ring that is searched; the hollow of smaller ones is lost."""
@@ -23,7 +24,10 @@ STEP = 1.18
 """Ratio of one radius that is searched to the next; a ring is found from 0.8 to 1.2 times a radius."""
 
 APART_S = 0.2
-"""Time between pictures that are examined: a flash is seen in one or two of them."""
+"""Time between pictures that are examined, unless more light comes on: a flash is seen in one or two of them."""
+
+LEAST_LIGHT = 12
+"""Level from which a pixel shows light; noise in the dark hardly reaches it."""
 
 SURVEYED = 6
 """Number of pictures with rings in which all sizes are searched; later only those that were found."""
@@ -85,31 +89,56 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
         background: Learns from them.
         most_frames: Number of frames after which reading ends, counted from the first one with a ring.
     """
-    found: list[_SeenRing] = []
-    finders: list[RingFinder] = []
-    pictures, last_s, since = 0, -math.inf, 0
+    survey = _Survey()
+    first: Picture | None = None
+    last_s, last_lit_px, since = -math.inf, 0, 0
     for frame in frames:
-        if background.picture is None and not is_lit(frame.picture):
-            background.picture = frame.picture  # rings that are lit in it are measured when they flash again
-        since += bool(found)
+        if first is None and not is_lit(frame.picture):
+            first = frame.picture
+            background.picture = first if background.picture is None else background.picture
+        since += bool(survey.found)
         without = background.update(frame)
-        if without is None or frame.time_s - last_s < APART_S:
+        if without is None:
             continue
-        last_s = frame.time_s
-        if not finders:
-            finders = [RingFinder(camera) for camera in _search_cameras(*frame.picture.shape[1::-1])]
-            useful = [0] * len(finders)
-        seen = []
-        for index, finder in enumerate(finders):
-            if pictures < SURVEYED or useful[index]:
-                rings = _seen_by(finder, frame.picture, without)
-                useful[index] += len(rings)
-                seen += rings
-        found += _without_overlap(seen)
-        pictures += bool(seen)
-        if len(found) >= ENOUGH_RINGS or pictures >= ENOUGH_PICTURES or since >= most_frames:
+        light = ring_light(np.asarray(cv2.subtract(frame.picture, without), np.uint8), False)
+        lit_px = np.count_nonzero(light >= LEAST_LIGHT)
+        if lit_px and (frame.time_s - last_s >= APART_S or lit_px > last_lit_px):
+            last_s, last_lit_px = frame.time_s, lit_px
+            survey.examine(frame.picture, without)
+        if survey.is_enough or since >= most_frames:
             break
-    return _seen_rings(found)
+    if first is not None and not survey.found:  # all rings that ever shone shone in the first picture
+        survey.examine(first, np.zeros_like(first))
+    return _seen_rings(survey.found)
+
+
+class _Survey:
+    """Searches rings of all sizes in picture after picture, and later only of the sizes that were found."""
+
+    def __init__(self) -> None:
+        self.found: list[_SeenRing] = []
+        self._finders: list[RingFinder] = []
+        self._useful: list[int] = []
+        self._pictures = 0
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether no more pictures are needed."""
+        return len(self.found) >= ENOUGH_RINGS or self._pictures >= ENOUGH_PICTURES
+
+    def examine(self, picture: Picture, background: Picture) -> None:
+        """Search rings in a dark picture."""
+        if not self._finders:
+            self._finders = [RingFinder(camera) for camera in _search_cameras(*picture.shape[1::-1])]
+            self._useful = [0] * len(self._finders)
+        seen = []
+        for index, finder in enumerate(self._finders):
+            if self._pictures < SURVEYED or self._useful[index]:
+                rings = _seen_by(finder, picture, background)
+                self._useful[index] += len(rings)
+                seen += rings
+        self.found += _without_overlap(seen)
+        self._pictures += bool(seen)
 
 
 def _search_cameras(width_px: int, height_px: int) -> Iterator[CameraModel]:

@@ -189,7 +189,7 @@ def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
     assert flash[0].picture[..., 0].max() > 200
     reel = Reel(plain(0, dark) + flash + plain(0, 1000))
     assert calibrate(reel, TrackOptions()).calibration == RINGS
-    assert reel.asked <= dark + STUDIED_FRAMES + 2
+    assert reel.asked <= (dark + STUDIED_FRAMES + 3 if dark else 1001)  # in the first, it might be a lamp
 
 
 @pytest.mark.parametrize(
