@@ -15,7 +15,7 @@ from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.period_estimation import estimate_flash_s, estimate_period_s, spread_at_s
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, evaluate, frame_ends, is_synchronised
-from epuck_sim.overhead.track.verdict import Evidence, objections
+from epuck_sim.overhead.track.verdict import Evidence, count_images, objections
 
 FLASH_FRACTION = 0.075
 """Fraction of a period for which a ring is lit (thesis 4.2.1)."""
@@ -152,7 +152,6 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
             start_s=start_s,
             robots=options.robots,
             period_is_told=options.period_s is not None,
-            floor_is_known=counter.geometry.knows_floor,
         ),
         sync,
     )
@@ -161,6 +160,8 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         [*((ring.x_cm, ring.y_cm) for ring in counter.always_lit()), *(each[2:4] for each in steady)]
     )
     doubts = [*_doubts_about_lights(counter, lit_always), *_doubts_about_geometry(counter.geometry)]
+    early = [flash for flash in flashes if sync is None or flash.onset_s < sync.time_s - period_s / 2]
+    doubts += _doubts_about_images(early, counter.geometry)
     doubts += [] if options.period_s else _doubts_about_period(period_s, float(times_s[-1] - times_s[0]))
     frame_s = float(np.median(np.diff(times_s)))
     most_lit = int(np.minimum(counts[1:], counts[:-1]).max())
@@ -244,6 +245,17 @@ def _doubts_about_lights(counter: RingCounter, steady: int) -> list[str]:
             "mirror images, a neighbour's, or --corners or --arena-cm are wrong"
         )
     return doubts
+
+
+def _doubts_about_images(unsynchronised: Sequence[Flash], geometry: Geometry) -> list[str]:
+    """Return whether there are mirror images, from flashes that do not all come together."""
+    images = 0 if geometry.knows_floor else count_images(unsynchronised)
+    if not images:
+        return []
+    return [
+        f"flashes that may be mirror images in the walls: {images}; they come with those of their robots and do not "
+        "move T_sync, but they count as robots; give the floor's corners by --corners"
+    ]
 
 
 def _doubts_about_geometry(geometry: Geometry) -> list[str]:

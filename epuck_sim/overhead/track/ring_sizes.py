@@ -101,13 +101,14 @@ def measure_rings(frames: Iterable[Frame], background: Background, most_frames: 
         if without is None:
             continue
         light = ring_light(np.asarray(cv2.subtract(frame.picture, without), np.uint8), False)
-        lit_px = np.count_nonzero(light >= LEAST_LIGHT)
+        lit_px = int(np.count_nonzero(light >= LEAST_LIGHT))
         if lit_px and (frame.time_s - last_s >= APART_S or lit_px > last_lit_px):
             last_s, last_lit_px = frame.time_s, lit_px
             survey.examine(frame.picture, without)
         if survey.is_enough or since >= most_frames:
             break
-    if first is not None and not survey.found:  # all rings that ever shone shone in the first picture
+    if first is not None and not survey.found:  # what shone in the first picture never went off
+        background.picture = None
         survey.examine(first, np.zeros_like(first))
     return _seen_rings(survey.found)
 

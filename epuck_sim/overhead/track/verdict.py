@@ -30,6 +30,12 @@ TWIN_S = 0.1
 DIMMER = 0.8
 """Light of a mirror image, relative to that of its robot, at most."""
 
+STRAIGHT_CM = 1.0
+"""Distance aside of a mirror image from the line across the wall through its robot."""
+
+COMMON_IMAGES = 0.1
+"""Share of all flashes that look like mirror images from which it is not chance."""
+
 FEW = 5
 """Number of flashes below which nothing is said about them."""
 
@@ -49,7 +55,6 @@ class Evidence(NamedTuple):
     robots: int | None
     """Number of robots, if it is told."""
     period_is_told: bool
-    floor_is_known: bool
 
 
 def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
@@ -64,11 +69,6 @@ def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
         found.append(
             f"places flash again after two periods of {evidence.period_s:.4g} s rather than after one: two groups may "
             f"flash in turn; half of the period fits as well; give --period-s"
-        )
-    if not evidence.floor_is_known and (images := count_images(evidence.flashes)):
-        found.append(
-            f"{images} flashes are dimmer and begin and end with another one: they may be mirror images in the walls; "
-            "give the floor's corners by --corners, so that what is outside of it is left out"
         )
     return found + _about_light(evidence, sync)
 
@@ -121,19 +121,17 @@ def _distances_later(flashes: Sequence[Flash], delay_s: float, within_s: float) 
 def count_images(flashes: Sequence[Flash]) -> int:
     """Return how many flashes may be mirror images; 0 if it may be chance.
 
-    Each begins and ends with a brighter one, which flashes that are not synchronised do not.
+    Each is dimmer than another one that is straight across or above or below it, and begins and ends with it.
     """
     if len(flashes) < FEW:
         return 0
     table = np.array(flashes)
-    bright = np.quantile(table[:, 4], 0.8)
-    dim = np.flatnonzero(table[:, 4] < DIMMER * bright)
-    bright_ones = table[table[:, 4] >= DIMMER * bright]
-    twins = 0
-    for onset_s, end_s in table[dim, :2]:
-        off = np.maximum(np.abs(bright_ones[:, 0] - onset_s), np.abs(bright_ones[:, 1] - end_s))
-        twins += bool(off.min() <= TWIN_S)
-    return twins if twins >= max(FEW, 0.7 * len(dim), 0.05 * len(table)) else 0
+    images = 0
+    for onset_s, end_s, x_cm, y_cm, light in table:
+        off_s = np.maximum(np.abs(table[:, 0] - onset_s), np.abs(table[:, 1] - end_s))
+        off_cm = np.minimum(np.abs(table[:, 2] - x_cm), np.abs(table[:, 3] - y_cm))
+        images += bool(((off_s <= TWIN_S) & (off_cm <= STRAIGHT_CM) & (light < DIMMER * table[:, 4])).any())
+    return images if images >= max(FEW, COMMON_IMAGES * len(flashes)) else 0
 
 
 def _about_light(evidence: Evidence, sync: Evaluation | None) -> list[str]:
@@ -143,9 +141,10 @@ def _about_light(evidence: Evidence, sync: Evaluation | None) -> list[str]:
         return []
     dark = np.quantile(evidence.area, 0.05) if lit.all() else np.median(evidence.area[~lit])
     area = np.maximum(evidence.area - dark, 0.0)
-    per_ring = float(np.median(area[lit] / evidence.counts[lit]))
-    if per_ring <= 0:
+    both = lit & (area > 0)
+    if not both.any():
         return []
+    per_ring = float(np.median(area[both] / evidence.counts[both]))
     by_light = np.rint(area / per_ring).astype(np.int64)
     evaluations = [
         each
