@@ -105,8 +105,8 @@ def swarm(robots, cycles, together_from, seed, *, period_s=2.5, arena_cm=(60.0, 
     """Return robots that flash at random phases and, from cycle `together_from` on, together: in one group or more."""
     generator = np.random.default_rng(seed)
     homes = scattered(robots, 2 * ROBOT_CM + 2.9 * swing_cm, arena_cm, ROBOT_CM + swing_cm, generator)
-    random = generator.uniform(-0.5, 0.5, robots)
-    random[:2] = -0.45, 0.45  # never in step by chance
+    random = generator.uniform(-0.3, 0.3, robots)  # no robot alone in a period where phases jump
+    random[:2] = -0.3, 0.3  # never in step by chance
     spread = np.where(np.arange(cycles)[:, None] < together_from, random, 0.01 * random)
     group = (np.arange(robots) % groups) / groups
     onsets = period_s * (np.arange(cycles)[:, None] + 0.5 + spread + group)
