@@ -6,13 +6,14 @@ BIN := $(VENV)/bin
 SOURCES := pyproject.toml README.md
 SWEEPS := fig-4-2a fig-4-2b fig-4-3a fig-4-3b fig-4-4
 TRIALS ?= 200
-QUICK_SWEEPS := fig-3-4 fig-3-5 fig-3-6 fig-5-3 fig-5-4 fig-5-5 fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 \
-    fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 speed-distributions
+QUICK_SWEEPS := fig-2-6 fig-3-4 fig-3-4-nearest fig-3-5 fig-3-6 fig-3-7 fig-3-8 embodiment fig-5-3 fig-5-4 fig-5-5 \
+    fig-5-6 fig-5-7 fig-5-8 fig-5-9 fig-5-10 fig-5-11 fig-a-1 fig-d-1 fig-d-2 fig-d-3 fig-d-4 fig-d-5 fig-d-6 \
+    wireless mean-field order-change speed-distributions random-walks broad-speeds
 
 BASE_SPEEDS := 0.05,0.083,0.137,0.227,0.376,0.622,1.029,1.704,2.821,4.67,7.732,12.8
 STUDIED := fig-a-1 fig-5-3 fig-5-4 fig-5-5 fig-5-10 speed-distributions
 
-.PHONY: run test lint bench slow figures clean
+.PHONY: run test lint docs bench slow figures clean
 
 run: $(VENV)/installed ## install, and simulate the thesis's base case
 	$(BIN)/epuck-sim run thesis
@@ -26,6 +27,10 @@ lint: $(VENV)/test-tools
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
+docs: $(VENV)/docs-tools ## build the site of the docs into site/
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --fresh-env --quiet --doctree-dir site/.doctrees docs site
+	@echo "site/index.html"
+
 bench: $(VENV)/test-tools ## measure; figures as ratios within one run
 	$(BIN)/python -m pytest tests/benchmarks --benchmark-only -s
 
@@ -37,6 +42,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim run thesis --seed 13 --record runs/thesis_run.rrd
 	$(BIN)/epuck-sim plot runs/thesis_run.rrd --to docs/figures/thesis_run
 	$(BIN)/epuck-sim replay runs/thesis_run.rrd --screenshot docs/figures/viewer.png --at 89
+	$(BIN)/python docs/figures/animation.py
 	$(BIN)/python docs/figures/base_curve.py
 	set -e; for sweep in $(SWEEPS); do \
 	    $(BIN)/epuck-sim run $$sweep --trials $(TRIALS) --out runs/$$sweep; \
@@ -44,10 +50,16 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	done
 	$(BIN)/epuck-sim fit $(SWEEPS:%=runs/%) > docs/figures/scaling.txt
 	$(BIN)/python docs/figures/response_curves.py
+	$(BIN)/python docs/examples/learn_response.py docs/figures/learning
 	$(BIN)/python docs/figures/overhead_views.py
 	$(BIN)/python docs/figures/overhead_accuracy.py
+	$(BIN)/epuck-sim run switching --quick --out runs/switching
+	$(BIN)/epuck-sim plot runs/switching --of order_parameter --to runs/switching.png
+	cp runs/switching.png docs/figures/
 	$(BIN)/epuck-sim run fig-4-7 --out runs/fig-4-7
 	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
+	$(BIN)/epuck-sim run pushing-synchrony --quick --out runs/pushing-synchrony-quick
+	$(BIN)/python docs/figures/pushing.py runs/pushing-synchrony-quick
 	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1 --sweep agents.count=5,10,20,40 \
 	    --sweep agents.speed_cm_s=6,8,11,15,21,30,50,97 --trials 40 --set stop.max_cycles=3000 --out runs/v-f
 	$(BIN)/epuck-sim fit runs/v-f > docs/figures/v_f.txt
@@ -67,12 +79,16 @@ $(VENV)/created:
 	touch $@
 
 $(VENV)/installed: $(VENV)/created $(SOURCES)
-	$(BIN)/python -m pip install --quiet --editable .
+	$(BIN)/python -m pip install --quiet --editable '.[film,plot,view]'
 	touch $@
 
 $(VENV)/test-tools: $(VENV)/installed
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
 	touch $@
 
+$(VENV)/docs-tools: $(VENV)/installed
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
+	touch $@
+
 clean:
-	rm -rf $(VENV) dist
+	rm -rf $(VENV) dist site

@@ -1,3 +1,4 @@
+from . import figures
 from .embodied.simulation import Simulation
 from .embodied.step import Step
 from .errors import (
@@ -10,10 +11,13 @@ from .errors import (
     ScenarioError,
     StoreError,
 )
+from .overhead.render.arena_view import ArenaView
 from .overhead.render.film_trial import film_trial
 from .particles.simulation import Event, ParticleSimulation
+from .recording.notebook import show
 from .recording.reader import read_recording
 from .recording.recorder import record
+from .report.writer import write_report
 from .runs.reader import read_points
 from .scenario.embodied import EmbodiedScenario
 from .scenario.loader import load_scenario
@@ -27,6 +31,7 @@ from .trial.result import TrialResult
 from .trial.trace import Trace
 
 __all__ = [
+    "ArenaView",
     "ClusterError",
     "ControllerError",
     "EmbodiedScenario",
@@ -45,6 +50,7 @@ __all__ = [
     "StoreError",
     "Trace",
     "TrialResult",
+    "figures",
     "film_trial",
     "load_scenario",
     "points",
@@ -53,7 +59,9 @@ __all__ = [
     "record",
     "run_sweep",
     "run_trial",
+    "show",
     "summarize",
+    "write_report",
 ]
 
 __version__: str

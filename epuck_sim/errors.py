@@ -13,6 +13,10 @@ class ControllerError(EpuckSimError):
     """A controller that cannot be loaded or compiled, or that raised while it ran."""
 
 
+class CurveError(EpuckSimError):
+    """A phase response curve that cannot be loaded or compiled, or that raised during a trial."""
+
+
 class MeasureError(EpuckSimError):
     """A measure that cannot be loaded, that raised during a trial, or that returned no value."""
 

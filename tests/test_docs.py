@@ -1,9 +1,12 @@
 """What README and docs show is run as it stands."""
 
 import doctest
+import json
 import pkgutil
 import re
 import shlex
+import subprocess
+import sys
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
@@ -24,7 +27,20 @@ from epuck_sim.scenario.yaml_io import parse_yaml
 from epuck_sim.trial.model import run_trial, simulate
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+LONG_SWEEPS = (
+    "fig-",
+    "random-walks",
+    "broad-speeds",
+    "switching",
+    "wireless",
+    "consensus",
+    "fault-detection",
+    "embodiment",
+)
+"""What the names of sweeps begin with whose quick versions take minutes."""
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -41,7 +57,7 @@ def code(page_part) -> list:
 
 
 def is_controller(block: str) -> bool:
-    return "PARAMETERS = " in block
+    return "PARAMETERS = " in block and ("def step(" in block or "\nstep = " in block)
 
 
 @pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
@@ -62,6 +78,26 @@ def test_controllers_run_compiled_and_interpreted_alike(block: str, tmp_path) ->
     assert compiled.wheels_cm_s[:5].any()
 
 
+def test_tests_shown_pass(tmp_path) -> None:
+    shown = [block for block in blocks(ROOT / "docs/testing.md", "python") if "def test_" in block]
+    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
+    (tmp_path / "turner.py").write_text(controller)
+    (tmp_path / "test_shown.py").write_text("".join(shown))
+    command = [sys.executable, "-m", "pytest", "-p", "epuck_sim.pytest_plugin", "-q", tmp_path / "test_shown.py"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "4 passed" in run.stdout, run.stdout
+
+
+def test_the_firmware_shown_runs(tmp_path) -> None:
+    (block,) = blocks(ROOT / "docs/firmware.md", "c")
+    path = tmp_path / "shown.c"
+    path.write_text(block)
+    simulation = Simulation(load_scenario({"robots": [{"controller": str(path), "count": 5}]}), 3)
+    seen = [(step.ring_on.sum(), step.wheels_cm_s.min()) for step in islice(simulation, 100)]
+    assert 0 < sum(lit for lit, _ in seen) < 100 * 5
+    assert min(slowest for _, slowest in seen) == -400 * 12.8 / 1000
+
+
 @pytest.mark.parametrize("block", code(lambda block: "def value(self)" in block))
 @pytest.mark.parametrize("model", ["thesis", "particles"])
 def test_measures_shown_measure_trials_of_both_models(model: str, block: str, tmp_path) -> None:
@@ -73,11 +109,11 @@ def test_measures_shown_measure_trials_of_both_models(model: str, block: str, tm
 
 
 def commands(page: Path) -> list[list[str]]:
-    """Return the commands that a page shows; of the thesis's figures, short ones instead of minutes."""
+    """Return the commands that a page shows; of sweeps that take minutes, short ones."""
     shown = "".join(blocks(page, "console"))
     found = [shlex.split(line) for line in re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)]
     short = ["--trials", "1", "--set", "stop.max_cycles=2"]
-    return [[*words, *short] if words[0] == "run" and words[1].startswith("fig-") else words for words in found]
+    return [[*words, *short] if words[0] == "run" and words[1].startswith(LONG_SWEEPS) else words for words in found]
 
 
 @pytest.fixture
@@ -93,7 +129,7 @@ def shown(monkeypatch) -> list[str]:
         yield SimpleNamespace(wait=lambda: noted.append("live")), 0
 
     @contextmanager
-    def nothing_live(*_: object):
+    def nothing_live(*_: object, **__: object):
         yield lambda *_: None
 
     monkeypatch.setenv("DISPLAY", ":0")
@@ -104,18 +140,47 @@ def shown(monkeypatch) -> list[str]:
     return noted
 
 
+def named_files(page: Path) -> dict[str, str]:
+    """Return the contents of the files that a page shows, by the names that stand before them."""
+    shown = re.findall(
+        r"`([\w-]+\.\w+)`[^`]*:\n\n```(?:python|yaml)\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL
+    )
+    return dict(shown)
+
+
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    (controller,) = filter(is_controller, blocks(ROOT / "README.md", "python"))
-    Path("turner.py").write_text(controller)
-    assert len(commands(page)) >= 6
+    for name, text in {**named_files(ROOT / "README.md"), **named_files(page)}.items():
+        Path(name).write_text(text)
     for words in commands(page):
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 0, (words, result.stderr)
     assert Path("trace.parquet").exists() == any("--trace" in words for words in commands(page))
     looked_at = [words for words in commands(page) if words[0] == "replay" or "--live" in words]
     assert shown == ["live" if "--live" in words else "thesis" for words in looked_at]
+
+
+def test_commands_and_files_are_found() -> None:
+    assert len(commands(ROOT / "README.md")) >= 15
+    assert named_files(ROOT / "README.md").keys() == {"turner.py"}
+    assert named_files(ROOT / "docs/tutorial.md").keys() == {"listener.py", "lowest_order.py"}
+
+
+def test_the_tutorial_tells_what_comes_out(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = ROOT / "docs/tutorial.md"
+    Path("listener.py").write_text(named_files(page)["listener.py"])
+    told = " ".join(page.read_text().split())
+    three = ["--seed", "1", "--trials", "3"]
+    for words, sentence in (
+        (three, "T_sync is now {}, {} and {} cycles."),
+        (["--seed", "1", "--set", "robots.0.count=5"], "Five robots need {} cycles."),
+        (["--controller", "listener.py", *three], "The three trials take {}, {} and {} cycles."),
+    ):
+        result = CliRunner().invoke(app, ["run", "thesis", *words, "--json"])
+        trials = [json.loads(line) for line in result.stdout.splitlines()]
+        assert sentence.format(*(trial["t_sync_cycles"] for trial in trials)) in told
 
 
 def test_the_sweep_shown_has_the_stated_points() -> None:
@@ -129,8 +194,10 @@ def test_the_readmes_controller_is_no_longer_than_promised() -> None:
 
 
 def test_the_scenario_reference_shows_all_keys_with_their_defaults() -> None:
-    shown, with_obstacles = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/scenario.md", "yaml"))
+    pages = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/scenario.md", "yaml"))
+    shown, with_obstacles, with_movables = pages
     assert load_scenario(shown) == load_scenario({})
+    assert load_scenario({**with_movables, "robots": [{"poses": [[10, 50, 0]]}]}).arena.movables
     assert len(load_scenario(with_obstacles).arena.obstacles) == 3
     defaults = load_scenario({}).model_dump()
     for section, keys in defaults.items():

@@ -4,26 +4,64 @@ import json
 import os
 import subprocess
 import sys
+import tarfile
+import venv
 import zipfile
 from pathlib import Path
 
 import pytest
 
+import epuck_sim
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS
 
 ROOT = Path(__file__).parent.parent
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory) -> Path:
-    """Return the folder into which the wheel was unpacked."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
+def built(tmp_path_factory) -> Path:
+    """Return the folder with the source distribution and the wheel."""
+    folder = tmp_path_factory.mktemp("built")
+    build = [sys.executable, "-m", "hatchling", "build", "-d", str(folder)]
     subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
-    (file,) = folder.glob("*.whl")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def wheel(built: Path) -> Path:
+    """Return the folder into which the wheel was unpacked."""
+    (file,) = built.glob("*.whl")
     with zipfile.ZipFile(file) as archive:
-        archive.extractall(folder / "unpacked")
-    return folder / "unpacked"
+        archive.extractall(built / "unpacked")
+    return built / "unpacked"
+
+
+def test_the_source_distribution_holds_what_its_own_commands_need(built: Path) -> None:
+    (file,) = built.glob("*.tar.gz")
+    assert file.name == f"epuck_sim-{epuck_sim.__version__}.tar.gz"
+    with tarfile.open(file) as archive:
+        held = {name.partition("/")[2] for name in archive.getnames()}
+    needed = {"Makefile", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE", "pyproject.toml"}
+    assert needed | {"docs/conf.py", "docs/_ext/reference.py", "arenas/thesis.yaml", "tests/golden.json"} <= held
+
+
+@pytest.mark.slow
+def test_the_wheel_runs_in_an_empty_environment_and_both_can_be_published(built: Path, tmp_path: Path) -> None:
+    venv.create(tmp_path / "empty", with_pip=True)
+    programs = tmp_path / "empty" / "bin"
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+    def output_of(*words: str | Path) -> str:
+        return subprocess.run(words, cwd=tmp_path, env=clean, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+    (wheel,) = built.glob("*.whl")
+    output_of(programs / "python", "-m", "pip", "install", "--quiet", f"{wheel}[view,film,plot]")
+    assert output_of(programs / "epuck-sim", "--version") == f"epuck-sim {epuck_sim.__version__}\n"
+    assert json.loads(output_of(programs / "epuck-sim", "run", "pair", "--json"))["t_sync_cycles"] >= 1
+    assert json.loads(output_of(programs / "epuck-sim", "run", "particles", "--json"))["t_sync_cycles"] >= 1
+    output_of(programs / "epuck-sim", "run", "pair", "--record", "pair.rrd", "--film", "pair.mp4")
+    output_of(programs / "epuck-sim", "plot", "pair.rrd")
+    output_of(programs / "python", "-m", "pip", "install", "--quiet", "twine")
+    output_of(programs / "twine", "check", "--strict", wheel, *built.glob("*.tar.gz"))
 
 
 def test_arenas_and_controllers_are_inside(wheel: Path) -> None:
@@ -31,6 +69,7 @@ def test_arenas_and_controllers_are_inside(wheel: Path) -> None:
         shipped = {path.name for path in (ROOT / kind).iterdir() if path.is_file()}
         assert {path.name for path in (wheel / "epuck_sim" / kind).iterdir() if path.is_file()} == shipped
     assert (wheel / "epuck_sim" / "py.typed").exists()
+    assert (wheel / "epuck_sim" / "control" / "include" / "epuck.h").exists()
 
 
 def test_it_runs_from_any_folder(wheel: Path, tmp_path: Path) -> None:

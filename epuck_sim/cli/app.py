@@ -11,6 +11,8 @@ from epuck_sim.cli.new import news
 from epuck_sim.cli.plan import plans
 from epuck_sim.cli.plot import plots
 from epuck_sim.cli.replay import replays
+from epuck_sim.cli.replicate import replications
+from epuck_sim.cli.report import reports
 from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
 from epuck_sim.cli.scenarios import scenarios
@@ -18,10 +20,10 @@ from epuck_sim.cli.scenarios import scenarios
 app = typer.Typer(
     help="Simulate swarms of e-puck robots that synchronise like fireflies.",
     no_args_is_help=True,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-for commands in (runs, scenarios, replays, films, results, plots, plans):
+for commands in (runs, scenarios, replays, films, results, plots, reports, replications, plans):
     app.add_typer(commands)
 app.add_typer(news, name="new")
 

@@ -1,4 +1,4 @@
-"""Table of `epuck-sim compare`: how T_sync differs at each point, and over all."""
+"""Table of `epuck-sim compare`: how T_sync, or a measure, differs at each point, and over all."""
 
 import json
 import math
@@ -10,14 +10,17 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.tables import WIDE, in_digits
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.cli.tables import WIDE
+from epuck_sim.display.numbers import in_digits
+from epuck_sim.figures.labels import axis_labels, quantity_label
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.comparison import Comparison, PointComparison
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate
 from epuck_sim.statistics.summary import finite_or_none
 
-HEADINGS = ("trials A, B", "censored A, B", "A", "B", "B - A", "B / A", "p", "p (Holm)")
+CENSORED = "censored A, B"
+
+HEADINGS = ("trials A, B", CENSORED, "A", "B", "B - A", "B / A", "p", "p (Holm)")
 
 
 def print_comparison(names: Sequence[str], comparison: Comparison, as_json: bool) -> None:
@@ -25,13 +28,13 @@ def print_comparison(names: Sequence[str], comparison: Comparison, as_json: bool
     if as_json:
         print(json.dumps({"a": names[0], "b": names[1], **_as_object(comparison)}))
         return
-    title = f"T_sync [cycles] with 95 % intervals\nA: {names[0]}\nB: {names[1]}"
+    title = f"{quantity_label(comparison.of)} with 95 % intervals\nA: {names[0]}\nB: {names[1]}"
     table = Table(title=Text(title), title_justify="left")
     shown = distinguishing_axes([point.axes for point in comparison.points])
-    for heading in (*map(axis_label, shown[0]), *HEADINGS):
+    for heading in (*axis_labels(shown[0]), *_headings(comparison)):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(comparison.points, shown, strict=True):
-        table.add_row(*(Text(str(value)) for value in axes.values()), *_cells(point))
+        table.add_row(*(Text(str(value)) for value in axes.values()), *_cells(point, comparison))
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
     _print_conclusion(comparison)
 
@@ -41,18 +44,26 @@ def _print_conclusion(comparison: Comparison) -> None:
     print(f"A and B: {' or '.join(statistics)}. p: {comparison.test}; Holm: corrected for the number of points.")
     if comparison.compared < len(comparison.points):
         count = len(comparison.points) - comparison.compared
-        print(f"-: {count} points have fewer than {MIN_TRIALS} trials on one side, or none that synchronised.")
+        none = "with a value" if comparison.of else "that synchronised"
+        print(f"-: {count} points have fewer than {MIN_TRIALS} trials on one side, or none {none}.")
     if comparison.left_out:
         print(f"{comparison.left_out} points have trials on one side only, and are left out.")
     if comparison.compared:
-        ratio, p_value = _format(comparison.ratio, 3), f"{comparison.p_value:.4f}"
-        print(f"Over all: B / A = {ratio}, the geometric mean of {comparison.averaged} points; p = {p_value}")
+        parts = [f"B - A = {_format(comparison.difference)}"] * (comparison.of is not None)
+        if comparison.averaged:
+            ratio = _format(comparison.ratio, 3)
+            parts.append(f"B / A = {ratio}, the geometric mean of {comparison.averaged} points")
+        print(f"Over all: {'; '.join([*parts, f'p = {comparison.p_value:.4f}'])}")
 
 
-def _cells(point: PointComparison) -> list[str]:
+def _headings(comparison: Comparison) -> list[str]:
+    return [heading for heading in HEADINGS if comparison.of is None or heading != CENSORED]
+
+
+def _cells(point: PointComparison, comparison: Comparison) -> list[str]:
     return [
         "{}, {}".format(*point.trials),
-        "{:.0%}, {:.0%}".format(*point.censored),
+        *["{:.0%}, {:.0%}".format(*point.censored)] * (comparison.of is None),
         _format(point.first),
         _format(point.second),
         _format(point.difference),

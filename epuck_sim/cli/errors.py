@@ -1,13 +1,25 @@
 """How the command ends where something is wrong: one message and an exit code, never a traceback for a mistake."""
 
 import errno
+import traceback
+import warnings
 from bdb import BdbQuit
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
 
-from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.errors import ControllerError, EpuckSimError, ScenarioError
+
+EXTRAS = {
+    "av": ("av", "film"),
+    "cv2": ("opencv-python-headless", "film"),
+    "matplotlib": ("matplotlib", "plot"),
+    "pyarrow": ("pyarrow", "table"),
+    "rerun": ("rerun-sdk", "view"),
+    "rerun_cli": ("rerun-sdk", "view"),
+}
+"""Packages that no sweep needs, and the extras that install them, by the modules they bring."""
 
 
 @contextmanager
@@ -24,9 +36,43 @@ def exit_on_error() -> Iterator[None]:
         what = f"{error.filename}" if error.filename else "the output cannot be written"
         typer.echo(f"error: {what}: {error.strerror or error}", err=True)
         raise typer.Exit(2) from error
+    except ModuleNotFoundError as error:
+        missing = EXTRAS.get((error.name or "").partition(".")[0])
+        if missing is None:
+            raise
+        package, extra = missing
+        typer.echo(f"error: this needs {package}, which is not installed: pip install 'epuck-sim[{extra}]'", err=True)
+        raise typer.Exit(2) from error
     except (KeyboardInterrupt, BdbQuit) as interrupt:
         typer.echo("interrupted", err=True)
         raise typer.Exit(130) from interrupt
+
+
+@contextmanager
+def print_traceback() -> Iterator[None]:
+    """Print the traceback of what a controller raises, from its own file on, before the error is reported."""
+    try:
+        yield
+    except ControllerError as error:
+        raised: BaseException = error
+        while raised.__cause__ is not None:
+            raised = raised.__cause__
+        frames = traceback.extract_tb(raised.__traceback__)
+        files = [frame.filename for frame in frames]
+        own = next((number for number, file in enumerate(files) if file in str(error)), 0)
+        lines = traceback.format_list(frames[own:]) + traceback.format_exception_only(raised)
+        typer.echo("Traceback of the controller:\n" + "".join(lines), err=True, nl=False)
+        raise
+
+
+@contextmanager
+def print_warnings() -> Iterator[None]:
+    """Print what the block warns of as notes."""
+    with warnings.catch_warnings(record=True) as noted:
+        warnings.simplefilter("always", UserWarning)
+        yield
+    for warning in noted:
+        typer.echo(f"note: {warning.message}", err=True)
 
 
 def reject_first(*mistakes: tuple[bool, str]) -> None:

@@ -12,6 +12,7 @@ import time
 from contextlib import suppress
 from types import FrameType
 
+from epuck_sim.cli.keys import restore_terminal
 from epuck_sim.util.atomic_write import remove_unfinished
 
 REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -19,6 +20,9 @@ REQUESTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 GRACE_S = 2.0
 """Time in seconds in which the main thread must react to a signal."""
+
+AGAIN_S = 0.05
+"""Time in seconds after which KeyboardInterrupt is raised again where Python has dropped it."""
 
 EXIT_CODE = 130
 """Exit code of a command that was interrupted."""
@@ -36,6 +40,7 @@ def end_on_request() -> None:
     for request in REQUESTS:
         if signal.getsignal(request) is not signal.SIG_IGN:
             signal.signal(request, watchdog.interrupt)
+    sys.unraisablehook = watchdog.repeat
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)  # is written to at once, whatever the main thread does
     threading.Thread(target=watchdog.watch, daemon=True).start()
 
@@ -46,11 +51,26 @@ class _Watchdog:
     def __init__(self, reader: int) -> None:
         self._reader = reader
         self._reacted_s = 0.0
+        self._number = int(signal.SIGINT)
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Raise KeyboardInterrupt: the main thread has reacted."""
         self._reacted_s = time.monotonic()
+        self._number = number
         signal.default_int_handler(number, frame)
+
+    def repeat(self, dropped: "sys.UnraisableHookArgs") -> None:
+        """Raise KeyboardInterrupt a little later where Python has dropped it: destructors and callbacks raise nothing.
+
+        Other exceptions that Python drops are printed, as ever.
+        """
+        if isinstance(dropped.exc_value, KeyboardInterrupt):
+            main_thread = threading.main_thread().ident
+            again = threading.Timer(AGAIN_S, signal.pthread_kill, (main_thread, self._number))
+            again.daemon = True  # the command may have ended by then
+            again.start()
+        else:
+            sys.__unraisablehook__(dropped)
 
     def watch(self) -> None:
         """End the process when the main thread has not reacted to a signal."""
@@ -63,6 +83,7 @@ class _Watchdog:
             unheard = 0 if self._reacted_s >= since_s else unheard + len(requests)
             if unheard > 1 or (unheard and requests != [signal.SIGINT]):
                 try:
+                    restore_terminal()
                     remove_unfinished()
                     _say("ended in the middle of compiled code")
                 finally:

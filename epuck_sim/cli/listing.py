@@ -15,37 +15,38 @@ from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
 from epuck_sim.util.messages import natural_order
 
 
-def print_shipped() -> None:
-    """Print the names and descriptions of all that is shipped, each kind under its heading."""
-    shipped = {
-        "scenarios": describe_scenarios(ARENAS),
-        "sweeps": describe_scenarios(SWEEPS),
-        "controllers": describe_controllers(),
+def describe_shipped() -> dict[str, dict[str, str]]:
+    """Return the names and descriptions of the scenarios, sweeps and controllers, by kind."""
+    return {
+        "scenarios": _in_order(describe_scenarios(ARENAS)),
+        "sweeps": _in_order(describe_scenarios(SWEEPS)),
+        "controllers": _in_order(describe_controllers()),
     }
-    for heading, descriptions in shipped.items():
-        print(heading)
-        _print_descriptions(descriptions)
 
 
-def print_measures() -> None:
-    """Print the names, the descriptions and the parameters of the shipped measures."""
-    print("measures")
-    _print_descriptions(describe_measures())
+def list_measures() -> dict[str, dict[str, str]]:
+    """Return the names and descriptions of the measures, as one kind."""
+    return {"measures": _in_order(describe_measures())}
 
 
-def _print_descriptions(descriptions: Mapping[str, str]) -> None:
-    """Print a line for each name; on a terminal, descriptions are wrapped between words."""
-    names = sorted(descriptions, key=natural_order)
-    if not sys.stdout.isatty():
-        for name in names:
-            print(f"  {name:20} {descriptions[name]}")
-        return
-    table = Table.grid(padding=(0, 1))
-    table.add_column(min_width=22, no_wrap=True)
-    table.add_column(overflow="fold")
-    for name in names:
-        table.add_row(Text(f"  {name}"), Text(descriptions[name]))
-    Console().print(table)
+def print_descriptions(kinds: Mapping[str, Mapping[str, str]]) -> None:
+    """Print a heading for each kind and a line for each name; on a terminal, descriptions are wrapped between words."""
+    for kind, descriptions in kinds.items():
+        print(kind)
+        if not sys.stdout.isatty():
+            for name, description in descriptions.items():
+                print(f"  {name:20} {description}")
+            continue
+        table = Table.grid(padding=(0, 1))
+        table.add_column(min_width=22, no_wrap=True)
+        table.add_column(overflow="fold")
+        for name, description in descriptions.items():
+            table.add_row(Text(f"  {name}"), Text(description))
+        Console().print(table)
+
+
+def _in_order(descriptions: Mapping[str, str]) -> dict[str, str]:
+    return {name: descriptions[name] for name in sorted(descriptions, key=natural_order)}
 
 
 def describe_scenarios(kind: str) -> dict[str, str]:

@@ -1,69 +1,57 @@
 """The command `new`: writes a commented file to begin with."""
 
 import keyword
+import re
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.templates import CONTROLLER, MEASURE, SCENARIO
 
 news = typer.Typer(no_args_is_help=True, help="Write a commented file to begin with.")
 
-MEASURE = '''\
-"""A measure of trials; run it with: epuck-sim run thesis --measure {name}.py
-
-It runs as it stands: the path length of the swarm's centre, in cm, from cycle to cycle. Change what you need.
-"""
-
-import numpy as np
-
-
-class {name}:
-    """Path length of the swarm's centre in cm."""
-
-    # The simulation is a `Simulation` of robots or a `ParticleSimulation`, before its first event.
-    # What follows the star are parameters, with defaults; a scenario sets them as {{{name}.py: {{from_cycle: 3}}}}.
-    def __init__(self, simulation, *, from_cycle=1):
-        self.simulation = simulation
-        self.from_cycle = from_cycle
-        self.centre = None
-        self.length_cm = 0.0
-
-    # Called after every firing of the reference; it costs nothing in between.
-    # For every control step of robots, add `def step(self, step, state)`; for every event of point agents,
-    # `def event(self, event, state)`. Leave out what you do not need: `step` and `event` make trials slower.
-    # `state` has time_s, cycles, order_parameter and is_synchronised.
-    def cycle(self, event, state):
-        if state.cycles < self.from_cycle:
-            return
-        centre = self.positions(event).mean(axis=0)
-        if self.centre is not None:
-            self.length_cm += float(np.linalg.norm(centre - self.centre))
-        self.centre = centre  # arrays of robots are overwritten in the next step: keep copies; a mean is one
-
-    # Called at the end: return a number, True or False, None where it is undetermined, or a list with one of these
-    # for each cycle.
-    def value(self):
-        return self.length_cm
-
-    def positions(self, event):
-        if hasattr(event, "poses"):  # a step of robots
-            return event.poses[:, :2]
-        return self.simulation.positions()  # of point agents
-'''
-"""Text of a new measure; {name} is its name."""
-
 
 @news.command("measure")
-def new_measure(name: Annotated[str, typer.Argument(help="Name of the measure, and of its file NAME.py.")]) -> None:
+def new_measure(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the measure, and of its file NAME.py.")],
+) -> None:
     """Write NAME.py, a commented measure of trials that runs as it stands."""
     with exit_on_error():
-        path = Path(f"{name}.py")
-        is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
-        reject_first(
-            (not is_name, f"{name!r} is no name for a measure; allowed: letters, digits and _, such as coverage"),
-            (path.exists(), f"{path}: exists already; give another name"),
-        )
-        path.write_text(MEASURE.format(name=name), encoding="utf-8")
-        typer.echo(f"{path}: try it: epuck-sim run thesis --measure {path}")
+        _reject_no_name(name, "measure", "coverage")
+        _write_new(Path(f"{name}.py"), MEASURE.format(name=name), f"run thesis --measure {name}.py")
+
+
+@news.command("controller")
+def new_controller(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the controller's file NAME.py.")],
+) -> None:
+    """Write NAME.py, a commented controller of robots that runs as it stands."""
+    with exit_on_error():
+        _reject_no_name(name, "controller", "wanderer")
+        _write_new(Path(f"{name}.py"), CONTROLLER.format(name=name), f"run thesis --controller {name}.py")
+
+
+@news.command("scenario")
+def new_scenario(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the scenario, and of its file NAME.yaml.")],
+) -> None:
+    """Write NAME.yaml, a commented scenario that runs as it stands."""
+    with exit_on_error():
+        message = f"{name!r} is no name for a scenario; allowed: letters, digits, _ and -, such as pillar-80"
+        reject_first((not re.fullmatch(r"[A-Za-z_][\w-]{0,99}", name), message))
+        _write_new(Path(f"{name}.yaml"), SCENARIO.format(name=name), f"run {name}.yaml")
+
+
+def _reject_no_name(name: str, kind: str, example: str) -> None:
+    """Raise EpuckSimError for what Python cannot import by this name."""
+    is_name = name.isidentifier() and not keyword.iskeyword(name) and not name.startswith("_")
+    reject_first((not is_name, f"{name!r} is no name for a {kind}; allowed: letters, digits and _, such as {example}"))
+
+
+def _write_new(path: Path, text: str, command: str) -> None:
+    """Write a file that does not exist yet, and print how to try it."""
+    reject_first((path.exists(), f"{path}: exists already; give another name"))
+    path.write_text(text, encoding="utf-8")
+    typer.echo(f"{path}: try it: epuck-sim {command}")

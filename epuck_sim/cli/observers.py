@@ -3,8 +3,9 @@
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from epuck_sim.cli.keys import pressed_keys
 from epuck_sim.cli.progress import print_stderr
 from epuck_sim.recording.level import Level
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -41,6 +42,10 @@ class RunOptions(NamedTuple):
     """Worker processes of a sweep; all cores if None."""
     dask: str | None = None
     """Address of the Dask scheduler that runs a sweep."""
+    memory: tuple[str, ...] = ()
+    """Fields of the controllers' MEMORY that traces, recordings and the live view have."""
+    relations: bool = False
+    """Whether traces list whom each robot sees lit, and whom it touches."""
 
 
 @contextmanager
@@ -58,7 +63,8 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
         from epuck_sim.trial.trace import Trace  # which needs pyarrow
 
         traced, trace = require_bodies(scenario), options.trace
-        factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), traced, seed))
+        columns: dict[str, Any] = {"memory": options.memory, "relations": options.relations}
+        factories.append(lambda trial, seed: Trace(trial_path(trace, trial, trials), traced, seed, **columns))
     if options.record is not None:
         from epuck_sim.recording.recorder import record  # rerun takes half a second
         from epuck_sim.recording.rrd_file import check_recording_target
@@ -66,7 +72,9 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
         recording = options.record
         check_recording_target(trial_path(recording, 0, trials))
         factories.append(
-            lambda trial, seed: record(trial_path(recording, trial, trials), scenario, seed, options.level)
+            lambda trial, seed: record(
+                trial_path(recording, trial, trials), scenario, seed, options.level, memory=options.memory
+            )
         )
     if options.film is not None:
         from epuck_sim.overhead.render.film_trial import film_trial  # OpenCV and PyAV take a while
@@ -77,11 +85,17 @@ def open_observers(options: RunOptions, scenario: Scenario, trials: int) -> Iter
         yield factories
         return
     from epuck_sim.recording.viewer.live import live, live_viewer
+    from epuck_sim.recording.viewer.pace import sleep
 
     shown, speed = require_bodies(scenario), options.live.speed
+    memory = tuple(dict.fromkeys(options.memory))
     with live_viewer(options.live.port, print_stderr) as (viewer, intake):
-        factories.append(lambda _, seed: live(viewer, intake, shown, seed, options.level, speed))
-        yield factories
+        with pressed_keys(echo=options.interpret) as wait:
+            if wait is not None:
+                print_stderr("space: pause, go on; n: one step; q: end")
+            more: dict[str, Any] = {"memory": memory, "wait": wait or sleep}
+            factories.append(lambda _, seed: live(viewer, intake, shown, seed, options.level, speed, **more))
+            yield factories
         print_stderr("press Ctrl-C to end" if options.live.port else "close the viewer to end")
         with suppress(KeyboardInterrupt):
             viewer.wait()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, prefix_scenario, reject_first
+from epuck_sim.cli.results import OfOption
 from epuck_sim.cli.scenarios import AxesOption, QuickOption, SetOption, TrialsOption
 
 if TYPE_CHECKING:  # or --help would wait for numpy
@@ -31,6 +32,7 @@ def plan(
             metavar="PERCENT", min=0.1, max=10_000, help="Of a run folder: the difference to be seen; 20 by default."
         ),
     ] = None,
+    of: OfOption = None,
     power: Annotated[
         float,
         typer.Option(metavar="PERCENT", min=5.0, max=99.9, help="How often it is to be seen, with p < 0.05."),
@@ -47,7 +49,8 @@ def plan(
 ) -> None:
     """Print how long a sweep will take, by timing some of its trials, or how long one will take to go on.
 
-    Of a run folder also how many trials a point show a difference of so many per cent, with the spread of those stored.
+    Of a run folder also how many trials a point show a difference of T_sync, or of a measure, of so many per cent, with
+    the spread of those stored; of a truth value, a difference of shares of so many percentage points.
     """
     with exit_on_error():
         from epuck_sim.cli.plan_tables import print_plan, print_power
@@ -59,6 +62,7 @@ def plan(
         reject_first(
             (is_folder and bool(settings or axes or quick), "--set, --sweep and --quick are for scenarios"),
             (is_folder and seconds is not None, "--seconds is for scenarios; the trials of a run folder are timed"),
+            (not is_folder and of is not None, "--of needs trials: give a run folder"),
             (
                 not is_folder and difference is not None,
                 "--difference needs trials: give a run folder, as `run --trials 20 --out FOLDER` makes it",
@@ -69,7 +73,7 @@ def plan(
             from epuck_sim.runs.reader import read_points
             from epuck_sim.statistics.planning import plan_trials
 
-            planned = plan_trials(read_points(folder), (difference or DIFFERENCE_PERCENT) / 100, power / 100)
+            planned = plan_trials(read_points(folder, of=of), (difference or DIFFERENCE_PERCENT) / 100, power / 100)
             duration = _duration_of_folder(folder, trials, processes)
             print_power(sweep, planned, duration, as_json)
         else:
@@ -79,7 +83,7 @@ def plan(
 
 def _duration_of_folder(folder: Path, trials: int | None, workers: int) -> "Duration":
     from epuck_sim.cli.plan_tables import Duration
-    from epuck_sim.runs.reader import read_wall_times
+    from epuck_sim.runs.status import read_wall_times
     from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
     from epuck_sim.statistics.estimate import without_interval
 

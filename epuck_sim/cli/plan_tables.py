@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.progress import in_words
-from epuck_sim.cli.tables import WIDE, in_digits
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.cli.tables import WIDE
+from epuck_sim.display.numbers import in_digits, in_words
+from epuck_sim.figures.labels import axis_labels, quantity_label
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate
 from epuck_sim.statistics.planning import TrialPlan
@@ -53,19 +53,23 @@ def print_power(name: str, plan: TrialPlan, duration: Duration, as_json: bool) -
         print(json.dumps({**plan._asdict(), "points": points, "duration": _duration_object(duration)}))
         return
     _print_points(name, plan)
-    wanted = f"a difference of {100 * plan.difference:g} % in {100 * plan.power:g} % of all cases, with p < 0.05"
-    if plan.over_all is None:
-        print(f"No point has the {MIN_TRIALS} trials that its spread takes; run again with --trials 20 or more.")
-    else:
+    unit = "percentage points" if plan.is_of_shares else "%"
+    wanted = f"a difference of {100 * plan.difference:g} {unit} in {100 * plan.power:g} % of all cases, with p < 0.05"
+    if any(point.trials is not None for point in plan.points):
         print(f"Trials: those at a point, of each of two sweeps, that show {wanted}.")
+    elif any(point.stored >= MIN_TRIALS for point in plan.points):
+        print(f"No number of trials shows {wanted}: all stored ones have one value, or no share can differ by so much.")
+    else:
+        print(f"No point has the {MIN_TRIALS} trials that its spread takes; run again with --trials 20 or more.")
+    if plan.over_all is not None:
         print(f"Over all points together, if all differ alike: {plan.over_all} at each.")
     _print_duration(name, duration)
 
 
 def _print_points(name: str, plan: TrialPlan) -> None:
-    table = Table(title=Text(f"{name}: T_sync [cycles]"), title_justify="left")
+    table = Table(title=Text(f"{name}: {quantity_label(plan.of)}"), title_justify="left")
     shown = distinguishing_axes([point.axes for point in plan.points])
-    for heading in ("point", *map(axis_label, shown[0]), "stored", "statistic", "estimate", "spread / mean", "trials"):
+    for heading in ("point", *axis_labels(shown[0]), "stored", "statistic", "estimate", "spread / mean", "trials"):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(plan.points, shown, strict=True):
         table.add_row(

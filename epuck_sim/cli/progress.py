@@ -3,12 +3,14 @@
 import sys
 import time
 from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
 from types import TracebackType
 from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
 
+from epuck_sim.display.numbers import in_words
 from epuck_sim.overhead.film.frame import ProgressWrapper, Timed
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.trial.observer import TrialState
@@ -21,11 +23,12 @@ LINE_S = 10.0
 
 
 class _ProgressLine:
-    """One line on stderr, in a `with` block: redrawn in place on a terminal, printed anew now and then in a log."""
+    """One line, in a `with` block: redrawn on a terminal or in a notebook, printed anew now and then in a log."""
 
     def __init__(self, *columns: ProgressColumn, is_redrawn: bool = True) -> None:
         console = Console(stderr=True)
-        self._bar = Progress(*columns, console=console) if console.is_terminal and is_redrawn else None
+        can_redraw = console.is_terminal or (console.is_jupyter and find_spec("ipywidgets") is not None)
+        self._bar = Progress(*columns, console=console) if can_redraw and is_redrawn else None
         self._pause_s = REFRESH_S if self._bar else LINE_S
         self._next = 0.0
 
@@ -103,7 +106,8 @@ class SweepProgressBar(_ProgressLine):
 
     def _words(self, progress: SweepProgress, now: float) -> str:
         failed = f", {progress.failed} failed" if progress.failed else ""
-        words = f"{progress.stored} of {progress.trials} trials, {progress.censored} censored{failed}"
+        censored = "" if progress.censored is None else f", {progress.censored} censored"
+        words = f"{progress.stored} of {progress.trials} trials{censored}{failed}"
         left = progress.trials - progress.stored - progress.failed
         if self._began is None or progress.ended < 2:
             return f"{words}; starting workers" if left else words
@@ -114,17 +118,6 @@ class SweepProgressBar(_ProgressLine):
 def print_stderr(line: str) -> None:
     """Print a line on stderr, at once."""
     print(line, file=sys.stderr, flush=True)
-
-
-def in_words(seconds: float) -> str:
-    """Return a time as people say it.
-
-    >>> in_words(42), in_words(200), in_words(20000)
-    ('42 s', '3 min', '5.6 h')
-    """
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def progress_bar(doing: str) -> ProgressWrapper:

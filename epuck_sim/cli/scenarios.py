@@ -1,41 +1,86 @@
 """The commands that read scenarios: `check` and `list`; and the options that name and change a scenario."""
 
+import json
 import sys
 from typing import Annotated
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, prefix_scenario
+from epuck_sim.cli.completion import complete_controller, complete_measure, complete_scenario
+from epuck_sim.cli.errors import exit_on_error, prefix_scenario, print_warnings
 
 scenarios = typer.Typer()
 
+SCENARIO_PANEL = "Scenario"
+"""Heading, in the help, of the options that change a scenario."""
+
 ScenarioArgument = Annotated[
-    str, typer.Argument(help="A YAML file, a shipped scenario's name (see `list`), or a run folder to go on with.")
+    str,
+    typer.Argument(
+        metavar="SCENARIO",
+        help="A YAML file, a shipped scenario's name (see `list`), or a run folder to go on with.",
+        autocompletion=complete_scenario,
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change one value: robots.0.parameters.speed_cm_s=1.0"),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change one value, such as robots.0.count=5; repeatable.",
+        rich_help_panel=SCENARIO_PANEL,
+    ),
 ]
 TrialsOption = Annotated[
     int | None,
-    typer.Option(min=1, max=10_000_000, help="Trials at each point; the scenario's own number by default."),
+    typer.Option(
+        min=1,
+        max=10_000_000,
+        help="Trials at each point; the scenario's own number by default.",
+        rich_help_panel=SCENARIO_PANEL,
+    ),
 ]
 AxesOption = Annotated[
     list[str] | None,
-    typer.Option("--sweep", metavar="KEY=V1,V2,...", help="Add an axis to the sweep: robots.0.count=5,10,20"),
+    typer.Option(
+        "--sweep",
+        metavar="KEY=V1,V2,...",
+        help="Add an axis to the sweep, such as robots.0.count=5,10,20; repeatable.",
+        rich_help_panel=SCENARIO_PANEL,
+    ),
 ]
 MeasureOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--measure", metavar="NAME_OR_FILE", help="Measure more: order_parameter, mine.py:coverage (list --measures)"
+        "--measure",
+        metavar="NAME_OR_FILE",
+        help="Measure more, such as order_parameter or mine.py:coverage; repeatable; see `list --measures`.",
+        rich_help_panel=SCENARIO_PANEL,
+        autocompletion=complete_measure,
     ),
 ]
-QuickOption = Annotated[bool, typer.Option("--quick", help="Take the scenario's quick version, if it has one.")]
+ControllerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME_OR_FILE",
+        help="Run this controller on all robots, such as mine.py; parameters that it has are kept.",
+        rich_help_panel=SCENARIO_PANEL,
+        autocompletion=complete_controller,
+    ),
+]
+QuickOption = Annotated[
+    bool,
+    typer.Option("--quick", help="Take the scenario's quick version, if it has one.", rich_help_panel=SCENARIO_PANEL),
+]
 
 
 @scenarios.command()
 def check(
-    scenario: ScenarioArgument, settings: SetOption = None, axes: AxesOption = None, quick: QuickOption = False
+    scenario: ScenarioArgument,
+    settings: SetOption = None,
+    axes: AxesOption = None,
+    controller: ControllerOption = None,
+    quick: QuickOption = False,
 ) -> None:
     """Validate SCENARIO, with every point of its sweep, and print it with every default written out."""
     with exit_on_error():
@@ -43,7 +88,8 @@ def check(
         from epuck_sim.scenario.points import points
         from epuck_sim.sweep.checks import check_sweep
 
-        loaded = load_scenario(scenario, settings or (), axes or (), quick=quick)
+        with print_warnings():
+            loaded = load_scenario(scenario, settings or (), axes or (), controller=controller, quick=quick)
         with prefix_scenario(scenario):
             check_sweep(points(loaded))
         sys.stdout.write(write_scenario(loaded))
@@ -54,12 +100,14 @@ def list_shipped(
     measures: Annotated[
         bool, typer.Option("--measures", help="List measures of trials, and their parameters.")
     ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON: names and descriptions, by kind.")] = False,
 ) -> None:
     """List the scenarios, sweeps and controllers, or the measures, that come with epuck-sim."""
     with exit_on_error():
-        from epuck_sim.cli.listing import print_measures, print_shipped
+        from epuck_sim.cli.listing import describe_shipped, list_measures, print_descriptions
 
-        if measures:
-            print_measures()
+        listed = list_measures() if measures else describe_shipped()
+        if as_json:
+            print(json.dumps(listed, ensure_ascii=False, indent=2))
         else:
-            print_shipped()
+            print_descriptions(listed)

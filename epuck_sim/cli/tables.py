@@ -2,17 +2,17 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.cli.progress import in_words
-from epuck_sim.figures.labels import axis_label
+from epuck_sim.display.numbers import format_estimate, in_digits, in_words
+from epuck_sim.figures.labels import axis_labels, quantity_label
 from epuck_sim.measures.interface import Value
-from epuck_sim.runs.reader import Failure, Status
+from epuck_sim.runs.status import Failure, Status
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.trial.result import TrialResult
@@ -35,7 +35,10 @@ def print_status(status: Status, as_json: bool) -> None:
         print(json.dumps({**status._asdict(), **rows}))
         return
     print(f"{status.scenario}: {status.points} points, {status.stored} of {status.trials} trials have a result")
-    print(f"  censored: {status.censored}; failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}")
+    censored = "" if status.censored is None else f"censored: {status.censored}; "
+    print(f"  {censored}failed: {len(status.failed)}; computing time: {in_words(status.wall_s)}")
+    if status.unmeasured:
+        print(f"  {status.unmeasured} of these results lack measures that were added")
     for row in status.versions:
         print(f"  {row.trials} trials: {format_versions(row.made_by)}")
     if status.at_work:
@@ -51,39 +54,30 @@ def print_failures(failures: Sequence[Failure]) -> None:
         print(f"  and {len(failures) - MOST_FAILURES} more")
 
 
-STATISTICS = {
-    "mean": "mean",
-    "median": "median",
-    "restricted_mean": "restricted mean",
-    "weibull_mean": "Weibull mean",
-}
-"""Heading of each statistic of a summary."""
+def print_summary(folder: str, of: str | None, points: "Sequence[PointSummary]", as_json: bool) -> None:
+    """Print the statistics of T_sync, or of the measure `of`, at a sweep's points on stdout."""
+    from epuck_sim.statistics.summary import applicable_statistics  # which loads scipy
 
-
-def print_summary(title: str, points: "Sequence[PointSummary]", as_json: bool) -> None:
-    """Print the statistics of a sweep's points on stdout."""
     if as_json:
         print(json.dumps([point._asdict() for point in points]))
         return
-    is_censored = any(point.censored for point in points)
-    names = [name for name in STATISTICS if is_censored or name in ("mean", "median")]
-    if all(point.censored for point in points):
-        names.remove("mean")
-    table = Table(title=Text(f"{title}, with 95 % intervals"), title_justify="left")
+    statistics = applicable_statistics(points)
+    title = f"{folder}: {quantity_label(of)}, with 95 % intervals"
+    table = Table(title=Text(title), title_justify="left")
     shown = distinguishing_axes([point.axes for point in points])
-    headings = [STATISTICS[name] for name in names]
-    for heading in ("point", *map(axis_label, shown[0]), "trials", "censored", *headings):
+    censored = ["censored"] * (of is None)
+    for heading in ("point", *axis_labels(shown[0]), "trials", *censored, *statistics.values()):
         table.add_column(Text(heading), justify="right", overflow="fold")
     for point, axes in zip(points, shown, strict=True):
         table.add_row(
             str(point.point),
             *(Text(str(value)) for value in axes.values()),
             str(point.trials),
-            f"{point.censored:.0%}",
-            *(_format_estimate(*(getattr(point, f"{name}{end}") for end in ("", "_low", "_high"))) for name in names),
+            *[f"{point.censored:.0%}"] * len(censored),
+            *(format_estimate(*point.estimate(statistic)) for statistic in statistics),
         )
     Console(width=None if sys.stdout.isatty() else WIDE).print(table)
-    if is_censored:
+    if any(point.censored for point in points):
         print("Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit of")
         print("cycles, or the longest trial. Weibull mean: extrapolated by Appendix A. -: undetermined.")
     _print_missing_intervals([point.trials for point in points])
@@ -96,44 +90,45 @@ def _print_missing_intervals(trials: Sequence[int]) -> None:
         print(f"No intervals at {few} of {len(trials)} points: one takes {MIN_TRIALS} trials or more.")
 
 
-def _format_estimate(value: float | None, low: float | None, high: float | None) -> str:
-    if value is None or low is None:
-        return "-" if value is None else in_digits(value)
-    return f"{in_digits(value)} ({in_digits(low)} to {'?' if high is None else in_digits(high)})"
-
-
-def in_digits(value: float) -> str:
-    """Return a number of cycles with four digits, or with all digits before the point if they are more.
-
-    >>> in_digits(12345.6), in_digits(47.0271)
-    ('12346', '47.03')
-    """
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.4g}"
-
-
 def print_trials(results: Sequence[TrialResult]) -> None:
     """Print a readable table of trials of one scenario on stdout."""
     if not results:
         return
     table = Table(title=Text(results[0].scenario), title_justify="left")
     table.add_column("seed", justify="right", no_wrap=True)  # which has to be whole to be given as --seed
-    for heading in ("T_sync [cycles]", "censored", "order par.", "simulated [s]", "wall [s]", "x real time"):
+    columns = {**_outcome_columns(results), **_TIME_COLUMNS}
+    for heading in columns:
         longest = max(map(len, heading.split()))
         table.add_column(Text(heading), justify="right", min_width=longest)  # Text, or [s] would be markup
     for name in results[0].measures:
         table.add_column(Text(name), justify="right", no_wrap=True)
     for result in results:
-        table.add_row(
-            str(result.seed),
-            "-" if result.t_sync_cycles is None else str(result.t_sync_cycles),
-            f"yes, at {result.cycles}" if result.censored else "no",
-            "-" if result.order_parameter is None else f"{result.order_parameter:.3f}",
-            f"{result.simulated_s:.1f}",
-            f"{result.wall_s:.2f}",
-            f"{result.real_time_factor:.0f}",
-            *map(_format_value, result.measures.values()),
-        )
+        cells = (cell(result) for cell in columns.values())
+        table.add_row(str(result.seed), *cells, *map(_format_value, result.measures.values()))
     Console(width=None if sys.stdout.isatty() else 120).print(table)
+
+
+_TIME_COLUMNS: dict[str, Callable[[TrialResult], str]] = {
+    "simulated [s]": lambda result: f"{result.simulated_s:.1f}",
+    "wall [s]": lambda result: f"{result.wall_s:.2f}",
+    "x real time": lambda result: f"{result.real_time_factor:.0f}",
+}
+"""Columns of every trial, and their cells."""
+
+
+def _outcome_columns(results: Sequence[TrialResult]) -> dict[str, Callable[[TrialResult], str]]:
+    """Return the columns that apply to trials of one scenario, and their cells: without oscillators there are none."""
+    columns: dict[str, Callable[[TrialResult], str]] = {}
+    if results[0].censored is not None:
+        columns["T_sync [cycles]"] = lambda result: _or_dash(result.t_sync_cycles, "d")
+        columns["censored"] = lambda result: f"yes, at {result.cycles}" if result.censored else "no"
+    if columns or any(result.order_parameter is not None for result in results):
+        columns["order par."] = lambda result: _or_dash(result.order_parameter, ".3f")
+    return columns
+
+
+def _or_dash(number: float | None, form: str) -> str:
+    return "-" if number is None else format(number, form)
 
 
 def _format_value(value: Value) -> str:
@@ -147,4 +142,5 @@ def _format_value(value: Value) -> str:
 
 def print_trial_json(result: TrialResult) -> None:
     """Print a trial as one JSON object on a line of stdout, at once."""
-    print(json.dumps({**result._asdict(), "versions": versions()}), flush=True)
+    events = [event._asdict() for event in result.events]
+    print(json.dumps({**result._asdict(), "events": events, "versions": versions()}), flush=True)

@@ -13,7 +13,7 @@ from epuck_sim.cli.progress import SweepProgressBar, TrialProgress, print_stderr
 from epuck_sim.cli.tables import print_status, print_trial_json, print_trials
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_outcome, read_status
+from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
@@ -88,6 +88,12 @@ def _run_trial(
 ) -> TrialResult:
     """Run one trial; its simulation is gone when this returns, as Ctrl-C may be lost while pymunk frees a space."""
     simulation = simulate(scenario, seed, interpret=options.interpret)
+    if options.live is not None:
+        from epuck_sim.embodied.controller_files import ControllerFiles  # numba takes a while
+        from epuck_sim.embodied.simulation import Simulation
+
+        assert isinstance(simulation, Simulation), "what is shown live has bodies"
+        observers = [*observers, ControllerFiles(simulation, print_stderr)]
     progress.begin(trial)
     return run_trial(simulation, observers, progress)
 

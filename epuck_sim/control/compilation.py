@@ -1,15 +1,19 @@
 """Compiles a controller's functions, and the loops that call them, into a cache that no edit leaves stale."""
 
+import re
 import warnings
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from functools import lru_cache
+from pathlib import Path
 from types import CellType, FunctionType, ModuleType
 from typing import Any
 
 import numba
 import numpy as np
 
+from epuck_sim.control.error_lines import FILE_NUMBER, ErrorPlaceCompiler
 from epuck_sim.control.interface import Controller
+from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import compile_at, layout
 from epuck_sim.util.jit import bind, digest, kernel_digest, name_after
@@ -34,33 +38,39 @@ def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object
     contents_digest = _contents_digest(controller)
     key = controller, contents_digest, loops, layout(arrays)
     if key not in _compiled:
-        start, step = _jitted(controller, contents_digest)
+        start, step = jit_functions((controller.start, controller.step), controller.modules, contents_digest)
         bound = [bind(loop, start=start, step=step) for loop in loops]
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
                 _compiled[key] = tuple(compile_at(loop, arrays, contents_digest, careful=True) for loop in bound)
         except Exception as error:  # numba's own errors, and what escapes it
-            raise ControllerError(
-                f"{controller.path}: cannot be compiled; --interpret runs it as plain Python.\n{_reason(error)}"
-            ) from error
+            message = explain_refusal(
+                error, controller.path, controller.sources, "; --interpret runs it as plain Python"
+            )
+            raise ControllerError(message) from error
     return _compiled[key]
 
 
 def _contents_digest(controller: Controller) -> str:
     """Return the digest of the sources and the global values from which a controller is compiled."""
-    return digest([_static_digest(controller).encode(), *_frozen_values(controller.modules.values())])
+    return digest([_static_digest(controller).encode(), *frozen_values(controller.modules.values())])
 
 
 @lru_cache
 def _static_digest(controller: Controller) -> str:
-    """Return the digest of the sources, and of the values in modules that the controller imports from elsewhere."""
-    own = controller.modules.values()
+    """Return what `digest_sources` returns, which takes long, of a controller."""
+    return digest_sources(controller.sources, controller.modules)
+
+
+def digest_sources(sources: Mapping[Path, bytes], modules: Mapping[Path, ModuleType]) -> str:
+    """Return the digest of the sources, and of the values in modules that a user's file imports from elsewhere."""
+    own = modules.values()
     imported = {value: None for module in own for value in vars(module).values() if isinstance(value, ModuleType)}
-    return digest([kernel_digest().encode(), *controller.sources.values(), *_frozen_values(imported)])
+    return digest([kernel_digest().encode(), *sources.values(), *frozen_values(imported)])
 
 
-def _frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
+def frozen_values(modules: Iterable[ModuleType]) -> list[bytes]:
     """Return names and contents of the global values that numba may copy into compiled code."""
     return [
         repr((module.__name__, name, fingerprint(value))).encode()
@@ -85,13 +95,15 @@ def _can_be_frozen(value: object) -> bool:
     return isinstance(value, bool | int | float | complex | str | bytes | np.ndarray | np.generic)
 
 
-def _jitted(controller: Controller, contents_digest: str) -> tuple[Any, Any]:
-    """Return `start` and `step` as numba's dispatchers.
+def jit_functions(
+    functions: Iterable[Any], modules: Mapping[Path, ModuleType], contents_digest: str
+) -> tuple[Any, ...]:
+    """Return functions of a user's file as numba's dispatchers.
 
-    Each module of the controller gets a twin, in which dispatchers stand in for functions and twins for modules, so
+    Each module of the file gets a twin, in which dispatchers stand in for functions and twins for modules, so
     that the two find compiled helpers under the names that their sources use. The modules themselves do not change.
     """
-    twins = {id(vars(module)): ModuleType(module.__name__) for module in controller.modules.values()}
+    twins = {id(vars(module)): ModuleType(module.__name__) for module in modules.values()}
     dispatchers: dict[FunctionType, Any] = {}
 
     def twin(value: Any) -> Any:
@@ -105,21 +117,43 @@ def _jitted(controller: Controller, contents_digest: str) -> tuple[Any, Any]:
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
             named = name_after(copy, contents_digest)
-            dispatchers[value] = numba.njit(boundscheck=True, forceinline=True)(named)
+            compiler: Any = numba.njit(boundscheck=True, forceinline=True, pipeline_class=ErrorPlaceCompiler)
+            dispatchers[value] = compiler(named)
         return dispatchers[value]
 
-    for module in controller.modules.values():
-        vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})
-    return twin(controller.start), twin(controller.step)
+    for number, module in enumerate(modules.values()):
+        named_values = {name: twin(value) for name, value in vars(module).items()}
+        vars(twins[id(vars(module))]).update(named_values, **{FILE_NUMBER: number})
+    return tuple(map(twin, functions))
 
 
-INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from")
+INTERNALS = ("During: Pass", "During: lowering", "During: resolving", "raised from", "File ")
 """Beginnings of lines in numba's messages that say how it works rather than what is wrong."""
 
 
-def _reason(error: Exception) -> str:
-    """Return the essence of numba's long message: the innermost reason, and its place in the source."""
+def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes], instead: str = "") -> str:
+    """Return what to say of a file that numba cannot compile: file, line, its reason, and the line itself.
+
+    Args:
+        error: What numba raised.
+        path: The file.
+        sources: Contents of every file that it comes from.
+        instead: What else can be done with it.
+    """
     _, _, innermost = f"{type(error).__name__}: {error}".rpartition("raised a specific error:")
     lines = [line.strip() for line in innermost.splitlines()]
-    kept = [line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)]
-    return "\n".join(f"  {line}" for line in kept[:6])
+    reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
+    place = _place(reason, innermost, sources)
+    where = f"{place[0]}:{place[1]}" if place else str(path)
+    code = f"\n    {line_at(*place, sources)}" if place else ""
+    return f"{where}: cannot be compiled{instead}: {reason}{code}"
+
+
+def _place(reason: str, message: str, sources: Mapping[Path, bytes]) -> tuple[Path, int] | None:
+    """Return file and line of what numba cannot compile: of a name that it lacks, or the first place that it names."""
+    lacking = re.match(r"(?:Name|Key|Attribute)Error:.*'(\w+)'[^']*$", reason)
+    if lacking and (place := first_use(lacking[1], sources)):
+        return place
+    named = re.findall(r'File "([^"]+)", line (\d+)', message)
+    own = [(path, int(line)) for file, line in named if (path := Path(file).resolve()) in sources]
+    return own[0] if own else None

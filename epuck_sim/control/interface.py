@@ -6,9 +6,10 @@
     def start(memory, parameters, random): ...
     def step(sensors, memory, actuators, parameters, random): ...
     def check(parameters): ...           optional: raises ValueError on values that make no sense
+    EXTERNAL = ("wheels", "ring")        optional: what is commanded from outside, and left alone by `step`
 
-`step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets `actuators.left_cm_s`,
-`actuators.right_cm_s` and `actuators.ring_on`. `random` is the robot's own stream for `epuck_sim.util.rng`.
+`step` reads `sensors` (see `Sensors`), keeps what it needs in `memory`, and sets the fields of `actuators` (see
+`ACTUATORS`). `random` is the robot's own stream for `epuck_sim.util.rng`.
 A robot whose memory has `phase_ms` and whose parameters have `period_s` is an oscillator: its synchrony is measured.
 A controller may import files that lie beside it, and the built-in controllers, by name.
 """
@@ -18,18 +19,31 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.util.python_files import line_of_error
 
 Value = bool | int | float
 
+_Parameter = TypeVar("_Parameter", bound=bool | int | float | str)
+
+EXTERNAL = ("wheels", "ring")
+"""What a controller may leave to commands from outside."""
+
 MAX_WHOLE = 2**53
 """Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
+
+
+MAX_MESSAGES = 8
+"""Largest number of messages that a robot can read in one control step."""
+
+_NO_MESSAGES = np.zeros(MAX_MESSAGES, np.int64)
+_NO_MESSAGES.flags.writeable = False
 
 
 class Sensors(NamedTuple):
@@ -42,13 +56,27 @@ class Sensors(NamedTuple):
     distance_mm: IntArray
     """(8,) mm: distances computed from the readings; `epuck.OUT_OF_RANGE_MM` where nothing is in range."""
     camera: IntArray
-    """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture."""
+    """(pixels,): 1 where a lit ring is seen, 0 where not; index 0 is the left edge of the picture. A robot with another
+    signal than the camera has one pixel: 1 if a flash or a pulse reaches it."""
     new_picture: bool = True
     """Whether `camera` holds a picture that the controller has not seen before. Cameras that take fewer pictures than
     there are control steps hold the last one until the next arrives."""
+    pulses: int = 0
+    """Number of radio pulses that arrive in this control step."""
+    messages: IntArray = _NO_MESSAGES
+    """(MAX_MESSAGES,): what the first of them say, as their senders have set `actuators.send`; 0 for a bare pulse."""
 
 
-ACTUATORS = np.dtype([("left_cm_s", np.float64), ("right_cm_s", np.float64), ("ring_on", np.int64)], align=True)
+ACTUATORS = np.dtype(
+    [
+        ("left_cm_s", np.float64),  # of the left wheel, within the wheels' limit
+        ("right_cm_s", np.float64),
+        ("ring_on", np.int64),  # 1 lights the ring
+        ("send", np.int64),  # a message, sent by radio in each control step in which it is not 0
+        ("turn_rad", np.float64),  # an instantaneous turn to the left in each control step, before the wheels move
+    ],
+    align=True,
+)
 """Record of what a controller commands, one for each robot; it keeps its values until they are set again."""
 
 
@@ -69,6 +97,8 @@ class Controller:
     """Contents of every file that the controller's code comes from, at the time of loading."""
     modules: Mapping[Path, ModuleType]
     """The module made from each of these files: the controller's own copy, which no `import` statement returns."""
+    external: tuple[str, ...]
+    """What is commanded from outside, of `EXTERNAL`."""
 
     @property
     def is_oscillator(self) -> bool:
@@ -85,23 +115,21 @@ class Controller:
         Raises:
             ValueError: A name or value is not allowed; the message says what is.
         """
-        for name in given:
-            if name not in self.parameters:
-                raise ValueError(
-                    f"{did_you_mean(name, self.parameters)}; {self.name} has {comma_list(self.parameters)}"
-                )
-        values = {
-            name: typed(name, given[name], default) if name in given else default
-            for name, default in self.parameters.items()
-        }
+        values = with_defaults(self.name, given, self.parameters, typed)
         if self.is_oscillator and values["period_s"] <= 0:
             raise ValueError(f"period_s is {values['period_s']}; allowed: above 0")
         if self.check is not None:
             try:
                 self.check(SimpleNamespace(**values))
             except Exception as error:  # whatever a user's file may raise
-                raise ValueError(str(error) if isinstance(error, ValueError) else f"check: {error!r}") from error
+                where = line_of_error(error, self.sources) or self.path
+                said = str(error) if isinstance(error, ValueError) else f"{where}: {type(error).__name__}: {error}"
+                raise ValueError(said) from error
         return values
+
+    def parameter_values(self, record: np.void) -> dict[str, Value]:
+        """Return the parameters that a record holds, by name; see `parameter_record`."""
+        return {name: type(default)(record[name]) for name, default in self.parameters.items()}
 
     def parameter_record(self, values: Mapping[str, Value]) -> npt.NDArray[np.void]:
         """Return (1,) a record that holds the value of each parameter."""
@@ -109,6 +137,28 @@ class Controller:
         for name, value in values.items():
             record[name] = value
         return record
+
+
+def with_defaults(
+    owner: str, given: Mapping[str, object], defaults: Mapping[str, _Parameter], convert: Callable[..., _Parameter]
+) -> dict[str, _Parameter]:
+    """Return every parameter with its given value, converted, or its default.
+
+    Args:
+        owner: Name of what has these parameters.
+        given: Values by the names of parameters.
+        defaults: Every parameter's default.
+        convert: Function of a name, a given value and a default, such as `typed`.
+
+    Raises:
+        ValueError: A name is unknown, or a value cannot be converted; the message says what is allowed.
+    """
+    for name in given:
+        if name not in defaults:
+            raise ValueError(f"{did_you_mean(name, dict(defaults))}; {owner} has {comma_list(defaults)}")
+    return {
+        name: convert(name, given[name], default) if name in given else default for name, default in defaults.items()
+    }
 
 
 def typed(name: str, given: object, default: Value) -> Value:

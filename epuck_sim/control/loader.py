@@ -1,4 +1,4 @@
-"""Controllers from Python files: finds the file, loads it and checks that it describes a controller.
+"""Controllers from files: finds the file, loads it and checks that it describes a controller.
 
 Each controller is loaded with copies of its own of the files that it imports: two files of one name in two folders are
 never mistaken for each other, an edit is noticed, and a trial's outcome depends on files and parameters alone.
@@ -7,11 +7,19 @@ never mistaken for each other, an edit is noticed, and a trial's outcome depends
 import sys
 from pathlib import Path
 
-from epuck_sim.control.interface import Controller, record_type, typed
+from epuck_sim.control.firmware import load_firmware
+from epuck_sim.control.interface import EXTERNAL, Controller, record_type, typed
+from epuck_sim.control.names import check_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
-from epuck_sim.util.python_files import AS_LOADED, fingerprint, load_python_file
+from epuck_sim.util.python_files import (
+    AS_LOADED,
+    fingerprint,
+    line_of_definition,
+    line_of_error,
+    load_python_file,
+)
 
 PARTS = {
     "PARAMETERS": "a mapping of names to default values",
@@ -20,25 +28,33 @@ PARTS = {
     "step": "a function step(sensors, memory, actuators, parameters, random)",
 }
 
+SUFFIXES = (".py", ".c", ".so")
+"""Endings of controllers' files: Python, firmware in C, and the library that it was compiled to."""
+
 _loaded: dict[Path, tuple[list[int], Controller]] = {}
+
+
+def is_file(name: str) -> bool:
+    """Return whether a controller's name is that of a file."""
+    return name.endswith(SUFFIXES)
 
 
 def find_controller(name: str, folder: Path | None = None) -> Controller:
     """Return a built-in controller, or the one that a file describes.
 
     Args:
-        name: The name of a built-in controller, or the path of a file, which ends in .py.
+        name: The name of a built-in controller, or the path of a file, which ends in .py, .c or .so.
         folder: Where a relative path begins; if there is no such file, it begins at the working directory.
 
     Raises:
         ControllerError: There is no such controller, or the file does not describe one.
     """
-    if not name.endswith(".py") and "/" not in name and "\\" not in name:
+    if not is_file(name) and "/" not in name and "\\" not in name:
         shipped = builtin_files(CONTROLLERS)
         if name not in shipped:
             raise ControllerError(
                 f"{did_you_mean(name, shipped)}; shipped controllers: {comma_list(shipped)}; "
-                "or give a file that ends in .py"
+                f"or give a file that ends in {' or '.join(SUFFIXES)}"
             )
         return load_controller(shipped[name])
     folders = dict.fromkeys([folder or Path(), Path()])
@@ -61,7 +77,7 @@ def load_controller(path: Path) -> Controller:
         stamps, controller = _loaded[path]
         if stamps == _stamps(controller):
             return controller
-    controller = _load(path)
+    controller = _load(path) if path.suffix == ".py" else load_firmware(path)
     _loaded[path] = (_stamps(controller), controller)
     return controller
 
@@ -74,24 +90,41 @@ def _load(path: Path) -> Controller:
     try:
         file = load_python_file(path, (builtin_folder(CONTROLLERS),))
     except (Exception, SystemExit) as error:  # whatever a user's file may raise
-        raise ControllerError(f"{path}: cannot be loaded: {type(error).__name__}: {error}") from error
+        where = line_of_error(error, [path]) or path
+        raise ControllerError(f"{where}: cannot be loaded: {type(error).__name__}: {error}") from error
     parts = vars(file.module)
+    source = file.sources[path]
     for part, wanted in PARTS.items():
         if not (isinstance(parts.get(part), dict) if part.isupper() else callable(parts.get(part))):
-            raise ControllerError(f"{path}: a controller needs {part}: {wanted}")
+            where = f"{path}:{line_of_definition(part, source)}" if part in parts else path
+            raise ControllerError(f"{where}: a controller needs {part}: {wanted}")
     if not callable(parts.get("check", print)):
-        raise ControllerError(f"{path}: check must be a function check(parameters), or not be there")
+        where = f"{path}:{line_of_definition('check', source)}"
+        raise ControllerError(f"{where}: check must be a function check(parameters), or not be there")
+    external = parts.get("EXTERNAL", ())
+    if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
+        raise ControllerError(
+            f"{path}:{line_of_definition('EXTERNAL', source)}: EXTERNAL is {short_repr(external)}; allowed: a tuple of "
+            f"{comma_list(list(EXTERNAL))}"
+        )
     for name, default in parts["PARAMETERS"].items():
         if not isinstance(default, bool | int | float):
-            raise ControllerError(f"{path}: PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
+            where = f"{path}:{line_of_definition('PARAMETERS', source)}"
+            raise ControllerError(f"{where}: PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
+    part = "PARAMETERS"
     try:
-        parameters = {name: typed(name, default, default) for name, default in parts["PARAMETERS"].items()}
+        parameters = {name: typed(name, default, default) for name, default in parts[part].items()}
         record_type({name: type(default) for name, default in parameters.items()})
-        memory = record_type(parts["MEMORY"])
+        part = "MEMORY"
+        memory = record_type(parts[part])
     except (TypeError, ValueError) as error:
-        raise ControllerError(f"{path}: PARAMETERS or MEMORY: {error}") from error
+        raise ControllerError(f"{path}:{line_of_definition(part, source)}: {part}: {error}") from error
     start, step, check = parts["start"], parts["step"], parts.get("check")
-    return Controller(path.stem, path, parameters, memory, start, step, check, file.sources, file.modules)
+    controller = Controller(
+        path.stem, path, parameters, memory, start, step, check, file.sources, file.modules, external
+    )
+    check_names(controller)
+    return controller
 
 
 def check_imported_copies(controller: Controller) -> None:

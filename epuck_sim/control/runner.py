@@ -12,11 +12,15 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.compilation import compile_loops
-from epuck_sim.control.interface import Controller, Sensors
+from epuck_sim.control.error_lines import take_error_place
+from epuck_sim.control.firmware import Firmware
+from epuck_sim.control.firmware_loop import firmware_loops
+from epuck_sim.control.interface import ACTUATORS, Controller, Sensors
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.addresses import function_address, hold
 from epuck_sim.util.jit import bind
+from epuck_sim.util.python_files import line_of_error
 
 Records = npt.NDArray[np.void]
 
@@ -34,6 +38,10 @@ class SensorArrays(NamedTuple):
     """(robots, pixels)"""
     new_picture: BoolArray
     """(robots,)"""
+    pulses: IntArray
+    """(robots,)"""
+    messages: IntArray
+    """(robots, MAX_MESSAGES)"""
 
     def of(self, rows: slice, pixels: int) -> "SensorArrays":
         """Return views of these rows, those of robots whose cameras have `pixels` pixels.
@@ -44,7 +52,13 @@ class SensorArrays(NamedTuple):
         if camera.shape[1] != pixels:
             camera = np.zeros((len(camera), pixels), camera.dtype)
         return SensorArrays(
-            self.step_ms[rows], self.infrared[rows], self.distance_mm[rows], camera, self.new_picture[rows]
+            self.step_ms[rows],
+            self.infrared[rows],
+            self.distance_mm[rows],
+            camera,
+            self.new_picture[rows],
+            self.pulses[rows],
+            self.messages[rows],
         )
 
 
@@ -92,6 +106,8 @@ def _step_all(address: int) -> None:
             senses.distance_mm[robot],
             senses.camera[robot],
             bool(senses.new_picture[robot]),
+            int(senses.pulses[robot]),
+            senses.messages[robot],
         )
         step(sensors, memory[robot], actuators[robot], arrays.parameters[robot], arrays.random[robot])  # noqa: F821
     arrays.serving[0] = -1
@@ -100,6 +116,8 @@ def _step_all(address: int) -> None:
 class ControllerRunner:
     """The controllers of one group of robots, with what they remember."""
 
+    controller: Controller
+    """What runs on the robots."""
     arrays: ControllerArrays
     """What the controllers work on."""
     step_all: Callable[[int], None]
@@ -116,7 +134,7 @@ class ControllerRunner:
         actuators: Records,
         interpret: bool = False,
     ) -> None:
-        """Start `controller` on each robot.
+        """Prepare `controller` for each robot, without starting it.
 
         Args:
             controller: What runs on the robots.
@@ -128,11 +146,10 @@ class ControllerRunner:
 
         Raises:
             ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
-            RobotError: Its `start` raises an error.
         """
         check_imported_copies(controller)
         kind: Any = np.recarray if interpret else np.ndarray
-        self._controller = controller
+        self.controller = controller
         self.arrays = arrays = ControllerArrays(
             senses=senses,
             actuators=actuators.view(kind),
@@ -142,13 +159,16 @@ class ControllerRunner:
             serving=np.full(1, -1),
         )
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
-        if interpret:
-            start_all, self.step_all = _interpreted_loops(controller, arrays)
+        if isinstance(controller, Firmware):
+            self._start_all, self.step_all, self.address, self._owner = firmware_loops(
+                controller, arrays, interpret=interpret
+            )
+        elif interpret:
+            self._start_all, self.step_all = _interpreted_loops(controller, arrays)
             self.address = 0
         else:
-            start_all, self.step_all = compile_loops(controller, (_start_all, _step_all), arrays)
+            self._start_all, self.step_all = compile_loops(controller, (_start_all, _step_all), arrays)
             self._owner, self.address = hold(arrays)
-        self._run(start_all)
 
     @property
     def memory(self) -> Records:
@@ -159,6 +179,16 @@ class ControllerRunner:
     def step_address(self) -> int:
         """Address of `step_all` in compiled code."""
         return function_address(self.step_all)
+
+    def start(self) -> None:
+        """Start the controller of each robot, which remembers and commands nothing yet.
+
+        Raises:
+            RobotError: A robot's controller raises an error.
+        """
+        self.memory.view(np.ndarray)[:] = np.zeros(1, self.memory.dtype)
+        self.arrays.actuators.view(np.ndarray)[:] = np.zeros(1, ACTUATORS)
+        self._run(self._start_all)
 
     def step(self) -> None:
         """Run one control step of each robot.
@@ -181,7 +211,15 @@ class ControllerRunner:
         robot = int(self.arrays.serving[0])
         if robot < 0 or isinstance(error, BdbQuit):  # the user has left the debugger
             return None
-        return RobotError(self._controller, robot, error)
+        return RobotError(self.controller, robot, error, self._place_of(error))
+
+    def _place_of(self, error: BaseException) -> str:
+        """Return FILE:LINE of an error that a robot has raised, or its controller's file."""
+        sources = self.controller.sources
+        if self.address == 0:
+            return line_of_error(error, sources) or str(self.controller.path)
+        place = take_error_place()
+        return f"{list(sources)[place.file]}:{place.line}" if place else str(self.controller.path)
 
 
 def _interpreted_loops(controller: Controller, arrays: ControllerArrays) -> tuple[Any, Any]:
@@ -201,6 +239,7 @@ class RobotError(ControllerError):
         robot: The robot's number in its group.
     """
 
-    def __init__(self, controller: Controller, robot: int, error: BaseException) -> None:
-        super().__init__(f"{controller.path}: {type(error).__name__}: {error}")
+    def __init__(self, controller: Controller, robot: int, error: BaseException, place: str) -> None:
+        inside = "" if place.startswith(str(controller.path)) else f" (in the controller {controller.path})"
+        super().__init__(f"{place}: {type(error).__name__}: {error}{inside}")
         self.robot = robot

@@ -21,11 +21,13 @@ class Bodies(NamedTuple):
     height_cm: float
     """Height of the arena."""
     circles: FloatArray
-    """(k, 3) cm: round obstacles, see `arena.Arena`."""
+    """(k, 3) cm: round obstacles and movables, see `arena.Arena`; those of movables are written."""
     edges: FloatArray
     """(m, 4) cm: edges of the other obstacles, see `arena.Arena`."""
     cells: CellList
     """Cell list sorted by the poses."""
+    touch: bool
+    """Whether robots touch each other; else they pass through each other."""
     step_s: float
     """Seconds of a physics step."""
     calls: npt.NDArray[np.void]
@@ -38,3 +40,7 @@ class Bodies(NamedTuple):
     """(robots,) space for `find_contact_candidates`."""
     is_in_space: BoolArray
     """(robots,) whether a robot's body is in the `cpSpace`."""
+    movables: IntArray
+    """(movables,) address of the `cpBody` of each movable."""
+    drives: IntArray
+    """(robots,) address of the `cpBody` whose velocity a robot's wheels give it, see `movables`; none without any."""

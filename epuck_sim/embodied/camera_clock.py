@@ -46,18 +46,29 @@ def start_camera_clock(
     interval: float, latency: float, streams: StreamArray, camera: IntArray, new_picture: BoolArray
 ) -> CameraClock:
     """Return a clock that has taken no picture yet, for as many robots as there are streams; see `CameraClock`."""
-    return CameraClock(
+    clock = CameraClock(
         interval=interval,
         latency=latency,
         streams=streams,
-        first=np.array([interval * uniform(stream) for stream in streams]),
-        taken=np.zeros(len(streams), np.int64),
-        arrival=np.full(len(streams), _NEVER),
+        first=np.empty(len(streams)),
+        taken=np.empty(len(streams), np.int64),
+        arrival=np.empty(len(streams), np.int64),
         in_view=np.zeros(camera.shape, np.int64),
         waiting=np.zeros(camera.shape, np.int64),
         camera=camera,
         new_picture=new_picture,
     )
+    restart_camera_clock(clock)
+    return clock
+
+
+def restart_camera_clock(clock: CameraClock) -> None:
+    """Set a clock to before its first pictures, whose instants are drawn from its streams."""
+    clock.first[:] = [clock.interval * uniform(stream) for stream in clock.streams]
+    clock.taken[:] = 0
+    clock.arrival[:] = _NEVER
+    clock.in_view[:] = 0
+    clock.waiting[:] = 0
 
 
 @jit

@@ -31,6 +31,10 @@ CALLS = np.dtype(
         ("poses_index", np.intp),  # the index of the next float to read or write in it, a C int
         ("velocities", np.intp),  # a `pmBatchedData`
         ("velocities_index", np.intp),  # the index of the next float to read in it, a C int
+        ("turns", np.intp),  # a `pmBatchedData` of the angular velocities alone
+        ("turns_index", np.intp),  # the index of the next float to read in it, a C int
+        ("circles", np.intp),  # a `pmBatchedData` of positions, for movables
+        ("circles_index", np.intp),  # the index of the next float to write in it, a C int
     ]
 )
 """Addresses of what `move_bodies` calls, and of what it calls that with."""
@@ -115,6 +119,10 @@ def _step_space(bodies: Bodies, steps: int) -> None:
         if bodies.is_in_space[robot]:
             _set_int(call.poses_index, 3 * robot)
             _call(call.get_body, bodies.pointers[robot, 0], call.poses)
+    first = len(bodies.circles) - len(bodies.movables)
+    for movable in range(len(bodies.movables)):
+        _set_int(call.circles_index, 3 * (first + movable))
+        _call(call.get_body, bodies.movables[movable], call.circles)
 
 
 @jit_nogil
@@ -135,9 +143,14 @@ def _enter_or_leave(bodies: Bodies, robot: int) -> None:
 
 @jit_nogil
 def _set_body(bodies: Bodies, robot: int) -> None:
-    """Set the pose and the velocities of a robot's body."""
+    """Set the pose of a robot's body, and its velocities, or those to which its wheels drive it."""
     call = bodies.calls[0]
     _set_int(call.poses_index, 3 * robot)
     _call(call.set_body, bodies.pointers[robot, 0], call.poses)
     _set_int(call.velocities_index, 3 * robot)
-    _call(call.set_body, bodies.pointers[robot, 0], call.velocities)
+    if len(bodies.drives) == 0:
+        _call(call.set_body, bodies.pointers[robot, 0], call.velocities)
+    else:
+        _call(call.set_body, bodies.drives[robot], call.velocities)
+        _set_int(call.turns_index, 3 * robot + 2)
+        _call(call.set_body, bodies.pointers[robot, 0], call.turns)

@@ -43,17 +43,18 @@ def find_contact_candidates(bodies: Bodies, time_s: float) -> None:
         fastest = max(fastest, velocities[robot, 0] ** 2 + velocities[robot, 1] ** 2)
     path_cm = math.sqrt(fastest) * time_s + PUSHED_CM
     reach_cm = _TOUCH_CM + 2.0 * path_cm
-    if reach_cm > min(cells.width_cm, cells.height_cm):  # robots of further cells may be within reach, too
+    # robots of further cells may be within reach, too; and movables may push robots that are far from each other
+    if reach_cm > min(cells.width_cm, cells.height_cm) or len(bodies.movables) > 0:
         bodies.is_candidate[:] = True
         return
     found = 0
     for robot in range(len(poses)):
         meets = _meets_wall(bodies, robot, time_s) or _is_near_obstacle(bodies, robot, _WALL_TOUCH_CM + path_cm)
-        bodies.is_candidate[robot] = meets or _meets_robot(bodies, robot, time_s, reach_cm)
+        bodies.is_candidate[robot] = meets or (bodies.touch and _meets_robot(bodies, robot, time_s, reach_cm))
         if bodies.is_candidate[robot]:
             bodies.reached[found] = robot
             found += 1
-    while found > 0:
+    while bodies.touch and found > 0:
         found -= 1
         found = _reach_others(bodies, bodies.reached[found], reach_cm, found)
 

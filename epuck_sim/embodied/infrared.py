@@ -78,6 +78,7 @@ def sense_infrared(
     circles: FloatArray,
     edges: FloatArray,
     cells: CellList,
+    sees_robots: bool,
     observer: int,
     readings: FloatArray,
 ) -> None:
@@ -90,6 +91,7 @@ def sense_infrared(
         circles: (k, 3) cm: round obstacles, see `arena.Arena`.
         edges: (m, 4) cm: edges of the other obstacles, see `arena.Arena`.
         cells: Cell list sorted by `poses`.
+        sees_robots: Whether rays end at robots; else only at walls and obstacles.
         observer: Number of the first robot that senses.
         readings: (observers, 8) counts: the readings of the robots from `observer` on; written.
     """
@@ -100,7 +102,8 @@ def sense_infrared(
         cos, sin = math.cos(poses[robot, 2]), math.sin(poses[robot, 2])
         distances[:] = math.inf
         _meet_walls(x, y, cos, sin, width_cm, height_cm, distances)
-        _meet_robots(poses, robot, cos, sin, cells, distances)
+        if sees_robots:
+            _meet_robots(poses, robot, cos, sin, cells, distances)
         for k in range(len(circles)):
             dx, dy, radius = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
             if dx * dx + dy * dy <= (_REACH + radius) ** 2:

@@ -1,6 +1,7 @@
 """Placement of robots at the start: at given poses, on the grid of the physical experiments, or at random."""
 
 import math
+from itertools import product
 
 import numpy as np
 
@@ -21,6 +22,7 @@ MAX_DRAWS = 10_000
 """Number of random positions tried for a robot before the arena counts as full."""
 
 _TOUCH_CM = 2 * epuck.RADIUS_CM
+_CELL_CM = 8.0  # longer than that: who touches a robot is in its cell or in one of the eight around it
 _TOLERANCE_CM = 1e-6
 
 
@@ -59,8 +61,8 @@ def _at_given_poses(
         gap = clearance_cm(arena, x, y) - epuck.RADIUS_CM
         if gap < -_TOLERANCE_CM:
             raise ScenarioError(
-                f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall or an obstacle; allowed: at "
-                f"least {epuck.RADIUS_CM:g} cm away from them"
+                f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
+                f"allowed: at least {epuck.RADIUS_CM:g} cm away from them"
             )
         others = np.vstack([placed, poses[:number]])
         distances = np.hypot(others[:, 0] - x, others[:, 1] - y)
@@ -99,27 +101,56 @@ def _at_random(
     group: RobotGroup, key: str, arena: Arena, placed: FloatArray, random: np.random.Generator
 ) -> FloatArray:
     """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
-    poses = np.vstack([placed, np.empty((group.count, 3))])
+    poses = []
+    taken = _TakenPlaces(placed)
     width, height = arena.width_cm - 2 * epuck.RADIUS_CM, arena.height_cm - 2 * epuck.RADIUS_CM
-    for robot in range(len(placed), len(poses)):
+    for robot in range(group.count):
         for _ in range(MAX_DRAWS):
             x = epuck.RADIUS_CM + width * random.random()
             y = epuck.RADIUS_CM + height * random.random()
-            if _is_free(arena, poses[:robot], x, y):
+            if taken.is_free(x, y) and _is_clear(arena, x, y):
                 break
         else:
             raise ScenarioError(
-                f"{key}.count: is {group.count}; no free place was found for robot {robot - len(placed)} in "
+                f"{key}.count: is {group.count}; no free place was found for robot {robot} in "
                 f"{MAX_DRAWS} draws: random placement fills at most about half of the floor; give fewer robots, a "
                 "larger arena, or poses"
             )
-        poses[robot] = x, y, 2 * math.pi * random.random()
-    return poses[len(placed) :]
+        taken.add(x, y)
+        poses.append((x, y, 2 * math.pi * random.random()))
+    return np.array(poses)
+
+
+class _TakenPlaces:
+    """Places of robots in square cells, which are faster to search than one array: most are far away."""
+
+    def __init__(self, placed: FloatArray) -> None:
+        """Take the places of (robots, 3) poses."""
+        self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
+        for x, y, _ in placed.tolist():
+            self.add(x, y)
+
+    def add(self, x: float, y: float) -> None:
+        """Take a place."""
+        self._cells.setdefault((int(x / _CELL_CM), int(y / _CELL_CM)), []).append((x, y))
+
+    def is_free(self, x: float, y: float) -> bool:
+        """Return whether a robot at (x, y) touches none of those whose places are taken."""
+        column, row = int(x / _CELL_CM), int(y / _CELL_CM)
+        for cell in product((column - 1, column, column + 1), (row - 1, row, row + 1)):
+            for other_x, other_y in self._cells.get(cell, ()):
+                dx, dy = other_x - x, other_y - y
+                if dx * dx + dy * dy < _TOUCH_CM**2:
+                    return False
+        return True
 
 
 def _is_free(arena: Arena, placed: FloatArray, x: float, y: float) -> bool:
     """Return whether a robot at (x, y) touches no robot that is placed, no wall and no obstacle."""
     dx, dy = placed[:, 0] - x, placed[:, 1] - y
-    return (
-        bool((dx * dx + dy * dy >= _TOUCH_CM**2).all()) and clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM
-    )
+    return bool((dx * dx + dy * dy >= _TOUCH_CM**2).all()) and _is_clear(arena, x, y)
+
+
+def _is_clear(arena: Arena, x: float, y: float) -> bool:
+    """Return whether a robot at (x, y) touches no wall and no obstacle."""
+    return clearance_cm(arena, x, y) >= epuck.RADIUS_CM - _TOLERANCE_CM

@@ -1,10 +1,11 @@
-"""The rigid bodies: robots, walls and obstacles in pymunk. No other module uses pymunk.
+"""The rigid bodies: robots, walls and obstacles in pymunk, which else only `movables` uses.
 
 Contacts are hard, without bounce, and by default without friction: they never turn a robot (Enki). Wheels set the
 bodies' velocities at the beginning of each control step, and changes made by contacts last until the next one. Thus a
-robot that pushes one that holds still moves both at half its speed.
+robot that pushes one that holds still moves both at half its speed. Where there are movables, forces count: `movables`.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,17 +22,21 @@ from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
 from epuck_sim.embodied.chipmunk import CALLS, move_bodies
 from epuck_sim.embodied.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.movables import Movables
 from epuck_sim.errors import EpuckSimError
 
 WALL_CM = 50.0
 """Thickness of the walls in cm: far more than a robot can cover in one physics step."""
+
+_ROBOTS = 1
+"""pymunk's group of shapes that do not touch each other: robots that pass through each other."""
 
 _POSE = BodyFields.POSITION | BodyFields.ANGLE
 _VELOCITY = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
 
 
 class World:
-    """The bodies of one trial; a space is never used for a second one (viblo/pymunk#181)."""
+    """The bodies of one trial after the other; a space is never used for a second one (viblo/pymunk#181)."""
 
     poses: FloatArray
     """(robots, 3) cm, cm, rad: x, y, heading; updated by `advance`. Headings count full turns."""
@@ -40,27 +45,45 @@ class World:
     bodies: Bodies
     """What compiled code moves; it holds `poses` and `velocities`."""
 
-    def __init__(self, arena: Arena, poses: FloatArray, friction: float, physics_hz: int) -> None:
+    def __init__(
+        self,
+        arena: Arena,
+        poses: FloatArray,
+        friction: float,
+        physics_hz: int,
+        *,
+        touch: bool = True,
+        drive_force_n: float = 0.5,
+    ) -> None:
         """Put robots at (robots, 3) `poses` into the arena.
 
         Args:
-            arena: The arena, in cm.
+            arena: The arena, in cm; where its movables are is written to it.
             poses: (robots, 3) cm, cm, rad: x, y, heading.
             friction: Coefficient between any two bodies that touch.
             physics_hz: Physics steps in a second.
+            touch: Whether robots touch each other; else they pass through each other.
+            drive_force_n: Largest force of wheels where there are movables, N.
         """
-        self._space = space = pymunk.Space()
-        space.collision_slop = 2 * MARGIN_CM
-        space.collision_bias = 0.0  # an overlap is gone after one physics step
         root = friction**0.5  # pymunk multiplies the friction of the two that touch
-        for shape in _walls(space.static_body, arena) + _obstacles(space.static_body, arena):
+        self._ground = pymunk.Body(body_type=pymunk.Body.STATIC)
+        self._fixed = _walls(self._ground, arena) + _obstacles(self._ground, arena)
+        for shape in self._fixed:
             shape.friction = root
-            space.add(shape)
-        self._discs = [_disc(root) for _ in poses]  # in the space while they may touch something
-        self.poses = poses.copy()
-        self.velocities = np.zeros_like(poses)
+        own = pymunk.ShapeFilter(group=0 if touch else _ROBOTS)  # shapes of one group do not touch each other
+        self._space = pymunk.Space()
+        self._discs = [_disc(root, own) for _ in poses]  # in the space while they may touch something
+        self.poses = np.empty_like(poses)
+        self.velocities = np.empty_like(poses)
         # compiled code refers to both by their addresses only
-        self._batches = _Batch(_POSE, self.poses), _Batch(_VELOCITY, self.velocities)
+        self._batches = {
+            "poses": _Batch(_POSE, self.poses),
+            "velocities": _Batch(_VELOCITY, self.velocities),
+            "turns": _Batch(BodyFields.ANGULAR_VELOCITY, self.velocities),
+            "circles": _Batch(BodyFields.POSITION, arena.circles),
+        }
+        robots = [body for body, _ in self._discs] if len(arena.movables) else []
+        self._movables = Movables(arena, self._ground, robots, root, drive_force_n)
         self.bodies = Bodies(
             poses=self.poses,
             velocities=self.velocities,
@@ -69,26 +92,69 @@ class World:
             circles=arena.circles,
             edges=arena.edges,
             cells=make_cell_list(arena.width_cm, arena.height_cm, len(poses)),
+            touch=touch,
             step_s=1.0 / physics_hz,
-            calls=_calls(space, *self._batches),
+            calls=_calls(self._batches),
             pointers=np.array([[_pointer(body._body), _pointer(disc._shape)] for body, disc in self._discs]),
             is_candidate=np.zeros(len(poses), np.bool_),
             reached=np.zeros(len(poses), np.int64),
             is_in_space=np.zeros(len(poses), np.bool_),
+            movables=self._movables.addresses,
+            drives=self._movables.drive_addresses,
         )
+        self.place(poses)
+
+    def place(self, poses: FloatArray) -> None:
+        """Put the robots at rest at (robots, 3) `poses`: cm, cm, rad; from there on the world is as good as new."""
+        self._empty_space()
+        self._space = space = pymunk.Space()
+        space.collision_slop = 2 * MARGIN_CM
+        space.collision_bias = 0.0  # an overlap is gone after one physics step
+        # pymunk's own methods would take half of the time
+        lib.cpSpaceAddBody(space._space, self._ground._body)
+        for shape in self._fixed:
+            lib.cpSpaceAddShape(space._space, shape._shape)
+        self._movables.enter(space)
+        self.bodies.calls["space"] = _pointer(space._space)
+        self.poses[:] = poses
+        self.velocities[:] = 0.0
         sort_into_cells(self.poses, self.bodies.cells)
+
+    def _empty_space(self) -> None:
+        """Take everything out of the space: pymunk takes the bodies away from the shapes that it finds at its end."""
+        self._movables.leave(self._space)
+        in_space = [self._discs[robot] for robot in np.flatnonzero(self.bodies.is_in_space)]
+        for shape in [*(disc for _, disc in in_space), *self._fixed]:
+            if lib.cpShapeGetSpace(shape._shape) != ffi.NULL:
+                lib.cpSpaceRemoveShape(self._space._space, shape._shape)
+        for body in [*(body for body, _ in in_space), self._ground]:
+            if lib.cpBodyGetSpace(body._body) != ffi.NULL:
+                lib.cpSpaceRemoveBody(self._space._space, body._body)
+        self.bodies.is_in_space[:] = False
+        for body, _ in self._discs:
+            _forget_motion(body._body)
 
     def advance(self, steps: int) -> None:
         """Move the bodies for this number of physics steps with the velocities that were written."""
         move_bodies(self.bodies, steps)
 
 
-def _disc(friction: float) -> tuple[pymunk.Body, pymunk.Circle]:
+def _disc(friction: float, shape_filter: pymunk.ShapeFilter) -> tuple[pymunk.Body, pymunk.Circle]:
     """Return the body of a robot, and its shape."""
     body = pymunk.Body(epuck.MASS_G, pymunk.moment_for_circle(epuck.MASS_G, 0, epuck.RADIUS_CM))
     disc = pymunk.Circle(body, epuck.RADIUS_CM + MARGIN_CM)
     disc.friction = friction
+    disc.filter = shape_filter
     return body, disc
+
+
+def _forget_motion(body: Any) -> None:
+    """Set a body to rest at the origin as a new one: from its last place, contacts would be found in another order."""
+    lib.cpBodySetVelocity(body, (0.0, 0.0))
+    lib.cpBodySetAngularVelocity(body, 0.0)
+    lib.cpBodyUpdatePosition(body, 0.0)  # forgets what its last contact was to correct in the next step
+    lib.cpBodySetPosition(body, (0.0, 0.0))
+    lib.cpBodySetAngle(body, 0.0)
 
 
 class _Batch:
@@ -126,14 +192,13 @@ _FUNCTIONS = {
 """Name and kind of each of Chipmunk's functions that `CALLS` names."""
 
 
-def _calls(space: pymunk.Space, poses: _Batch, velocities: _Batch) -> npt.NDArray[np.void]:
-    """Return (1,) the record of addresses that `move_bodies` takes."""
+def _calls(batches: Mapping[str, _Batch]) -> npt.NDArray[np.void]:
+    """Return (1,) the record of addresses that `move_bodies` takes, without the space's."""
     calls = np.zeros(1, CALLS)
-    calls["space"] = _pointer(space._space)
     for name, (function, kind) in _FUNCTIONS.items():
         calls[name] = function_address(function, kind)
-    calls["poses"], calls["poses_index"] = poses.pointer, poses.index_pointer
-    calls["velocities"], calls["velocities_index"] = velocities.pointer, velocities.index_pointer
+    for name, batch in batches.items():
+        calls[name], calls[f"{name}_index"] = batch.pointer, batch.index_pointer
     return calls
 
 
@@ -175,7 +240,8 @@ def _walls(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
 def _obstacles(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
     """Return the shapes of the arena's obstacles."""
     circles: list[pymunk.Shape] = [
-        pymunk.Circle(body, radius + MARGIN_CM, offset=(x, y)) for x, y, radius in arena.circles.tolist()
+        pymunk.Circle(body, radius + MARGIN_CM, offset=(x, y))
+        for x, y, radius in arena.circles[: arena.first_movable].tolist()
     ]
     return circles + [
         pymunk.Poly(body, [(x, y) for x, y in corners.tolist()], radius=MARGIN_CM) for corners in arena.polygons

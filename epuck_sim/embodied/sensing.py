@@ -44,6 +44,8 @@ class SensingArrays(NamedTuple):
     """Standard deviation of the noise of a reading, in counts."""
     by_table: bool
     """Whether distances come from the firmware's table instead of the inverse response."""
+    sees_robots: bool
+    """Whether infrared rays end at robots."""
     infrared: FloatArray
     """(group, 8) counts: the readings; written."""
     distance_mm: IntArray
@@ -65,8 +67,16 @@ def build_camera(section: CameraSection) -> Camera:
 @jit
 def sense(group: SensingArrays, noise_step: int) -> None:
     """Write what the robots of a group sense at this instant, with the noise of `infrared_noise[noise_step]`."""
+    sense_proximity(group, noise_step)
+    cells, first = group.cells, group.first_robot
+    see(group.poses, group.ring_on, group.circles, group.edges, cells, group.camera, first, group.pixels)
+
+
+@jit
+def sense_proximity(group: SensingArrays, noise_step: int) -> None:
+    """Write the readings of the infrared sensors of a group, and the distances that belong to them."""
     poses, circles, edges, cells, first = group.poses, group.circles, group.edges, group.cells, group.first_robot
-    sense_infrared(poses, group.width_cm, group.height_cm, circles, edges, cells, first, group.infrared)
+    walls = group.width_cm, group.height_cm
+    sense_infrared(poses, *walls, circles, edges, cells, group.sees_robots, first, group.infrared)
     noise = group.infrared_noise[noise_step, first:]
     to_distances(group.infrared, group.infrared_gain, noise, group.noise_counts, group.by_table, group.distance_mm)
-    see(poses, group.ring_on, circles, edges, cells, group.camera, first, group.pixels)

@@ -8,6 +8,8 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.group import SwarmArrays
+from epuck_sim.embodied.memory import memory_field
+from epuck_sim.embodied.relations import Relations
 
 
 class Step(NamedTuple):
@@ -33,9 +35,15 @@ class Step(NamedTuple):
     wheels_cm_s: FloatArray
     """(robots, 2) cm/s: left and right wheel as commanded, within the wheels' limit, without noise."""
     ring_on: BoolArray
-    """(robots,): whether the ring is lit, as commanded."""
+    """(robots,): whether the ring is lit, as commanded if it has no fault."""
+    ring_commands: BoolArray
+    """(robots,): whether the ring is commanded to be lit; the reference's commands count as its firings."""
+    movables: FloatArray
+    """(movables, 2) cm: x, y of the arena's movables at this instant."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
+    relations: Relations
+    """Finds `sightings` and `contacts`."""
 
     @property
     def phase_ms(self) -> FloatArray:
@@ -49,9 +57,32 @@ class Step(NamedTuple):
         decided = np.concatenate([memory_field(memory, "flash_seen", np.nan) for memory in self.memories])
         return np.where(np.isnan(decided), self.camera.any(axis=1), decided > 0)
 
+    @property
+    def sightings(self) -> IntArray:
+        """(sightings, 2) robot that looks, and robot whose lit ring is in its view; found when it is asked for.
+
+        A ring is seen as it was commanded in the step before. A camera with fewer pictures than steps shows it later.
+        """
+        return self.relations.sightings(self.number)
+
+    @property
+    def contacts(self) -> IntArray:
+        """(contacts, 2) robot, and the robot that it touches, or -1: a wall, obstacle or movable.
+
+        They are found when they are asked for. Surfaces at most 1.6 mm apart touch. Two robots have one contact,
+        that of the one with the lower number.
+        """
+        return self.relations.contacts(self.number)
+
+    def _repr_html_(self) -> str:
+        """Return a table of the robots, for notebooks."""
+        from epuck_sim.embodied.notebook import show_step  # noqa: PLC0415 is for notebooks alone
+
+        return show_step(self)
+
 
 def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tuple[Any, ...]:
-    """Return the fields of every `Step` of a simulation after the first two, as views that refuse to be written to."""
+    """Return the arrays of every `Step` of a simulation, in order, as views that refuse to be written to."""
     return (
         _read_only(swarm.poses),
         _read_only(swarm.sensors.infrared),
@@ -59,6 +90,8 @@ def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tu
         _read_only(swarm.sensors.camera),
         _read_only(swarm.wheels_cm_s),
         _read_only(swarm.ring_on),
+        _read_only(swarm.ring_commands),
+        _read_only(swarm.arena.circles[swarm.arena.first_movable :, :2]),
         tuple(map(_read_only, memories)),
     )
 
@@ -67,10 +100,3 @@ def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     view = array.view()
     view.flags.writeable = False
     return view
-
-
-def memory_field(memory: npt.NDArray[Any], field: str, default: float) -> FloatArray:
-    """Return (robots,) a copy of a field of a group's memory, filled with `default` if there is no such field."""
-    if field in (memory.dtype.names or ()):
-        return np.array(memory[field], float)
-    return np.full(len(memory), default)

@@ -86,15 +86,24 @@ class Stoppages(NamedTuple):
 def begin_stoppages(section: StuckSection, streams: StreamArray, wheel_gain: FloatArray) -> Stoppages:
     """Return stoppages that free all robots at time 0; none for a section without any."""
     robots = len(streams) if section.per_hour > 0 else 0
-    return Stoppages(
+    stoppages = Stoppages(
         mean_free_s=3600 / section.per_hour if robots else math.inf,
         mean_stuck_s=float(section.mean_s),
         streams=streams[:robots],
-        until_s=np.zeros(robots),
-        is_stuck=np.ones(robots, np.bool_),
+        until_s=np.empty(robots),
+        is_stuck=np.empty(robots, np.bool_),
         free_gain=wheel_gain.copy(),
         wheel_gain=wheel_gain,
     )
+    restart_stoppages(stoppages)
+    return stoppages
+
+
+def restart_stoppages(stoppages: Stoppages) -> None:
+    """Free all robots at time 0; `wheel_gain` holds their factors when free."""
+    stoppages.until_s[:] = 0.0
+    stoppages.is_stuck[:] = True  # until time 0, when `stop_and_release` frees them
+    stoppages.free_gain[:] = stoppages.wheel_gain
 
 
 @jit_no_alloc

@@ -1,4 +1,12 @@
 """The figures, and the table beside each.
 
 May import: statistics, runs, recording, overhead.track and what they may import.
+
+From Python, `curves`, `contour_map`, `violins`, `series`, `order_parameters`, `deviations` and `perturbation` draw what
+`read_points` returns into Axes of matplotlib.
 """
+
+import lazy_loader
+
+# labels of tables come from this room, too: they must not wait for matplotlib; __init__.pyi lists the names
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

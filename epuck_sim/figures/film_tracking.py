@@ -14,7 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.figures.csv_tables import rounded, save_table
-from epuck_sim.figures.style import add_shared_legend, make_logarithmic
+from epuck_sim.figures.scales import make_logarithmic
+from epuck_sim.figures.style import add_shared_legend
 from epuck_sim.overhead.track.result import Snapshot, Track
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, frame_ends
 from epuck_sim.util.atomic_write import atomic_write, check_target
@@ -28,7 +29,7 @@ ACROSS = 4
 SHOWN_PERIODS = 1.3
 """Number of periods of the past that a snapshot of the histogram shows."""
 
-BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#1a9641", "#39ff14"
+BAR, MARK, LIMIT, SYNC, FOUND = "#d62728", "#1f4fd8", "0.35", "#5a0096", "#00e5ff"
 
 
 def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None) -> list[Path]:

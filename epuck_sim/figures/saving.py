@@ -15,11 +15,14 @@ from epuck_sim.figures.csv_tables import Table, save_table
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
 SAVE_OPTIONS: dict[str, dict[str, Any]] = {
-    ".png": {"dpi": 120},
+    ".png": {"dpi": 300},
     ".svg": {"metadata": {"Date": None}},
     ".pdf": {"metadata": {"CreationDate": None}},
 }
 """Options of matplotlib for each format; no format holds the date, so that equal figures are equal files."""
+
+EDITABLE: Any = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "epuck-sim"}
+"""Settings of matplotlib with which text stays text, and equal figures are equal files."""
 
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
@@ -89,6 +92,6 @@ def _check_files(stem: Path, endings: tuple[str, ...] | Mapping[str, Table]) -> 
 
 
 def _save_picture(figure: Figure, file: Path, ending: str) -> None:
-    with warnings.catch_warnings(), rc_context({"svg.hashsalt": "epuck-sim"}), atomic_write(file) as part:
+    with warnings.catch_warnings(), rc_context(EDITABLE), atomic_write(file) as part:
         warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
         figure.savefig(part, format=ending[1:], **SAVE_OPTIONS[ending])

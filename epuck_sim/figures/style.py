@@ -1,36 +1,90 @@
-"""Panels, legends and scales that figures have in common."""
+"""The looks that figures have in common: sizes, panels, titles and legends."""
 
 import math
+import re
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.legend import Legend
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.scenario.figure_axes import SPEED
 
-LOG_RATIO = 10.0
-"""Ratio of the largest to the smallest value from which an axis has a logarithmic scale."""
+STYLE: Any = {
+    "font.size": 8,
+    "axes.labelsize": 8,
+    "axes.linewidth": 0.6,
+    "axes.titlesize": 8,
+    "figure.titlesize": 8,
+    "hatch.linewidth": 0.6,
+    "legend.fontsize": 7,
+    "legend.handlelength": 2.4,
+    "lines.linewidth": 1,
+    "lines.markersize": 3.5,
+    "xtick.labelsize": 7,
+    "xtick.major.width": 0.6,
+    "ytick.labelsize": 7,
+    "ytick.major.width": 0.6,
+}
+"""Settings of matplotlib with which figures of sweeps are drawn; letters and lines are as large as print needs."""
+
+COLUMN_CM, PAGE_CM = 8.5, 17.5
+"""Widths of a column and of a page of two columns, cm: of a figure with one panel, and with several."""
+
+MIN_PANEL_CM = 4.0
+"""Smallest width of a panel, cm; narrower ones have no room for their numbers."""
 
 MAX_PANELS = 64
 """Largest number of panels of a figure; one with more is neither legible nor quickly drawn."""
 
+LETTERS_PER_CM = 6.5
+"""Number of letters of a title on a centimetre."""
+
+BAND = 0.15
+"""Opacity of bands."""
+
+BAR, BAR_ASPECT = 0.05, 25
+"""Width of a colour bar as a share of the figure's, and its height over its width."""
+
+GREY = "0.35"
+"""Colour of marks in legends that many curves have."""
+
+NAMES = re.compile(r"\b([TV])_(sync|cens|m|p)\b")
+"""Quantities of the thesis that are written with an index."""
+
+
+def typeset(text: str) -> str:
+    r"""Return a text for matplotlib: quantities of the thesis with their indices, all else as it is.
+
+    >>> typeset("T_sync for $5")
+    '$T_\\mathrm{sync}$ for \\$5'
+    """
+    return NAMES.sub(r"$\1_\\mathrm{\2}$", text.replace("$", r"\$"))
+
+
+def count_trials(trials: Sequence[int]) -> str:
+    """Return how many trials points have, as titles say it.
+
+    >>> count_trials([20, 20]), count_trials([5, 20]), count_trials([1])
+    ('20 trials a point', '5 to 20 trials a point', '1 trial a point')
+    """
+    low, high = min(trials), max(trials)
+    if low < high:
+        return f"{low} to {high} trials a point"
+    return f"{high} trial{'s' * (high != 1)} a point"
+
 
 def make_panels(
-    title: str, titles: Sequence[str], labels: tuple[str, str], size: tuple[float, float]
+    title: str, titles: Sequence[str], labels: tuple[str, str], width_cm: float | None = None
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure with a panel for each title, row by row; the panels share their scales.
 
     Args:
-        title: Title of the figure.
+        title: Title of the figure, whose lines are wrapped.
         titles: Titles of the panels.
         labels: Labels of the horizontal and of the vertical axis.
-        size: Width and height of a panel, inches.
+        width_cm: Width of the figure; by default that of a column for one panel, and that of a page for several.
 
     Returns:
         The figure, and its panels in the order of `titles`.
@@ -44,17 +98,16 @@ def make_panels(
             f"there would be {count} panels, one for each combination of the other axes; allowed: up to {MAX_PANELS}; "
             "draw against other axes, or --form curves"
         )
-    columns = count if count <= 3 else math.ceil(math.sqrt(count))
+    width_cm = width_cm or (COLUMN_CM if count == 1 else PAGE_CM)
+    columns = min(count if count <= 3 else math.ceil(math.sqrt(count)), max(1, int(width_cm / MIN_PANEL_CM)))
     rows = math.ceil(count / columns)
-    figure = Figure(figsize=(columns * size[0] + 1, rows * size[1] + 1), layout="constrained")
-    figure.suptitle(title, parse_math=False)
+    figure = make_figure(title, width_cm)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for unused in grid[count:]:
         unused.remove()
     panels = list(grid[:count])
     for panel, text in zip(panels, titles, strict=True):
-        panel.tick_params(labelsize="medium" if count == 1 else "small")
-        panel.set_title(text, fontsize="medium", parse_math=False)
+        panel.set_title(typeset(text))
     for panel in panels[::columns]:
         panel.set_ylabel(labels[1])
     for panel in panels[-columns:]:  # the lowest of each column, though the last row may be shorter
@@ -63,63 +116,54 @@ def make_panels(
     return figure, panels
 
 
+def make_figure(title: str, width_cm: float) -> Figure:
+    """Make an empty figure of this width; `finish` gives it its height."""
+    figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), layout="constrained")
+    letters = int(width_cm * LETTERS_PER_CM)
+    title = title.replace("Fig. ", "Fig.\N{NO-BREAK SPACE}")
+    lines = (textwrap.fill(line, letters, break_on_hyphens=False) for line in title.split("\n"))
+    figure.suptitle(typeset("\n".join(lines)))
+    return figure
+
+
+def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
+    """Add a legend of all marks below the panels, and make the figure so high that panels have their shape.
+
+    Args:
+        figure: The figure.
+        panels: Its panels, which differ neither in width nor in height.
+        shape: Height of each panel over its width.
+    """
+    for panel in panels:
+        # matplotlib would choose as many ticks as labels of its own size have room when the figure is saved
+        panel.tick_params(labelsize=STYLE["xtick.labelsize"])
+    add_shared_legend(figure, panels)
+    width, height = figure.get_size_inches()
+    rows = len({panel.get_subplotspec().rowspan.start for panel in panels})  # type: ignore[union-attr] # has one
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    engine.execute(figure)
+    box = panels[0].get_position()
+    figure.set_size_inches(width, round(height + rows * (shape * box.width * width - box.height * height), 2))
+
+
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
-    """Add a legend below the panels that names each label of any of them once."""
+    """Add a legend below the panels that names each label of any of them once, in as many columns as have room.
+
+    Labels that are wider than the figure go over several lines.
+    """
     handles: dict[str, Any] = {}
     for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
-    if handles:
-        legend = figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3, fontsize="small")
-        disable_mathtext(legend)
-
-
-def disable_mathtext(legend: Legend) -> None:
-    """Show dollar signs in a legend as they are, instead of taking them for formulas."""
-    for text in legend.get_texts():
-        text.set_parse_math(False)
-
-
-def is_logarithmic(key: str, values: FloatArray) -> bool:
-    """Return whether an axis with these values, (n,), is logarithmic: they are positive, and speeds or far apart.
-
-    >>> import numpy as np
-    >>> is_logarithmic("space.side_cm", np.array([10.0, 100.0])), is_logarithmic("agents.count", np.array([5.0, 40.0]))
-    (True, False)
-    """
-    return bool(values.min() > 0 and (key.endswith(SPEED) or values.max() / values.min() >= LOG_RATIO))
-
-
-def make_logarithmic(axes: Axes, *names: str) -> None:
-    """Make the named scales, of "x" and "y", logarithmic, with plain numbers as labels."""
-    for name in names:
-        axes.set(**{f"{name}scale": "log"})
-        axis = axes.xaxis if name == "x" else axes.yaxis
-        axis.set_major_locator(_LogLocator())
-        axis.set_major_formatter(FuncFormatter(lambda value, _: format_tick(value)))
-        axis.set_minor_formatter(NullFormatter())
-
-
-class _LogLocator(LogLocator):
-    """Ticks at 1, 2 and 5 of each decade, or at 1 alone where these numbers would overlap."""
-
-    axis: Axis  # matplotlib sets it
-
-    def tick_values(self, vmin: float, vmax: float) -> Sequence[float]:
-        """Return the ticks between two ends."""
-        has_room = 0 < vmax <= vmin * 10 ** (self.axis.get_tick_space() / 3)
-        self.set_params(subs=(1, 2, 5) if has_room else (1,))
-        return super().tick_values(vmin, vmax)
-
-
-def format_tick(number: float) -> str:
-    """Return a number as figures show it.
-
-    >>> format_tick(0.05), format_tick(1e6)
-    ('0.05', '$10^{6}$')
-    """
-    digits, _, exponent = f"{number:g}".partition("e")
-    if not exponent:
-        return digits
-    factor = "" if digits == "1" else rf"{digits}\cdot"
-    return f"${factor}10^{{{int(exponent)}}}$"
+    if not handles:
+        return
+    for columns in range(min(4, len(handles)), 0, -1):
+        legend = figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=columns)
+        if legend.get_window_extent().width < figure.bbox.width:
+            return
+        legend.remove()
+    letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM)
+    labels = (label.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}") for label in handles)
+    lines = [textwrap.fill(label, letters, subsequent_indent="   ", break_on_hyphens=False) for label in labels]
+    figure.legend(handles.values(), lines, loc="outside lower center")

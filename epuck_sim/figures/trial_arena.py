@@ -66,7 +66,7 @@ def _paths(recorded: Recorded, population: Population, rows: slice) -> Iterator[
 
 
 def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
-    arena, radius_cm = population.arena, population.radius_cm
+    arena, radius_cm = recorded.arena_at(rows.stop - 1), population.radius_cm
     axes.add_patch(Rectangle((0, 0), arena.width_cm, arena.height_cm, fill=False, linewidth=1.5))
     for x, y, radius in arena.circles:
         axes.add_patch(Circle((x, y), radius, facecolor="0.85"))

@@ -27,6 +27,8 @@ def page_title(recorded: Recorded, *, has_oscillators: bool) -> str:
     """Return the title: scenario, seed and outcome, and a second line if the scenario is not as it is known."""
     if recorded.synchronised:
         outcome = f"synchronised after {recorded.cycles} cycles"
+    elif recorded.scenario.stop.order_parameter is None and has_oscillators:
+        outcome = f"{recorded.cycles} cycles"
     else:
         outcome = "not synchronised" if has_oscillators else "without oscillators"
     changes = describe_changes(changed_values(recorded.scenario))
@@ -70,7 +72,7 @@ def describe_changes(changes: Mapping[str, Any]) -> str:
     >>> describe_changes({"robots.0.parameters.speed_cm_s": 3.0, "stop.max_cycles": 7})
     'with V = 3 cm/s, stop.max_cycles = 7'
     >>> describe_changes({"robots.0.count": 2, "robots.1.count": 3})
-    'with robots.0.count = 2, robots.1.count = 3'
+    'with N = 2, N of robots.1 = 3'
     """
     if not changes:
         return ""

@@ -9,8 +9,8 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.instruments.population import phases_at
 
 
-def cluster_sizes(phases: FloatArray, gap: float) -> IntArray:
-    """Return the sizes of the clusters of phases on the circle, in no order.
+def cluster_numbers(phases: FloatArray, gap: float) -> IntArray:
+    """Return (n,) the number, from 0, of the cluster of phases on the circle to which each belongs.
 
     Neighbours on the circle belong to one cluster if they are no more than `gap` apart (single linkage).
 
@@ -18,18 +18,18 @@ def cluster_sizes(phases: FloatArray, gap: float) -> IntArray:
         phases: (n,) phases in cycles.
         gap: Largest distance between neighbours in a cluster, in cycles.
 
-    >>> sorted(cluster_sizes(np.array([0.0, 0.99, 0.5]), 0.02).tolist())
-    [1, 2]
+    >>> cluster_numbers(np.array([0.0, 0.99, 0.5]), 0.02).tolist()
+    [0, 0, 1]
     """
     if not len(phases):
         return np.zeros(0, np.int64)
-    ordered = np.sort(phases % 1.0)
-    gaps = np.diff(ordered, append=ordered[0] + 1.0)
-    ends = np.flatnonzero(gaps > gap)
-    if not len(ends):
-        return np.array([len(phases)])
-    sizes = np.diff(ends, prepend=ends[-1] - len(phases))
-    return np.asarray(sizes, np.int64)
+    order = np.argsort(phases % 1.0, kind="stable")
+    ordered = phases[order] % 1.0
+    is_end = np.diff(ordered, append=ordered[0] + 1.0) > gap
+    numbers = np.empty(len(phases), np.int64)
+    # a cluster that goes on across phase 0 ends with the first of the circle's ends
+    numbers[order] = (np.cumsum(is_end) - is_end) % max(int(is_end.sum()), 1)
+    return numbers
 
 
 class _Clusters:
@@ -48,7 +48,7 @@ class _Clusters:
 
     def cycle(self, event: Any, _: Any) -> None:
         """Take note of the sizes of the clusters."""
-        self._sizes.append(cluster_sizes(phases_at(self._simulation, event), self._gap))
+        self._sizes.append(np.bincount(cluster_numbers(phases_at(self._simulation, event), self._gap)))
 
 
 class ClusterCount(_Clusters):
@@ -65,3 +65,46 @@ class LargestCluster(_Clusters):
     def value(self) -> list[float | None]:
         """Return the series; None where there are no oscillators."""
         return [float(sizes.max() / sizes.sum()) if len(sizes) else None for sizes in self._sizes]
+
+
+class ClusterLife:
+    """Mean life of phase clusters of two or more, in cycles: clusters at risk over clusters that end.
+
+    A cluster lives on if, at the next cycle, one has more than half of all that are in either of the two.
+    """
+
+    def __init__(self, simulation: Any, *, gap: float = 0.02) -> None:
+        self._simulation = simulation
+        self._gap = gap
+        self._before: IntArray | None = None
+        self._at_risk, self._ended = 0, 0
+
+    check = _Clusters.check
+
+    def cycle(self, event: Any, _: Any) -> None:
+        """Count the clusters of the last cycle, and those of them that are gone."""
+        now = cluster_numbers(phases_at(self._simulation, event), self._gap)
+        if self._before is not None and len(now):
+            lived, gone = surviving_clusters(self._before, now)
+            self._at_risk += lived + gone
+            self._ended += gone
+        self._before = now
+
+    def value(self) -> float | None:
+        """Return the mean; None if no cluster has ended."""
+        return self._at_risk / self._ended if self._ended else None
+
+
+def surviving_clusters(before: IntArray, after: IntArray) -> tuple[int, int]:
+    """Return how many clusters of two or more live on, and how many do not; see `ClusterLife`.
+
+    Args:
+        before: (n,) number of the cluster to which each belongs.
+        after: (n,) the same later.
+    """
+    common = np.zeros((before.max() + 1, after.max() + 1), np.int64)
+    np.add.at(common, (before, after), 1)
+    sizes, later_sizes = common.sum(axis=1), common.sum(axis=0)
+    either = sizes[:, None] + later_sizes - common
+    lives_on = (2 * common > either).any(axis=1)[sizes >= 2]
+    return int(np.count_nonzero(lives_on)), int(np.count_nonzero(~lives_on))

@@ -1,5 +1,6 @@
-"""How far robots and agents get, and how often they are near walls."""
+"""How far robots and agents get, how long they keep their way, and how often they are near walls."""
 
+from collections import deque
 from types import SimpleNamespace
 from typing import Any
 
@@ -59,3 +60,93 @@ class NearWalls:
     def value(self) -> float | None:
         """Return the share; None without a cycle."""
         return self._near / self._seen if self._seen else None
+
+
+class MeanSpeed:
+    """Mean speed over the floor in cm/s, of all robots and steps (robots)."""
+
+    MODELS = ("embodied",)
+
+    def __init__(self, simulation: Any) -> None:
+        self._step_s = 1 / simulation.scenario.timing.control_hz
+        self._before: FloatArray | None = None
+        self._way_cm, self._steps = 0.0, 0
+
+    def step(self, step: Any, _: Any) -> None:
+        """Add how far robots have come since the last step."""
+        places = step.poses[:, :2].copy()
+        if self._before is not None:
+            self._way_cm += float(np.hypot(*(places - self._before).T).mean())
+            self._steps += 1
+        self._before = places
+
+    def value(self) -> float | None:
+        """Return the mean; None before the second step."""
+        return self._way_cm / (self._steps * self._step_s) if self._steps else None
+
+
+class VelocityCorrelationTime:
+    """Time in s after which the autocorrelation of velocities has fallen to 1 / e of that at once.
+
+    Velocities are those from step to step of robots, and those at cycles of agents. The autocorrelation, a mean over
+    all and over time, is interpolated between two lags.
+    """
+
+    MODELS = ("embodied", "particles")
+
+    def __init__(self, simulation: Any, *, lags: int = 100) -> None:
+        self._simulation = simulation
+        self._has_bodies = simulation.scenario.model == "embodied"
+        self._interval_s = simulation.step_s if self._has_bodies else simulation.scenario.clocks.period_s
+        self._last: deque[FloatArray] = deque(maxlen=lags + 1)
+        self._sums, self._terms = np.zeros(lags + 1), np.zeros(lags + 1)
+        self._place: FloatArray | None = None
+
+    @staticmethod
+    def check(parameters: SimpleNamespace) -> None:
+        """Raise ValueError without a lag."""
+        if not 1 <= parameters.lags <= 100_000:
+            raise ValueError(f"lags is {parameters.lags}; allowed: 1 to 100000")
+
+    def step(self, step: Any, _: Any) -> None:
+        """Take note of how far robots have moved in a step."""
+        place = step.poses[:, :2].copy()
+        if self._place is not None:
+            self._add(place - self._place)
+        self._place = place
+
+    def cycle(self, _: Any, __: Any) -> None:
+        """Take note of the velocities of agents."""
+        if not self._has_bodies:
+            self._add(self._simulation.headings() * self._simulation.speeds_cm_s[:, None])
+
+    def _add(self, velocities: FloatArray) -> None:
+        """Add the products of these velocities and the last ones."""
+        self._last.appendleft(velocities)
+        known = len(self._last)
+        self._sums[:known] += np.tensordot(np.stack(self._last), velocities, axes=2)
+        self._terms[:known] += 1
+
+    def value(self) -> float | None:
+        """Return the time; None if nobody moves, or if the correlation does not fall so far within the lags."""
+        return correlation_time(self._sums[self._terms > 0] / self._terms[self._terms > 0], self._interval_s)
+
+
+def correlation_time(correlation: FloatArray, interval_s: float) -> float | None:
+    """Return when a correlation falls to 1 / e of its first value; None if it never does.
+
+    Args:
+        correlation: (lags,) from lag 0 on.
+        interval_s: Time from one lag to the next.
+
+    >>> correlation_time(np.array([4.0, 2.0, 1.0]), 0.1)
+    0.15284822353142308
+    """
+    if not len(correlation) or correlation[0] <= 0:
+        return None
+    share = correlation / correlation[0]
+    (below,) = np.nonzero(share <= 1 / np.e)
+    if not len(below):
+        return None
+    lag = int(below[0])
+    return float(interval_s * (lag - 1 + (share[lag - 1] - 1 / np.e) / (share[lag - 1] - share[lag])))

@@ -12,7 +12,8 @@ point agents, `cycle` after every firing of the reference. `event` is what obser
 `state` how far the trial is. Without `step` and `event`, compiled code runs from one cycle to the next.
 The value is a number, a truth value, None where it is undetermined, or a list of them, one for each cycle.
 A class attribute `MODELS` names the models that it can measure, if it cannot measure all; a static method
-`check(parameters)` raises ValueError on parameters that make no sense.
+`check(parameters)` raises ValueError on parameters that make no sense, `check_scenario(scenario, parameters)` on a
+scenario that it cannot measure.
 """
 
 import inspect
@@ -22,8 +23,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from epuck_sim.control.interface import typed
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+from epuck_sim.control.interface import typed, with_defaults
+from epuck_sim.util.messages import short_repr
 
 Parameter = bool | int | float | str
 """Value of a parameter of a measure."""
@@ -73,8 +74,10 @@ class Measure:
             event_method: Name of the method that trials of this model tell of every event.
         """
         models = getattr(self.make, "MODELS", None)
-        if models is not None and model not in models:
-            raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+        if models is not None:
+            if model not in models:
+                raise ValueError(f"{self.name} measures model: {' or '.join(models)}; this is model: {model}")
+            return
         methods = [method for method in EVENT_METHODS if self.is_told(method)]
         if methods and event_method not in methods:
             raise ValueError(
@@ -82,21 +85,19 @@ class Measure:
                 f"of {EVENT_METHODS[event_method]}, by {event_method}"
             )
 
+    def check_scenario(self, scenario: Any, parameters: Mapping[str, Parameter]) -> None:
+        """Raise ValueError if it cannot measure trials of a scenario, which has everything filled in, with these."""
+        check = getattr(self.make, "check_scenario", None)
+        if check is not None:
+            check(scenario, SimpleNamespace(**parameters))
+
     def resolve(self, given: Mapping[str, object]) -> dict[str, Parameter]:
         """Return every parameter with its given value or its default.
 
         Raises:
             ValueError: A name or value is not allowed; the message says what is.
         """
-        for name in given:
-            if name not in self.parameters:
-                raise ValueError(
-                    f"{did_you_mean(name, dict(self.parameters))}; {self.name} has {comma_list(self.parameters)}"
-                )
-        values = {
-            name: typed_parameter(name, given[name], default) if name in given else default
-            for name, default in self.parameters.items()
-        }
+        values = with_defaults(self.name, given, self.parameters, typed_parameter)
         check = getattr(self.make, "check", None)
         if check is not None:
             try:

@@ -1,6 +1,5 @@
 """Finds measures: shipped ones by name, users' as FILE.py:NAME, or as FILE.py if that holds a single one."""
 
-import ast
 import inspect
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -12,7 +11,7 @@ from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import Measure, default_parameters
 from epuck_sim.measures.shipped import SHIPPED
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
-from epuck_sim.util.python_files import PythonFile, line_of_error, load_python_file
+from epuck_sim.util.python_files import PythonFile, line_of_definition, line_of_error, load_python_file
 
 _loaded: dict[Path, tuple[list[int], PythonFile]] = {}
 
@@ -60,7 +59,7 @@ def _measure_in(path: Path, member: str) -> Measure:
     if member not in vars(file.module):
         raise MeasureError(f"{path}: {did_you_mean(member, dict(found))}; it holds {comma_list(found)}")
     make = vars(file.module)[member]
-    where = f"{path}:{_line_of(member, file.sources[path])}: {member}"
+    where = f"{path}:{line_of_definition(member, file.sources[path])}: {member}"
     if not callable(make):
         raise MeasureError(f"{where} is {short_repr(make)}; a measure is a class or a function")
     if inspect.isclass(make) and not callable(getattr(make, "value", None)):
@@ -100,9 +99,3 @@ def _measures_of(file: PythonFile, path: Path) -> Mapping[str, Callable[..., Any
     }
     classes = {name: value for name, value in own.items() if inspect.isclass(value) and hasattr(value, "value")}
     return classes or {name: value for name, value in own.items() if inspect.isfunction(value)}
-
-
-def _line_of(member: str, source: bytes) -> int:
-    """Return the number of the line that defines a class or function; 1 if none does."""
-    lines = (node.lineno for node in ast.parse(source).body if getattr(node, "name", None) == member)
-    return next(lines, 1)

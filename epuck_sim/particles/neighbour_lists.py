@@ -5,29 +5,42 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IndexArray
-from epuck_sim.particles.motion import start_trajectories
+from epuck_sim.errors import ScenarioError
+from epuck_sim.particles.motion import Trajectories, start_trajectories
 from epuck_sim.particles.neighbour_search import find_neighbours
-from epuck_sim.particles.neighbourhood import make_neighbourhood
-from epuck_sim.scenario.particles import Everybody, ParticleScenario
+from epuck_sim.particles.neighbourhood import Neighbourhood, make_neighbourhood
+from epuck_sim.particles.walks import make_walk
+from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents
+
+
+def make_search(scenario: ParticleScenario) -> tuple[Trajectories, Neighbourhood]:
+    """Return what finds neighbours of agents that stand still and draw no directions, and are put where agents are.
+
+    Raises:
+        ScenarioError: Receivers are drawn anew for each pulse, so that agents have no neighbours.
+    """
+    if isinstance(scenario.neighbourhood, RandomAgents):
+        raise ScenarioError(
+            f"{scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
+            "there are neighbours only by position"
+        )
+    agents, space = scenario.agents.count, scenario.space
+    still = AgentsSection(count=agents)
+    nowhere = np.zeros((space.dimensions, agents))
+    streams = np.zeros((agents, 4), np.uint64)
+    trajectories = start_trajectories(space, make_walk(still, 1.0), nowhere, nowhere.copy(), np.zeros(agents), streams)
+    neighbourhood = make_neighbourhood(scenario, 0.0, streams[:0])
+    # neighbours may change until the next instant, unless all agents are neighbours
+    is_cached = neighbourhood.is_cached and isinstance(scenario.neighbourhood, Everybody)
+    return trajectories, neighbourhood._replace(is_cached=is_cached)
 
 
 class NeighbourLists:
     """Finds the agents that receive a pulse, wherever the agents are."""
 
     def __init__(self, scenario: ParticleScenario) -> None:
-        """Compile what finds neighbours, before any clock runs."""
-        agents, space = scenario.agents.count, scenario.space
-        nowhere = np.zeros((space.dimensions, agents))
-        streams = np.zeros((agents, 4), np.uint64)
-        is_cyclic = space.boundary == "cyclic"
-        # these stand still and draw no directions: at each instant they are put where the agents are
-        self._trajectories = start_trajectories(
-            space.side_cm, is_cyclic, nowhere, nowhere.copy(), np.zeros(agents), streams
-        )
-        neighbourhood = make_neighbourhood(scenario, 0.0)
-        # neighbours may change until the next instant, unless all agents are neighbours
-        is_cached = neighbourhood.is_cached and isinstance(scenario.neighbourhood, Everybody)
-        self._neighbourhood = neighbourhood._replace(is_cached=is_cached)
+        """Compile what finds neighbours, before any clock runs; `make_search` says what is refused."""
+        self._trajectories, self._neighbourhood = make_search(scenario)
         find_neighbours(self._neighbourhood, self._trajectories, 0, 0.0)
 
     def receivers(self, positions: FloatArray, headings: FloatArray, senders: Iterable[int]) -> Iterator[IndexArray]:

@@ -1,4 +1,4 @@
-"""Search for the receivers of a pulse: the k nearest, or those by a cone of vision or emission (thesis 5.1.3)."""
+"""Search for the receivers of a pulse: by distance or by a cone (thesis 5.1.3), or drawn at random (2.4)."""
 
 import math
 
@@ -6,11 +6,12 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IndexArray
 from epuck_sim.particles.cell_list import find_candidates
-from epuck_sim.particles.motion import Trajectories, compute_positions, distance_travelled, wall_hit_time
+from epuck_sim.particles.motion import Trajectories, compute_positions, distance_travelled, time_of_end
 from epuck_sim.particles.neighbourhood import (
     EMISSION_CONE,
     FULL_CIRCLE_COS,
     NEAREST,
+    RANDOM,
     VISION_CONE,
     Neighbourhood,
     cache_until,
@@ -19,6 +20,7 @@ from epuck_sim.particles.neighbourhood import (
 from epuck_sim.particles.oscillators import minimum
 from epuck_sim.particles.selection import find_two_smallest, select_smallest
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.rng import randint
 
 RADIUS_GROWTH = 1.5
 """Factor by which the search radius grows while fewer than k agents are found."""
@@ -40,8 +42,8 @@ def find_neighbours(neighbourhood: Neighbourhood, trajectories: Trajectories, ag
     row = agent if neighbourhood.is_cached else 0
     if time < neighbourhood.cached_until[agent]:
         return row
-    if neighbourhood.uses_cell_list:
-        search_cell_list(neighbourhood, trajectories, agent, time, neighbourhood.members[row])
+    if not neighbourhood.searches_all:
+        find_otherwise(neighbourhood, trajectories, agent, time, neighbourhood.members[row])
         return row
     agents = len(trajectories.speed)
     if neighbourhood.positions_time[0] != time:
@@ -56,6 +58,38 @@ def find_neighbours(neighbourhood: Neighbourhood, trajectories: Trajectories, ag
 
 
 @jit_no_alloc
+def find_otherwise(
+    neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, members: IndexArray
+) -> None:
+    """Write an agent's neighbours to `members`, without a search over all agents."""
+    if neighbourhood.kind == RANDOM:
+        draw_receivers(neighbourhood, agent, members)
+    else:
+        search_cell_list(neighbourhood, trajectories, agent, time, members)
+
+
+@jit_inline
+def draw_receivers(neighbourhood: Neighbourhood, agent: int, members: IndexArray) -> None:
+    """Write k distinct agents other than `agent` to `members`; each set of k has the same chance.
+
+    Floyd's algorithm: k random numbers, and no array that a draw would leave in another order for the next one.
+    """
+    is_drawn, stream = neighbourhood.is_drawn, neighbourhood.streams[agent]
+    others = len(is_drawn) - 1
+    for rank in range(neighbourhood.k):
+        last = others - neighbourhood.k + rank
+        index = randint(stream, last + 1)
+        drawn = index + (index >= agent)
+        if is_drawn[drawn]:
+            drawn = last + (last >= agent)
+        is_drawn[drawn] = True
+        members[rank] = drawn
+    for rank in range(neighbourhood.k):
+        is_drawn[members[rank]] = False
+    neighbourhood.counts[agent] = neighbourhood.k
+
+
+@jit_inline
 def search_cell_list(
     neighbourhood: Neighbourhood, trajectories: Trajectories, agent: int, time: float, members: IndexArray
 ) -> None:
@@ -227,9 +261,9 @@ def select_in_cone(
                 valid_until[index] = time + per_cm * abs(math.sqrt(square[index]) - neighbourhood.radius_cm)
         else:
             if neighbourhood.kind == EMISSION_CONE:
-                until = min(until, wall_hit_time(trajectories, agent))
+                until = min(until, time_of_end(trajectories, agent))
             for index in range(count):
-                neighbourhood.end_times[index] = wall_hit_time(trajectories, neighbourhood.candidates[index])
+                neighbourhood.end_times[index] = time_of_end(trajectories, neighbourhood.candidates[index])
             bound_crossing_times(neighbourhood, time, count)
         cache_until(neighbourhood, agent, time, min(until, minimum(valid_until, 0, count)))
 

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IndexArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.cell_list import CellList, make_cell_list, rebase_cell_list
-from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, Range
+from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.util.jit import jit_inline
 
 NEAREST = 0
@@ -22,6 +22,9 @@ VISION_CONE = 1
 
 EMISSION_CONE = 2
 """Kind of neighbourhood: the agents inside the cone, or range, of the firing agent receive its pulse."""
+
+RANDOM = 3
+"""Kind of neighbourhood: k agents, which are drawn anew for each pulse, receive it."""
 
 UNLIMITED_CM = 1e30
 """An unlimited radius: farther than any agent, but finite, as an agent's distance to itself is set to inf."""
@@ -56,9 +59,9 @@ class Neighbourhood(NamedTuple):
     """
 
     kind: int
-    """`NEAREST`, `VISION_CONE` or `EMISSION_CONE`."""
+    """`NEAREST`, `VISION_CONE`, `EMISSION_CONE` or `RANDOM`."""
     k: int
-    """Number of neighbours of kind `NEAREST`."""
+    """Number of neighbours of kinds `NEAREST` and `RANDOM`."""
     radius_cm: float
     """Radius of the cone or range; `UNLIMITED_CM` if there is none."""
     cos: float
@@ -77,8 +80,8 @@ class Neighbourhood(NamedTuple):
     """(agents,) time until which each agent's cached neighbours are valid, in cycles since the present one began."""
     skip_count: IntArray
     """(agents,) number of each agent's next pulses for which caching is skipped."""
-    uses_cell_list: bool
-    """Whether candidates are looked up in `cell_list`."""
+    searches_all: bool
+    """Whether all agents are candidates; else these are looked up in `cell_list`, or receivers are drawn."""
     cell_list: CellList
     """Agents sorted by cell; a single cell if it is not used."""
     search_radius_cm: float
@@ -90,7 +93,7 @@ class Neighbourhood(NamedTuple):
     headings: FloatArray
     """(dimensions, agents) unit vectors: headings of the candidates that the cell list found."""
     end_times: FloatArray
-    """(agents,) cycles since the present one began: when the candidates reach a wall."""
+    """(agents,) cycles since the present one began: when the candidates' trajectories end."""
     positions_time: FloatArray
     """(1,) time for which `positions` holds all agents; NaN if it holds none."""
     square_distance: FloatArray
@@ -103,14 +106,24 @@ class Neighbourhood(NamedTuple):
     """(agents,) scratch of the selection of the k nearest."""
     bucket_end: IndexArray
     """(agents,) scratch of the selection of the k nearest."""
+    is_drawn: BoolArray
+    """(agents,) scratch of kind `RANDOM`: whether each agent has been drawn for the present pulse; else empty."""
+    streams: StreamArray
+    """(agents, 4) states of the generators from which each agent draws the receivers of its pulses; else empty."""
 
 
-def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbourhood:
-    """Return the neighbourhood of a scenario, with an empty cache; max_speed: of the fastest agent, cm per cycle."""
+def make_neighbourhood(scenario: ParticleScenario, max_speed: float, streams: StreamArray) -> Neighbourhood:
+    """Return the neighbourhood of a scenario, with an empty cache.
+
+    Args:
+        scenario: The space, the agents and the rule.
+        max_speed: Speed of the fastest agent in cm per cycle.
+        streams: (agents, 4) see `Neighbourhood`; of no agents unless receivers are drawn.
+    """
     rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
     kind, k, radius_cm, angle_deg = NEAREST, agents - 1, UNLIMITED_CM, 360.0
-    if isinstance(rule, Nearest):
-        k = min(rule.k, agents - 1)
+    if isinstance(rule, Nearest | RandomAgents):
+        kind, k = NEAREST if isinstance(rule, Nearest) else RANDOM, min(rule.k, agents - 1)
     else:
         kind = VISION_CONE if rule.kind == "cone_of_vision" else EMISSION_CONE
     if isinstance(rule, Range | Cone):
@@ -119,14 +132,15 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
         angle_deg = rule.angle_deg
     # cones jump when their agents reorient, and when the nearest image of an agent changes in a cyclic space
     jumps = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
-    is_cached = agents <= MAX_CACHED_AGENTS and not jumps
+    is_cached = agents <= MAX_CACHED_AGENTS and not jumps and kind != RANDOM
     side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)
     cell_cm = spacing_cm if kind == NEAREST else max(spacing_cm, radius_cm / 2)
     expected = k + 1 + 3 * math.sqrt(k + 1)  # agents in the radius: far from walls hardly ever too few
     reach_cm = spacing_cm * (expected / BALL_VOLUME[dimensions]) ** (1 / dimensions)
     search_cm = reach_cm if kind == NEAREST else radius_cm + cell_cm / 4
     share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents which are candidates
-    uses_cell_list = agents >= MIN_CELL_LIST_AGENTS and share < (MAX_SHARE_NEAREST if kind == NEAREST else MAX_SHARE)
+    is_local = kind != RANDOM and share < (MAX_SHARE_NEAREST if kind == NEAREST else MAX_SHARE)
+    uses_cell_list = agents >= MIN_CELL_LIST_AGENTS and is_local
     return Neighbourhood(
         kind,
         k,
@@ -139,7 +153,7 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
         np.zeros(agents, np.int64),
         np.full(agents, -math.inf),
         np.zeros(agents, np.int64),
-        uses_cell_list,
+        not uses_cell_list and kind != RANDOM,
         make_cell_list(dimensions, side_cm, agents, cell_cm if uses_cell_list else side_cm, max_speed),
         search_cm,
         np.arange(agents, dtype=np.uint32),
@@ -152,6 +166,8 @@ def make_neighbourhood(scenario: ParticleScenario, max_speed: float) -> Neighbou
         np.zeros(agents),
         np.zeros(agents, np.uint32),
         np.zeros(agents, np.uint32),
+        np.zeros(len(streams), np.bool_),
+        streams,
     )
 
 

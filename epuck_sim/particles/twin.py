@@ -21,6 +21,30 @@ class TwinComparison(NamedTuple):
     """(times, agents) distance of each phase from that of the same agent in the twin, 0 to 0.5 cycles."""
 
 
+def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) -> ParticleSimulation:
+    """Return the twin of a trial, which goes on when it is synchronised and whose agents move like those of the trial.
+
+    Args:
+        scenario: The trial's scenario.
+        seed: The trial's seed.
+        displacement: If 0, no phase of the twin is displaced and no period has jitter (5.4.1, 5.4.2). Else they are as
+            in the trial, and the phase of agent 0 is ahead by so many cycles, or by what is left until it fires.
+
+    Raises:
+        ValueError: Entries of the schedule wait for a firing or a condition: those of the twin come at other times.
+    """
+    if any(entry.at_s is None for entry in scenario.schedule):
+        raise ValueError("a trial and its twin change alike at times alone; give at_s in the schedule")
+    changes: dict[str, object] = {"stop": scenario.stop.model_copy(update={"order_parameter": None})}
+    if not displacement:
+        changes["start"] = scenario.start.model_copy(update={"displacement": 0.0})
+        changes["clocks"] = scenario.clocks.model_copy(update={"jitter": 0.0})
+    twin = ParticleSimulation(scenario.model_copy(update=changes), seed)
+    if displacement:
+        twin.displace(0, displacement)
+    return twin
+
+
 def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray) -> TwinComparison:
     """Simulate a trial and its undisturbed twin, and compare them.
 
@@ -40,14 +64,7 @@ def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray
         ValueError: The times are not ascending.
     """
     without_end = scenario.model_copy(update={"stop": scenario.stop.model_copy(update={"order_parameter": None})})
-    undisturbed = {
-        "start": scenario.start.model_copy(update={"displacement": 0.0}),
-        "clocks": scenario.clocks.model_copy(update={"jitter": 0.0}),
-    }
-    simulations = (
-        ParticleSimulation(without_end, seed),
-        ParticleSimulation(without_end.model_copy(update=undisturbed), seed),
-    )
+    simulations = (ParticleSimulation(without_end, seed), make_twin(scenario, seed))
     phases = np.empty((2, len(time_s), scenario.agents.count))
     for index, time in enumerate(time_s.tolist()):
         for simulation, its_phases in zip(simulations, phases, strict=True):

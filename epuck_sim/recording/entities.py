@@ -46,6 +46,11 @@ class Entities:
         numbers = [column.flatten() if pa.types.is_fixed_size_list(column.type) else column for column in columns]
         return np.concatenate([np.empty(0), *(number.to_numpy() for number in numbers)])
 
+    def texts(self, entity: str, component: str) -> list[str]:
+        """Return the texts of a component in all rows, one after the other."""
+        columns = [batch.column(component).flatten() for batch in self._batches[entity]]
+        return [text for column in columns for text in column.to_pylist()]
+
     def lengths(self, entity: str, component: str) -> IntArray:
         """Return (rows,) how many values a component has in each row."""
         counts = [pc.fill_null(pc.list_value_length(batch.column(component)), 0) for batch in self._batches[entity]]

@@ -1,7 +1,7 @@
 """Layouts of the viewer: the arena on the left, plots on the right, pictures below, time in seconds."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,7 +10,9 @@ import rerun.blueprint as rrb
 
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers.arena import NUMBERS, ROBOTS
+from epuck_sim.recording.layers.events import EVENTS
 from epuck_sim.recording.layers.images import CAMERA, INFRARED, SPACE_TIME
+from epuck_sim.recording.layers.memory import memory_entity
 from epuck_sim.recording.layers.time_series import FLASHES, PHASE_LEAD, PHASES, WHEELS
 from epuck_sim.recording.level import Level
 
@@ -24,28 +26,47 @@ MARGIN_SHARE = 1 / 30
 """Margin around the space of point-like agents, as a share of its width."""
 
 
-def robot_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
-    """Return the layout for recordings of robots at a level, in an arena of this size."""
+def robot_layout(
+    level: Level, width_cm: float, height_cm: float, memory: Sequence[str] = (), has_events: bool = False
+) -> rrb.Blueprint:
+    """Return the layout for recordings of robots.
+
+    Args:
+        level: How much is recorded.
+        width_cm: Width of the arena.
+        height_cm: Height of the arena.
+        memory: Fields of the controllers' MEMORY that are recorded.
+        has_events: Whether there is a log of events.
+    """
     flashes, lead, phases, order = _plots("robot")
+    logs: list[rrb.View] = [_plot(memory_entity(field), f"memory: {field}") for field in memory]
+    if has_events:
+        logs.insert(0, rrb.TextLogView(origin=EVENTS, name="events"))
     arena = _arena(width_cm, height_cm, MARGIN_CM)
     if level is Level.SUMMARY:
-        body: rrb.Container = rrb.Vertical(flashes, order)
+        body: rrb.Container = rrb.Vertical(flashes, *([rrb.Tabs(*logs)] if logs else []), order)
     elif level is Level.POSES:
-        body = rrb.Horizontal(arena, rrb.Vertical(flashes, rrb.Tabs(lead, phases), order), column_shares=[3, 2])
+        plots = rrb.Vertical(flashes, rrb.Tabs(*logs, lead, phases), order)
+        body = rrb.Horizontal(arena, plots, column_shares=[3, 2])
     else:
         wheels = _plot(WHEELS, "wheels [cm/s]")
         rows = rrb.Spatial2DView(origin=CAMERA, name="camera rows")
         space_time = rrb.Spatial2DView(origin=SPACE_TIME, name="camera rows over a minute")
         distances = rrb.Spatial2DView(origin=INFRARED, name="infrared distances [mm]")
         pictures = rrb.Horizontal(rows, distances, column_shares=[3, 2])
-        plots = rrb.Vertical(flashes, rrb.Tabs(lead, phases, wheels), order)
+        plots = rrb.Vertical(flashes, rrb.Tabs(*logs, lead, phases, wheels), order)
         above = rrb.Horizontal(rrb.Tabs(arena, space_time), plots, column_shares=[3, 2])
         body = rrb.Vertical(above, pictures, row_shares=[3, 1])
     return _blueprint(body)
 
 
-def agent_layout(level: Level, width_cm: float, height_cm: float) -> rrb.Blueprint:
-    """Return the layout for recordings of point-like agents; a segment, which has no height, lies above the plots."""
+def agent_layout(
+    level: Level, width_cm: float, height_cm: float, _: Sequence[str] = (), __: bool = False
+) -> rrb.Blueprint:
+    """Return the layout for recordings of point-like agents, which remember nothing and have no events.
+
+    A segment, which has no height, lies above the plots.
+    """
     flashes, lead, phases, order = _plots("agent")
     arena = _arena(width_cm, height_cm, MARGIN_SHARE * width_cm)
     if level is Level.SUMMARY:
@@ -99,10 +120,12 @@ def layout_file(
     level: Level,
     width_cm: float,
     height_cm: float,
-    make: Callable[[Level, float, float], rrb.Blueprint] = robot_layout,
+    make: Callable[[Level, float, float, Sequence[str], bool], rrb.Blueprint] = robot_layout,
+    memory: tuple[str, ...] = (),
+    has_events: bool = False,
 ) -> bytes:
     """Return a layout as a file for the viewer (.rbl), which is cached: rerun leaves two threads behind for each."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "layout.rbl"
-        make(level, width_cm, height_cm).save(APPLICATION, file)
+        make(level, width_cm, height_cm, memory, has_events).save(APPLICATION, file)
         return file.read_bytes()

@@ -33,7 +33,7 @@ class Links(NamedTuple):
     sightings: IntArray
     """(sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit."""
     contacts: IntArray
-    """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall or obstacle."""
+    """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable."""
     contact_points: FloatArray
     """(contacts, 2) cm: where they touch, in the same order."""
     pulses: IntArray

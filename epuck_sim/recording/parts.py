@@ -1,6 +1,6 @@
 """The table of models that can be recorded: how their rows are gathered, and what a recording of them shows."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import rerun.blueprint as rrb
@@ -53,8 +53,9 @@ class Parts(NamedTuple):
 
     population: Callable[[Any], Population]
     """Returns the population; takes the scenario."""
-    layout: Callable[[Level, float, float], rrb.Blueprint]
-    """Returns the layout of the viewer; takes the level and the arena's width and height, cm."""
+    layout: Callable[[Level, float, float, Sequence[str], bool], rrb.Blueprint]
+    """Returns the layout of the viewer; takes the level, the arena's width and height, cm, fields of memory, and
+    whether there is a log of events."""
     buffer: Callable[[Any, int, Level, int], Buffer]
     """Returns an empty buffer; takes the scenario, the seed, the level and the capacity in rows."""
     layers: Callable[[Any, Population], Layers]
@@ -87,7 +88,13 @@ def population_of(scenario: Scenario) -> Population:
     return parts_of(scenario).population(scenario)
 
 
-def layout_of(scenario: Scenario, level: Level) -> rrb.Blueprint:
-    """Return how the viewer lays out recordings of a scenario; raise RecordingError as `population_of` does."""
+def layout_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> rrb.Blueprint:
+    """Return how the viewer lays out recordings of a scenario; raise RecordingError as `population_of` does.
+
+    Args:
+        scenario: The scenario.
+        level: How much is recorded.
+        memory: Fields of the controllers' MEMORY that are recorded.
+    """
     arena = population_of(scenario).arena
-    return parts_of(scenario).layout(level, arena.width_cm, arena.height_cm)
+    return parts_of(scenario).layout(level, arena.width_cm, arena.height_cm, memory, scenario.has_events)

@@ -1,20 +1,24 @@
 """Reads a recording back into arrays."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import rerun.blueprint as rrb
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording.entities import Entities
 from epuck_sim.recording.layers import time_series
-from epuck_sim.recording.layers.arena import HEADINGS, ROBOTS
+from epuck_sim.recording.layers.arena import HEADINGS, MOVABLES, ROBOTS
+from epuck_sim.recording.layers.events import EVENTS
+from epuck_sim.recording.layers.memory import MEMORY, memory_entity
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import LINKED, Links, read_links
-from epuck_sim.recording.parts import layout_of
+from epuck_sim.recording.parts import layout_of, population_of
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
@@ -65,6 +69,12 @@ class Recorded(NamedTuple):
     """(rows, count) rad in -pi to pi, from arrows in single precision."""
     ring_on: BoolArray
     """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
+    movables: Float32Array
+    """(rows, movables, 2) cm: x and y of the arena's movables, in single precision."""
+    memory: Mapping[str, FloatArray]
+    """(rows, robots) what robots remember, by the names of the fields that are recorded; NaN for robots without one."""
+    events: tuple[tuple[float, str], ...]
+    """Time in seconds, and text, of what changed by a schedule, or by faults."""
     links: Links | None
     """Who was linked to whom; None if the level leaves it out. The properties below raise RecordingError instead."""
 
@@ -75,7 +85,7 @@ class Recorded(NamedTuple):
 
     @property
     def contacts(self) -> IntArray:
-        """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall or obstacle."""
+        """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable."""
         return self._linked("contacts", "embodied")
 
     @property
@@ -85,6 +95,16 @@ class Recorded(NamedTuple):
         Swarms of 50 agents or more are recorded with the pulses alone that shift a phase.
         """
         return self._linked("pulses", "particles")
+
+    def arena_at(self, row: int) -> Arena:
+        """Return the arena with its movables where they are in a row."""
+        return population_of(self.scenario).arena.with_movables_at(self.movables[row])
+
+    def _repr_html_(self) -> str:
+        """Return the last moment at which most rings were lit, and what is recorded, for notebooks."""
+        from epuck_sim.recording.notebook import show_recorded  # noqa: PLC0415 is for notebooks alone
+
+        return show_recorded(self)
 
     def _linked(self, what: str, model: str) -> IntArray:
         if self.scenario.model != model:
@@ -115,7 +135,7 @@ def read_layout(path: Path) -> rrb.Blueprint | None:
     trial = Entities(path).properties(TRIAL)
     _check_format(path, trial)
     try:
-        return layout_of(_scenario(trial), Level(trial["level"]))
+        return layout_of(_scenario(trial), Level(trial["level"]), _fields(trial))
     except (ScenarioError, KeyError, ValueError):
         return None
 
@@ -133,7 +153,7 @@ def read_recording(path: Path | str) -> Recorded:
         RecordingError: The file is no complete recording, or one of another program or version.
     """
     path = Path(path)
-    entities = Entities(path, *_SERIES, ROBOTS, HEADINGS, *LINKED)
+    entities = Entities(path, *_SERIES, EVENTS, f"{MEMORY}/**", ROBOTS, HEADINGS, MOVABLES, *LINKED)
     trial = entities.properties(TRIAL)
     _check_format(path, trial)
     try:
@@ -143,8 +163,12 @@ def read_recording(path: Path | str) -> Recorded:
     except (KeyError, ValueError) as error:
         raise RecordingError(f"{path}: is not a complete recording: {error}") from error
     rows = len(recorded.time_s)
-    for name in ("phase_ms", "positions", "headings", "ring_on") if recorded.level is not Level.SUMMARY else ():
-        if len(getattr(recorded, name)) != rows:
+    posed = ("phase_ms", "positions", "headings", "ring_on", "movables") if recorded.level is not Level.SUMMARY else ()
+    arrays = {name: getattr(recorded, name) for name in posed} | {
+        f"memory.{name}": recorded.memory[name] for name in recorded.memory
+    }
+    for name, array in arrays.items():
+        if len(array) != rows:
             raise RecordingError(f"{path}: is not a complete recording: {name} is missing in some of {rows} rows")
     return recorded
 
@@ -184,8 +208,28 @@ def _gather(entities: Entities, trial: dict[str, Any], outcome: dict[str, Any]) 
         positions=positions,
         headings=headings,
         ring_on=entities.values(ROBOTS, "Points2D:class_ids").reshape(-1, count) == 1,
+        movables=_movables(entities, scenario, len(positions)),
+        memory={
+            field: entities.values(memory_entity(field), "Scalars:scalars").reshape(-1, count)
+            for field in _fields(trial)
+        },
+        events=tuple(zip(entities.times(EVENTS).tolist(), entities.texts(EVENTS, "TextLog:text"), strict=True)),
         links=read_links(entities, scenario, positions, headings) if level is Level.FULL else None,
     )
+
+
+def _movables(entities: Entities, scenario: Scenario, rows: int) -> Float32Array:
+    """Return (rows, movables, 2) cm: where movables are in these rows."""
+    count = len(population_of(scenario).arena.movables)
+    if not count:
+        return np.empty((rows, 0, 2), np.float32)
+    return entities.values(MOVABLES, "Points2D:positions").astype(np.float32).reshape(-1, count, 2)
+
+
+def _fields(trial: dict[str, Any]) -> list[str]:
+    """Return the fields of memory in a recording."""
+    fields: list[str] = json.loads(trial.get("memory", "[]"))
+    return fields
 
 
 def _scenario(trial: dict[str, Any]) -> Scenario:

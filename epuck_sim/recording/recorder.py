@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -13,6 +13,8 @@ from rerun.chunk import Chunk
 
 from epuck_sim.recording.chunks import static_chunk, strict_mode
 from epuck_sim.recording.layers.arena import arena_entities, static_arena_entities
+from epuck_sim.recording.layers.events import EventLog
+from epuck_sim.recording.layers.memory import MemorySeries
 from epuck_sim.recording.layers.time_series import static_time_series, time_series
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
@@ -40,7 +42,9 @@ OUTCOME = "outcome"
 
 
 @contextmanager
-def record(path: Path | str, scenario: Scenario, seed: int, level: Level = Level.FULL) -> Iterator["Recorder"]:
+def record(
+    path: Path | str, scenario: Scenario, seed: int, level: Level = Level.FULL, *, memory: Sequence[str] = ()
+) -> Iterator["Recorder"]:
     """Yield an observer of a trial (see `run_trial`) that records it into a file for rerun's viewer.
 
     Args:
@@ -49,16 +53,18 @@ def record(path: Path | str, scenario: Scenario, seed: int, level: Level = Level
         scenario: The trial's scenario.
         seed: The trial's seed.
         level: How much is recorded.
+        memory: Fields of the controllers' MEMORY to record, whatever the level.
 
     Raises:
-        EpuckSimError: The file cannot be written, or the scenario cannot be recorded.
+        EpuckSimError: The file cannot be written, the scenario cannot be recorded, or no controller remembers a field.
     """
     scenario = load_scenario(scenario)  # with every default written out
     parts = parts_of(scenario)
     arena = parts.population(scenario).arena
-    layout = layout_file(level, arena.width_cm, arena.height_cm, parts.layout)
-    with rrd_file(Path(path), recording_id(scenario, seed, level), layout) as write:
-        recorder = Recorder(scenario, seed, level, BUFFER_S, write)
+    memory = tuple(dict.fromkeys(memory))
+    layout = layout_file(level, arena.width_cm, arena.height_cm, parts.layout, memory, scenario.has_events)
+    with rrd_file(Path(path), recording_id(scenario, seed, level, memory), layout) as write:
+        recorder = Recorder(scenario, seed, level, BUFFER_S, write, memory)
         yield recorder
         recorder.finish()
 
@@ -73,6 +79,7 @@ class Recorder:
         level: Level,
         buffer_s: float,
         write: Callable[[Iterable[Chunk]], None],
+        memory: Sequence[str] = (),
     ) -> None:
         """Write what does not change; the simulation need not exist yet.
 
@@ -82,6 +89,10 @@ class Recorder:
             level: How much is recorded.
             buffer_s: Longest simulated time that is held back, in seconds.
             write: Called with chunks.
+            memory: Fields of the controllers' MEMORY, each once.
+
+        Raises:
+            EpuckSimError: The scenario cannot be recorded, or no controller remembers such a field.
         """
         self._level = level
         self._send = write
@@ -92,7 +103,10 @@ class Recorder:
         capacity = max(1, int(min(buffer_s * population.rows_per_s, BUFFER_ROWS / population.size)))
         self._buffer = parts.buffer(scenario, seed, level, capacity)
         self._layers = parts.layers(scenario, population) if level is Level.FULL else None
-        self._write(_description(scenario, seed, level))
+        self._memory = MemorySeries(scenario, memory, population)
+        self._events = EventLog()
+        self._write(_description(scenario, seed, level, memory))
+        self._write(self._memory.static_chunks())
         self._write(static_time_series(population, level))
         if level is not Level.SUMMARY:
             self._write(static_arena_entities(population))
@@ -103,11 +117,18 @@ class Recorder:
         """Record an event of the trial."""
         self._state = state
         self._buffer.append(event, state)
+        self._memory.append(event)
         if self._buffer.is_full:
-            self._flush()
+            self.flush()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Write the rows that are held back."""
+        if not self._buffer.row_count:
+            return
         batch = self._buffer.flush()
+        if self._state is not None:
+            self._write(self._events.flush(self._state.events))
+        self._write(self._memory.flush(batch.time_ns))
         self._write(time_series(batch, self._population, self._threshold, self._level))
         if self._level is not Level.SUMMARY:
             self._write(arena_entities(batch, self._population.radius_cm))
@@ -123,28 +144,29 @@ class Recorder:
         cycles, synchronised = 0, False
         if self._state is not None:
             cycles, synchronised = self._state.outcome.cycles, self._state.is_synchronised
-        if self._buffer.row_count:
-            self._flush()
+        self.flush()
         if self._layers is not None:
             self._write(self._layers.final_chunks())
         self._write([Chunk.from_property(OUTCOME, rr.AnyValues(cycles=cycles, synchronised=synchronised))])
 
 
-def recording_id(scenario: Scenario, seed: int, level: Level) -> str:
-    """Return a name that is the same whenever the same trial is recorded at the same level."""
-    described = f"{write_scenario(scenario)}\n{seed}\n{level}\n{json.dumps(versions())}"
+def recording_id(scenario: Scenario, seed: int, level: Level, memory: Sequence[str] = ()) -> str:
+    """Return a name that is the same whenever the same trial is recorded at the same level, with the same fields."""
+    described = "\n".join([write_scenario(scenario), str(seed), level, json.dumps(versions()), *memory])
     return hashlib.sha256(described.encode()).hexdigest()[:32]
 
 
-def _description(scenario: Scenario, seed: int, level: Level) -> Iterator[Chunk]:
+def _description(scenario: Scenario, seed: int, level: Level, memory: Sequence[str]) -> Iterator[Chunk]:
     """Yield the properties that describe the trial."""
     made_by = {**versions(), "rerun": version("rerun-sdk")}
+    remembered: dict[str, Any] = {"memory": json.dumps(memory)} if memory else {}
     trial = rr.AnyValues(
         format=FORMAT,
         level=str(level),
         scenario=write_scenario(scenario),
         seed=str(seed),  # which may exceed 64 bits
         versions=json.dumps(made_by),
+        **remembered,
     )
     yield Chunk.from_property(TRIAL, trial)
     yield static_chunk("/__properties", rr.archetypes.RecordingInfo(name=f"{scenario.name}, seed {seed}"))

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from epuck_sim.control.loader import find_controller
+from epuck_sim.control.loader import find_controller, is_file
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.measures.loader import find_measure
+from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.measures import MeasureSection
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import Point
-from epuck_sim.scenario.scenario import WITHOUT_EFFECT
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import short_repr
 
@@ -32,7 +33,8 @@ class StoredPoint(NamedTuple):
     axes: str
     scenario: str
     controllers: str
-    """Controller of each group: a shipped one's name, or the name and the digest of the sources of a user's file."""
+    """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file; of
+    agents, a user's response curve."""
     measures: str
     """By the name of each measure, its parameters and the measure itself, as controllers are stored."""
 
@@ -46,17 +48,23 @@ def stored_point(point: Point) -> StoredPoint:
         scenario.trials,
         json.dumps(point.axes),
         scenario.model_dump_json(),
-        json.dumps([_controller(name) for name in scenario.controllers]),
+        json.dumps([*map(_controller, scenario.controllers), *_own_curve(scenario)]),
         json.dumps(dict(map(_measure, scenario.measures))),
     )
 
 
 def _controller(name: str) -> str:
-    return name if not name.endswith(".py") else _with_digest(Path(name).name, find_controller(name).sources)
+    return name if not is_file(name) else _with_digest(Path(name).name, find_controller(name).sources)
+
+
+def _own_curve(scenario: Scenario) -> list[str]:
+    """Return the response curve, if it is a user's."""
+    curve = scenario.response.curve if isinstance(scenario, ParticleScenario) else ""
+    return [_with_digest(Path(curve).name, find_curve(curve).sources)] if curve.endswith(".py") else []
 
 
 def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:
-    measure = find_measure(section.measure)
+    measure = section.find()
     name = Path(measure.stored_name).name
     shown = _with_digest(name, measure.sources) if measure.sources else name
     return measure.name, {"measure": shown, **section.parameters}
@@ -102,7 +110,10 @@ def check_same_sweep(folder: Path, stored: Sequence[StoredPoint], given: Sequenc
 
 
 def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -> None:
-    """Raise StoreError if trials with results were measured otherwise than those to come would be."""
+    """Raise StoreError if trials with results were measured otherwise than those to come would be.
+
+    Measures that were added are none of these: stored trials are run again for them.
+    """
     for name, measure in stored.items():
         if name not in now:
             raise StoreError(
@@ -115,12 +126,6 @@ def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any]) -
                     f"{folder}: holds results of another measure {name}; give another folder: "
                     f"{key}: {short_repr(old)} in the folder, {short_repr(new)} now"
                 )
-    added = [name for name in now if name not in stored]
-    if added:
-        raise StoreError(
-            f"{folder}: holds trials without the measures {', '.join(added)}, which are new; stored trials are not "
-            "run again for them: give another folder"
-        )
 
 
 def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
@@ -133,8 +138,11 @@ def _differences(stored: StoredPoint, now: StoredPoint) -> Iterator[str]:
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
     scenario = _with_defaults(json.loads(point.scenario))
-    for group, controller in zip(scenario.get("robots", ()), json.loads(point.controllers), strict=True):
+    stored = json.loads(point.controllers)
+    for group, controller in zip(scenario.get("robots", ()), stored, strict="robots" in scenario):
         group["controller"] = controller
+    if "response" in scenario and stored:
+        (scenario["response"]["curve"],) = stored
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
 
 

@@ -48,14 +48,24 @@ CREATE TABLE trials (
 
 
 LATER_COLUMNS = {
-    "points": ("measures", "TEXT NOT NULL DEFAULT '{}'"),  # JSON: see `compatibility.StoredPoint.measures`
-    "trials": ("measured", "TEXT"),  # JSON: value of each measure by its name; NULL without measures
+    "points": {"measures": "TEXT NOT NULL DEFAULT '{}'"},  # JSON: see `compatibility.StoredPoint.measures`
+    "trials": {
+        "measured": "TEXT",  # JSON: value of each measure by its name; NULL without measures
+        "events": "TEXT",  # JSON: what changed in the trial, see `scenario.schedule.TrialEvent`; NULL if nothing did
+        "measuring_error": "TEXT",  # why a stored trial could not be measured again for new measures; NULL if it could
+    },
 }
-"""A column of each table that folders from before there were measures do not have, and its type."""
+"""Columns of each table that earlier folders do not have, and their types."""
+
+UNMEASURED = """
+    EXISTS (SELECT 1 FROM json_each(measures) AS one WHERE json_type(measured, '$."' || one.key || '"') IS NULL)
+"""
+"""Condition on a trial, joined with its point: it lacks the value of a measure."""
 
 ENTER_POINT = (
     "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures) VALUES (?, ?, ?, ?, ?, ?, ?) "
-    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario"
+    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario, "
+    "measures = excluded.measures"
 )
 
 
@@ -75,16 +85,19 @@ def create_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any,
 
 
 def add_later_columns(connection: sqlite3.Connection) -> None:
-    """Add the columns that a folder from before there were measures does not have."""
-    for table, (name, kind) in LATER_COLUMNS.items():
-        if not has_later_column(connection, table):
-            connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {kind}")
+    """Add the columns that an earlier folder does not have."""
+    for table, columns in LATER_COLUMNS.items():
+        for name in columns.keys() - _columns(connection, table):
+            connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
 
 
-def has_later_column(connection: sqlite3.Connection, table: str) -> bool:
-    """Return whether a table has its column of `LATER_COLUMNS`."""
-    names = {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
-    return LATER_COLUMNS[table][0] in names
+def has_column(connection: sqlite3.Connection, table: str, name: str) -> bool:
+    """Return whether a table has a column, which may be one of `LATER_COLUMNS`."""
+    return name in _columns(connection, table)
+
+
+def _columns(connection: sqlite3.Connection, table: str) -> set[str]:
+    return {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
 
 
 def check_database(path: Path) -> None:
@@ -122,7 +135,7 @@ def _state(path: Path) -> tuple[int, int, int]:
 
 def _quick_check(path: Path) -> str:
     """Return "ok", or what SQLite finds damaged; it reads the whole file."""
-    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+    with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     return str(verdict)
 
@@ -134,7 +147,7 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
     All that is read in the block is of one moment, whatever a run that is at work on the database adds meanwhile.
     """
     check_database(path)
-    with sqlite_errors(path), closing(_connect(path, "ro")) as connection:
+    with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
         yield connection
 
@@ -153,6 +166,14 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
             connection.execute("PRAGMA journal_mode = DELETE")
     with suppress(OSError):  # the folder may be gone by now
         _checked[path.resolve()] = _state(path)
+
+
+def _connect_to_read(path: Path) -> sqlite3.Connection:
+    """Return a connection that cannot write, after the write in which another process may have died was undone."""
+    if path.with_name(f"{path.name}-journal").exists():
+        with closing(_connect(path, "rw")) as connection:  # a connection that cannot write cannot undo a write either
+            connection.execute("SELECT count(*) FROM sqlite_master")
+    return _connect(path, "ro")
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:

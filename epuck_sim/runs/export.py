@@ -11,7 +11,7 @@ from pyarrow import csv, parquet
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.database import as_column, reading
-from epuck_sim.runs.reader import database_of, measures_in
+from epuck_sim.runs.reader import database_of, events_column, measures_in
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -38,7 +38,7 @@ def export(folder: Path, target: Path) -> int:
     """Write a row for each trial that has a result, ordered by point and trial.
 
     The columns are the axes, by their dotted keys, `COLUMNS`, and `measures.NAME` for each measure. A series is a list
-    in Parquet and its JSON in CSV.
+    in Parquet and its JSON in CSV. Where trials have events, `events` holds them as JSON.
 
     Args:
         folder: A run folder.
@@ -62,18 +62,20 @@ def export(folder: Path, target: Path) -> int:
         names = measures_in(connection)
         measured = "measured" if names else "NULL"
         rows = connection.execute(
-            f"SELECT {wanted}, {measured} FROM trials JOIN points ON point = key "
+            f"SELECT {wanted}, {measured}, {events_column(connection)} FROM trials JOIN points ON point = key "
             "WHERE error IS NULL ORDER BY number, trial"
         ).fetchall()
         (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
-    *found, values = zip(*rows, strict=True) if rows else [()] * (len(COLUMNS) + 1)
+    *found, values, events = zip(*rows, strict=True) if rows else [()] * (len(COLUMNS) + 2)
     columns = dict(zip(COLUMNS, found, strict=True))
-    columns["censored"] = [bool(value) for value in columns["censored"]]
+    columns["censored"] = [None if value is None else bool(value) for value in columns["censored"]]
     axes = {key: _axis([as_column(points[number][key]) for number in columns["point"]]) for key in points[0]}
     arrays = {**axes, **{name: pa.array(columns[name], kind) for name, kind in COLUMNS.items()}}
     trials = [json.loads(text or "{}") for text in values]
     is_text = target.suffix == ".csv"
     arrays |= {f"measures.{name}": _measure([trial.get(name) for trial in trials], is_text) for name in names}
+    if any(events):
+        arrays["events"] = pa.array(events, pa.string())
     with atomic_write(target) as part:
         WRITERS[target.suffix](pa.table(arrays), part)
     return int(failed)

@@ -3,20 +3,23 @@
 import hashlib
 import json
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.errors import ScenarioError, StoreError
+from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
-from epuck_sim.runs.database import DATABASE, has_later_column, reading
-from epuck_sim.runs.run_lock import current_holder
+from epuck_sim.runs.database import DATABASE, has_column, reading
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.scenario.validation import validate
 from epuck_sim.util.messages import comma_list, did_you_mean
-from epuck_sim.util.provenance import PROVENANCE
+
+if TYPE_CHECKING:
+    import pandas
 
 
 class PointTrials(NamedTuple):
@@ -36,60 +39,77 @@ class PointTrials(NamedTuple):
     """(trials,) seed of each trial."""
     measured: tuple[Value, ...] = ()
     """(trials,) value in each trial of the measure that was asked for; empty if none was."""
+    of: str | None = None
+    """Name of the measure that was asked for; None if none was."""
+    events: tuple[tuple[TrialEvent, ...], ...] = ()
+    """(trials,) what changed in each trial: entries of the schedule, and faults."""
+    has_t_sync: bool = True
+    """Whether trials have a T_sync: not without oscillators, or without a threshold of the order parameter."""
 
     @property
     def seed(self) -> int:
         """Seed for resampling this point: if all points were resampled alike, their errors would be the same."""
-        everything = self.key + self.scenario.model_dump_json(exclude=WITHOUT_EFFECT)
+        left_out: dict[str, Any] = {**self.scenario.later_defaults(), **dict.fromkeys(WITHOUT_EFFECT, True)}
+        everything = self.key + self.scenario.model_dump_json(exclude=left_out)
         return int.from_bytes(hashlib.sha256(everything.encode()).digest()[:8])
 
 
-class Failure(NamedTuple):
-    """A trial that failed."""
-
-    point: int
-    trial: int
-    seed: int
-    error: str
-
-
-class TrialsByOrigin(NamedTuple):
-    """How many trials the same versions on the same host have made."""
-
-    epuck_sim: str
-    pymunk: str
-    numba: str
-    numpy: str
-    python: str
-    host: str
-    trials: int
+class SweepTrials(list[PointTrials]):
+    """The points of a sweep, in its order, with their trials; notebooks show them as a table."""
 
     @property
-    def made_by(self) -> dict[str, str]:
-        """Versions, and the host, by name."""
-        return {name: getattr(self, name) for name in PROVENANCE}
+    def of(self) -> str | None:
+        """Name of the measure that was asked for; None if none was."""
+        return self[0].of if self else None
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """Return a DataFrame of pandas with a row for each trial.
+
+        Its columns are `point`, the number of the point; the axes by their dotted keys; `seed`; `cycles`, at which the
+        trial ended; `censored`, None without T_sync; `t_sync_cycles`, NaN where it is censored, and without T_sync; and
+        the measure that was asked for.
+
+        Raises:
+            EpuckSimError: pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: PLC0415 - few need it
+        except ImportError as error:
+            raise EpuckSimError("to_pandas needs pandas, which is not installed: pip install pandas") from error
+        return pandas.DataFrame([row for point in self for row in _trial_rows(point)])
+
+    def _repr_html_(self) -> str:
+        """Return a table of the points, for notebooks; `summarize` gives statistics."""
+        from epuck_sim.display.html import table, to_html  # noqa: PLC0415 is for notebooks alone
+
+        axes = list(self[0].axes) if self else []
+        rows = (
+            [
+                str(point.number),
+                *(str(point.axes[key]) for key in axes),
+                str(len(point.times)),
+                str(int((~point.observed).sum())) if point.has_t_sync else "-",
+                f"{point.times.min():g} to {point.times.max():g}" if len(point.times) else "-",
+            ]
+            for point in self
+        )
+        return to_html(table(["point", *axes, "trials", "censored", "cycles"], rows))
 
 
-class Status(NamedTuple):
-    """How far the sweep in a run folder is."""
-
-    scenario: str
-    points: int
-    trials: int
-    """Number of trials in the whole sweep."""
-    stored: int
-    """Number of trials that have a result."""
-    censored: int
-    failed: list[Failure]
-    wall_s: float
-    """Computing time of all trials together."""
-    versions: list[TrialsByOrigin]
-    """Numbers of trials by the versions and the host that made them."""
-    at_work: str | None
-    """The process that is running the sweep."""
+def _trial_rows(point: PointTrials) -> Iterator[dict[str, Any]]:
+    measured = point.measured if point.of is not None else [None] * len(point.times)
+    columns = (point.seeds, point.times.tolist(), point.observed.tolist(), measured)
+    for seed, cycles, observed, value in zip(*columns, strict=True):
+        ends = {
+            "cycles": cycles,
+            "censored": not observed if point.has_t_sync else None,
+            "t_sync_cycles": cycles if observed else np.nan,
+        }
+        values = {} if point.of is None else {point.of: value}
+        yield {"point": point.number, **point.axes, "seed": seed, **ends, **values}
 
 
-def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
+def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
     """Return the results of each point, in the sweep's order.
 
     Args:
@@ -103,23 +123,39 @@ def read_points(folder: Path | str, of: str | None = None) -> list[PointTrials]:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
         ends: dict[str, list[tuple[int, int]]] = {key: [] for key, *_ in found}
         seeds: dict[str, list[int]] = {key: [] for key, *_ in found}
+        events: dict[str, list[tuple[TrialEvent, ...]]] = {key: [] for key, *_ in found}
         values = _read_measured(connection, str(folder), of) if of is not None else {}
-        for key, cycles, censored, seed in connection.execute(
-            "SELECT point, cycles, censored, seed FROM trials WHERE error IS NULL ORDER BY point, trial"
+        for key, cycles, censored, seed, text in connection.execute(
+            f"SELECT point, cycles, censored, seed, {events_column(connection)} FROM trials WHERE error IS NULL "
+            "ORDER BY point, trial"
         ):
             ends[key].append((cycles, censored))
             seeds[key].append(seed)
-    results = []
+            events[key].append(_read_events(text))
+    results = SweepTrials()
     for key, number, axes, scenario in found:
-        cycles, censored = np.array(ends[key], np.int64).reshape(-1, 2).T
+        cycles, censored = np.array(ends[key], np.float64).reshape(-1, 2).T  # NaN for null
         try:
             read = validate(json.loads(scenario), f"point {number}")
         except ScenarioError as error:
             raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
-        times = cycles.astype(np.float64)
         trials = tuple(seeds[key]), tuple(values.get(key, ()))
-        results.append(PointTrials(number, key, json.loads(axes), read, times, censored == 0, *trials))
+        has_t_sync = read.stop.order_parameter is not None and not np.isnan(censored).any()
+        changes = tuple(events[key])
+        results.append(
+            PointTrials(number, key, json.loads(axes), read, cycles, censored == 0, *trials, of, changes, has_t_sync)
+        )
     return results
+
+
+def events_column(connection: sqlite3.Connection) -> str:
+    """Return the column of trials that holds events as JSON, as SQL; NULL in earlier folders."""
+    return "events" if has_column(connection, "trials", "events") else "NULL"
+
+
+def _read_events(text: str | None) -> tuple[TrialEvent, ...]:
+    events = json.loads(text or "[]")
+    return tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in events)
 
 
 def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> dict[str, list[Value]]:
@@ -135,64 +171,16 @@ def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> di
 
 def measures_in(connection: sqlite3.Connection) -> list[str]:
     """Return the names of the measures of a folder's points, in their order."""
-    if not has_later_column(connection, "points"):
+    if not has_column(connection, "points", "measures"):
         return []
     rows = connection.execute("SELECT measures FROM points ORDER BY number")
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
 
 
-def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool] | None:
-    """Return the cycles of one trial and whether it is censored; None if it has no result."""
+def read_measure_names(folder: Path | str) -> list[str]:
+    """Return the names of the measures in a run folder, in their order."""
     with reading(database_of(folder)) as connection:
-        row = connection.execute(
-            "SELECT cycles, censored FROM trials JOIN points ON point = key "
-            "WHERE number = ? AND trial = ? AND error IS NULL",
-            (point, trial),
-        ).fetchone()
-    return None if row is None else (row[0], bool(row[1]))
-
-
-def read_wall_times(folder: Path) -> dict[int, list[float]]:
-    """Return how long each trial with a result took, in seconds, by the number of its point."""
-    with reading(database_of(folder)) as connection:
-        numbers = connection.execute("SELECT number FROM points ORDER BY number").fetchall()
-        found: dict[int, list[float]] = {number: [] for (number,) in numbers}
-        for number, wall_s in connection.execute(
-            "SELECT number, wall_s FROM trials JOIN points ON point = key WHERE error IS NULL ORDER BY number, trial"
-        ):
-            found[number].append(wall_s)
-    return found
-
-
-def read_status(folder: Path) -> Status:
-    """Return how far the sweep is.
-
-    Raises:
-        StoreError: The folder is not a run folder, or its database is damaged.
-    """
-    origin = ", ".join(PROVENANCE)
-    with reading(database_of(folder)) as connection:
-        points, trials = connection.execute("SELECT count(*), total(trials) FROM points").fetchone()
-        (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
-        stored, censored, wall_s = connection.execute(
-            "SELECT count(*), total(censored), total(wall_s) FROM trials WHERE error IS NULL"
-        ).fetchone()
-        failed = connection.execute(
-            "SELECT number, trial, seed, error FROM trials JOIN points ON point = key WHERE error IS NOT NULL "
-            "ORDER BY number, trial"
-        ).fetchall()
-        made = connection.execute(f"SELECT {origin}, count(*) FROM trials GROUP BY {origin}").fetchall()
-    return Status(
-        scenario=json.loads(scenario)["name"],
-        points=points,
-        trials=int(trials),
-        stored=stored,
-        censored=int(censored),
-        failed=[Failure(*row) for row in failed],
-        wall_s=wall_s,
-        versions=[TrialsByOrigin(*row) for row in made],
-        at_work=current_holder(folder),
-    )
+        return measures_in(connection)
 
 
 def database_of(folder: Path | str) -> Path:

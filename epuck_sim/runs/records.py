@@ -39,9 +39,9 @@ class SweepProgress(NamedTuple):
     """Number of trials in the whole sweep."""
     stored: int
     """Number of trials that have a result."""
-    censored: int
-    """Number of stored trials that were not synchronised."""
+    censored: int | None
+    """Number of stored trials that were not synchronised; None as long as none of them has a T_sync."""
     failed: int
-    """Number of trials that failed in this run."""
+    """Number of trials that failed in this run, as trials or for a measure that was added."""
     ended: int
     """Number of trials that ended in this run, with a result or with an error."""

@@ -16,23 +16,29 @@ from epuck_sim.runs.database import (
     DATABASE,
     ENTER_POINT,
     RESULT,
+    UNMEASURED,
     add_later_columns,
     as_column,
     check_database,
     create_database,
-    has_later_column,
+    has_column,
     quoted,
     reading,
     sqlite_errors,
     writing,
 )
 from epuck_sim.runs.records import Outcome
+from epuck_sim.runs.remeasured import StoredResult, difference, events_json
 from epuck_sim.runs.run_lock import acquire
 from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
+
+_STORED = "FROM trials JOIN points ON point = key WHERE error IS NULL"
+_FINISHED = f"{_STORED} AND NOT {UNMEASURED}"
 
 
 class Store:
@@ -70,7 +76,7 @@ class Store:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
             self._resources = stack.pop_all()
-        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured")
+        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
             f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
@@ -78,22 +84,48 @@ class Store:
         )
 
     def finished(self) -> set[tuple[int, int]]:
-        """Return the numbers of point and trial of every trial that has a result; failed trials have none."""
+        """Return the numbers of point and trial of every trial that has a result, and a value of each measure.
+
+        Failed trials have no result; trials from before a measure was added do not have its value.
+        """
         with sqlite_errors(self._path):
-            return set(
-                self._connection.execute(
-                    "SELECT number, trial FROM trials JOIN points ON point = key WHERE error IS NULL"
-                )
+            return set(self._connection.execute(f"SELECT number, trial {_FINISHED}"))
+
+    def censored(self) -> int | None:
+        """Return how many finished trials were not synchronised; None if none of them has a T_sync."""
+        with sqlite_errors(self._path):
+            (count,) = self._connection.execute(f"SELECT sum(censored) {_FINISHED}").fetchone()
+        return None if count is None else int(count)
+
+    def add(self, outcome: Outcome) -> bool:
+        """Store a trial; an earlier failure of it is replaced, an earlier result is kept and only measured.
+
+        Returns:
+            Whether it has a result with all its measures now.
+        """
+        stored = self._without_measures(outcome)
+        if stored is None:
+            self._enter(outcome)
+            return outcome.result is not None
+        error = outcome.error if outcome.result is None else difference(stored, outcome.result)
+        measured = stored.measured if outcome.result is None or error else _measured(outcome.result)
+        with sqlite_errors(self._path), self._connection:
+            self._connection.execute(
+                "UPDATE trials SET measured = ?, measuring_error = ? WHERE point = ? AND trial = ?",
+                (measured, error, self._points[outcome.point].key, outcome.trial),
             )
+        return error is None
 
-    def censored(self) -> int:
-        """Return how many trials were not synchronised."""
+    def _without_measures(self, outcome: Outcome) -> StoredResult | None:
+        """Return what is stored of a trial that has a result and lacks measures; None if it is not such a trial."""
         with sqlite_errors(self._path):
-            (count,) = self._connection.execute("SELECT count(*) FROM trials WHERE censored").fetchone()
-        return int(count)
+            row = self._connection.execute(
+                f"SELECT {', '.join(StoredResult._fields)} {_STORED} AND {UNMEASURED} AND number = ? AND trial = ?",
+                (outcome.point, outcome.trial),
+            ).fetchone()
+        return row and StoredResult(*row)
 
-    def add(self, outcome: Outcome) -> None:
-        """Store a trial; an earlier failure of it is replaced, an earlier result is kept."""
+    def _enter(self, outcome: Outcome) -> None:
         point, result = self._points[outcome.point], outcome.result
         values = (
             *(point.key, outcome.trial),
@@ -102,7 +134,8 @@ class Store:
             *(None if result is None else getattr(result, name) for name in RESULT),
             *(outcome.provenance[name] for name in PROVENANCE),
             outcome.error,
-            json.dumps(result.measures) if result is not None and result.measures else None,
+            None if result is None else _measured(result),
+            None if result is None else events_json(result),
         )
         with sqlite_errors(self._path), self._connection:
             self._connection.execute(self._insert, values)
@@ -116,9 +149,13 @@ class Store:
         self._resources.close()
 
 
+def _measured(result: TrialResult) -> str | None:
+    return json.dumps(result.measures) if result.measures else None
+
+
 def _stored_points(path: Path) -> list[StoredPoint]:
     with reading(path) as connection:
-        measures = "measures" if has_later_column(connection, "points") else "'{}'"
+        measures = "measures" if has_column(connection, "points", "measures") else "'{}'"
         rows = connection.execute(
             "SELECT key, number, (SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key), "
             f"axes, scenario, controllers, {measures} FROM points"

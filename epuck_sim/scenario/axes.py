@@ -1,7 +1,7 @@
 """The axes of a sweep: which keys of a scenario take which values together."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import product
 from typing import Annotated, Any
 
@@ -78,6 +78,15 @@ class SweepAxes(ConfigModel):
         for values in self.grid.values():
             count *= len(values)
         return count
+
+    def mapped(self, change: Callable[[str, Any], Any]) -> "SweepAxes":
+        """Return the axes with `change(key, value)` instead of each value."""
+        columns = {
+            name: {key: tuple(change(key, value) for value in values) for key, values in getattr(self, name).items()}
+            for name in ("zip", "grid")
+        }
+        points = self.points and tuple({key: change(key, value) for key, value in row.items()} for row in self.points)
+        return self.model_copy(update={**columns, "points": points})
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the values of each point by key, in the order of `keys`."""

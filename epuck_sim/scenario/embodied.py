@@ -12,10 +12,15 @@ from pydantic import Field, model_validator
 from epuck_sim import epuck
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.controllers import resolve_axes, resolve_group
+from epuck_sim.scenario.condition import Awaited
+from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
+from epuck_sim.scenario.faults import AnyFault, check_faults
 from epuck_sim.scenario.overhead import OverheadSection
+from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.schedule import conditions_in
+from epuck_sim.scenario.stop import StopSection
 
 
 class NoiseSection(ConfigModel):
@@ -52,13 +57,22 @@ class StuckSection(ConfigModel):
 class ContactSection(ConfigModel):
     """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("robots", "drive_force_n")
+
     friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
+    """Coefficient of friction between bodies."""
+    robots: bool = True
+    """Whether robots touch each other; else they touch walls, obstacles and movables only."""
+    drive_force_n: Positive = 0.5
+    """Largest force in newtons with which wheels drive or hold a robot where there are `arena.movables`; our estimate:
+    the friction of wheels that bear about two thirds of the weight. Elsewhere, wheels set velocities."""
 
 
 class TimingSection(ConfigModel):
     """How often robots sense and act, and how often bodies move (thesis 3.1.4.1)."""
 
     control_hz: Annotated[WholeNumber, Field(ge=1, le=1000)] = 10
+    """Control steps a second, in each of which every robot senses and acts once."""
     physics_hz: Annotated[WholeNumber, Field(ge=100, le=10_000)] = 100
     """Physics steps a second; with fewer than 100, bodies would overlap by more than 1 mm before a contact is found."""
 
@@ -82,15 +96,22 @@ class TimingSection(ConfigModel):
 class EmbodiedStop(StopSection):
     """When a trial ends (thesis 4.2.1)."""
 
-    order_parameter: Annotated[Number, Field(gt=0, le=1)] = 0.95
+    order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 0.95
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10_000
-    """The trial is censored after this number of cycles; without an oscillator, 5 s count as a cycle."""
-    max_time_s: Annotated[Number, Field(gt=0, le=1e10)] | None = None
-    """The trial is also censored after this time."""
+    """The trial ends after this number of cycles; without an oscillator, 5 s count as a cycle."""
     reference_robot: Annotated[WholeNumber, Field(ge=0)] = 0
     """Number of the robot whose firings are counted: from 0, in the order of the groups."""
     further_cycles: Annotated[WholeNumber, Field(ge=0, le=10**9)] = 0
     """Number of firings of the reference for which a trial goes on after synchrony, within its limits."""
+
+    @model_validator(mode="after")
+    def _check_further_cycles(self) -> Self:
+        if self.further_cycles and self.order_parameter is None:
+            raise ValueError(
+                f"further_cycles is {self.further_cycles} and order_parameter is null; allowed: 0, as no trial is "
+                "synchronised"
+            )
+        return self
 
 
 class EmbodiedScenario(Scenario):
@@ -101,6 +122,7 @@ class EmbodiedScenario(Scenario):
         "belongs to model: particles; give that model, or leave it out",
     )
 
+    later_keys: ClassVar[tuple[str, ...]] = ("faults", "schedule")
     event_method: ClassVar[str] = "step"
 
     model: Literal["embodied"] = "embodied"
@@ -109,6 +131,8 @@ class EmbodiedScenario(Scenario):
     noise: NoiseSection = NoiseSection()
     spread: SpreadSection = SpreadSection()
     stuck: StuckSection = StuckSection()
+    faults: tuple[AnyFault, ...] = ()
+    schedule: tuple[RobotScheduleEntry, ...] = ()
     contact: ContactSection = ContactSection()
     timing: TimingSection = TimingSection()
     stop: EmbodiedStop = EmbodiedStop()
@@ -139,6 +163,8 @@ class EmbodiedScenario(Scenario):
                     f"robots.{number}.camera.frames_per_s is {rate:g}; allowed: 0.1 to timing.control_hz, which is "
                     f"{self.timing.control_hz}"
                 )
+        check_faults(self.faults, self.robots)
+        check_schedule(self.schedule, self.robots, self.faults)
         floor = self.arena.width_cm * self.arena.height_cm
         bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
         densest = math.pi / math.sqrt(12)  # of equal discs in the plane
@@ -186,9 +212,19 @@ class EmbodiedScenario(Scenario):
         )
 
     @property
+    def conditions(self) -> dict[str, Awaited]:
+        """Conditions that trials wait for, by their dotted keys."""
+        return {**super().conditions, **conditions_in(self.schedule)}
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there are faults or a schedule."""
+        return bool(self.faults or self.schedule)
+
+    @property
     def camera_pixels(self) -> int:
-        """Number of pixels of the camera that has the most."""
-        return max(group.camera.pixels for group in self.robots)
+        """Largest number of pixels in a row that a controller reads."""
+        return max(group.pixels for group in self.robots)
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with controllers, measures and their parameters filled in; see `Scenario.resolved`."""
@@ -199,5 +235,8 @@ class EmbodiedScenario(Scenario):
             else resolve_group(group, self.timing.step_ms, f"{origin}: robots.{number}", folder)
             for number, group in enumerate(self.robots)
         )
+        check_oscillators(self.faults, robots, swept, origin)
+        check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
-        return super().resolved(origin, folder).model_copy(update={"robots": robots, "sweep": sweep})
+        resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
+        return super(EmbodiedScenario, resolved).resolved(origin, folder)

@@ -17,6 +17,8 @@ Rows = Sequence[Mapping[str, Any]]
 def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -> str:
     """Choose the axis to draw against: the requested one, or a speed, or the one with the most distinct numbers.
 
+    A speed with a single value is chosen only where every axis has a single value.
+
     Args:
         rows: Axis values of each point of a sweep.
         requested: Dotted key, or None.
@@ -30,7 +32,7 @@ def choose_axis(rows: Rows, requested: str | None = None, origin: str = "--x") -
         return _check_axis(requested, numbers, origin)
     if not numbers:
         raise EpuckSimError("there is no axis with numbers to draw T_sync against")
-    return max(numbers, key=lambda key: (key.endswith(SPEED), len(numbers[key])))
+    return max(numbers, key=lambda key: (len(numbers[key]) > 1, key.endswith(SPEED), len(numbers[key])))
 
 
 def choose_second_axis(rows: Rows, x: str, requested: str | None = None, origin: str = "--y") -> str:
@@ -73,12 +75,16 @@ def check_figure_axes(figure: FigureSection, rows: Rows) -> None:
     Raises:
         EpuckSimError: A key is no axis, has no numbers, or is tied to that of another direction.
     """
-    if figure.x is None and figure.y is None and figure.panels is None:
+    if figure.x is None and figure.y is None and figure.panels is None and not figure.base_case:
         return
     x = choose_axis(rows, figure.x, "figure.x")
     if figure.y is not None:
         choose_second_axis(rows, x, figure.y, "figure.y")
     check_panels(rows, x, figure.panels, "figure.panels")
+    others = other_axes(rows, x)
+    for key in figure.base_case:
+        if key not in others:
+            raise EpuckSimError(f"figure.base_case: {did_you_mean(key, others)}; other axes: {comma_list(others)}")
 
 
 def other_axes(rows: Rows, *axes: str) -> list[str]:

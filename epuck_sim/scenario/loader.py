@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, overload
 
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.controllers import replace_controllers
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import (
     QUICK,
@@ -13,6 +14,7 @@ from epuck_sim.scenario.overrides import (
     apply_override,
     note_changes,
     quick_version,
+    reject_swept_controllers,
     reject_swept_keys,
     without_quick,
 )
@@ -34,6 +36,7 @@ def load_scenario(
     axes: Sequence[str] = (),
     *,
     measures: Sequence[str] = (),
+    controller: str | None = None,
     quick: bool = False,
 ) -> Kind: ...
 
@@ -45,6 +48,7 @@ def load_scenario(
     axes: Sequence[str] = (),
     *,
     measures: Sequence[str] = (),
+    controller: str | None = None,
     quick: bool = False,
 ) -> EmbodiedScenario | ParticleScenario: ...
 
@@ -55,6 +59,7 @@ def load_scenario(
     axes: Sequence[str] = (),
     *,
     measures: Sequence[str] = (),
+    controller: str | None = None,
     quick: bool = False,
 ) -> Scenario:
     """Return a validated scenario with every default filled in.
@@ -64,6 +69,8 @@ def load_scenario(
         settings: Changes as `key=value`, such as `robots.0.parameters.speed_cm_s=1.0`; later ones win.
         axes: Axes for the grid of the scenario's sweep as `key=value,value,...`.
         measures: Names of measures, added to the scenario's own; see `measures.loader.find_measure`.
+        controller: A shipped controller, or a file, relative to the working directory, that runs on all robots instead
+            of the scenario's own. Their parameters and memory are kept where it has them; a warning names the others.
         quick: Take the quick version, which the file has under `quick`.
 
     Returns:
@@ -81,24 +88,12 @@ def load_scenario(
     for name, given_texts in (("settings", settings), ("axes", axes), ("measures", measures)):
         if isinstance(given_texts, str):
             raise ScenarioError(f"{name} is {given_texts!r}; allowed: a list of such texts")
-    folder = None
-    if isinstance(source, Scenario):
-        if not settings and not axes and not measures and not quick:
-            return source.resolved(source.name)
-        given: Any = source.model_dump(mode="json")
-        origin = source.name
-    elif isinstance(source, Mapping):
-        given, origin = dict(source), "scenario"
-    else:
-        path = find_scenario(str(source))
-        given, origin, folder = read_yaml(path), str(path), path.parent
-        if given is None:
-            raise ScenarioError(f"{path}: is empty; a scenario is a mapping of keys to values")
-        if isinstance(given, dict):
-            given = {"name": path.stem, **given}
-    if not isinstance(given, dict):
-        raise ScenarioError(f"{origin}: is {short_repr(given)}; a scenario is a mapping of keys to values")
+    if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
+        return source.resolved(source.name)
+    given, origin, folder = _read(source)
     given = _choose_version(given, origin, quick=quick)
+    if controller is not None:
+        given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"], [])
     if measures:
         given = add_measures(given, measures, origin)
     for setting in settings:
@@ -110,7 +105,24 @@ def load_scenario(
     given = note_changes(given, settings, axes)
     scenario = validate(given, origin)
     reject_swept_keys(settings, scenario.sweep)
+    if controller is not None:
+        reject_swept_controllers(controller, scenario.sweep)
     return scenario.resolved(origin, folder)
+
+
+def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, Path | None]:
+    """Return the keys of a scenario, what messages about it begin with, and the folder of its file."""
+    if isinstance(source, Scenario):
+        return source.model_dump(mode="json"), source.name, None
+    if isinstance(source, Mapping):
+        return dict(source), "scenario", None
+    path = find_scenario(str(source))
+    given = read_yaml(path)
+    if given is None:
+        raise ScenarioError(f"{path}: is empty; a scenario is a mapping of keys to values")
+    if not isinstance(given, dict):
+        raise ScenarioError(f"{path}: is {short_repr(given)}; a scenario is a mapping of keys to values")
+    return {"name": path.stem, **given}, str(path), path.parent
 
 
 def _choose_version(given: Mapping[str, Any], origin: str, *, quick: bool) -> dict[str, Any]:

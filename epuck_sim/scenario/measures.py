@@ -1,25 +1,35 @@
 """The measures that a scenario names: found by name or in their files, with every parameter filled in."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import model_serializer, model_validator
 
 from epuck_sim.errors import MeasureError, ScenarioError
+from epuck_sim.measures.interface import CYCLE_METHOD, Measure
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.scenario.base import ConfigModel
-from epuck_sim.util.messages import short_repr
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+
+AS = "as"
+"""Key among a measure's parameters that names its value, so that a scenario may have one measure several times."""
+
+ORDER_PARAMETER = "order_parameter"
+"""Name of the measure that conditions may be on in every trial."""
 
 ONE_MEASURE = "a measure's name, or a mapping of one name to its parameters"
 
 
 class MeasureSection(ConfigModel):
-    """A measure: its name, or a mapping of that to its parameters; written as the latter."""
+    """A measure: its name, or a mapping of that to its parameters, and to `as`; written as the latter."""
 
     measure: str
     """Name of a shipped measure, or FILE.py:NAME."""
     parameters: dict[str, Any]
+    shown_as: str | None = None
+    """Name of its value in results, given by the key `as`; the measure's own if None."""
 
     @model_validator(mode="before")
     @classmethod
@@ -33,23 +43,30 @@ class MeasureSection(ConfigModel):
         if len(given) == 1:
             ((name, parameters),) = given.items()
             if isinstance(name, str) and (parameters is None or isinstance(parameters, dict)):
-                return {"measure": name, "parameters": parameters or {}}
+                others = {key: value for key, value in (parameters or {}).items() if key != AS}
+                return {"measure": name, "parameters": others, "shown_as": (parameters or {}).get(AS)}
         raise ValueError(f"is {short_repr(given)}; allowed: {ONE_MEASURE}")
+
+    @property
+    def name(self) -> str:
+        """Name of its value in results, once `resolve_measures` has found it."""
+        return self.measure.rpartition(":")[2] if self.shown_as is None else self.shown_as
 
     @model_serializer
     def _write(self) -> dict[str, dict[str, Any]]:
-        return {self.measure: self.parameters}
+        return {self.measure: self.parameters if self.shown_as is None else {AS: self.shown_as, **self.parameters}}
+
+    def find(self, folder: Path | None = None) -> Measure:
+        """Return the measure, with the name of its value in results; see `measures.loader.find_measure`."""
+        measure = find_measure(self.measure, folder)
+        return measure if self.shown_as is None else replace(measure, name=self.shown_as)
 
 
-def resolve_measures(
-    measures: Sequence[MeasureSection], model: str, event_method: str, origin: str, folder: Path | None
-) -> tuple[MeasureSection, ...]:
+def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[MeasureSection, ...]:
     """Return measures with the paths of those that are users', and with all parameters.
 
     Args:
-        measures: Measures as a scenario names them.
-        model: The scenario's model.
-        event_method: Name of the method that trials of this model tell of every event.
+        scenario: The scenario (`scenario.Scenario`) that names them, with everything else filled in.
         origin: Begins every error message.
         folder: Files are looked for here first, then in the working directory.
 
@@ -58,15 +75,47 @@ def resolve_measures(
             have one name.
     """
     resolved: dict[str, MeasureSection] = {}
-    for number, section in enumerate(measures):
+    for number, section in enumerate(scenario.measures):
         where = f"{origin}: measures.{number}"
         try:
-            measure = find_measure(section.measure, folder)
-            measure.check_model(model, event_method)
+            measure = section.find(folder)
+            measure.check_model(scenario.model, scenario.event_method)
             parameters = measure.resolve(section.parameters)
+            measure.check_scenario(scenario, parameters)
         except (MeasureError, ValueError) as error:
             raise ScenarioError(f"{where}: {error}") from error
         if measure.name in resolved:
-            raise ScenarioError(f"{where}: {measure.name} is the name of two measures; results have one of each name")
-        resolved[measure.name] = MeasureSection.model_construct(measure=measure.stored_name, parameters=parameters)
+            raise ScenarioError(
+                f"{where}: {measure.name} is the name of two measures; results have one of each name: give "
+                f"one of them another, such as {{{section.measure}: {{as: another}}}}"
+            )
+        resolved[measure.name] = MeasureSection.model_construct(
+            measure=measure.stored_name, parameters=parameters, shown_as=section.shown_as
+        )
     return tuple(resolved.values())
+
+
+def check_condition(name: str, measures: Sequence[MeasureSection], event_method: str, origin: str) -> None:
+    """Check that a measure that a condition is on can be looked at while a trial runs.
+
+    The order parameter can, whether it is among the measures or not: every trial measures it.
+
+    Args:
+        name: Name of the measure.
+        measures: The scenario's measures, as `resolve_measures` returns them.
+        event_method: Name of the method that trials of this model tell of every event.
+        origin: Begins the error message.
+
+    Raises:
+        ScenarioError: It is not among the measures, or is asked for its value at the end alone.
+    """
+    found = {measure.name: measure for measure in (section.find() for section in measures)}
+    if name == ORDER_PARAMETER and name not in found:
+        return
+    if name not in found:
+        raise ScenarioError(f"{origin}: {did_you_mean(name, dict(found))}; measures: {comma_list(found)}")
+    if not any(found[name].is_told(method) for method in (event_method, CYCLE_METHOD)):
+        raise ScenarioError(
+            f"{origin}: {name} is measured at the end alone; allowed: measures with a method {CYCLE_METHOD} or "
+            f"{event_method}"
+        )

@@ -1,5 +1,6 @@
 """Changes to a scenario by dotted key: single values (`--set`) and axes of a sweep (`--sweep`)."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -75,15 +76,19 @@ def quick_version(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
         raise ScenarioError(f"{origin}: has no quick version; leave --quick out")
     if not isinstance(changes, Mapping):
         raise ScenarioError(f"{origin}: {QUICK}: is {short_repr(changes)}; allowed: a mapping of keys to values")
-    return _merged(without_quick(given), changes)
+    return merge(without_quick(given), changes)
 
 
-def _merged(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `given` with `changes`: sections are merged key by key, other values are replaced."""
+def merge(given: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `given` with `changes`: sections are merged key by key, other values are replaced.
+
+    >>> merge({"stop": {"max_cycles": 9}, "trials": 5}, {"stop": {"order_parameter": 0.9}})
+    {'stop': {'max_cycles': 9, 'order_parameter': 0.9}, 'trials': 5}
+    """
     merged = dict(given)
     for key, value in changes.items():
         old = given.get(key)
-        merged[key] = _merged(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
+        merged[key] = merge(old, value) if isinstance(old, Mapping) and isinstance(value, Mapping) else value
     return merged
 
 
@@ -149,3 +154,10 @@ def reject_swept_keys(settings: Sequence[str], axes: SweepAxes | None) -> None:
         for axis in axes.keys if axes else ():
             if f"{key}.".startswith(f"{axis}."):
                 raise ScenarioError(f"--set {setting}: {axis} is an axis of the sweep; use --sweep {axis}=... instead")
+
+
+def reject_swept_controllers(controller: str, axes: SweepAxes | None) -> None:
+    """Raise ScenarioError for a controller of all robots that the points of the sweep override."""
+    for axis in axes.keys if axes else ():
+        if axis == "robots" or re.fullmatch(r"robots\.\d+(\.controller)?", axis):
+            raise ScenarioError(f"--controller {controller}: {axis} is an axis of the sweep")

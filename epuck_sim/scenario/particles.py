@@ -4,15 +4,36 @@ The defaults are those of thesis section 5.1: 20 agents in a square of side 100,
 response curve. Its lengths have no unit and its period is 1; here they are centimetres and seconds, as in chapter 3.
 """
 
-from typing import Annotated, ClassVar, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, PlainValidator, model_validator
 
+from epuck_sim.errors import CurveError, ScenarioError
+from epuck_sim.scenario.agent_schedule import AgentScheduleEntry, check_agents
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.condition import Awaited
+from epuck_sim.scenario.curves import UP_TO_1, find_curve, map_curves
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.schedule import conditions_in
+from epuck_sim.scenario.stop import StopSection
+from epuck_sim.scenario.walks import WalkSection
 
 MOST_SIDES = 1000
 """Largest mean distance, in sides of the space, that agents may move in a cycle; the thesis's fastest move one."""
+
+MOST_RUNS = 1000
+"""Largest number of runs of a random walk that agents may begin in a cycle, on average."""
+
+_SPEED_NEEDS = {
+    "fixed": {},
+    "uniform": {"speed_spread": "above 0 and up to 1"},
+    "normal": {"speed_spread": "above 0 and up to 1"},
+    "exponential": {},
+    "lognormal": {"speed_spread": "above 0 and up to 2"},
+    "two_speeds": {"fast_share": "above 0 and below 1", "fast_ratio": "above 1 and up to 1000"},
+}
+"""The keys that each distribution of speeds needs, and what they may be; it takes no others."""
 
 _ELSEWHERE = {
     "arena": "space",
@@ -20,10 +41,10 @@ _ELSEWHERE = {
     "noise": "clocks.jitter for clocks; agents neither sense nor drive",
     "spread": "no counterpart, because agents are all alike",
     "stuck": "no counterpart, because agents are points",
+    "faults": "no counterpart, because agents do not fail; schedule changes them",
     "contact": "no counterpart, because agents are points",
     "timing": "no counterpart, because time has no steps",
     "stop.reference_robot": "stop.reference",
-    "stop.max_time_s": "stop.max_cycles",
     "stop.further_cycles": "no counterpart, because its trials end with synchrony",
 }
 """Keys of embodied scenarios, and the keys of particle scenarios that correspond to them."""
@@ -33,30 +54,54 @@ class SpaceSection(ConfigModel):
     """The space in which agents move: a segment, a square or a cube (5.1.2, D.2, D.3)."""
 
     dimensions: Annotated[WholeNumber, Field(ge=1, le=3)] = 2
+    """1: a segment; 2: a square; 3: a cube."""
     side_cm: Positive = 100.0
-    boundary: Literal["bounded", "cyclic"] = "bounded"
-    """`bounded`: agents leave a wall in a random direction; `cyclic`: they leave on one side and enter opposite."""
+    """Side L of the space."""
+    boundary: Literal["bounded", "cyclic", "mirrored"] = "bounded"
+    """`bounded`: agents leave a wall in a random direction; `mirrored`: as light leaves a mirror; `cyclic`: agents
+    leave on one side and enter opposite."""
 
 
 class AgentsSection(ConfigModel):
     """Number of agents, and how they move."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("walk", "speed_per_run", "fast_share", "fast_ratio")
+
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 20
+    """Number N of agents."""
     speed_cm_s: Annotated[Number, Field(ge=0, le=1e6)] = 1.0
     """Speed of each agent, or the mean of the distribution of speeds."""
-    speed_distribution: Literal["fixed", "uniform", "normal", "exponential"] = "fixed"
+    speed_distribution: Literal["fixed", "uniform", "normal", "exponential", "lognormal", "two_speeds"] = "fixed"
     """Distribution from which the speed of each agent is drawn, once a trial (thesis 6.2)."""
-    speed_spread: Annotated[Number, Field(gt=0, le=1)] | None = None
-    """Half-width of `uniform`, or standard deviation of `normal`, relative to the mean; `normal` is cut at 0 and 2."""
-    reorient_on: tuple[Literal["emitting", "receiving"], ...] = ()
-    """Pulses at which an agent turns to a random direction (D.1)."""
+    speed_spread: Annotated[Number, Field(gt=0, le=2)] | None = None
+    """Half-width of `uniform`, or standard deviation of `normal` and `lognormal`, relative to the mean; `normal` is cut
+    at 0 and 2."""
+    fast_share: Annotated[Number, Field(gt=0, lt=1)] | None = None
+    """Chance of each agent of `two_speeds` to be a fast one."""
+    fast_ratio: Annotated[Number, Field(gt=1, le=1000)] | None = None
+    """Speed of the fast agents of `two_speeds` relative to that of the slow ones."""
+    speed_per_run: bool = False
+    """Whether an agent draws a new speed at the end of each run of its walk, instead of keeping its first one."""
+    walk: WalkSection = WalkSection()
+    reorient_on: tuple[Literal["emitting", "receiving", "arriving"], ...] = ()
+    """Pulses at which an agent turns to a random direction (D.1): those that it emits, those that shift its phase, or
+    all that arrive."""
 
     @model_validator(mode="after")
-    def _check_spread(self) -> "AgentsSection":
-        needs = self.speed_distribution in ("uniform", "normal")
-        if needs != (self.speed_spread is not None):
-            what = "needs a speed_spread, above 0 and up to 1" if needs else "takes no speed_spread; leave it out"
-            raise ValueError(f"speed_distribution {self.speed_distribution!r} {what}")
+    def _check_speeds(self) -> "AgentsSection":
+        needed = _SPEED_NEEDS[self.speed_distribution]
+        for key in ("speed_spread", "fast_share", "fast_ratio"):
+            is_given = getattr(self, key) is not None
+            if is_given != (key in needed):
+                what = f"takes no {key}; leave it out" if is_given else f"needs a {key}, {needed[key]}"
+                raise ValueError(f"speed_distribution {self.speed_distribution!r} {what}")
+        if self.speed_distribution != "lognormal" and (self.speed_spread or 0) > 1:
+            raise ValueError(f"speed_spread is {self.speed_spread:g}; allowed: {needed['speed_spread']}")
+        if self.speed_per_run and (self.walk.kind == "straight" or self.speed_distribution == "fixed"):
+            raise ValueError(
+                f"speed_per_run is true, walk.kind is {self.walk.kind!r} and speed_distribution is "
+                f"{self.speed_distribution!r}; it needs runs that end, and speeds that differ"
+            )
         return self
 
 
@@ -65,6 +110,7 @@ class Nearest(ConfigModel):
 
     kind: Literal["nearest"]
     k: Annotated[WholeNumber, Field(ge=1)] = 1
+    """Number K of agents that receive a pulse."""
 
 
 class Range(ConfigModel):
@@ -72,12 +118,14 @@ class Range(ConfigModel):
 
     kind: Literal["range"]
     radius_cm: Positive
+    """Radius R."""
 
 
 class Cone(ConfigModel):
     """A cone in the direction of motion: of vision, around the agent that receives, or of emission."""
 
     kind: Literal["cone_of_vision", "cone_of_emission"]
+    """`cone_of_vision`: around the agent that receives; `cone_of_emission`: around the one that fires."""
     radius_cm: Positive | None = None
     """Reach of the cone; unlimited by default."""
     angle_deg: Annotated[Number, Field(gt=0, le=360)]
@@ -90,22 +138,36 @@ class Everybody(ConfigModel):
     kind: Literal["all"]
 
 
-Neighbourhood = Nearest | Range | Cone | Everybody
-"""The agents that receive the pulse of one that fires (3.1.2, 5.1.3)."""
+class RandomAgents(ConfigModel):
+    """Agents drawn anew for each pulse, wherever they are: the mean field of fast agents (2.4)."""
+
+    kind: Literal["random"]
+    k: Annotated[WholeNumber, Field(ge=1)] = 1
+    """Number K of agents that receive a pulse."""
+
+
+Neighbourhood = Nearest | Range | Cone | Everybody | RandomAgents
+"""The agents that receive the pulse of one that fires (2.4, 3.1.2, 5.1.3)."""
 
 
 class ResponseSection(ConfigModel):
-    """How a pulse shifts the phase of an agent that receives it (5.1.1)."""
+    """How a pulse shifts the phase of an agent that receives it (2.4, 5.1.1)."""
 
-    curve: Literal["multiplicative", "sawtooth", "sine"] = "multiplicative"
+    later_keys: ClassVar[tuple[str, ...]] = ("parameters",)
+
+    curve: str = "multiplicative"
+    """Phase response curve, shift of the phase against the phase: a shipped one's name, or a file that ends in .py,
+    relative to the scenario's file (5.1.1)."""
     coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
-    """Factor epsilon of the multiplicative curve; kappa, up to 1, of the others."""
+    """Strength of the response: epsilon, or kappa of the sawtooth and sine curves."""
     refractory: Annotated[Number, Field(ge=0, lt=0.5)] = 0.0
     """Phase D, up to which pulses have no effect."""
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    """The curve's further parameters by name; those that are left out have the curve's defaults."""
 
     @model_validator(mode="after")
-    def _check_kappa(self) -> "ResponseSection":
-        if self.curve != "multiplicative" and self.coupling > 1:
+    def _check_coupling(self) -> "ResponseSection":
+        if self.curve in UP_TO_1 and self.coupling > 1:
             raise ValueError(f"coupling is {self.coupling:g}; allowed: 0 to 1 for the {self.curve} curve")
         return self
 
@@ -114,16 +176,53 @@ class ClocksSection(ConfigModel):
     """The oscillators' periods."""
 
     period_s: Positive = 1.0
+    """Period tau."""
     jitter: Annotated[Number, Field(ge=0, le=0.2)] = 0.0
     """Standard deviation of the periods relative to `period_s` (5.4.2); no period is below a tenth of it."""
 
 
-class StartSection(ConfigModel):
-    """The phases at the start of a trial."""
+def _check_phases(given: Any) -> Any:
+    """Return a name, or one phase for each agent as a tuple."""
+    if given in ("random", "synchronised"):
+        return given
+    is_list = isinstance(given, list | tuple) and not any(isinstance(phase, bool) for phase in given)
+    if is_list and all(isinstance(phase, int | float) and 0 <= phase <= 1 for phase in given):
+        return tuple(float(phase) for phase in given)
+    raise ValueError("random, synchronised, or a list of numbers from 0 to 1, one for each agent")
 
-    phases: Literal["random", "synchronised"] = "random"
+
+Vectors = tuple[tuple[Number, ...], ...]
+
+
+class StartSection(ConfigModel):
+    """Phases, positions and headings at the start of a trial; positions and headings are random unless given."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings")
+
+    phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], PlainValidator(_check_phases)] = "random"
+    """`random`: uniform over the period; `synchronised`: all 0; or a list with a phase, 0 to 1, for each agent."""
     displacement: Annotated[Number, Field(ge=0, lt=1)] = 0.0
     """Phase of agent 0, where all others start at 0 (5.4.1)."""
+    positions_cm: Vectors | None = None
+    """One row for each agent, with a coordinate for each dimension."""
+    headings: Vectors | None = None
+    """One row for each agent: a vector in the direction of its motion, of any length above 0."""
+
+    def check_fits(self, agents: int, dimensions: int, side_cm: float) -> None:
+        """Raise ValueError if what is given does not fit the agents and their space."""
+        given = {"phases": self.phases, "positions_cm": self.positions_cm, "headings": self.headings}
+        for name, rows in given.items():
+            if isinstance(rows, tuple) and len(rows) != agents:
+                raise ValueError(f"start.{name} has {len(rows)} rows; allowed: {agents}, because that is agents.count")
+        for name in ("positions_cm", "headings"):
+            for number, row in enumerate(given[name] or ()):
+                assert isinstance(row, tuple)
+                if len(row) != dimensions:
+                    raise ValueError(f"start.{name}.{number} has {len(row)} numbers; allowed: {dimensions}, dimensions")
+                if name == "positions_cm" and not all(0 <= place <= side_cm for place in row):
+                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: 0 to {side_cm:g}, space.side_cm")
+                if name == "headings" and not any(row):
+                    raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
 
     @model_validator(mode="after")
     def _check_displacement(self) -> "StartSection":
@@ -138,8 +237,10 @@ class StartSection(ConfigModel):
 class ParticleStop(StopSection):
     """When a trial ends (3.1.5, 5.1.4)."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("when", "max_time_s")
+
     order_parameter: Annotated[Number, Field(gt=0, le=1)] | None = 1 - 1e-9
-    """Threshold of the order parameter; null: every trial lasts `max_cycles`."""
+    """Threshold of the order parameter; null: trials do not end with synchrony."""
     max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)] = 10**7
     reference: Annotated[WholeNumber, Field(ge=0)] = 0
     """Number of the agent whose firings are counted, from 0."""
@@ -152,6 +253,8 @@ class ParticleScenario(Scenario):
         key: f"belongs to model: embodied; model: particles has {place}" for key, place in _ELSEWHERE.items()
     }
 
+    later_keys: ClassVar[tuple[str, ...]] = ("schedule",)
+
     name: Annotated[str, Field(min_length=1, max_length=100)] = "particles"
     model: Literal["particles"]
     space: SpaceSection = SpaceSection()
@@ -160,6 +263,7 @@ class ParticleScenario(Scenario):
     response: ResponseSection = ResponseSection()
     clocks: ClocksSection = ClocksSection()
     start: StartSection = StartSection()
+    schedule: tuple[AgentScheduleEntry, ...] = ()
     stop: ParticleStop = ParticleStop()
 
     @model_validator(mode="after")
@@ -170,13 +274,21 @@ class ParticleScenario(Scenario):
                 f"agents.speed_cm_s is {self.agents.speed_cm_s:g}; allowed: up to "
                 f"{MOST_SIDES * self.space.side_cm / self.clocks.period_s:g}, {MOST_SIDES} sides a period"
             )
-        if isinstance(self.neighbourhood, Nearest) and self.neighbourhood.k > max(others, 1):
+        shortest_s = self.clocks.period_s / MOST_RUNS
+        if self.agents.walk.run_s is not None and self.agents.walk.run_s < shortest_s:
+            raise ValueError(
+                f"agents.walk.run_s is {self.agents.walk.run_s:g}; allowed: from {shortest_s:g}, {MOST_RUNS} runs a "
+                "period"
+            )
+        if isinstance(self.neighbourhood, Nearest | RandomAgents) and self.neighbourhood.k > max(others, 1):
             raise ValueError(
                 f"neighbourhood.k is {self.neighbourhood.k}; allowed: 1 to {max(others, 1)}, because agents.count is "
                 f"{others + 1}"
             )
+        self.start.check_fits(others + 1, self.space.dimensions, self.space.side_cm)
         if self.stop.reference > others:
             raise ValueError(f"stop.reference is {self.stop.reference}; allowed: 0 to {others}")
+        check_agents(self.schedule, self.agents.count, speed_per_run=self.agents.speed_per_run)
         return self
 
     @property
@@ -198,3 +310,63 @@ class ParticleScenario(Scenario):
     def population(self) -> int:
         """Number of agents."""
         return self.agents.count
+
+    @property
+    def conditions(self) -> dict[str, Awaited]:
+        """Conditions that trials wait for, by their dotted keys."""
+        return {**super().conditions, **conditions_in(self.schedule)}
+
+    @property
+    def has_events(self) -> bool:
+        """Whether there is a schedule."""
+        return bool(self.schedule)
+
+    @property
+    def compiled(self) -> tuple[str, ...]:
+        """Names of what is compiled for its trials: the model, and a user's response curve."""
+        curve = self.response.curve
+        return (self.model, curve) if curve.endswith(".py") else (self.model,)
+
+    def resolved(self, origin: str, folder: Path | None = None) -> Self:
+        """Return the scenario with the response curve, measures and their parameters; see `Scenario.resolved`."""
+        swept = self.sweep.keys if self.sweep else ()
+        response = self.response  # its curve, hence its parameters, may be known at each point only
+        if "response.curve" not in swept and "response" not in swept:
+            response = resolve_response(response, f"{origin}: response", folder)
+        if self.schedule and not set(swept) & {"response", "response.curve", "neighbourhood", "neighbourhood.kind"}:
+            from epuck_sim.scenario.agent_changes import check_changes  # noqa: PLC0415 it imports this module
+
+            check_changes(self.model_copy(update={"response": response}), f"{origin}: schedule")
+        sweep = self.sweep and self.sweep.mapped(lambda key, value: _resolve_axis(key, value, origin, folder))
+        resolved = super().resolved(origin, folder)
+        if response is self.response and sweep is None:  # a copy would take a tenth of the time of a short trial
+            return resolved
+        return resolved.model_copy(update={"response": response, "sweep": sweep})
+
+
+def resolve_response(response: ResponseSection, origin: str, folder: Path | None = None) -> ResponseSection:
+    """Return a response with the path of its curve, if that is a user's, and with all parameters.
+
+    Raises:
+        ScenarioError: There is no such curve, or it does not take these parameters; the message begins with `origin`.
+    """
+    try:
+        curve = find_curve(response.curve, folder)
+    except CurveError as error:
+        raise ScenarioError(f"{origin}.curve: {error}") from error
+    try:
+        parameters = curve.resolve(response.parameters)
+        curve.check_shifts(response.coupling, parameters)
+    except CurveError as error:
+        raise ScenarioError(f"{origin}: {error}") from error
+    if (curve.name, parameters) == (response.curve, response.parameters):
+        return response
+    return response.model_copy(update={"curve": curve.name, "parameters": parameters})
+
+
+def _resolve_axis(key: str, value: Any, origin: str, folder: Path | None) -> Any:
+    """Return the value of an axis with the path of the user's curve that it names."""
+    try:
+        return map_curves(key, value, lambda name: find_curve(str(name), folder).name)
+    except CurveError as error:
+        raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error

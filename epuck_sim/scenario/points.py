@@ -4,13 +4,14 @@ A point is identified by its axis values, not by its number: points and trials t
 others as they were.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import canonical_text
-from epuck_sim.scenario.controllers import map_controllers
+from epuck_sim.scenario.controllers import map_controllers, share_parameters
+from epuck_sim.scenario.curves import map_curves
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.overrides import set_value
 from epuck_sim.scenario.scenario import Scenario
@@ -26,7 +27,7 @@ class Point(NamedTuple):
     key: str
     """The axis values as text."""
     axes: dict[str, Any]
-    """Value of each axis by dotted key; for a user's controller, its file's name."""
+    """Value of each axis by dotted key; for a user's controller or response curve, its file's name."""
     scenario: Scenario
     """The scenario with these values, and without a sweep."""
 
@@ -54,7 +55,8 @@ def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, 
     base = loaded.model_copy(update={"sweep": None}).model_dump(mode="json")
     rows = loaded.sweep.rows()
     names = _short_names(rows)
-    found = tuple(_point(number, row, base, names) for number, row in enumerate(rows))
+    base_of = share_parameters(base, rows)
+    found = tuple(_point(number, row, base_of(number), names) for number, row in enumerate(rows))
     first: dict[str, int] = {}
     for point in found:
         if point.key in first:
@@ -65,9 +67,10 @@ def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, 
 
 
 def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Return the name of each controller in the rows: that of its file, with the folders that tell it from others.
+    """Return the name of each controller and response curve in the rows.
 
-    A name does not depend on the folders that all controllers share, so that a sweep can move to another machine.
+    That of a file has the folders which tell it from others. It does not depend on the folders that all files share,
+    so that a sweep can move to another machine.
     """
     named: dict[str, None] = {}
 
@@ -77,7 +80,7 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
 
     for row in rows:
         for key, value in row.items():
-            map_controllers(key, value, collect)
+            _map_names(key, value, collect)
     parts = {name: Path(name).parts for name in named}
 
     def shortest(name: str) -> str:
@@ -88,6 +91,11 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
         return name
 
     return {name: shortest(name) for name in named}
+
+
+def _map_names(key: str, value: Any, change: Callable[[Any], str]) -> Any:
+    """Return the value of an axis in which `change` has replaced every controller and response curve that it names."""
+    return map_curves(key, map_controllers(key, value, change), change)
 
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:
@@ -102,7 +110,7 @@ def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[s
         raise ScenarioError("\n".join(f"{origin}: {line}" for line in lines)) from error
     if scenario.sweep is not None:
         raise ScenarioError(f"{origin}: a point cannot have a sweep")
-    axes = {key: map_controllers(key, value, lambda name: names[str(name)]) for key, value in row.items()}
+    axes = {key: _map_names(key, value, lambda name: names[str(name)]) for key, value in row.items()}
     return Point(number, canonical_text(axes), axes, scenario)
 
 

@@ -1,17 +1,20 @@
 """One group in the section `robots` of a scenario: robots that share a controller, and their sensors."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.signals import CameraSignal, RadioSignal, SignalSection
 
 
 class CameraSection(ConfigModel):
     """A group's line camera (thesis 4.1.1; the cone of vision of 3.1.2 by `field_of_view_deg` and `range_cm`)."""
 
     pixels: Annotated[WholeNumber, Field(ge=1, le=1000)] = 60
+    """Number of pixels in the row."""
     field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
+    """Angle that the row covers, half of it to either side of straight ahead."""
     central_pixels: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Number of pixels in the middle of the row that are used (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
@@ -48,21 +51,33 @@ class CameraSection(ConfigModel):
 class InfraredSection(ConfigModel):
     """How a group's proximity sensors turn a reading into a distance."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("robots",)
+
     distance: Literal["inverse_response", "firmware_table"] = "inverse_response"
+    """`inverse_response`: by inverting the mean response; `firmware_table`: by the table of the robots' firmware."""
+    robots: bool = True
+    """Whether they see other robots; else walls and obstacles only, to avoid walls alone (thesis 3.1.4.1)."""
 
 
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal")
+
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
+    """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
     placement: Literal["random", "grid", "poses"] = "random"
     """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
     """`x_cm, y_cm, heading_rad` of each robot, instead of a placement."""
     controller: str = "firefly"
-    """Name of a shipped controller, or a file that ends in .py, relative to the scenario's file."""
+    """Name of a shipped controller, or a file (.py, .c or .so), relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
+    memory: dict[str, Any] = Field(default_factory=dict)
+    """What robots remember at the start, by name, instead of what the controller starts with: a number, or one entry
+    for each robot; `phase_ms` is an oscillator's phase."""
+    signal: SignalSection = CameraSignal()
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()
 
@@ -84,3 +99,23 @@ class RobotGroup(ConfigModel):
         if self.poses is not None and len(self.poses) != self.count:
             raise ValueError(f"count is {self.count} but there are {len(self.poses)} poses; leave count out")
         return self
+
+    @model_validator(mode="after")
+    def _check_signal(self) -> "RobotGroup":
+        if self.signal.kind != "camera" and self.camera != CameraSection():
+            raise ValueError(
+                f"signal.kind is {self.signal.kind!r} and a camera is given; leave the camera out, or choose camera"
+            )
+        return self
+
+    @property
+    def signal_is_random(self) -> bool:
+        """Whether random numbers decide when a flash reaches a robot, or if it does."""
+        if isinstance(self.signal, RadioSignal):
+            return self.signal.loss > 0
+        return self.camera.frames_per_s is not None
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels in the row that controllers read: the camera's, or one that other signals set."""
+        return self.camera.pixels if self.signal.kind == "camera" else 1

@@ -2,23 +2,29 @@
 
 from numbers import Integral
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
-from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
-from epuck_sim.scenario.measures import MeasureSection, resolve_measures
+from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.condition import Awaited
+from epuck_sim.scenario.measures import MeasureSection, check_condition, resolve_measures
+from epuck_sim.scenario.stop import StopSection
 
 WITHOUT_EFFECT = {"name", "description", "trials", "figure", "measures", "overhead"}
 """Keys of a scenario on which no trial depends."""
+
+STOP = "stop.when"
+"""Dotted key of the condition that ends trials."""
 
 
 class FigureSection(ConfigModel):
     """How `plot` draws a sweep, where the command does not say."""
 
     form: Literal["curves", "map", "violins", "perturbation", "course"] = "curves"
+    """How the sweep is drawn; `perturbation` and `course` are for point agents."""
     x: str | None = None
     """Dotted key of the axis to draw against; the speed by default."""
     y: str | None = None
@@ -27,17 +33,8 @@ class FigureSection(ConfigModel):
     """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
-
-
-class StopSection(ConfigModel):
-    """When a trial ends."""
-
-    order_parameter: Annotated[Number, Field(gt=0, le=1)] | None
-    """The swarm is synchronised once the order parameter reaches this value at a firing of the reference."""
-    metric: Literal["complex", "reference"] = "complex"
-    """`complex`: eqs. 4.2 and 5.7; `reference`: eq. 3.4."""
-    max_cycles: Annotated[WholeNumber, Field(ge=1, le=10**9)]
-    """Firings of the reference after which the trial is censored."""
+    base_case: dict[str, Any] = Field(default_factory=dict)
+    """Values of axes, by dotted key, of the curve that is dashed because it is the base case."""
 
 
 class Scenario(ConfigModel):
@@ -49,7 +46,9 @@ class Scenario(ConfigModel):
     """Name of the method by which a measure is told of every event (`measures.interface.EVENT_METHODS`)."""
 
     name: Annotated[str, Field(min_length=1, max_length=100)] = "thesis"
+    """Name in tables and figures; by default that of the file."""
     description: str = ""
+    """What the scenario is, in a line: title of figures, and shown by `list`."""
     model: str
     stop: StopSection
     trials: Annotated[WholeNumber, Field(ge=1, le=10_000_000)] = 1
@@ -77,6 +76,16 @@ class Scenario(ConfigModel):
         return self.controllers or (self.model,)
 
     @property
+    def conditions(self) -> dict[str, Awaited]:
+        """Conditions that trials wait for, by their dotted keys."""
+        return {} if self.stop.when is None else {STOP: Awaited(self.stop.when)}
+
+    @property
+    def has_events(self) -> bool:
+        """Whether anything may change in its trials that they list among their events."""
+        return False
+
+    @property
     def scales(self) -> dict[str, float]:
         """Quantities, by name, that T_sync scales with (thesis 4.2.2); NaN for one that the scenario does not have."""
         return {}
@@ -96,10 +105,10 @@ class Scenario(ConfigModel):
         Raises:
             ScenarioError: A file is missing, or does not fit the scenario.
         """
-        if not self.measures:
-            return self
-        measures = resolve_measures(self.measures, self.model, self.event_method, origin, folder)
-        return self.model_copy(update={"measures": measures})
+        measures = resolve_measures(self, origin, folder)
+        for key, awaited in self.conditions.items():
+            check_condition(awaited.condition.measure, measures, self.event_method, f"{origin}: {key}")
+        return self.model_copy(update={"measures": measures}) if measures else self
 
     def __repr__(self) -> str:
         """Return one line; `write_scenario` gives every key."""
@@ -107,6 +116,12 @@ class Scenario(ConfigModel):
         return f"{type(self).__name__}(name={self.name!r}, model={self.model!r}, population={self.population}{points})"
 
     __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return what the scenario is, with every key to open, for notebooks."""
+        from epuck_sim.scenario.notebook import show_scenario  # noqa: PLC0415 is for notebooks alone
+
+        return show_scenario(self)
 
 
 Kind = TypeVar("Kind", bound=Scenario)

@@ -1,17 +1,18 @@
 """The table of scenario classes, and readable messages for scenarios that fail validation."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import Box, Circle, Polygon
-from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, Range
+from epuck_sim.scenario.faults import FAULTS
+from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, RandomAgents, Range
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 SCENARIO_TYPES: dict[str, type[Scenario]] = {"embodied": EmbodiedScenario, "particles": ParticleScenario}
@@ -23,19 +24,30 @@ class Union(NamedTuple):
 
     tag: str
     """The key whose value names the class."""
-    classes: dict[str, type[BaseModel]]
+    classes: Mapping[str, type[BaseModel]]
 
 
 UNIONS = {
+    "faults": Union("kind", FAULTS),
     "obstacles": Union("shape", {"circle": Circle, "box": Box, "polygon": Polygon}),
     "neighbourhood": Union(
         "kind",
-        {"nearest": Nearest, "range": Range, "cone_of_vision": Cone, "cone_of_emission": Cone, "all": Everybody},
+        {
+            "nearest": Nearest,
+            "range": Range,
+            "cone_of_vision": Cone,
+            "cone_of_emission": Cone,
+            "all": Everybody,
+            "random": RandomAgents,
+        },
     ),
+    "signal": Union("kind", {"camera": CameraSignal, "cone": ConeSignal, "radio": RadioSignal}),
 }
 """Sections that are one of several classes, by their key."""
 
 ALLOWED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
     "dict_type": "a mapping of keys to values",
     "finite_number": "a finite number",
     "float_parsing": "a number",
@@ -116,8 +128,15 @@ def _without_tag(location: list[str]) -> tuple[list[str], type[BaseModel] | None
 
 def _known_keys(kind: type[Scenario], path: list[str]) -> list[str]:
     """Return the keys of the section at `path`."""
-    defaults: dict[str, Any] = {"sweep": SweepAxes.model_construct()}
-    section: Any = kind.model_construct(**defaults)
+    section: type[BaseModel] | None = kind
     for part in path:
-        section = section[0] if isinstance(section, tuple) else getattr(section, part)
-    return list(type(section).model_fields) if isinstance(section, BaseModel) else []
+        if section is not None and not part.isdecimal():  # numbers are places in a list of sections
+            section = _section_in(section.model_fields[part].annotation)
+    return list(section.model_fields) if section else []
+
+
+def _section_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the first class of a section in the type of a field; None if there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((found for part in get_args(annotation) if (found := _section_in(part))), None)

@@ -1,4 +1,4 @@
-"""Comparing T_sync of two run folders, or at two values of an axis, point by point and over all points."""
+"""Comparing T_sync, or a measure, of two run folders or at two values of an axis, at each point and over all."""
 
 import math
 from collections.abc import Sequence
@@ -12,13 +12,15 @@ from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.statistics.curves import group_by_other_axes
 from epuck_sim.statistics.estimate import Estimate, without_interval
 from epuck_sim.statistics.mean import estimate_mean
-from epuck_sim.statistics.measured import measure_t_sync
+from epuck_sim.statistics.measured import Measured, measure
 from epuck_sim.statistics.names import Statistic, statistic_name
+from epuck_sim.statistics.shares import estimate_share, share_difference
 from epuck_sim.statistics.two_samples import (
     Pair,
     contrast,
     log_rank,
     log_rank_parts,
+    mean_difference,
     mean_log_ratio,
     pair_up,
     permuted_differences,
@@ -30,22 +32,22 @@ PERMUTATION, LOG_RANK = "permutation test of the means", "log-rank test"
 
 
 class PointComparison(NamedTuple):
-    """Two samples of T_sync at one point, A and B."""
+    """Two samples of T_sync, in cycles, or of a measure at one point, A and B."""
 
     axes: dict[str, Any]
     trials: tuple[int, int]
     censored: tuple[float, float]
     """Share of the trials of each, at the lower of the two limits."""
     statistic: str
-    """What is compared: mean, or restricted mean where trials are censored."""
+    """What is compared: mean, restricted mean where trials are censored, or share of truth values that are true."""
     first: Estimate
-    """A, cycles."""
+    """A."""
     second: Estimate
-    """B, cycles."""
+    """B."""
     difference: Estimate
-    """B - A, cycles."""
+    """B - A."""
     ratio: Estimate
-    """B / A."""
+    """B / A; undetermined unless both are positive."""
     p_value: float
     """Probability that chance makes A and B as different; NaN with too few trials."""
     p_holm: float
@@ -68,6 +70,10 @@ class Comparison(NamedTuple):
     """Probability that chance makes all points as different together; NaN where none is compared."""
     test: str
     """Name of the test."""
+    of: str | None
+    """Name of the measure that is compared; None for T_sync."""
+    difference: Estimate
+    """Mean of B - A over all points that have an interval of it, each of which counts alike."""
 
 
 Match = tuple[dict[str, Any], PointTrials, PointTrials]
@@ -129,18 +135,19 @@ def _check(matches: list[Match]) -> list[Match]:
 
 def compare(matches: Sequence[Match], left_out: int = 0) -> Comparison:
     """Compare the first and the second points of matches, A and B."""
-    pairs = [pair_up(measure_t_sync(first), measure_t_sync(second)) for _, first, second in matches]
+    pairs = [pair_up(measure(first), measure(second)) for _, first, second in matches]
     good = [pair for pair in pairs if pair.is_comparable]
     is_early = any(pair.is_censored_early for pair in good)
     p_values, p_value = _log_rank_test(good) if is_early else _permutation_test(good)
-    tested = iter(zip(p_values, _holm(p_values), strict=True))
+    tested = iter(zip(p_values, holm(p_values), strict=True))
     points = [
         _compare_point(axes, pair, *(next(tested) if pair.is_comparable else (math.nan, math.nan)))
         for (axes, *_), pair in zip(matches, pairs, strict=True)
     ]
     known = [each for each in map(contrast, good) if each.has_interval]
     test = LOG_RANK if is_early else PERMUTATION
-    return Comparison(points, len(good), left_out, len(known), _exp(mean_log_ratio(known)), p_value, test)
+    ratio, difference = _exp(mean_log_ratio(known)), mean_difference(list(map(contrast, good)))
+    return Comparison(points, len(good), left_out, len(known), ratio, p_value, test, matches[0][1].of, difference)
 
 
 def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float, p_holm: float) -> PointComparison:
@@ -148,19 +155,27 @@ def _compare_point(axes: dict[str, Any], pair: Pair, p_value: float, p_holm: flo
     means = contrast(pair)
     difference, log_ratio = means.difference, means.log_ratio
     if not pair.is_comparable or not means.has_interval:
-        difference, log_ratio = (without_interval(each.value) for each in (difference, log_ratio))
+        log_ratio = without_interval(log_ratio.value)
+    if not pair.is_comparable or not means.is_spread:
+        difference = without_interval(difference.value)
+    if pair.is_share:
+        difference = share_difference(*pair)
     return PointComparison(
         axes=axes,
         trials=(len(pair.first.values), len(pair.second.values)),
         censored=(pair.first.censored, pair.second.censored),
-        statistic=statistic_name(Statistic.MEAN, is_censored),
-        first=estimate_mean(pair.first),
-        second=estimate_mean(pair.second),
+        statistic=statistic_name(Statistic.MEAN, is_censored, is_share=pair.is_share),
+        first=_mean_or_share(pair.first),
+        second=_mean_or_share(pair.second),
         difference=difference,
         ratio=_exp(log_ratio),
         p_value=p_value,
         p_holm=p_holm,
     )
+
+
+def _mean_or_share(measured: Measured) -> Estimate:
+    return estimate_share(measured) if measured.is_share else estimate_mean(measured)
 
 
 def _permutation_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
@@ -181,10 +196,10 @@ def _log_rank_test(pairs: Sequence[Pair]) -> tuple[list[float], float]:
     return [log_rank([each]) for each in parts], log_rank(parts)
 
 
-def _holm(p_values: Sequence[float]) -> list[float]:
+def holm(p_values: Sequence[float]) -> list[float]:
     """Return p-values corrected for their number by Holm's method.
 
-    >>> _holm([0.01, 0.04, 0.03])
+    >>> holm([0.01, 0.04, 0.03])
     [0.03, 0.06, 0.06]
     """
     corrected, largest = [0.0] * len(p_values), 0.0

@@ -1,4 +1,4 @@
-"""Curves of a statistic of T_sync against one axis of a sweep, one for each combination of the other axes."""
+"""Curves of a statistic of T_sync, or of a measure, against one axis of a sweep: one for each combination of others."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -10,13 +10,13 @@ from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.figure_axes import other_axes
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.statistics.measured import measure_t_sync
+from epuck_sim.statistics.measured import measure
 from epuck_sim.statistics.names import Statistic, statistic_name
-from epuck_sim.statistics.statistic import estimate, resample
+from epuck_sim.statistics.statistic import check_statistic, estimate, resample
 
 
 class Curve(NamedTuple):
-    """A statistic of T_sync, in cycles, along an axis, at the S points that have trials."""
+    """A statistic of T_sync, in cycles, or of a measure, along an axis, at the S points that have trials."""
 
     axes: dict[str, Any]
     """Values of the other axes."""
@@ -35,11 +35,16 @@ class Curve(NamedTuple):
     """(S, 2) 95 % intervals; NaN where there is none, inf where an end is not reached."""
     resampled: FloatArray
     """(B, S) the statistic of resamples; inf or NaN where undetermined."""
+    of: str | None = None
+    """Name of the measure; None for T_sync."""
+    is_share: bool = False
+    """Whether the measure is a truth value, and the statistic a share."""
 
     @property
     def names(self) -> list[str]:
         """(S,) name of the statistic at each point: a mean is restricted where trials are censored."""
-        return [statistic_name(self.statistic, share > 0) for share in self.censored.tolist()]
+        shares = self.censored.tolist()
+        return [statistic_name(self.statistic, share > 0, is_share=self.is_share) for share in shares]
 
 
 def read_curves(points: Sequence[PointTrials], axis: str, statistic: Statistic = Statistic.MEAN) -> list[Curve]:
@@ -72,16 +77,20 @@ def estimate_curve(
     points: Sequence[PointTrials], axis: str, others: dict[str, Any], statistic: Statistic = Statistic.MEAN
 ) -> Curve:
     """Estimate the curve through points that have trials, sorted by `axis`; `others` are the values that they share."""
-    measured = [measure_t_sync(point) for point in points]
+    measured = [measure(point) for point in points]
+    for each in measured:
+        check_statistic(each, statistic)
     estimates = [estimate(each, statistic) for each in measured]
     return Curve(
         axes=others,
         scenario=points[0].scenario,
         statistic=statistic,
         x=np.array([point.axes[axis] for point in points], np.float64),
-        trials=np.array([len(point.times) for point in points]),
+        trials=np.array([len(each.values) for each in measured]),
         censored=np.array([each.censored for each in measured]),
         values=np.array([each.value for each in estimates]),
         intervals=np.array([(each.low, each.high) for each in estimates]),
         resampled=np.stack([resample(each, statistic) for each in measured], axis=1),
+        of=points[0].of,
+        is_share=any(each.is_share for each in measured),
     )

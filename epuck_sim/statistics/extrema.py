@@ -99,7 +99,7 @@ def smooth_curve(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -
     Returns:
         The smoothed curve, or None if fewer than six speeds are determined.
     """
-    fit = _fit(speeds, means, resampled)
+    fit = smooth_logs(speeds, means, resampled)
     if fit is None:
         return None
     return SmoothCurve(fit.speeds, np.exp(fit.smoother @ fit.logs), np.exp(fit.resampled @ fit.smoother.T))
@@ -120,7 +120,7 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
     Returns:
         The pair, with NaN where there is none, or None if fewer than six speeds are determined.
     """
-    fit = _fit(speeds, means, resampled)
+    fit = smooth_logs(speeds, means, resampled)
     if fit is None:
         return None
     noise = fit.resampled - fit.resampled.mean(axis=0)
@@ -138,15 +138,23 @@ def find_minimum_and_peak(speeds: FloatArray, means: FloatArray, resampled: Floa
     return SpeedExtrema(v_m, t_m, v_p, t_p, intervals, float(np.log(t_p / t_m)), p_value, pairs)
 
 
-class _Fit(NamedTuple):
-    speeds: FloatArray  # (G,)
-    smoother: FloatArray  # (G, K): logs at the K determined speeds in, logs on the grid out
-    logs: FloatArray  # (K,) of T
-    resampled: FloatArray  # (B, K) logs
-    variances: FloatArray  # (K,) of the logs
+class SmoothedLogs(NamedTuple):
+    """Logarithms of T_sync, or of a measure, at K speeds, and how they are smoothed."""
+
+    speeds: FloatArray
+    """(G,) log-spaced speeds, or values of another axis, between the K."""
+    smoother: FloatArray
+    """(G, K) matrix: logs at the K determined speeds in, logs on the grid out."""
+    logs: FloatArray
+    """(K,) logs."""
+    resampled: FloatArray
+    """(B, K) logs of resamples."""
+    variances: FloatArray
+    """(K,) variances of the logs."""
 
 
-def _fit(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> _Fit | None:
+def smooth_logs(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> SmoothedLogs | None:
+    """Fit the smoother of a curve, with the arguments of `smooth_curve`; None if fewer than six are determined."""
     finite = np.isfinite(resampled)
     determined = (speeds > 0) & np.isfinite(means) & (finite.mean(axis=0) >= 1 - MAX_UNDETERMINED)
     if np.count_nonzero(determined) < MIN_SPEEDS:
@@ -157,7 +165,7 @@ def _fit(speeds: FloatArray, means: FloatArray, resampled: FloatArray) -> _Fit |
     variances = np.maximum(log_resampled.var(axis=0, ddof=1), MIN_VARIANCE)
     grid = np.linspace(x[0], x[-1], GRID_POINTS)
     roughness = UNDERSMOOTHING * _likeliest_roughness(x, logs, variances)
-    return _Fit(10**grid, _smoother(x, variances / roughness, grid), logs, log_resampled, variances)
+    return SmoothedLogs(10**grid, _smoother(x, variances / roughness, grid), logs, log_resampled, variances)
 
 
 def _smoother(x: FloatArray, penalties: FloatArray, grid: FloatArray) -> FloatArray:

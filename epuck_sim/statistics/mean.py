@@ -77,6 +77,8 @@ def resample_means(measured: Measured, resamples: int) -> FloatArray:
 def mean_and_error(measured: Measured) -> MeanError:
     """Return the mean of the sample, or the restricted mean, and its standard error."""
     values, trials = measured.values, len(measured.values)
+    if not trials:
+        return MeanError(math.nan, 0.0, 0)
     # few uncensored trials carry all that is known of the spread
     freedom = min(trials - 1, int(np.count_nonzero(measured.observed)))
     if measured.observed.all():

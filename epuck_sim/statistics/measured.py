@@ -9,6 +9,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.util.messages import comma_list
 
 
 class Measured(NamedTuple):
@@ -22,11 +23,13 @@ class Measured(NamedTuple):
     """Largest value that a trial can have before it is censored; inf for a measure that is never censored."""
     seed: int
     """Seed of resamples."""
+    is_share: bool = False
+    """Whether the values are truth values, 1 or 0, whose mean is the share of trials in which they are true."""
 
     @property
     def censored(self) -> float:
         """Share of the trials that is censored."""
-        return 1 - float(self.observed.mean())
+        return 1 - float(self.observed.mean()) if len(self.observed) else 0.0
 
     @property
     def supports_interval(self) -> bool:
@@ -54,7 +57,17 @@ def cut(measured: Measured, limit: float) -> Measured:
 
 
 def measure_t_sync(point: PointTrials) -> Measured:
-    """Return T_sync, in cycles, of a point's trials."""
+    """Return T_sync, in cycles, of a point's trials.
+
+    Raises:
+        StoreError: They have none.
+    """
+    if not point.has_t_sync:
+        names = comma_list([section.name for section in point.scenario.measures])
+        raise StoreError(
+            "trials have no T_sync: their reference is no oscillator, or stop.order_parameter is null; what was "
+            f"measured: {names} (--of NAME, or read_points(folder, of=NAME))"
+        )
     return Measured(point.times, point.observed, float(point.scenario.stop.max_cycles), point.seed)
 
 
@@ -67,6 +80,15 @@ def measure_values(point: PointTrials) -> Measured:
         StoreError: They are series.
     """
     if any(isinstance(value, list) for value in point.measured):
-        raise StoreError("this measure is a series, with a value for each cycle; statistics take one value a trial")
-    numbers = [float(value) for value in point.measured if value is not None and not isinstance(value, list)]
-    return Measured(np.array(numbers, float), np.ones(len(numbers), np.bool_), math.inf, point.seed)
+        raise StoreError(
+            f"{point.of} is a series, with a value for each cycle; this takes one value a trial: allowed are plot "
+            "--form series and summarize (statistics.series)"
+        )
+    known = [value for value in point.measured if value is not None and not isinstance(value, list)]
+    is_share = bool(known) and all(isinstance(value, bool) for value in known)
+    return Measured(np.array(known, float), np.ones(len(known), np.bool_), math.inf, point.seed, is_share)
+
+
+def measure(point: PointTrials) -> Measured:
+    """Return the values of the measure that `read_points` was asked for; T_sync if it was asked for none."""
+    return measure_t_sync(point) if point.of is None else measure_values(point)

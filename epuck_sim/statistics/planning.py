@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.measured import Measured, measure_t_sync
+from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.statistics.measured import Measured, measure
 from epuck_sim.statistics.names import Statistic, statistic_name
-from epuck_sim.statistics.power import relative_spread, trials_needed
+from epuck_sim.statistics.power import relative_spread, trials_for_shares, trials_needed
 from epuck_sim.statistics.statistic import estimate
 
 
@@ -18,42 +19,73 @@ class PointPlan(NamedTuple):
     point: int
     axes: dict[str, Any]
     stored: int
-    """Number of trials that have a result."""
+    """Number of trials that have a value."""
     statistic: str
-    """What the mean is: mean, or restricted mean."""
+    """What the mean is: mean, restricted mean, or share of truth values that are true."""
     mean: float
-    """Cycles; NaN where it is undetermined."""
+    """Cycles, or the measure's unit; NaN where it is undetermined."""
     spread: float
-    """Standard deviation of a trial over the mean; NaN with too few trials."""
+    """Standard deviation of a trial over the size of the mean; NaN with too few trials, and of shares."""
     trials: int | None
-    """Trials of each of two sweeps that show the difference; None where the spread is unknown."""
+    """Trials of each of two sweeps that show the difference; None where that cannot be said."""
 
 
 class TrialPlan(NamedTuple):
     """What a sweep needs for a difference to be seen."""
 
     difference: float
-    """Relative to the smaller mean."""
+    """Relative to the smaller mean; of shares, the difference itself."""
     power: float
     """Probability with which it is seen."""
     points: list[PointPlan]
     over_all: int | None
-    """Trials a point that show it over all points together, if all differ alike; None where no spread is known."""
+    """Trials a point that show it over all points together, if all differ alike; None where that cannot be said."""
+    of: str | None
+    """Name of the measure; None for T_sync."""
+    is_of_shares: bool
+    """Whether the measure is a truth value, whose shares are told apart."""
 
 
 def plan_trials(points: Sequence[PointTrials], difference: float, power: float) -> TrialPlan:
-    """Return how many trials show a difference, relative to the smaller mean, with this probability."""
-    planned = [_plan_point(point, measure_t_sync(point), difference, power) for point in points]
-    spreads = [each.spread for each in planned if each.trials is not None]
-    over_all = trials_needed(spreads, difference, power) if spreads else None
-    return TrialPlan(difference, power, planned, over_all)
+    """Return how many trials show a difference of T_sync, or of the measure that `read_points` was asked for.
+
+    Args:
+        points: The trials that are stored.
+        difference: Relative to the smaller mean; of truth values, the difference of the shares that are true.
+        power: Probability with which it is seen.
+
+    Raises:
+        StoreError: The measure is a series, or the trials have no T_sync.
+    """
+    measured = [measure(point) for point in points]
+    known = [each for each in measured if len(each.values)]
+    is_of_shares = bool(known) and all(each.is_share for each in known)
+    needed = trials_for_shares if is_of_shares else trials_needed
+    planned, scatter = [], []
+    for point, each in zip(points, measured, strict=True):
+        scale = _scale(each, is_of_shares)
+        trials = None if np.isnan(scale) else needed([scale], difference, power)
+        planned.append(_plan_point(point, each, trials))
+        if trials is not None:
+            scatter.append((scale, planned[-1].mean))
+    # a rise of what is negative somewhere and positive elsewhere is no difference over all
+    is_one_sign = len({mean > 0 for _, mean in scatter}) == 1 or is_of_shares
+    over_all = needed([scale for scale, _ in scatter], difference, power) if scatter and is_one_sign else None
+    return TrialPlan(difference, power, planned, over_all, points[0].of, is_of_shares)
 
 
-def _plan_point(point: PointTrials, measured: Measured, difference: float, power: float) -> PointPlan:
-    if not len(point.times):
+def _scale(measured: Measured, is_of_shares: bool) -> float:
+    """Return on what the number of trials depends: the share, or the relative spread; NaN with too few trials."""
+    if len(measured.values) < MIN_TRIALS:
+        return np.nan
+    return float(measured.values.mean()) if is_of_shares else relative_spread(measured)
+
+
+def _plan_point(point: PointTrials, measured: Measured, trials: int | None) -> PointPlan:
+    count = len(measured.values)
+    if not count:
         return PointPlan(point.number, point.axes, 0, "mean", np.nan, np.nan, None)
-    name = statistic_name(Statistic.MEAN, measured.censored > 0)
-    spread = relative_spread(measured)
-    trials = None if np.isnan(spread) else trials_needed([spread], difference, power)
+    name = statistic_name(Statistic.MEAN, measured.censored > 0, is_share=measured.is_share)
+    spread = np.nan if measured.is_share else relative_spread(measured)
     mean = estimate(measured, Statistic.MEAN).value
-    return PointPlan(point.number, point.axes, len(point.times), name, mean, spread, trials)
+    return PointPlan(point.number, point.axes, count, name, mean, spread, trials)

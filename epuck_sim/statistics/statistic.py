@@ -6,10 +6,12 @@ from collections.abc import Callable
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.estimate import UNDETERMINED, Estimate, without_interval
 from epuck_sim.statistics.mean import estimate_mean, resample_means
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.shares import estimate_share
 from epuck_sim.statistics.survival import median_time, medians, resampled_curves
 from epuck_sim.statistics.weibull_mean import estimate_weibull_mean, weibull_resamples
 
@@ -20,9 +22,19 @@ MOST_CENSORED = 0.5
 """Share of censored trials from which on figures hatch a point, and minima and peaks do without it."""
 
 
+def check_statistic(measured: Measured, statistic: Statistic) -> None:
+    """Raise EpuckSimError for a statistic that makes no sense of a measure."""
+    if statistic == Statistic.WEIBULL_MEAN and not measured.is_time:
+        raise EpuckSimError("the Weibull mean is of T_sync alone; allowed for measures: mean or median")
+    if statistic != Statistic.MEAN and measured.is_share:
+        raise EpuckSimError("truth values have no median; allowed: mean, the share of trials in which they are true")
+
+
 def estimate(measured: Measured, statistic: Statistic) -> Estimate:
     """Return a statistic with its interval; undetermined where no trial is uncensored."""
-    return _ESTIMATORS[statistic](measured) if measured.observed.any() else UNDETERMINED
+    if not measured.observed.any():
+        return UNDETERMINED
+    return estimate_share(measured) if measured.is_share else _ESTIMATORS[statistic](measured)
 
 
 def resample(measured: Measured, statistic: Statistic) -> FloatArray:

@@ -28,6 +28,11 @@ class Pair(NamedTuple):
     second: Measured
 
     @property
+    def is_share(self) -> bool:
+        """Whether both are of truth values."""
+        return self.first.is_share and self.second.is_share
+
+    @property
     def is_comparable(self) -> bool:
         """Whether there are trials enough, some of which are uncensored."""
         enough = min(len(each.values) for each in self) >= MIN_TRIALS
@@ -47,13 +52,18 @@ class Contrast(NamedTuple):
 
     @property
     def has_interval(self) -> bool:
+        """Whether their ratio has one: both are positive, and known with an error."""
+        return self.is_spread and min(self.first.mean, self.second.mean) > 0
+
+    @property
+    def is_spread(self) -> bool:
         """Whether both means are known with an error: those of trials that are all censored are not."""
-        return self.first.error > 0 and self.second.error > 0 and min(self.first.mean, self.second.mean) > 0
+        return self.first.error > 0 and self.second.error > 0
 
     @property
     def difference(self) -> Estimate:
         """The second mean minus the first."""
-        return _student(self.second.mean - self.first.mean, self._parts([1.0, 1.0]))
+        return _student(self.second.mean - self.first.mean, self.parts)
 
     @property
     def log_ratio(self) -> Estimate:
@@ -61,6 +71,11 @@ class Contrast(NamedTuple):
         if min(self.first.mean, self.second.mean) <= 0:
             return UNDETERMINED
         return _student(math.log(self.second.mean / self.first.mean), self.log_parts)
+
+    @property
+    def parts(self) -> list[tuple[float, int]]:
+        """Variance of each mean, and its degrees of freedom."""
+        return self._parts([1.0, 1.0])
 
     @property
     def log_parts(self) -> list[tuple[float, int]]:
@@ -93,14 +108,33 @@ def mean_log_ratio(contrasts: Sequence[Contrast]) -> Estimate:
     return _student(value, [(part / count**2, freedom) for each in contrasts for part, freedom in each.log_parts])
 
 
+def mean_difference(contrasts: Sequence[Contrast]) -> Estimate:
+    """Return the mean of the differences of several pairs, each of which counts alike."""
+    spread = [each for each in contrasts if each.is_spread]
+    if not spread:
+        return UNDETERMINED
+    value = sum(each.difference.value for each in spread) / len(spread)
+    return _student(value, [(part / len(spread) ** 2, freedom) for each in spread for part, freedom in each.parts])
+
+
 def _student(value: float, parts: Sequence[tuple[float, int]]) -> Estimate:
-    """Return a value with Student's interval; parts of its variance may have few degrees of freedom (Welch 1947)."""
+    """Return a value with Student's interval; parts of its variance may have few degrees of freedom."""
+    error, freedom = welch(parts)
+    if error == 0:
+        return without_interval(value)
+    reach = student_quantile(freedom) * error
+    return Estimate(value, value - reach, value + reach)
+
+
+def welch(parts: Sequence[tuple[float, int]]) -> tuple[float, float]:
+    """Return the standard error of a sum, and its degrees of freedom (Welch 1947).
+
+    Args:
+        parts: Variance of each term, and the degrees of freedom with which that is known.
+    """
     variance = sum(part for part, _ in parts)
     spread = sum(part**2 / max(freedom, 1) for part, freedom in parts)
-    if spread == 0:
-        return without_interval(value)
-    reach = student_quantile(variance**2 / spread) * math.sqrt(variance)
-    return Estimate(value, value - reach, value + reach)
+    return math.sqrt(variance), variance**2 / spread if spread else math.inf
 
 
 def permuted_differences(pair: Pair, seed: int) -> FloatArray:

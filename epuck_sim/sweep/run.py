@@ -6,7 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from epuck_sim.runs.records import SweepProgress, Task
+from epuck_sim.runs.records import Outcome, SweepProgress, Task
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -25,7 +25,7 @@ def run_sweep(
     *,
     interpret: bool = False,
 ) -> SweepProgress:
-    """Run the trials of a sweep that have no result in the run folder yet.
+    """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
     Args:
         scenario: A Scenario, or what `load_scenario` takes.
@@ -55,16 +55,21 @@ def run_sweep(
         queue = TaskQueue(missing_tasks(all_points, finished, interpret), total - len(finished))
         with closing(schedule(queue, first_of_each_kind(all_points, finished, interpret), open_pool)) as outcomes:
             for outcome in outcomes:
-                store.add(outcome)
-                result = outcome.result
+                is_stored = store.add(outcome)
                 progress = progress._replace(
-                    stored=progress.stored + (result is not None),
-                    censored=progress.censored + (result is not None and result.censored),
-                    failed=progress.failed + (result is None),
+                    stored=progress.stored + is_stored,
+                    censored=_censored(progress.censored, outcome),
+                    failed=progress.failed + (not is_stored),
                     ended=progress.ended + 1,
                 )
                 observer(progress)
     return progress
+
+
+def _censored(before: int | None, outcome: Outcome) -> int | None:
+    """Return how many trials are censored with one more; None as long as none has a T_sync."""
+    censored = outcome.result and outcome.result.censored
+    return before if censored is None else (before or 0) + censored
 
 
 def missing_tasks(points: Sequence[Point], finished: set[tuple[int, int]], interpret: bool) -> Iterator[Task]:

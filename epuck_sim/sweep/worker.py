@@ -8,6 +8,7 @@ from contextlib import suppress
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.records import Outcome, Task
+from epuck_sim.sweep.watchdog import watchdog
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import host, versions
@@ -16,7 +17,7 @@ from epuck_sim.util.provenance import host, versions
 def compile_ahead(tasks: Sequence[Task]) -> None:
     """Set up the trials without a step, so that other workers find compiled code in the cache."""
     for task in tasks:
-        with suppress(Exception):  # running the trial will show it
+        with suppress(Exception), watchdog(task.scenario.name):  # running the trial will show it
             simulate(task.scenario, task.seed, interpret=task.interpret)
 
 
@@ -27,7 +28,10 @@ def run_chunk(tasks: Sequence[Task]) -> list[Outcome]:
 
 def _run_task(task: Task) -> Outcome:
     try:
-        result, error = run_trial(simulate(task.scenario, task.seed, interpret=task.interpret)), None
+        with watchdog(f"{task.scenario.name}: seed {task.seed}") as dog:
+            simulation = simulate(task.scenario, task.seed, interpret=task.interpret)
+            dog.watch_steps(getattr(simulation, "controller_at_work", lambda: None))  # agents have none
+            result, error = run_trial(simulation), None
     except EpuckSimError as problem:
         result, error = None, str(problem)
     except BaseException as problem:  # one trial's error, of whatever kind, must not end the others

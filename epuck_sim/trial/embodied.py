@@ -4,8 +4,10 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.schedule import WaitingEntries
 from epuck_sim.trial.synchrony import SynchronyWatch
 
 UNSEEN_STEPS = 50
@@ -15,8 +17,9 @@ UNSEEN_STEPS = 50
 def run_robots(
     simulation: Simulation,
     observers: Sequence[Observer],
-    progress: Progress | None = None,
-    at_cycles: Sequence[Observer] = (),
+    progress: Progress | None,
+    at_cycles: Sequence[Observer],
+    conditions: Conditions,
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
@@ -25,8 +28,10 @@ def run_robots(
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
     watch = SynchronyWatch(simulation)
+    waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
     began = time.perf_counter()
-    while not watch.is_over:
+    while not (watch.is_over or conditions.is_over()):
+        waiting.look(watch)
         unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
         cycles = watch.cycles
         step = simulation.advance(unseen, watch.lit_robot)
@@ -43,10 +48,11 @@ def run_robots(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
         t_sync_cycles=outcome.cycles if watch.is_synchronised else None,
-        censored=not watch.is_synchronised,
+        censored=not watch.is_synchronised if watch.has_t_sync else None,
         cycles=outcome.cycles,
         order_parameter=outcome.order_parameter,
         steps=simulation.steps,
         simulated_s=simulation.steps * simulation.scenario.timing.step_ms / 1000,
         wall_s=time.perf_counter() - began,
+        events=tuple(simulation.events),
     )

@@ -9,8 +9,9 @@ import numpy as np
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import CYCLE_METHOD, Measure, Scalar, Value
-from epuck_sim.measures.loader import find_measure
+from epuck_sim.scenario.measures import ORDER_PARAMETER
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.trial.conditions import Conditions, ConditionWatch
 from epuck_sim.trial.observer import Observer
 from epuck_sim.util.messages import short_repr
 from epuck_sim.util.python_files import line_of_error
@@ -25,6 +26,8 @@ class Measuring(NamedTuple):
     """Tell the measures that ask for every firing of the reference."""
     final: Mapping[str, Callable[[], Value]]
     """Returns the value of each measure, by its name, when the trial is over."""
+    conditions: Conditions
+    """Conditions on measures, and whether they have come to hold."""
 
     def values(self) -> dict[str, Value]:
         """Return the value of each measure of a trial that is over."""
@@ -45,19 +48,37 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
     at_events: list[Observer] = []
     at_cycles: list[Observer] = []
     final: dict[str, Callable[[], Value]] = {}
+    conditions = Conditions(scenario.conditions)
     for section in scenario.measures:
-        measure = find_measure(section.measure)
+        measure = section.find()
         origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
         if measure.is_function:
-            final[measure.name] = _final(measure, origin, _bound(measure.make, simulation, section.parameters))
+            bound = _bound(measure.make, simulation, section.parameters)
+            final[measure.name] = _checked(measure, origin, bound, as_value)
             continue
         with _located(measure, origin):
             instance = measure.make(simulation, **section.parameters)
+        final[measure.name] = _checked(measure, origin, instance.value, as_value)
+        last = _checked(measure, origin, instance.value, last_scalar)
+        watches = conditions.on(measure.name)
         for method, observers in ((scenario.event_method, at_events), (CYCLE_METHOD, at_cycles)):
             if measure.is_told(method):
                 observers.append(_observer(measure, origin, getattr(instance, method)))
-        final[measure.name] = _final(measure, origin, instance.value)
-    return Measuring(at_events, at_cycles, final)
+                observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
+        at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
+    if ORDER_PARAMETER not in final:
+        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))
+    return Measuring(at_events, at_cycles, final, conditions)
+
+
+def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
+    """Return what looks at the last value of a measure."""
+    return lambda *_: watch.look(value())
+
+
+def _look_at_order(watch: ConditionWatch) -> Observer:
+    """Return what looks at the order parameter, which every trial measures."""
+    return lambda _, state: watch.look(state.order_parameter)
 
 
 def _bound(function: Callable[..., Any], simulation: Any, parameters: Mapping[str, Any]) -> Callable[[], Any]:
@@ -74,12 +95,14 @@ def _observer(measure: Measure, origin: str, method: Callable[[Any, Any], object
     return tell
 
 
-def _final(measure: Measure, origin: str, value: Callable[[], Any]) -> Callable[[], Value]:
+def _checked(
+    measure: Measure, origin: str, value: Callable[[], Any], convert: Callable[[Any], Value]
+) -> Callable[[], Value]:
     def checked() -> Value:
         with _located(measure, origin):
             found = value()
         try:
-            return as_value(found)
+            return convert(found)
         except ValueError as error:
             where = f"{measure.stored_name}: " if measure.sources else ""
             raise MeasureError(f"{origin}: {where}its value {error}") from error
@@ -114,6 +137,13 @@ def as_value(given: Any) -> Value:
     if isinstance(given, np.ndarray) and given.ndim == 1:
         given = given.tolist()
     return [_as_scalar(each) for each in given] if isinstance(given, list | tuple) else _as_scalar(given)
+
+
+def last_scalar(given: Any) -> Scalar:
+    """Return what a measure has returned as a plain scalar; of a series its last one, None if it is empty."""
+    if isinstance(given, list | tuple | np.ndarray):
+        return _as_scalar(given[-1]) if len(given) else None
+    return _as_scalar(given)
 
 
 def _as_scalar(given: Any) -> Scalar:

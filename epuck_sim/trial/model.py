@@ -13,6 +13,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import SCENARIO_TYPES
+from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.measuring import begin_measures
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
@@ -36,9 +37,9 @@ class Model(NamedTuple):
     scenario: type[Scenario]
     simulate: Callable[[Any, int, bool], Simulated]
     """Returns a fresh simulation; takes the scenario, a seed, and whether to interpret controllers."""
-    run: Callable[[Any, Sequence[Observer], Progress | None, Sequence[Observer]], TrialResult]
-    """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, and further observers
-    that are called after firings of the reference alone."""
+    run: Callable[[Any, Sequence[Observer], Progress | None, Sequence[Observer], Conditions], TrialResult]
+    """Returns the outcome of a trial; takes a fresh simulation, observers, what shows progress, further observers that
+    are called after firings of the reference alone, and the conditions that it waits for."""
     check_room: Callable[[Any], None]
     """Raises ScenarioError for a scenario whose population finds no room."""
 
@@ -53,11 +54,15 @@ def _simulate_robots(scenario: EmbodiedScenario, seed: int, interpret: bool) -> 
 
 
 def _run_robots(
-    simulation: Any, observers: Sequence[Observer], progress: Progress | None, at_cycles: Sequence[Observer]
+    simulation: Any,
+    observers: Sequence[Observer],
+    progress: Progress | None,
+    at_cycles: Sequence[Observer],
+    conditions: Conditions,
 ) -> TrialResult:
     from epuck_sim.trial.embodied import run_robots
 
-    return run_robots(simulation, observers, progress, at_cycles)
+    return run_robots(simulation, observers, progress, at_cycles, conditions)
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
@@ -75,11 +80,15 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
 
 
 def _run_agents(
-    simulation: Any, observers: Sequence[Observer], progress: Progress | None, at_cycles: Sequence[Observer]
+    simulation: Any,
+    observers: Sequence[Observer],
+    progress: Progress | None,
+    at_cycles: Sequence[Observer],
+    conditions: Conditions,
 ) -> TrialResult:
     from epuck_sim.trial.particles import run_agents
 
-    return run_agents(simulation, observers, progress, at_cycles)
+    return run_agents(simulation, observers, progress, at_cycles, conditions)
 
 
 def _points_need_no_room(_: ParticleScenario) -> None:
@@ -116,7 +125,7 @@ def run_trial(
 ) -> TrialResult:
     """Run a fresh simulation of any model to the end of its trial.
 
-    The trial ends when the swarm is synchronised, or at the scenario's limits: then it is censored.
+    The trial ends when the swarm is synchronised, when the scenario's condition on a measure holds, or at its limits.
 
     Args:
         simulation: A `Simulation`, a `ParticleSimulation`, or one of a registered model.
@@ -139,7 +148,8 @@ def run_trial(
         raise TypeError(f"a trial is of a simulation, such as Simulation('thesis', seed=1), not of {simulation!r}")
     measuring = begin_measures(simulation, simulation.scenario, simulation.seed)
     observers = (*observers, *measuring.at_events)
-    result = MODELS[simulation.scenario.model].run(simulation, observers, progress, measuring.at_cycles)
+    run = MODELS[simulation.scenario.model].run
+    result = run(simulation, observers, progress, measuring.at_cycles, measuring.conditions)
     return result._replace(measures=measuring.values())
 
 

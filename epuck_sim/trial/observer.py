@@ -1,9 +1,10 @@
 """What observers of a trial are shown: every event, and how far the trial is."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 from epuck_sim.order_parameter import Firing
+from epuck_sim.scenario.schedule import TrialEvent
 
 
 class TrialState(Protocol):
@@ -24,6 +25,10 @@ class TrialState(Protocol):
     @property
     def is_synchronised(self) -> bool:
         """Whether the order parameter has reached its threshold."""
+
+    @property
+    def events(self) -> Sequence[TrialEvent]:
+        """What has changed so far by a schedule, or by faults."""
 
     @property
     def outcome(self) -> Firing:

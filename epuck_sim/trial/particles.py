@@ -3,9 +3,11 @@
 import time
 from collections.abc import Sequence
 
-from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
+from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
+from epuck_sim.trial.schedule import WaitingEntries
 
 SLICE_S = 0.1
 """Wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress."""
@@ -17,52 +19,76 @@ FIRST_SLICE = 100_000
 def run_agents(
     simulation: ParticleSimulation,
     observers: Sequence[Observer],
-    progress: Progress | None = None,
-    at_cycles: Sequence[Observer] = (),
+    progress: Progress | None,
+    at_cycles: Sequence[Observer],
+    conditions: Conditions,
 ) -> TrialResult:
     """Run a fresh simulation of point agents to the end of its trial; see `trial.model.Model.run`.
 
     Without observers, compiled code runs for about `SLICE_S` at a time, which is much quicker. A slice is a number of
     pulses, whose cost hardly changes as the swarm synchronises; that of an instant, or of a period, does. With
-    `at_cycles`, a slice ends at the next firing of the reference.
+    `at_cycles`, a slice ends at the next firing of the reference; it ends where an entry of the schedule waits for one,
+    too. A trial that ends at a time ends there exactly.
     """
     if simulation.instants:
         raise ValueError(
             f"a trial needs a fresh simulation; in this one agents fired at {simulation.instants} instants"
         )
-    limit = simulation.scenario.stop.max_cycles
+    stop, period_s = simulation.scenario.stop, simulation.scenario.clocks.period_s
+    limit = stop.max_cycles
     longest = 2 * limit  # periods: a reference that others hold back for ever must not keep a trial for ever
+    end_s = longest * period_s if stop.max_time_s is None else min(longest * period_s, stop.max_time_s)
+    is_timed = end_s == stop.max_time_s
+    periods, share = divmod(end_s / period_s, 1.0)
+    end = (int(periods), share) if is_timed else (longest, 0.0)
     began = time.perf_counter()
+    last_instant = LastInstant(simulation)
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
-    while not simulation.is_synchronised and simulation.cycles < limit and simulation.next_period < longest:
-        cycles = simulation.cycles
+    cycles = simulation.cycles
+    waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
+
+    def has_ended() -> bool:
+        return simulation.is_synchronised or simulation.cycles >= limit or conditions.is_over()
+
+    while not has_ended():
+        waiting.look(simulation)
+        if simulation.next_firing > end and simulation.next_change > end:
+            break
         if observers:
             event = next(simulation)
             for observer in observers:
                 observer(event, simulation)
+            now = simulation.cycles
         else:
             asked = time.perf_counter()
-            simulation.run(min(cycles + 1, limit) if at_cycles else limit, longest - simulation.period, pulses)
+            last_cycle = cycles + 1 if at_cycles else min(limit, waiting.next_cycle)
+            simulation.run(last_cycle, end[0] - simulation.period, pulses, share=end[1])
             took = time.perf_counter() - asked
+            now = simulation.cycles
             if took > 2 * SLICE_S:
                 pulses = max(1, pulses // 2)
-            elif took < SLICE_S / 2 and not (at_cycles and simulation.cycles > cycles):
+            elif took < SLICE_S / 2 and not (at_cycles and now > cycles):
                 pulses *= 2  # a slice that a firing has ended tells nothing of how long a whole one takes
-        if simulation.cycles > cycles:
+        if now > cycles:
             for observer in at_cycles:
-                observer(simulation.last_instant(), simulation)
+                observer(last_instant, simulation)
+        cycles = now
         if progress is not None:
             progress(simulation)
+    is_early = has_ended()
+    if is_timed and not is_early:
+        simulation.run_to(end_s)
     # where the reference was held back until the end, no firing ended the trial
-    has_fired = simulation.is_synchronised or simulation.cycles >= limit
+    has_order = is_early or is_timed
     return TrialResult(
         scenario=simulation.scenario.name,
         seed=simulation.seed,
         t_sync_cycles=simulation.cycles if simulation.is_synchronised else None,
-        censored=not simulation.is_synchronised,
+        censored=None if stop.order_parameter is None else not simulation.is_synchronised,
         cycles=simulation.cycles,
-        order_parameter=simulation.order_parameter if has_fired else None,
+        order_parameter=simulation.order_parameter if has_order else None,
         steps=simulation.instants,
-        simulated_s=simulation.time_s if has_fired else longest * simulation.scenario.clocks.period_s,
+        simulated_s=simulation.time_s if has_order else end_s,
         wall_s=time.perf_counter() - began,
+        events=tuple(simulation.events),
     )

@@ -1,6 +1,7 @@
 """When a swarm of robots is synchronised: the watch on the reference robot's firings."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError
 from epuck_sim.order_parameter import METRICS, Firing
+from epuck_sim.scenario.schedule import TrialEvent
 
 NOMINAL_PERIOD_S = 5.0
 """Length of a cycle, in seconds, if the reference is no oscillator (4.2.1)."""
@@ -17,22 +19,26 @@ NOMINAL_PERIOD_S = 5.0
 class SynchronyWatch:
     """Counts the reference robot's firings and measures the order parameter at each (thesis 4.2.1).
 
-    A robot fires when its ring lights up, or when it is lit already and the phase falls. Robots that are no oscillators
-    do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One oscillator alone is
-    never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the further cycles.
+    A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. Robots that are
+    no oscillators do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One
+    oscillator alone is never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the
+    further cycles.
     """
 
     cycles: int
     """Firings of the reference so far."""
     order_parameter: float | None
     """Order parameter at the reference's last firing; None before the first."""
+    events: Sequence[TrialEvent]
+    """What has changed so far by the schedule, or by faults."""
     lit_robot: int | None
     """The reference, if it is an oscillator: steps in which its ring is dark may go unseen."""
 
     def __init__(self, simulation: Simulation) -> None:
+        self.events = simulation.events
         stop = simulation.scenario.stop
         self._metric = METRICS[stop.metric]
-        self._threshold = stop.order_parameter
+        self._threshold = math.inf if stop.order_parameter is None else stop.order_parameter
         self._max_cycles = stop.max_cycles
         self._further_cycles = stop.further_cycles
         self._reference = stop.reference_robot
@@ -61,7 +67,7 @@ class SynchronyWatch:
         if self._measures:
             if step.number > self._steps:
                 self._lit_phase = None
-            if step.ring_on[self._reference]:
+            if step.ring_commands[self._reference]:
                 self._look_at_firing(step)
             else:
                 self._lit_phase = None
@@ -102,6 +108,11 @@ class SynchronyWatch:
         if not self._measures:
             end = min(end, math.ceil((self.cycles + 1) * self._steps_a_cycle))
         return max(end - self._steps, 1)
+
+    @property
+    def has_t_sync(self) -> bool:
+        """Whether the trial has a T_sync, known or censored: there is a threshold for an oscillator to fire at."""
+        return self._measures and self._threshold < math.inf
 
     @property
     def is_synchronised(self) -> bool:

@@ -5,6 +5,7 @@ appears under its name only when it is complete; its metadata holds the scenario
 """
 
 import json
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -15,7 +16,9 @@ import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from epuck_sim.arrays import IntArray
 from epuck_sim.embodied.infrared import SENSORS
+from epuck_sim.embodied.memory import check_fields, memory_values
 from epuck_sim.embodied.step import Step
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
@@ -34,16 +37,26 @@ class Trace:
     If the block ends with an error, no file is left behind.
     """
 
-    def __init__(self, path: Path | str, scenario: Scenario, seed: int) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        scenario: Scenario,
+        seed: int,
+        *,
+        memory: Sequence[str] = (),
+        relations: bool = False,
+    ) -> None:
         """Open the file, before the trial begins.
 
         Args:
             path: File to write, in the format Parquet.
             scenario: Scenario of the trial, of model `embodied`.
             seed: Seed of the trial.
+            memory: Fields of the controllers' MEMORY, each to be a column `memory.NAME`.
+            relations: Whether columns list whom each robot sees lit, and whom it touches.
 
         Raises:
-            ScenarioError: The scenario is of another model.
+            ScenarioError: The scenario is of another model, or no controller remembers such a field.
             EpuckSimError: The file cannot be written.
         """
         path = Path(path)
@@ -52,7 +65,9 @@ class Trace:
         self._path = path.resolve()
         self._robots = scenario.robot_count
         self._pixels = scenario.camera_pixels
-        schema = _schema(self._pixels)
+        self._memory = tuple(dict.fromkeys(memory))
+        check_fields(scenario, self._memory)
+        schema = _schema(self._pixels, self._memory)
         self._steps = max(1, CHUNK_ROWS // self._robots)
         self._columns = {
             field.name: np.zeros((self._steps, self._robots), field.type.to_pandas_dtype())
@@ -62,6 +77,10 @@ class Trace:
         self._columns["robot"][:] = np.arange(self._robots)
         self._camera = np.zeros((self._steps, self._robots, self._pixels), np.uint8)
         self._filled = 0
+        self._relations: dict[str, list[list[int]]] | None = {"sees": [], "touches": []} if relations else None
+        if relations:
+            for name in ("sees", "touches"):
+                schema = schema.append(pa.field(name, pa.list_(pa.int32())))
         metadata = {
             "scenario": write_scenario(scenario),
             "seed": str(seed),
@@ -88,7 +107,12 @@ class Trace:
         for sensor in range(SENSORS):
             columns[f"distance_mm_{sensor}"][row] = step.distance_mm[:, sensor]
             columns[f"infrared_{sensor}"][row] = step.infrared[:, sensor]
+        for name in self._memory:
+            columns[f"memory.{name}"][row] = memory_values(step.memories, name)
         self._camera[row] = step.camera
+        if self._relations is not None:
+            self._relations["sees"] += _listed(step.sightings, self._robots)
+            self._relations["touches"] += _listed(both_ways(step.contacts), self._robots)
         self._filled += 1
         if self._filled == self._steps:
             self._write()
@@ -97,6 +121,9 @@ class Trace:
         arrays = {name: _arrow(values[: self._filled].ravel()) for name, values in self._columns.items()}
         pixels = pa.array(self._camera[: self._filled].ravel())
         arrays["camera"] = pa.FixedSizeListArray.from_arrays(pixels, self._pixels)
+        for name, lists in (self._relations or {}).items():
+            arrays[name] = pa.array(lists, pa.list_(pa.int32()))
+            lists.clear()
         self._writer.write_table(pa.table(arrays, schema=self._schema))
         self._filled = 0
 
@@ -114,7 +141,21 @@ class Trace:
                 publish(self._part, self._path)
 
 
-def _schema(pixels: int) -> Any:
+def both_ways(contacts: IntArray) -> IntArray:
+    """Return contacts, (contacts, 2), with those of two robots listed for each of them."""
+    between = contacts[contacts[:, 1] >= 0]
+    return np.concatenate([contacts, between[:, ::-1]])
+
+
+def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
+    """Return, for each robot, the second numbers of the pairs that it begins, ascending."""
+    lists: list[list[int]] = [[] for _ in range(robots)]
+    for first, second in sorted(pairs.tolist()):
+        lists[first].append(second)
+    return lists
+
+
+def _schema(pixels: int, memory: Sequence[str]) -> Any:
     """Return the columns of a table that has a row for each robot and control step."""
     return pa.schema(
         [
@@ -127,6 +168,7 @@ def _schema(pixels: int) -> Any:
             *((f"distance_mm_{sensor}", pa.int32()) for sensor in range(SENSORS)),
             *((f"infrared_{sensor}", pa.float64()) for sensor in range(SENSORS)),
             ("camera", pa.list_(pa.uint8(), pixels)),
+            *((f"memory.{name}", pa.float64()) for name in memory),
         ]
     )
 

@@ -10,12 +10,13 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from llvmlite import ir
 from numba import njit, typeof
 from numba.core import cgutils, types
 from numba.experimental import structref
 from numba.extending import intrinsic
 
-from epuck_sim.util.jit import bind, compile_cached, digest, jit, name_after
+from epuck_sim.util.jit import bind, compile_cached, digest, jit, kernel_digest, name_after
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
 
@@ -62,7 +63,8 @@ def hold(value: Any) -> Any:
 def layout(value: object) -> Hashable:
     """Return all that numba's type of a value depends on, faster than numba finds the type."""
     if isinstance(value, np.ndarray):
-        return type(value), value.dtype, value.ndim, value.flags.c_contiguous, value.flags.f_contiguous
+        rows, columns = value.flags.c_contiguous, value.flags.f_contiguous  # an array of one row is both: then C
+        return type(value), value.dtype, value.ndim, rows, columns and not rows
     if isinstance(value, tuple):
         return type(value), *map(layout, value)
     return type(value).__name__
@@ -91,7 +93,7 @@ def compile_at(function: Any, value: object, contents_digest: str, *, careful: b
     """Compile a function of an address, in which `value_at(address)` is a value of the same type as this one.
 
     Args:
-        function: A function whose arguments are an address and perhaps integers.
+        function: A function whose arguments are an address and perhaps further ints and floats, as annotated.
         value: What it will be given the address of.
         contents_digest: See `compile_cached`.
         careful: See `compile_cached`.
@@ -101,14 +103,28 @@ def compile_at(function: Any, value: object, contents_digest: str, *, careful: b
     whole_digest = digest([contents_digest.encode(), str(kind).encode()])
     bound = name_after(bind(function, value_at=_reader(kind, whole_digest)), whole_digest)
     compiled: Any = compile_cached(bound, whole_digest, careful=careful, nogil=True)
-    compiled.compile((types.intp,) * function.__code__.co_argcount)
+    arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
+    compiled.compile(tuple(_KINDS[function.__annotations__[argument]] for argument in arguments))
     return compiled
+
+
+_KINDS = {int: types.intp, float: types.float64}
+
+_compiled: dict[Hashable, Any] = {}
+
+
+def compiled_for(function: Any, value: object) -> Any:
+    """Return a function of the package's kernels, compiled for addresses of such values; see `compile_at`."""
+    key = function, layout(value)
+    if key not in _compiled:
+        _compiled[key] = compile_at(function, value, kernel_digest(), careful=False)
+    return _compiled[key]
 
 
 @cache
 def function_address(compiled: Any) -> int:
-    """Return the address of a function of one address that `compile_at` has compiled, for `call_at`."""
-    result = compiled.get_compile_result(types.void(types.intp))
+    """Return the address of a function that `compile_at` has compiled, for `call_at` or `evaluate_at`."""
+    (result,) = compiled.overloads.values()
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
 
 
@@ -123,6 +139,35 @@ def call_at(context: Any, function: Any, argument: Any) -> Any:  # noqa: ARG001
         status, _ = convention.call_function(builder, function, types.void, (types.intp,), arguments[1:])
         with cgutils.if_unlikely(builder, status.is_error):
             convention.return_status_propagate(builder, status)
+        return context.get_dummy_value()
+
+    return types.void(types.intp, types.intp), generate
+
+
+@_intrinsic
+def evaluate_at(context: Any, function: Any, argument: Any, number: Any) -> Any:  # noqa: ARG001
+    """Return the float of the function at an address, of an address and a float; raise what it raises."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        convention = context.call_conv
+        kind = convention.get_function_type(types.float64, signature.args[1:]).as_pointer()
+        function = builder.inttoptr(arguments[0], kind)
+        status, result = convention.call_function(builder, function, types.float64, signature.args[1:], arguments[1:])
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return result
+
+    return types.float64(types.intp, types.intp, types.float64), generate
+
+
+@_intrinsic
+def call_c_at(context: Any, function: Any, argument: Any) -> Any:  # noqa: ARG001
+    """Call the C function at an address, which takes an address and returns nothing."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        function, argument = arguments
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t])
+        builder.call(builder.inttoptr(function, kind.as_pointer()), [builder.inttoptr(argument, cgutils.voidptr_t)])
         return context.get_dummy_value()
 
     return types.void(types.intp, types.intp), generate

@@ -9,7 +9,6 @@ import hashlib
 import os
 import re
 import shutil
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -19,23 +18,24 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
 
-import platformdirs
+from llvmlite import ir
 from numba import __version__ as numba_version
 from numba import njit
-from numba.core import config
+from numba.core import config, types
+from numba.extending import intrinsic
+
+from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
-VALUE_FILES = ("epuck.py", "control/interface.py", "embodied/rigid_bodies.py")
-"""Files without kernels whose constants and types kernels refer to."""
-
-UNUSED_S = 30 * 24 * 3600.0
-"""Time in seconds after which a cache folder that no process has used is removed."""
-
-_USER = os.getuid() if hasattr(os, "getuid") else 0
+VALUE_FILES = (
+    *("epuck.py", "control/error_lines.py", "control/interface.py"),
+    *("embodied/faulty_swarm.py", "embodied/rigid_bodies.py", "particles/rules.py"),
+)
+"""Files without kernels on whose constants, types or ways of compiling compiled code depends."""
 
 _redirecting = threading.Lock()
 
@@ -59,19 +59,6 @@ def kernel_digest(package: Path = PACKAGE) -> str:
     return digest([*values, *(source for source in sources if b"epuck_sim.util.jit import" in source)])
 
 
-@lru_cache
-def cache_root() -> Path:
-    """Return the folder for compiled code: $NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(chosen) if chosen else platformdirs.user_cache_path("epuck-sim")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return folder
-    except OSError:  # a home that cannot be written to: compile once a machine, not once a run
-        return Path(tempfile.gettempdir()) / f"epuck-sim-{_USER}"
-
-
 def _open_cache(contents_digest: str) -> Path:
     """Return the cache folder of these contents, marked as used now; unused ones are removed when a new one is made."""
     folder = cache_root() / contents_digest
@@ -93,7 +80,7 @@ def remove_unused_caches(root: Path) -> None:
     for folder in root.iterdir():
         with suppress(OSError):  # another process is removing it
             status = folder.lstat()
-            if status.st_mtime < limit_s and status.st_uid == _USER and _is_cache(folder):
+            if status.st_mtime < limit_s and status.st_uid == USER and _is_cache(folder):
                 shutil.rmtree(folder)
 
 
@@ -106,7 +93,9 @@ def _is_cache(folder: Path) -> bool:
 
 def bind(function: Any, **names: object) -> Any:
     """Return a copy of a function in which these global names have these values."""
-    return FunctionType(function.__code__, {**function.__globals__, **names})
+    bound = FunctionType(function.__code__, {**function.__globals__, **names})
+    bound.__annotations__ = function.__annotations__
+    return bound
 
 
 def name_after(function: Any, contents_digest: str) -> Any:
@@ -163,3 +152,19 @@ def jit_nogil(function: Function) -> Function:
 def jit_inline(function: Function) -> Function:
     """Compile a kernel as `jit_no_alloc` does, and inline it wherever it is called: passing many arrays takes time."""
     return compile_cached(function, kernel_digest(), careful=False, _nrt=False, forceinline=True)
+
+
+_intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
+
+
+@_intrinsic
+def unlikely(context: Any, flag: Any) -> Any:  # noqa: ARG001
+    """Return a flag, which compiled code expects to be false: what it leads to is laid out of the way of the rest."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        boolean = ir.IntType(1)
+        kind = ir.FunctionType(boolean, [boolean, boolean])
+        expect = builder.module.declare_intrinsic("llvm.expect", [boolean], kind)
+        return builder.call(expect, [*arguments, boolean(0)])
+
+    return types.boolean(types.boolean), generate

@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 
 def did_you_mean(name: str, known: Mapping[str, object] | list[str]) -> str:
@@ -11,8 +11,14 @@ def did_you_mean(name: str, known: Mapping[str, object] | list[str]) -> str:
     >>> did_you_mean("sped", ["speed", "count"])
     "unknown 'sped', did you mean 'speed'?"
     """
+    nearest = nearest_name(name, known)
+    return f"unknown {name!r}" + (f", did you mean {nearest!r}?" if nearest else "")
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most similar to a name; None if none is similar."""
     nearest = difflib.get_close_matches(name, list(known), n=1, cutoff=0.55)
-    return f"unknown {name!r}" + (f", did you mean {nearest[0]!r}?" if nearest else "")
+    return nearest[0] if nearest else None
 
 
 def comma_list(names: Mapping[str, object] | list[str]) -> str:

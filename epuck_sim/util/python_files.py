@@ -1,5 +1,6 @@
 """Loads users' Python files, each with copies of its own of the files beside it that it imports."""
 
+import ast
 import hashlib
 import sys
 import traceback
@@ -126,3 +127,14 @@ def line_of_error(error: BaseException, files: Collection[Path]) -> str | None:
         return f"{error.filename}:{error.lineno}"
     passed = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) in files]
     return f"{passed[-1].filename}:{passed[-1].lineno}" if passed else None
+
+
+def line_of_definition(name: str, source: bytes) -> int:
+    """Return the number of the line at which a file's source last defines a name; 1 if it does not."""
+    line = 1
+    for node in ast.parse(source).body:
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        named = [getattr(node, "name", None), *(getattr(target, "id", None) for target in targets)]
+        if name in named:
+            line = node.lineno
+    return line

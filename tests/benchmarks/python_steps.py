@@ -50,7 +50,7 @@ class PythonSteps:
         slip, step_s = simulation.scenario.noise.wheel_speed, simulation.step_s
         self._apply = partial(
             apply_commands,
-            *(swarm.actuators, swarm.wheels_cm_s, swarm.ring_on, world.poses, gain, slip, step_s),
+            *(swarm.actuators, swarm.wheels_cm_s, swarm.ring_on, swarm.turns_rad, world.poses, gain, slip, step_s),
             *(self._velocities, swarm.wheel_noise),
         )
         self._steps = 0
@@ -69,7 +69,7 @@ class PythonSteps:
                 self._poses[:] = np.frombuffer(self._found.float_buf()).reshape(-1, 3)[: len(self._poses)]
                 sort_into_cells(bodies.poses, bodies.cells)
             if noise_step == 0:
-                self._simulation._draw_noise()
+                self._simulation._randomness.draw_noise(self._simulation._swarm)
             self._sense(noise_step)
             self._step_controllers()
             self._apply(noise_step)

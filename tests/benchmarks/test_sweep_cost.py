@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.runs.reader import read_status
+from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.run import missing_tasks

@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -129,3 +130,32 @@ def is_busy(pid: int) -> bool:
         return cpu_s(pid) > before + 0.1
     except OSError:
         return False
+
+
+DROPPED = """
+import sys, time
+from epuck_sim.cli.interrupt import end_on_request
+from epuck_sim.cli.errors import exit_on_error
+
+class Slow:
+    def __del__(self):
+        print("in a destructor", flush=True)
+        time.sleep(60)
+
+end_on_request()
+with exit_on_error():
+    Slow()
+    time.sleep(60)
+"""
+"""A program that is asked to end while Python raises nothing: in a destructor."""
+
+
+@pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM])
+def test_a_request_in_a_destructor_is_not_lost(request_) -> None:
+    process = start([sys.executable, "-c", DROPPED])
+    assert process.stdout is not None
+    assert process.stdout.readline() == "in a destructor\n"
+    process.send_signal(request_)
+    _, stderr = process.communicate(timeout=30)
+    assert stderr.startswith("interrupted\n")
+    assert "Exception ignored" not in stderr

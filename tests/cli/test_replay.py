@@ -20,13 +20,16 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from epuck_sim.cli.observers import LiveView
+from epuck_sim.embodied import controller_files
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
 from epuck_sim.recording import recorder
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.viewer import live, process, viewer
+from epuck_sim.recording.viewer.pace import sleep
 from epuck_sim.runs.database import DATABASE
-from epuck_sim.runs.reader import read_outcome
+from epuck_sim.runs.status import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
@@ -80,7 +83,7 @@ def check_same(recorded: Recorded, scenario: Scenario, seed: int) -> None:
     )
     time_s, positions, ring_on, phase_ms = map(np.array, zip(*rows, strict=True))
     assert (recorded.scenario, recorded.seed) == (load_scenario(scenario), seed)
-    assert (recorded.cycles, recorded.synchronised) == (result.cycles, not result.censored)
+    assert (recorded.cycles, recorded.synchronised) == (result.cycles, result.t_sync_cycles is not None)
     assert recorded.firing_order[-1] == result.order_parameter
     np.testing.assert_array_equal(recorded.time_s, time_s)
     np.testing.assert_array_equal(recorded.positions, positions.astype(np.float32))
@@ -420,7 +423,8 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         yield window, 77
 
     @contextmanager
-    def show_live(*given: Any) -> Iterator[Any]:
+    def show_live(*given: Any, memory: tuple[str, ...], wait: Any) -> Iterator[Any]:
+        assert (memory, wait) == ((), sleep)  # stdin is no terminal
         shown.append(given)
         yield lambda step, _: steps.append(step.number)
 
@@ -438,6 +442,63 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
     ]
     assert steps == [*range(rows[0]["steps"]), *range(rows[1]["steps"])]
     assert window.waited == 1
+
+
+BLINKER = """
+PARAMETERS = {}
+MEMORY = {"steps": int}
+
+
+def start(memory, parameters, random):
+    memory.steps = 0
+
+
+def step(sensors, memory, actuators, parameters, random):
+    memory.steps += 1
+    actuators.ring_on = 0
+"""
+
+
+def test_a_controller_that_is_saved_while_it_is_shown_live_is_the_new_one_from_then_on(monkeypatch, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
+    file, rings, given = Path("blinker.py"), [], {}
+    file.write_text(BLINKER)
+
+    @contextmanager
+    def show_live(*_: Any, **more: Any) -> Iterator[Any]:
+        given.update(more)
+
+        def look(step: Step, _: Any) -> None:
+            rings.append(int(step.ring_on.sum()))
+            if step.number in (10, 20):
+                file.write_text(BLINKER.replace("ring_on = 0", "ring_on = 1" if step.number == 10 else "ring ="))
+                os.utime(file, ns=(0, step.number))
+
+        yield look
+
+    @contextmanager
+    def live_viewer(*_: Any) -> Iterator[tuple[Window, int]]:
+        yield Window(), 77
+
+    monkeypatch.setattr(controller_files, "LOOK_S", 0)
+    monkeypatch.setattr(live, "live_viewer", live_viewer)
+    monkeypatch.setattr(live, "live", show_live)
+    options = ("--set", "stop.max_time_s=4", "--memory", "steps", "--interpret")
+    result = call("run", "pair", "--controller", "blinker.py", "--live", *options)
+    assert result.exit_code == 0, result.stderr
+    assert rings == [0] * 11 + [2] * 29
+    assert "blinker.py: robots go on with the new one from step 11; memory is kept\n" in result.stderr
+    assert "blinker.py:12: cannot be loaded: SyntaxError" in result.stderr
+    assert given["memory"] == ("steps",)
+
+
+def test_memory_is_recorded_by_name(monkeypatch, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = call("run", "pair", "--record", "t.rrd", "--record-level", "summary", "--memory", "phase_ms")
+    assert result.exit_code == 0, result.stderr
+    found = read_recording(Path("t.rrd"))
+    assert found.memory["phase_ms"].shape == (len(found.time_s), 2)
+    assert "unknown 'phas', did you mean 'phase_ms'?" in refused("run", "pair", "--record", "u.rrd", "--memory", "phas")
 
 
 # Mistakes
@@ -461,6 +522,8 @@ def test_trials_are_shown_live_each_in_the_one_viewer_that_stays(
         ("run pair --trace gone/t.parquet --record t.rrd", "there is no directory gone"),
         ("run pair --trace same.rrd --record same.rrd", "--trace and --record name the same file"),
         ("run pair --trace same.mp4 --film same.mp4", "--trace and --film name the same file"),
+        ("run pair --memory phase_ms", "--memory is for --trace, --record and --live"),
+        ("run pair --record t.rrd --relations", "--relations is for --trace"),
         ("run pair --record-level poses", "--record-level is for --record and --live"),
         ("run pair --speed 2", "--speed and --web are for --live"),
         ("run pair --record t.rrd --web", "--speed and --web are for --live"),
@@ -635,7 +698,7 @@ def test_ctrl_c_keeps_whole_recordings_and_leaves_nothing_half_written(tmp_path,
     os.killpg(process.pid, signalled)  # as a terminal does: rerun's programs hear it, too
     stdout, stderr = process.communicate(timeout=60)
     assert (process.returncode, stderr) == (130, "interrupted\n")
-    finished = stdout.count("yes, at")
+    finished = stdout.count("1500.0 │")
     assert finished >= 1
     assert sorted(path.name for path in tmp_path.iterdir()) == ["scene.yaml", *(f"t-{n}.rrd" for n in range(finished))]
     assert len(read_recording(tmp_path / "t-0.rrd").time_s) == 15_000

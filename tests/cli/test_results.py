@@ -17,8 +17,8 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.figures.csv_tables import Table, save_table
-from epuck_sim.figures.maps import draw_maps, maps_table, read_maps
-from epuck_sim.figures.violins import draw_violins, read_violins, violins_table
+from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
+from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.store import Store
@@ -340,6 +340,7 @@ def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
         ({}, ("--form", "map", "--y", SPEED), f"--y: {SPEED} varies together with {SPEED}"),
         ({"form": "map", "y": "arena.width"}, (), f"run: figure.y: unknown 'arena.width', did you mean '{WIDTH}'?"),
         ({"x": "speed"}, (), f"run: figure.x: unknown 'speed'; axes with numbers: {COUNT}, {WIDTH}, {SPEED}"),
+        ({"form": "map"}, ("--statistic", "weibull-mean"), "weibull-mean is not for --form map"),
         (
             {"form": "course"},
             (),
@@ -354,7 +355,39 @@ def test_what_does_not_fit_the_form_is_refused_and_nothing_written(tmp_path, fig
     assert contents(tmp_path) == before
 
 
-@pytest.mark.parametrize("options", [("--form", "pie"), ("--censored-at", "0"), ("--censored-at", "many")])
+@pytest.mark.parametrize("form", ["map", "violins"])
+def test_a_form_that_would_be_blank_because_all_trials_are_censored_is_refused(tmp_path, form: str) -> None:
+    scenario = sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=3)
+    folder = store(tmp_path / "run", scenario, lambda _: ended([10_000] * 3, [False] * 3))
+    before = contents(tmp_path)
+    assert f"all trials are censored, so that --form {form} would be blank" in refused("plot", folder, "--form", form)
+    assert contents(tmp_path) == before
+
+
+@pytest.mark.parametrize("form", ["curves", "map", "violins"])
+def test_a_sweep_without_t_sync_is_refused_by_the_forms_that_show_it(tmp_path, form: str) -> None:
+    stop = {"order_parameter": None, "max_cycles": 9}
+    grid = {"space.side_cm": [40, 60], "agents.speed_cm_s": [1, 2]}
+    scenario = sweep(grid, trials=3, model="particles", stop=stop)
+    folder = store(tmp_path / "run", scenario, lambda _: ended([9] * 3, [False] * 3))
+    assert "trials have no T_sync" in refused("plot", folder, "--form", form)
+
+
+@pytest.mark.parametrize(("options", "width_cm"), [((), 8.5), (("--panels", WIDTH), 17.5), (("--width-cm", 12), 12)])
+def test_figures_are_as_wide_as_a_column_or_a_page_or_as_asked_for(shown, tmp_path, options, width_cm: float) -> None:
+    called("plot", many(tmp_path / "run"), *options, "--to", tmp_path / "fig")
+    assert shown[0].get_size_inches()[0] * 2.54 == pytest.approx(width_cm)
+
+
+def test_the_title_is_the_description_of_the_scenario(shown, tmp_path) -> None:
+    scenario = sweep({SPEED: [1, 2]}, trials=5, description="two speeds for $5")
+    called("plot", store(tmp_path / "run", scenario, lambda point: weibull(point, 30)), "--to", tmp_path / "fig")
+    assert shown[0].get_suptitle() == "Two speeds for \\$5\n5 trials a point"
+
+
+@pytest.mark.parametrize(
+    "options", [("--form", "pie"), ("--width-cm", "1"), ("--censored-at", "0"), ("--censored-at", "many")]
+)
 def test_values_that_an_option_does_not_take_are_refused(small, options) -> None:
     result = call("plot", small, *options)
     assert (result.exit_code, result.stdout) == (2, "")
@@ -362,7 +395,9 @@ def test_values_that_an_option_does_not_take_are_refused(small, options) -> None
 
 
 @pytest.mark.parametrize(
-    "options", [("--form", "map"), ("--x", SPEED), ("--y", SPEED), ("--censored-at", 5)], ids=lambda given: given[0]
+    "options",
+    [("--form", "map"), ("--x", SPEED), ("--y", SPEED), ("--censored-at", 5), ("--width-cm", 9)],
+    ids=lambda given: given[0],
 )
 def test_options_for_run_folders_are_refused_for_a_recording(tmp_path, options) -> None:
     (tmp_path / "trial.rrd").write_bytes(b"")
@@ -602,7 +637,7 @@ def test_figures_name_the_statistic_that_they_show(shown, tmp_path, form: str, s
     called("plot", folder, "--form", form, "--statistic", statistic, "--to", tmp_path / "fig")
     name = statistic.replace("w", "W").replace("-", " ")
     assert {row["statistic"] for row in rows(tmp_path / "fig.csv")} == {name}
-    assert any(axes.get_ylabel().endswith(name) for axes in shown[0].axes)
+    assert any(axes.get_ylabel().startswith(name) for axes in shown[0].axes)
 
 
 def test_fit_names_the_statistic_that_it_fits(made) -> None:

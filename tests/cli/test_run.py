@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -124,7 +125,7 @@ def test_the_version_is_printed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "nothing"], "unknown 'nothing'; shipped: "),
+        (["run", "zzz"], "unknown 'zzz'; shipped: "),
         (["run", "gone.yaml"], "gone.yaml: there is no such file"),
         (["check", "thesis", "--set", "stop.max_cyles=3"], "did you mean 'max_cycles'"),
         (["run", "thesis", "--set", "robots.0.count=100"], "do not fit into the arena"),
@@ -142,7 +143,7 @@ def test_the_version_is_printed() -> None:
         (["run", "thesis", "--seed", "-1"], "--seed"),
         (["run", "thesis", "--seed", "1.5"], "--seed"),
         (["run", "thesis", "--trials", "0"], "--trials"),
-        (["run"], "scenario"),
+        (["run"], "SCENARIO"),
         (["walk"], "walk"),
     ],
 )
@@ -165,7 +166,7 @@ def test_a_controller_that_raises_is_named_with_robot_step_and_seed(tmp_path, in
     result = call("run", str(scene), "--seed", "6", "--trace", str(trace), *interpret)
     assert result.exit_code == 2
     assert "mine: robot 2, step 7, seed 6: " in result.stderr
-    assert "bad.py: ValueError: seven is enough" in result.stderr
+    assert re.search(r"bad\.py:\d+: ValueError: seven is enough", result.stderr)
     assert sorted(path.name for path in tmp_path.glob("*.parquet*")) == []
 
 
@@ -181,7 +182,7 @@ def test_ctrl_c_prints_what_is_finished_and_leaves_nothing_half_written(
     stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
     assert stderr.strip() == "interrupted"
-    assert stdout.count("yes, at" if not as_json else '"censored": true') >= 1
+    assert stdout.count("3000.0 │" if not as_json else '"simulated_s": 3000.0') >= 1
     assert (tmp_path / "t-0.parquet").exists()
     assert list(tmp_path.glob("*.part")) == []
 

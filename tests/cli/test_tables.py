@@ -9,10 +9,11 @@ from rich.console import Console
 
 from epuck_sim.cli import progress as progress_module
 from epuck_sim.cli import tables
-from epuck_sim.cli.progress import LINE_S, SweepProgressBar, in_words
+from epuck_sim.cli.progress import LINE_S, SweepProgressBar
 from epuck_sim.cli.tables import MOST_FAILURES, print_failures, print_status
-from epuck_sim.runs.reader import Failure, Status, TrialsByOrigin
+from epuck_sim.display.numbers import in_words
 from epuck_sim.runs.records import SweepProgress
+from epuck_sim.runs.status import Failure, Status, TrialsByOrigin
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -316,3 +317,10 @@ def test_a_table_of_trials_has_units_and_whole_seeds_on_any_terminal(monkeypatch
     assert str(seed) in shown
     assert shown.count("[s]") == 2
     assert "[cycles]" in shown
+
+
+@pytest.mark.parametrize("has_widgets", [True, False])
+def test_a_notebook_redraws_progress_if_it_has_widgets(has_widgets: bool, monkeypatch) -> None:
+    monkeypatch.setattr(progress_module, "Console", lambda **_: Console(force_jupyter=True, file=StringIO()))
+    monkeypatch.setattr(progress_module, "find_spec", lambda _: has_widgets or None)
+    assert (SweepProgressBar()._bar is not None) == has_widgets

@@ -142,7 +142,7 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> 
     assert [*rings[0]] == ["time_s", "x_cm", "y_cm", "radius_cm", "x_px", "y_px", "radius_px", "light"]
     at_cm = np.array([(ring["x_cm"], ring["y_cm"]) for ring in rings])
     off_cm = np.linalg.norm(at_cm[:, None] - PLACES[:ROBOTS], axis=2).min(axis=1)
-    assert np.median(off_cm) < 0.5
+    assert np.median(off_cm) < 0.8  # two pixels: nothing but the rings' size tells the scale
     assert max(ring["time_s"] for ring in rings) > 3.5
 
     (frames, _), (annotated, description) = frames_and_description("swarm.mp4"), frames_and_description("a.mp4")
@@ -285,7 +285,7 @@ def test_a_folder_without_permission_is_refused(shelf, here, monkeypatch, option
         ("frames_%04d.png", "frames_%04d.png: no such file; allowed: a film, numbered pictures"),
         ("text.mp4", "text.mp4: cannot be read as a film: "),
         ("folder", ": is a directory; give a film inside it, or numbered pictures such as folder/frames_%04d.png"),
-        ("dark.mp4", "dark.mp4: no lit ring is seen; is it the right film, are the rings red"),
+        ("dark.mp4", "dark.mp4: no lit ring is seen; is it the right film, and is the exposure long"),
         ("nowhere://film", "nowhere://film: cannot be read as a film: Protocol not found"),
     ],
 )
@@ -302,7 +302,7 @@ def test_what_is_no_film_of_a_swarm_is_refused(shelf, here, film: str, message: 
     ("options", "message"),
     [
         ("--corners 10,10,100,10,40,40,10,100", "these are not the corners of a convex quadrilateral"),
-        ("--corners 10,10,150,10,150,160,10,150", "a corner is outside of the picture; allowed: columns from 0 to 159"),
+        ("--corners 10,10,150,10,150,400,10,150", "a corner is far outside of the picture of 160 x 160 px"),
         ("--corners 10,10,20,10,20,20,10,20", "the shortest side is 10 px; allowed: at least 16 px"),
     ],
 )

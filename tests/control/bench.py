@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Value
+from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, Controller, Sensors, Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.runner import ControllerRunner, SensorArrays
 from epuck_sim.epuck import OUT_OF_RANGE_MM
@@ -55,12 +55,15 @@ class Bench:
             np.full(robots, step_ms),
             np.zeros((robots, 8)),
             np.full((robots, 8), OUT_OF_RANGE_MM),
-            np.zeros((robots, pixels), np.uint8),
+            np.zeros((robots, pixels), np.int64),
             np.ones(robots, np.bool_),
+            np.zeros(robots, np.int64),
+            np.zeros((robots, MAX_MESSAGES), np.int64),
         )
         self.actuators = np.zeros(robots, ACTUATORS)
         self.streams = robot_streams(np.random.SeedSequence(seed), robots)
         self.control = ControllerRunner(controller, parameters, self.streams, self.senses, self.actuators, interpret)
+        self.control.start()
         self.memory = self.control.memory
 
     def sense(self, chance: np.random.Generator) -> None:

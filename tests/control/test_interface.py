@@ -13,7 +13,7 @@ from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import builtin_folder
 from tests.control.bench import EMPTY, with_step, write_controller, write_soon_after
 
-SHIPPED = ["constant", "firefly", "obstacle_avoidance", "oscillator"]
+SHIPPED = ["constant", "external", "external_ring", "external_wheels", "firefly", "obstacle_avoidance", "oscillator"]
 
 
 def gain(path, value):
@@ -31,7 +31,7 @@ def test_a_shipped_controller_is_found_by_its_name_from_any_folder(name, tmp_pat
     controller = find_controller(name, tmp_path)
     assert controller.name == name
     assert controller.path == builtin_folder("controllers") / f"{name}.py"
-    assert controller.is_oscillator == (name in ("firefly", "oscillator"))
+    assert controller.is_oscillator == (name in ("external_wheels", "firefly", "oscillator"))
 
 
 def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tmp_path, monkeypatch):
@@ -76,7 +76,7 @@ def test_a_file_that_is_not_there_is_named_with_the_folder(tmp_path):
 @pytest.mark.parametrize("part", ["PARAMETERS", "MEMORY", "start", "step"])
 @pytest.mark.parametrize("fault", ["del {}", "{} = 3"])
 def test_a_part_that_is_missing_or_something_else_is_named(part, fault, tmp_path):
-    with pytest.raises(ControllerError, match=rf"mine\.py: a controller needs {part}: "):
+    with pytest.raises(ControllerError, match=rf"mine\.py(:\d+)?: a controller needs {part}: "):
         write_controller(tmp_path / "mine.py", EMPTY + fault.format(part))
 
 
@@ -90,19 +90,21 @@ def test_a_part_that_is_missing_or_something_else_is_named(part, fault, tmp_path
     ],
 )
 def test_what_goes_wrong_while_a_file_is_loaded_is_said_with_its_name(text, said, tmp_path):
-    with pytest.raises(ControllerError, match=rf"mine\.py: cannot be loaded: {said}"):
+    with pytest.raises(ControllerError, match=rf"mine\.py:1: cannot be loaded: {said}"):
         write_controller(tmp_path / "mine.py", text)
 
 
 @pytest.mark.parametrize("default", ["'fast'", "None", "[1.0]"])
 def test_a_default_that_is_no_number_is_refused(default, tmp_path):
-    with pytest.raises(ControllerError, match=r"mine\.py: PARAMETERS\['gain'\] is .*; allowed: a number, true or fal"):
+    with pytest.raises(
+        ControllerError, match=r"mine\.py:\d+: PARAMETERS\['gain'\] is .*; allowed: a number, true or fal"
+    ):
         gain(tmp_path / "mine.py", default)
 
 
 @pytest.mark.parametrize("memory", ["{'x': 'no type'}", "{'x': 5}", "{'x': str}", "{'x': (str, 3)}"])
 def test_a_memory_of_no_type_is_refused(memory, tmp_path):
-    with pytest.raises(ControllerError, match=r"mine\.py: PARAMETERS or MEMORY: 'x' is .*; allowed: int, float, bool"):
+    with pytest.raises(ControllerError, match=r"mine\.py:\d+: MEMORY: 'x' is .*; allowed: int, float, bool"):
         write_controller(tmp_path / "mine.py", with_step("pass", MEMORY=memory))
 
 
@@ -110,13 +112,13 @@ def test_a_memory_of_no_type_is_refused(memory, tmp_path):
 @pytest.mark.parametrize("part", ["PARAMETERS", "MEMORY"])
 def test_a_name_that_a_record_cannot_have_is_refused(part, name, tmp_path):
     values = {"PARAMETERS": f"{{{name!r}: 1.0}}", "MEMORY": f"{{{name!r}: float}}"}
-    with pytest.raises(ControllerError, match=r"is not a name that a record can have"):
+    with pytest.raises(ControllerError, match=rf"{part}: .* is not a name that a record can have"):
         write_controller(tmp_path / "mine.py", with_step("pass", **{part: values[part]}))
 
 
 @pytest.mark.parametrize("default", ["10**20", "float('nan')", "float('inf')"])
 def test_a_default_is_checked_as_a_given_value_is(default, tmp_path):
-    with pytest.raises(ControllerError, match=r"PARAMETERS or MEMORY: gain is .*; allowed: a "):
+    with pytest.raises(ControllerError, match=r"PARAMETERS: gain is .*; allowed: a "):
         gain(tmp_path / "mine.py", default)
 
 
@@ -209,6 +211,61 @@ def test_check_sees_all_parameters_and_what_it_raises_comes_through(tmp_path):
     assert controller.resolve({"low": 2.0}) == {"low": 2.0, "high": 2.0}
     with pytest.raises(ValueError, match="low above high"):
         controller.resolve({"low": 2.5})
+
+
+def test_an_error_in_check_is_named_with_its_line(tmp_path):
+    text = with_step("pass", PARAMETERS="{'low': 1.0}") + "def check(parameters):\n    1 / 0"
+    with pytest.raises(ValueError, match=r"mine\.py:12: ZeroDivisionError: division by zero"):
+        write_controller(tmp_path / "mine.py", text).resolve({})
+
+
+# --- names that there are not ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("memory.wiat = 1", r"memory has no 'wiat'; did you mean 'wait'\?"),
+        ("if memory.zzz: pass", r"memory has no 'zzz'; known: wait, rest"),
+        ("actuators.left = 1", r"actuators have no 'left'; did you mean 'left_cm_s'\?"),
+        ("memory.wait = sensors.infrarde[1]", r"sensors have no 'infrarde'; did you mean 'infrared'\?"),
+        ("memory.wait = parameters.gian", r"parameters have no 'gian'; did you mean 'gain'\?"),
+        ("if sensors.step_ms < 0: memory.waitt += 1", r"memory has no 'waitt'; did you mean 'wait'\?"),
+    ],
+)
+def test_a_name_that_there_is_not_is_refused_with_its_line_and_the_nearest(line, said, tmp_path):
+    text = with_step(line, PARAMETERS="{'gain': 1.0}", MEMORY="{'wait': int, 'rest': int}")
+    with pytest.raises(ControllerError, match=rf"^{tmp_path}/mine\.py:9: {said}$"):
+        write_controller(tmp_path / "mine.py", text)
+
+
+def test_names_are_followed_into_helpers_and_other_files(tmp_path):
+    (tmp_path / "helper.py").write_text("def see(view, more):\n    return more + view.cammera[0]\n")
+    text = "import helper\ndef deep(s, m):\n    m.x = helper.see(s, 1)\n" + with_step("deep(sensors, memory)")
+    with pytest.raises(ControllerError, match=r"helper\.py:2: sensors have no 'cammera'; did you mean 'camera'\?"):
+        write_controller(tmp_path / "mine.py", text)
+
+
+def test_names_in_start_and_check_are_looked_at(tmp_path):
+    for part in ("start(memory, parameters, random)", "check(parameters)"):
+        text = EMPTY + f"def {part}:\n    parameters.gain\n"
+        with pytest.raises(ControllerError, match=r"mine\.py:11: parameters have no 'gain'; known: none"):
+            write_controller(tmp_path / "mine.py", text)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "memory.dtype",
+        "memory = sensors; memory.camera",
+        "f = lambda memory: memory.anything",
+        "sensors._replace(step_ms=1)",
+        "other.anything",
+        "[memory.anything for memory in ()]",
+    ],
+)
+def test_what_may_have_a_name_is_not_refused(line, tmp_path):
+    write_controller(tmp_path / "mine.py", with_step(line))
 
 
 # --- files that import each other, files that change -----------------------------------------------

@@ -81,7 +81,7 @@ def test_constant_commands_the_same_whatever_it_senses(left, right, ring, seed):
     for _ in range(3):
         bench.sense(np.random.default_rng(seed))
         bench.control.step()
-        assert bench.actuators.tolist() == [(left, right, ring)] * 3
+        assert bench.actuators.tolist() == [(left, right, ring, 0, 0)] * 3
 
 
 @pytest.mark.parametrize("name", WHEELS)

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.testing import TestRobot
 from epuck_sim.util.rng import randint
 from tests.control.bench import Bench, function, random_distances, sensors, settings
 
@@ -13,16 +14,16 @@ FRONT_RIGHT, RIGHT, LEFT, FRONT_LEFT = 0, 2, 5, 7
 AHEAD, TURN_LEFT, TURN_RIGHT = (12.8, 12.8), (-12.8, 12.8), (12.8, -12.8)
 
 
-class Robot(Bench):
-    """One robot whose infrared readings are given step by step."""
+class Robot(TestRobot):
+    """A robot whose distances are given step by step."""
 
     def wheels(self, **distance_mm):
         """Return the wheels' speeds after a step with e.g. `front_left=10`, and nothing else near."""
-        self.senses.distance_mm[:] = OUT_OF_RANGE_MM
+        self.distance_mm = OUT_OF_RANGE_MM
         for name, distance in distance_mm.items():
-            self.senses.distance_mm[0, globals()[name.upper()]] = distance
-        self.control.step()
-        return float(self.actuators["left_cm_s"][0]), float(self.actuators["right_cm_s"][0])
+            self.distance_mm[globals()[name.upper()]] = distance
+        self.step()
+        return self.left_cm_s, self.right_cm_s
 
 
 def robot(**parameters):
@@ -117,7 +118,7 @@ def test_a_turn_goes_on_for_one_step_after_the_obstacle_has_gone():
 @pytest.mark.parametrize("steps", [1, 2, 25])
 def test_a_rotation_goes_on_until_its_time_has_run_out(steps):
     turning = robot()
-    turning.memory["rotation_time"], turning.memory["left_mm_s"], turning.memory["right_mm_s"] = steps, -128, 128
+    turning.memory.rotation_time, turning.memory.left_mm_s, turning.memory.right_mm_s = steps, -128, 128
     assert [turning.wheels() for _ in range(steps + 1)] == [TURN_LEFT] * steps + [AHEAD]
 
 
@@ -149,11 +150,11 @@ def beside_a_wall(threshold, seed=1):
 @pytest.mark.parametrize("threshold", [1, 2, 5, 9])
 def test_more_than_so_many_steps_close_to_something_and_it_is_a_wall(threshold):
     near_wall = beside_a_wall(threshold)
-    assert near_wall.memory["proximity_count"] == threshold
-    assert near_wall.memory["rotation_time"] == 0
+    assert near_wall.memory.proximity_count == threshold
+    assert near_wall.memory.rotation_time == 0
     assert near_wall.wheels(right=5) == TURN_LEFT
-    assert near_wall.memory["proximity_count"] == 0
-    assert 0 <= near_wall.memory["rotation_time"] < 25
+    assert near_wall.memory.proximity_count == 0
+    assert 0 <= near_wall.memory.rotation_time < 25
 
 
 def test_at_a_wall_the_robot_turns_for_a_random_time_of_up_to_25_steps():
@@ -171,7 +172,7 @@ def test_at_a_wall_the_robot_turns_for_a_random_time_of_up_to_25_steps():
 def test_what_was_near_and_has_gone_is_forgotten():
     near_wall = beside_a_wall(5)
     near_wall.wheels()
-    assert near_wall.memory["proximity_count"] == 0
+    assert near_wall.memory.proximity_count == 0
 
 
 # --- beside Appendix B's C ------------------------------------------------------------------------

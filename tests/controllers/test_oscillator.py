@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller
+from epuck_sim.testing import TestRobot
 from epuck_sim.util.seeds import robot_streams
 from tests.control.bench import Bench, exactly, function, sensors, settings
 
@@ -17,11 +18,12 @@ ONE_STREAM = robot_streams(np.random.SeedSequence(1), 1)[0]
 
 def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pixels=60, new=True, **parameters):
     """Return phase and ring after one step from `phase_ms`."""
-    memory = SimpleNamespace(phase_ms=phase_ms, flash_seen=seen)
-    actuators = SimpleNamespace(ring_on=ring_on)
-    view = sensors(step_ms, red=red if flash else 0, pixels=pixels, new_picture=new)
-    find_controller("oscillator").step(view, memory, actuators, settings("oscillator", **parameters), ONE_STREAM)
-    return memory.phase_ms, bool(actuators.ring_on)
+    robot = TestRobot("oscillator", parameters, pixels=pixels, step_ms=step_ms)
+    robot.memory.phase_ms, robot.memory.flash_seen = phase_ms, seen
+    robot.ring_on, robot.new_picture = ring_on, new
+    robot.camera[: red if flash else 0] = 1
+    robot.step()
+    return robot.memory.phase_ms, robot.ring_on
 
 
 # --- Algorithm 1, line by line --------------------------------------------------------------------
@@ -100,14 +102,13 @@ def test_a_camera_full_of_red_is_a_flash_however_wide_it_is(red):
 
 def phases_over(flashes, new_pictures=None, **parameters):
     """Return the phase after each step from 1000 ms, with flashes in view as listed."""
-    bench = Bench("oscillator", parameters)
-    bench.memory["phase_ms"] = 1000
+    robot = TestRobot("oscillator", parameters)
+    robot.memory.phase_ms = 1000
     phases = []
     for flash, new in zip(flashes, new_pictures or [1] * len(flashes), strict=True):
-        bench.senses.camera[:] = flash
-        bench.senses.new_picture[:] = new
-        bench.control.step()
-        phases.append(int(bench.memory["phase_ms"][0]))
+        robot.camera, robot.new_picture = flash, new
+        robot.step()
+        phases.append(robot.memory.phase_ms)
     return phases
 
 
@@ -141,12 +142,13 @@ def test_once_per_sighting_only_the_first_picture_in_view_updates_and_a_new_sigh
 
 
 def test_what_was_taken_for_a_flash_is_what_the_last_picture_shows():
-    memory, actuators = SimpleNamespace(phase_ms=100, flash_seen=0), SimpleNamespace(ring_on=False)
+    robot = TestRobot("oscillator", step_ms=25)
+    robot.memory.phase_ms = 100
     seen = []
-    for red, new in ((1, True), (1, False), (0, True), (0, False)):
-        view = sensors(25, red=red, new_picture=new)
-        find_controller("oscillator").step(view, memory, actuators, settings("oscillator"), ONE_STREAM)
-        seen.append(memory.flash_seen)
+    for red, robot.new_picture in ((1, True), (1, False), (0, True), (0, False)):
+        robot.camera = red
+        robot.step()
+        seen.append(robot.memory.flash_seen)
     assert seen == [1, 1, 0, 0]
 
 

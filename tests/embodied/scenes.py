@@ -63,7 +63,7 @@ def readings(scene: Scene, observer: int = 0) -> FloatArray:
     arena = scene.arena
     written = np.full((len(scene.poses) - observer, 8), np.nan)
     walls = arena.width_cm, arena.height_cm
-    sense_infrared(scene.poses, *walls, arena.circles, arena.edges, sorted_cells(scene), observer, written)
+    sense_infrared(scene.poses, *walls, arena.circles, arena.edges, sorted_cells(scene), True, observer, written)
     return written
 
 

@@ -48,7 +48,9 @@ def test_a_robot_that_touches_nothing_ends_each_control_step_on_the_exact_arc(ti
     for left, right in commands:
         wheel_speeds = np.array([(left, right)])
         still = np.zeros((1, 2))
-        chord_velocities(world.poses, wheel_speeds, still + 1, still, 0.0, 1 / control_hz, world.velocities)
+        chord_velocities(
+            world.poses, np.zeros(1), wheel_speeds, still + 1, still, 0.0, 1 / control_hz, world.velocities
+        )
         world.advance(physics_hz // control_hz)
         expected = arc(expected, left, right, 1 / control_hz)
         np.testing.assert_allclose(world.poses[0], expected, rtol=0, atol=1e-9)
@@ -70,18 +72,20 @@ def test_wheels_never_turn_faster_than_their_limit(commands):
     actuators["left_cm_s"], actuators["right_cm_s"] = np.transpose(commands)
     poses, driven, velocities = np.zeros((robots, 3)), np.full((robots, 2), np.nan), np.zeros((robots, 3))
     gain, noise = np.ones((robots, 2)), np.zeros((1, robots, 2))
-    invalid = apply_commands(actuators, driven, np.zeros(robots, bool), poses, gain, 0.0, 0.1, velocities, noise, 0)
+    invalid = apply_commands(
+        actuators, driven, np.zeros(robots, bool), np.zeros(robots), poses, gain, 0.0, 0.1, velocities, noise, 0
+    )
     assert invalid == -1
     np.testing.assert_array_equal(driven, np.clip(commands, -LIMIT_CM_S, LIMIT_CM_S))
     ends = [arc((0, 0, 0), left, right, 0.1) for left, right in driven]
     np.testing.assert_allclose(velocities * 0.1, ends, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("wheel", ["left_cm_s", "right_cm_s"])
-def test_a_wheel_speed_that_is_not_a_number_is_reported_with_its_robot(wheel):
+@pytest.mark.parametrize("command", ["left_cm_s", "right_cm_s", "turn_rad"])
+def test_a_command_that_is_not_a_number_is_reported_with_its_robot(command):
     actuators = np.zeros(4, ACTUATORS)
-    actuators[wheel][2:] = np.nan
-    arrays = np.zeros((4, 2)), np.zeros(4, bool), np.zeros((4, 3)), np.ones((4, 2))
+    actuators[command][2:] = np.nan
+    arrays = np.zeros((4, 2)), np.zeros(4, bool), np.zeros(4), np.zeros((4, 3)), np.ones((4, 2))
     assert apply_commands(actuators, *arrays, 0.0, 0.1, np.zeros((4, 3)), np.zeros((1, 4, 2)), 0) == 2
 
 
@@ -90,7 +94,9 @@ def test_a_wheel_with_a_gain_turns_that_much_faster_and_its_command_is_reported_
     actuators, driven, velocities = np.zeros(1, ACTUATORS), np.empty((1, 2)), np.empty((1, 3))
     actuators["left_cm_s"], actuators["right_cm_s"] = command
     poses, noise = np.array([start]), np.zeros((1, 1, 2))
-    apply_commands(actuators, driven, np.zeros(1, bool), poses, np.array([gains]), 0.0, 0.1, velocities, noise, 0)
+    apply_commands(
+        actuators, driven, np.zeros(1, bool), np.zeros(1), poses, np.array([gains]), 0.0, 0.1, velocities, noise, 0
+    )
     np.testing.assert_array_equal(driven, [command])
     expected = arc(start, command[0] * gains[0], command[1] * gains[1], 0.1)
     np.testing.assert_allclose(poses + velocities * 0.1, [expected], rtol=0, atol=1e-9)
@@ -102,8 +108,10 @@ def test_the_noise_of_the_given_step_is_used():
     driven, poses, gain = np.empty((3, 2)), np.zeros((3, 3)), np.ones((3, 2))
     noise = np.random.default_rng(1).random((4, 3, 2))
     for step in range(4):
-        apply_commands(actuators, driven, np.zeros(3, bool), poses, gain, 0.05, 0.1, velocities, noise, step)
-        chord_velocities(poses, driven, gain, noise[step], 0.05, 0.1, expected)
+        apply_commands(
+            actuators, driven, np.zeros(3, bool), np.zeros(3), poses, gain, 0.05, 0.1, velocities, noise, step
+        )
+        chord_velocities(poses, np.zeros(3), driven, gain, noise[step], 0.05, 0.1, expected)
         np.testing.assert_array_equal(velocities, expected)
 
 

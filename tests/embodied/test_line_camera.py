@@ -300,6 +300,7 @@ def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by
         infrared_noise=noise,
         noise_counts=10.0,
         by_table=by_table,
+        sees_robots=True,
         infrared=counts,
         distance_mm=distance_mm,
         pixels=seen,

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from epuck_sim.embodied.placement import place_robots
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 
 RADIUS_CM = 3.7
@@ -120,8 +122,8 @@ def test_robots_on_the_grid_take_any_point_and_any_multiple_of_45_degrees():
     eighths = poses[..., 2] / (math.pi / 4)
     np.testing.assert_allclose(eighths, np.round(eighths), rtol=0, atol=1e-12)
     assert chi_square(np.round(eighths).ravel(), -0.5, 7.5, bins=8) < CHI_SQUARE_7
-    for points in poses[..., :2]:
-        assert len({tuple(point) for point in points.tolist()}) == 10
+    for places in poses[..., :2]:
+        assert len({tuple(point) for point in places.tolist()}) == 10
     assert len({tuple(point) for point in poses[..., :2].reshape(-1, 2).tolist()}) == 25
 
 
@@ -204,3 +206,75 @@ def test_a_floor_that_an_obstacle_fills_is_refused_before_long():
     with pytest.raises(ScenarioError, match=r"robots\.0\.count: is 1; no free place was found for robot 0"):
         placed({"count": 1}, obstacles=[full])
     assert time.perf_counter() - began < 5
+
+
+# What robots remember at the start
+
+POSES = [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]]
+
+
+def start_of(memory, controller="firefly", **group):
+    """Return what three robots remember before the first step."""
+    robots = [{"poses": POSES, "controller": controller, "memory": memory, **group}]
+    return Simulation({"robots": robots}, 4)._groups[0].runner.memory
+
+
+def test_phases_of_robots_may_be_given_and_all_else_is_as_the_controller_starts() -> None:
+    without, given = start_of({}), start_of({"phase_ms": [0, 1200, 4999]})
+    assert given["phase_ms"].tolist() == [0, 1200, 4999]
+    assert (without["phase_ms"] != given["phase_ms"]).any()
+    others = [name for name in given.dtype.names if name != "phase_ms"]
+    assert others
+    assert all((without[name] == given[name]).all() for name in others)
+    assert start_of({"phase_ms": 700})["phase_ms"].tolist() == [700] * 3
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_robots_whose_phases_are_given_flash_at_these_times(interpret) -> None:
+    robots = [{"poses": POSES, "controller": "oscillator", "memory": {"phase_ms": [4000, 0, 2000]}}]
+    simulation = Simulation({"robots": robots, "noise": "off"}, 1, interpret=interpret)
+    assert next(step.time_s for step in simulation if step.ring_on[0]) == pytest.approx(1.0, abs=0.11)
+
+
+@pytest.mark.parametrize(
+    ("memory", "message"),
+    [
+        ({"phase": 3}, "unknown 'phase', did you mean 'phase_ms'?; firefly has "),
+        (
+            {"phase_ms": [1, 2]},
+            "phase_ms is [1, 2]; allowed: a number or a list of 3, one for each robot, whole numbers",
+        ),
+        ({"phase_ms": 0.5}, "phase_ms is 0.5; allowed: a number or a list of 3, one for each robot, whole numbers"),
+        ({"phase_ms": "early"}, "phase_ms is 'early'; allowed: a number or a list of 3"),
+        ({"phase_ms": 5000}, "phase_ms is 5000; allowed: 0 to below the period, 5000"),
+        ({"phase_ms": [0, -1, 0]}, "phase_ms is [0, -1, 0]; allowed: 0 to below the period, 5000"),
+    ],
+)
+def test_memory_that_does_not_fit_is_refused_in_words(memory, message) -> None:
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"robots": [{"poses": POSES, "memory": memory}]})
+    assert str(caught.value).startswith(f"scenario: robots.0.memory: {message}")
+
+
+def test_phases_can_be_swept() -> None:
+    sweep = {"grid": {"robots.0.memory.phase_ms": [0, 100]}}
+    early, late = points({"robots": [{"count": 2}], "sweep": sweep})
+    assert (early.scenario.robots[0].memory, late.scenario.robots[0].memory) == ({"phase_ms": 0}, {"phase_ms": 100})
+
+
+def test_another_controller_gets_what_it_can_remember() -> None:
+    given = {"robots": [{"memory": {"phase_ms": 700, "rotation_time": 3}}]}
+    with pytest.warns(UserWarning, match=r"^scenario: oscillator lacks memory rotation_time: left out$"):
+        replaced = load_scenario(given, controller="oscillator")
+    assert replaced.robots[0].memory == {"phase_ms": 700}
+    swept = points({**given, "sweep": {"grid": {"robots.0.controller": ["oscillator", "firefly"]}}})
+    assert [point.scenario.robots[0].memory for point in swept] == [
+        {"phase_ms": 700},
+        {"phase_ms": 700, "rotation_time": 3},
+    ]
+
+
+def test_what_no_controller_of_a_sweep_remembers_is_refused() -> None:
+    sweep = {"grid": {"robots.0.controller": ["oscillator", "firefly"]}}
+    with pytest.raises(ScenarioError, match=r"robots.0.memory: .*'wait'"):
+        points({"robots": [{"memory": {"wait": 1}}], "sweep": sweep})

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from epuck_sim.figures.csv_tables import Table, save_table
 from tests.runs.made_folders import rows
@@ -12,6 +14,17 @@ def laid_out(figure: Figure) -> Figure:
     """Return a figure after everything in it has its place, and every text has been read."""
     figure.draw_without_rendering()
     return figure
+
+
+def legend_texts(figure: Figure) -> list[str]:
+    """Return the texts of the legend below the panels; none without a legend."""
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def shown_text(text: Text) -> str:
+    """Return what a text shows that is no formula; raise AssertionError for a formula."""
+    assert not is_math_text(text.get_text())
+    return text.get_text().replace(r"\$", "$")
 
 
 def written(folder: Path, table: Table) -> list[dict[str, str]]:

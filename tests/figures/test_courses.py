@@ -6,15 +6,22 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.courses import MAX_MOMENTS, Courses, choose_moments, courses_table, draw_courses, read_courses
+from epuck_sim.figures.forms.courses import (
+    MAX_MOMENTS,
+    Courses,
+    choose_moments,
+    courses_table,
+    draw_courses,
+    read_courses,
+)
+from epuck_sim.figures.looks import choose_looks
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import points
-from tests.figures.drawn import laid_out, written
+from tests.figures.drawn import laid_out, legend_texts, shown_text, written
 from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
 
@@ -44,7 +51,7 @@ READ = read_courses(in_memory(SCENARIO, never))
 def course_of(order, deviation, cycle=None, is_displaced=True, **axes) -> Courses:
     """Return a course that no trial had."""
     cycle = np.arange(0.5, len(order)) if cycle is None else np.array(cycle, float)
-    return Courses(axes, is_displaced, cycle, np.array(order, float), np.array(deviation, float))
+    return Courses(axes, is_displaced, cycle, np.array(order, float), np.array(deviation, float), 3)
 
 
 # Moments
@@ -172,22 +179,20 @@ def test_one_course_of_many_with_a_displaced_agent_is_enough_for_two_panels() ->
 def test_each_course_has_a_colour_of_its_own_in_both_panels_and_its_values_in_the_legend() -> None:
     figure = draw_courses("5 % of $x", READ)
     above, below = figure.axes
-    expected = [to_hex(colormaps["viridis"](place)) for place in (0, 0.9)]
     for panel in (above, below):
-        assert [to_hex(line.get_color()) for line in panel.get_lines()] == expected
-    assert [text.get_text() for text in above.get_legend().get_texts()] == ["V = 3 cm/s", "V = 30 cm/s"]
-    assert below.get_legend() is None
-    assert figure.get_suptitle() == "5 % of $x"
+        assert [(to_hex(line.get_color()), line.get_marker()) for line in panel.get_lines()] == choose_looks(2)
+    assert legend_texts(figure) == ["V = 3 cm/s", "V = 30 cm/s"]
+    (title,) = figure.texts
+    assert shown_text(title) == "5 % of $x\nmeans of 3 trials a point"
 
 
 def test_one_course_alone_needs_no_legend() -> None:
-    assert draw_courses("title", READ[:1]).axes[0].get_legend() is None
+    assert draw_courses("title", READ[:1]).legends == []
 
 
 def test_the_axis_that_all_courses_share_is_not_named() -> None:
     both = [course_of([1, 1], [0.1, 0.1], **{SPEED: speed, COUPLING: 0.1}) for speed in (1, 2)]
-    texts = draw_courses("title", both).axes[0].get_legend().get_texts()
-    assert [text.get_text() for text in texts] == ["V = 1 cm/s", "V = 2 cm/s"]
+    assert legend_texts(draw_courses("title", both)) == ["V = 1 cm/s", "V = 2 cm/s"]
 
 
 def test_where_nothing_deviates_the_line_has_a_gap() -> None:
@@ -242,8 +247,7 @@ def test_the_same_trials_give_the_same_courses(tmp_path) -> None:
 def test_a_point_whose_axis_holds_lists_and_null_is_labelled_in_words(tmp_path) -> None:
     grid = {REORIENT: [[], ["emitting"], ["emitting", "receiving"]]}
     read = read_courses(in_memory(particles(grid, trials=1, cycles=2), never))
-    texts = draw_courses("title", read).axes[0].get_legend().get_texts()
-    assert [text.get_text() for text in texts] == [
+    assert legend_texts(draw_courses("title", read)) == [
         "reorienting on = nothing",
         "reorienting on = emitting",
         "reorienting on = emitting and receiving",

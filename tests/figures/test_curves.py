@@ -8,18 +8,17 @@ import numpy as np
 import pytest
 from matplotlib import image
 from matplotlib.axes import Axes
-from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.figures.csv_tables import Table
-from epuck_sim.figures.curves import EXTREMA_COLUMNS, curves_tables, draw_curves, find_extrema
+from epuck_sim.figures.csv_tables import EXTREMA_COLUMNS, Table
+from epuck_sim.figures.forms.curves import curves_tables, draw_curves, find_extrema
 from epuck_sim.figures.labels import axis_label, format_axis_values, key_name
 from epuck_sim.statistics.curve_extrema import ExtremaSearch
 from epuck_sim.statistics.curves import Curve
 from epuck_sim.statistics.extrema import SpeedExtrema
 from epuck_sim.statistics.names import Statistic
-from tests.figures.drawn import laid_out, written
+from tests.figures.drawn import laid_out, legend_texts, shown_text, written
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -84,7 +83,17 @@ def marked(axes: Axes, marker: str, face: str | None = None) -> list[Line2D]:
 
 
 def lines_of(axes: Axes) -> list[Line2D]:
-    return [line for line in axes.get_lines() if line.get_linestyle() == "-" and line.get_marker() == "None"]
+    return [line for line in axes.get_lines() if line.get_linestyle() in ("-", "--") and line.get_marker() == "None"]
+
+
+def named(axes: Axes) -> dict[str, str]:
+    """Return the colour of each curve that the legend names, by its label."""
+    handles, labels = axes.get_legend_handles_labels()
+    return {
+        label: to_hex(handle.get_color())
+        for handle, label in zip(handles, labels, strict=True)
+        if isinstance(handle, Line2D) and handle.get_linestyle() == "-"
+    }
 
 
 def drawn(lines: list[Line2D]) -> list[tuple[float, float]]:
@@ -107,10 +116,55 @@ def test_the_curves_of_these_tests_have_extrema_where_they_should() -> None:
 
 def test_each_curve_is_one_line_of_its_own_colour_labelled_with_the_second_axis() -> None:
     axes = axes_of(CURVES)
-    lines = lines_of(axes)
-    assert [line.get_label() for line in lines] == ["ε = 0.1", "ε = 0.2", "ε = 0.4"]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["ε = 0.1", "ε = 0.2", "ε = 0.4"]
-    assert len({to_hex(line.get_color()) for line in lines}) == 3
+    assert [*named(axes)] == legend_texts(axes.figure)[:3] == ["ε = 0.1", "ε = 0.2", "ε = 0.4"]
+    assert [to_hex(line.get_color()) for line in lines_of(axes)] == [*named(axes).values()]
+    assert len({*named(axes).values()}) == 3
+
+
+def test_curves_differ_in_their_markers_too_and_the_legend_has_them() -> None:
+    axes = axes_of(CURVES)
+    handles, _ = axes.get_legend_handles_labels()
+    assert [handle.get_marker() for handle in handles[:3]] == ["o", "s", "D"]
+    for curve, marker in zip(CURVES, "osD", strict=True):
+        known = ~np.isnan(curve.values)
+        at_points = drawn([line for line in marked(axes, marker) if line.get_linestyle() == "None"])
+        assert sorted(at_points) == sorted(zip(curve.x[known], curve.values[known], strict=True))
+
+
+@pytest.mark.parametrize(
+    ("curves", "searches", "expected"),
+    [
+        ([FALLING], [NOTHING], ["95 % interval"]),
+        ([BUMPY], [NOTHING], ["95 % interval", "some trials censored"]),
+        ([MOVED], [NOTHING], ["95 % interval", "undetermined: too many censored"]),
+        (
+            [BUMPY],
+            EXTREMA[:1],
+            ["95 % interval", "some trials censored", r"local minimum $V_\mathrm{m}$", r"peak $V_\mathrm{p}$"],
+        ),
+        ([curve_of([3, 2], undetermined=[0, 1])], [NOTHING], ["undetermined: too many censored"]),
+    ],
+)
+def test_the_legend_names_every_mark_that_is_drawn_and_no_other(curves, searches, expected: list[str]) -> None:
+    figure = draw_curves("title", SPEED, curves, searches)
+    assert legend_texts(figure) == expected
+
+
+def test_a_legend_is_not_on_top_of_the_panels() -> None:
+    figure = laid_out(draw_curves("title", SPEED, CURVES, EXTREMA))
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert not any(box.overlaps(axes.get_tightbbox()) for axes in figure.axes)
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.x1
+
+
+def test_the_base_case_is_dashed_and_named() -> None:
+    base = sweep(None, figure={"base_case": {COUPLING: 0.2}})
+    figure = draw_curves("title", SPEED, [each._replace(scenario=base) for each in CURVES], [NOTHING] * 3)
+    assert [line.get_linestyle() for line in lines_of(figure.axes[0])][:3] == ["-", "--", "-"]
+    assert "base case" in legend_texts(figure)
+    assert "base case" not in legend_texts(draw_curves("title", SPEED, CURVES, [NOTHING] * 3))
 
 
 def test_the_lines_hold_the_means_with_gaps_where_they_are_undetermined() -> None:
@@ -124,18 +178,16 @@ def test_curves_have_a_panel_for_each_value_of_the_axis_that_splits_them() -> No
     figure = draw_curves("title", SPEED, curves, [NOTHING] * 4, COUNT)
     assert [axes.get_title() for axes in figure.axes] == ["N = 5", "N = 10"]
     for axes, n in zip(figure.axes, (5, 10), strict=True):
-        assert [(line.get_label(), line.get_ydata()[0]) for line in lines_of(axes)] == [
-            ("ε = 0.1", 100 * n + 1),
-            ("ε = 0.2", 100 * n + 2),
-        ]
-    first, second = (lines_of(axes) for axes in figure.axes)
-    assert [line.get_color().tolist() for line in first] == [line.get_color().tolist() for line in second]
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["ε = 0.1", "ε = 0.2"]
+        assert [line.get_ydata()[0] for line in lines_of(axes)] == [100 * n + 1, 100 * n + 2]
+    first, second = ([line.get_color() for line in lines_of(axes)] for axes in figure.axes)
+    assert first == second == [*named(figure.axes[0]).values()]
+    assert legend_texts(figure) == ["ε = 0.1", "ε = 0.2", "95 % interval"]
 
 
 def test_the_bands_span_the_intervals_in_the_colour_of_their_lines() -> None:
     axes = axes_of(CURVES)
-    for band, line, curve in zip(axes.collections, lines_of(axes), CURVES, strict=True):
+    assert axes.collections[-1].get_label() == "95 % interval"
+    for band, line, curve in zip(axes.collections[:-1], lines_of(axes), CURVES, strict=True):
         known = np.isfinite(curve.values)
         x, (low, high) = curve.x[known], curve.intervals[known].T
         corners = {(float(x), float(y)) for path in band.get_paths() for x, y in path.vertices}
@@ -160,15 +212,30 @@ def test_a_mean_that_is_undetermined_is_a_cross_above_all_means_and_has_no_other
     assert [x for x, _ in crosses] == MANY_SPEEDS[:2]
     highest = max(np.nanmax(curve.values) for curve in CURVES)
     bottom, top = axes.get_ylim()
-    assert all(highest < y < top for _, y in crosses)
-    assert len(drawn(marked(axes, "o"))) == 3 * len(MANY_SPEEDS) - 2
+    on_page = axes.transAxes.transform([(0, y) for _, y in crosses])
+    heights = axes.transData.inverted().transform(on_page)[:, 1]
+    assert all(highest < y < top for y in heights)
+    points = [point for marker in "osD" for point in drawn(marked(axes, marker))]
+    assert len(points) == 3 * len(MANY_SPEEDS) - 2
     assert bottom < min(np.nanmin(curve.values) for curve in CURVES)
+
+
+def test_crosses_of_two_curves_at_one_place_are_both_seen_above_all_points() -> None:
+    hidden = [curve_of([50.0, 40.0], axes={COUPLING: n}, undetermined=[0]) for n in (0.1, 0.2)]
+    axes = axes_of([*hidden, FALLING])
+    laid_out(axes.figure)
+    crosses = [line for line in marked(axes, "x") if line.get_xdata().size]
+    heights = sorted(float(line.get_ydata()[0]) for line in crosses[:2])
+    assert len({*heights}) == 2
+    points = axes.transData.transform([(1, float(np.nanmax(FALLING.values)))])
+    assert axes.transAxes.inverted().transform(points)[0, 1] < heights[0]
 
 
 def test_where_all_means_are_undetermined_there_are_but_crosses() -> None:
     axes = axes_of([curve_of([50.0] * 3, undetermined=range(3))])
     assert len(drawn(marked(axes, "x"))) == 3
     assert drawn(lines_of(axes)) == drawn(marked(axes, "o")) == []
+    assert legend_texts(axes.figure) == ["undetermined: too many censored"]
     laid_out(axes.figure)
 
 
@@ -177,7 +244,7 @@ def test_triangles_mark_the_minimum_and_the_peak_where_they_are_found_and_nowher
     assert drawn(marked(axes, "v")) == [(pair.v_m, pair.t_m) for pair, _ in EXTREMA[:2]]
     assert drawn(marked(axes, "^")) == [(pair.v_p, pair.t_p) for pair, _ in EXTREMA[:2]]
     colours = [to_hex(line.get_color()) for line in lines_of(axes)]
-    assert [to_hex(line.get_color()) for line in marked(axes, "v")] == colours[:2]
+    assert [to_hex(line.get_color()) for line in marked(axes, "v") if len(line.get_xdata())] == colours[:2]
 
 
 def test_without_extrema_there_are_no_triangles() -> None:
@@ -198,7 +265,7 @@ def test_a_band_without_upper_end_goes_beyond_the_figure_and_does_not_stretch_it
 def test_every_point_and_mark_is_within_the_figure() -> None:
     axes = axes_of(CURVES, extrema=EXTREMA)
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    for marker in "ox^v":
+    for marker in "osD^v":
         for x, y in drawn(marked(axes, marker)):
             assert left < x < right
             assert bottom < y < top
@@ -250,11 +317,13 @@ def test_exponential_growth_with_the_number_of_robots_is_a_straight_line() -> No
     assert steps[0] == pytest.approx(steps[1])
 
 
-def test_many_decades_are_labelled_by_powers_of_ten_alone_and_do_not_overlap() -> None:
-    axes = axes_of([curve_of([10.0**n for n in range(1, 8)], x=[10.0**n for n in range(-4, 3)])])
+def test_many_decades_are_labelled_by_powers_of_ten_alone_on_both_axes_and_do_not_overlap() -> None:
+    axes = axes_of([curve_of([10.0**n for n in range(1, 8)], x=[10.0**n for n in range(-2, 5)])])
     laid_out(axes.figure)
-    assert {"10", "1000", "$10^{6}$"} <= set(seen(axes.get_yticklabels()))
-    assert {"0.001", "1", "100"} <= set(seen(axes.get_xticklabels()))
+    assert {"$10^{1}$", "$10^{5}$"} <= set(seen(axes.get_yticklabels()))
+    assert {"$10^{0}$", "$10^{2}$"} <= set(seen(axes.get_xticklabels()))
+    for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):
+        assert all(label.startswith("$10^") for label in seen(ticks))
     for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):
         boxes = [label.get_window_extent() for label in ticks if label.get_text()]
         assert len(boxes) > 3
@@ -270,25 +339,34 @@ def test_a_narrow_range_has_labels_too() -> None:
         assert sum(low <= label <= high for label in labels) >= 2
 
 
-def test_without_a_second_axis_there_is_no_legend() -> None:
-    assert axes_of([BUMPY]).get_legend() is None
-    assert axes_of([BUMPY._replace(axes={})]).get_legend() is None
+def test_without_a_second_axis_the_legend_names_no_curve() -> None:
+    assert named(axes_of([BUMPY])) == named(axes_of([BUMPY._replace(axes={})])) == {}
 
 
 def test_labels_leave_out_what_is_the_same_or_goes_along() -> None:
     curves = [
         curve_of([30, 20], x=[1, 2], axes={WIDTH: size, HEIGHT: size, COUNT: 10, SPEED: 1}) for size in (40, 60.5)
     ]
-    assert [line.get_label() for line in lines_of(axes_of(curves, PERIOD))] == ["L = 40 cm", "L = 60.5 cm"]
+    assert [*named(axes_of(curves, PERIOD))] == ["L = 40 cm", "L = 60.5 cm"]
+
+
+def test_two_groups_of_robots_are_told_apart_on_the_axis_and_in_the_legend() -> None:
+    other = "robots.1.parameters.speed_cm_s"
+    figure = draw_curves("title", SPEED, [curve_of([3, 2], axes={other: n}) for n in (1, 2)], [NOTHING] * 2)
+    assert figure.axes[0].get_xlabel() == "V of robots.0 [cm/s]"
+    assert legend_texts(figure)[:2] == ["V of robots.1 = 1 cm/s", "V of robots.1 = 2 cm/s"]
+    assert axis_label(other) == "V of robots.1 [cm/s]"
+    assert key_name("arena.width_cm", ["arena.obstacles.0.width_cm"]) == "L of arena"
+    assert key_name("a.b.count", ["a.b.parameters.count"]) == "a.b.count"
 
 
 def test_title_and_axes_have_the_thesis_s_symbols() -> None:
-    figure = draw_curves("fig-4-2a", SPEED, CURVES, EXTREMA)
+    figure = draw_curves("T_sync against speed", SPEED, CURVES, EXTREMA)
     axes = figure.axes[0]
     assert (figure.get_suptitle(), axes.get_xlabel(), axes.get_ylabel()) == (
-        "fig-4-2a",
+        "$T_\\mathrm{sync}$ against speed\n200 trials a point",
         "V [cm/s]",
-        "T_sync [cycles], restricted mean or mean",
+        "restricted mean or mean\nof $T_\\mathrm{sync}$ [cycles]",
     )
     assert axes_of([curve_of([3, 2])], axis=COUPLING).get_xlabel() == "ε"
     assert axes_of([curve_of([3, 2])], axis="stop.order_parameter").get_xlabel() == "stop.order_parameter"
@@ -322,16 +400,15 @@ def test_every_symbol_can_be_drawn() -> None:
     figure = draw_curves("all", PERIOD, curves, [NOTHING] * 6)
     figure.savefig(BytesIO(), format="png")  # a missing glyph would warn, and warnings are errors here
     figure.savefig(BytesIO(), format="svg")
-    first = figure.axes[0].get_legend().get_texts()[0].get_text()
+    first = legend_texts(figure)[0]
     assert first == "V = 2 cm/s, L = 1 cm, N = 1, τ = 1 s, ε = 1, pixels = 1"
 
 
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$", "x_1^2 \\alpha & <b> {0} 50 %"])
 def test_a_name_is_no_formula(name: str) -> None:
     figure = laid_out(draw_curves(name, SPEED, [FALLING], [NOTHING]))
-    assert figure.get_suptitle() == name
     (title,) = figure.texts
-    assert not (title.get_parse_math() and is_math_text(title.get_text()))
+    assert shown_text(title) == f"{name}\n200 trials a point"
 
 
 # The tables
@@ -408,8 +485,8 @@ def test_the_picture_holds_every_colour() -> None:
     figure.savefig(file, dpi=120)
     file.seek(0)
     picture = image.imread(file)
-    assert picture.shape[0] > 400
-    assert picture.shape[1] > 600
+    assert picture.shape[0] > 300
+    assert picture.shape[1] == pytest.approx(8.5 / 2.54 * 120, abs=1)
     assert picture[..., :3].std() > 0.05
     colours = np.unique((picture[..., :3] * 255).round().reshape(-1, 3), axis=0)
     drawn_colours = {to_hex(line.get_color()) for line in lines_of(figure.axes[0])}

@@ -14,12 +14,13 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.maps import COLOURS, GREY, MAX_LEVELS, Map, choose_levels, draw_maps, maps_table, read_maps
+from epuck_sim.figures.forms.levels import COLOURS, MAX_LEVELS, choose_levels
+from epuck_sim.figures.forms.maps import GREY, Map, draw_maps, maps_table, read_maps
 from epuck_sim.figures.style import MAX_PANELS
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.curves import read_curves
 from epuck_sim.statistics.names import Statistic
-from tests.figures.drawn import laid_out, written
+from tests.figures.drawn import laid_out, shown_text, written
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -297,7 +298,7 @@ def test_panels_are_in_order_share_their_scales_and_end_at_the_outermost_points(
 
 
 @pytest.mark.parametrize(
-    ("count", "shape"), [(1, (1, 1)), (3, (1, 3)), (4, (2, 2)), (5, (2, 3)), (6, (2, 3)), (18, (4, 5))]
+    ("count", "shape"), [(1, (1, 1)), (3, (1, 3)), (4, (2, 2)), (5, (2, 3)), (6, (2, 3)), (18, (5, 4))]
 )
 def test_panels_are_arranged_in_a_grid_with_numbers_on_its_lower_edge(count: int, shape: tuple[int, int]) -> None:
     (one,) = read_maps(measured({WIDTH: [40, 60], SPEED: [1, 2]}), SPEED, WIDTH)
@@ -327,10 +328,10 @@ def test_y_is_logarithmic_where_it_spans_a_decade_and_x_is_linear_where_it_does_
 def test_the_colour_bar_is_one_for_all_panels_with_powers_of_ten() -> None:
     figure = draw_maps("title", SPEED, WIDTH, MAPS)
     bar = figure.axes[-1]
-    assert bar.get_ylabel() == "T_sync [cycles],\nmean or restricted mean"
+    assert bar.get_ylabel() == "mean or restricted mean\nof $T_\\mathrm{sync}$ [cycles]"
     assert bar.get_ylim() == (LEVELS[0], LEVELS[-1])
     assert bar.get_yticks().tolist() == [1, 2, 3]
-    assert [label.get_text() for label in bar.get_yticklabels()] == ["$10^{1}$", "$10^{2}$", "$10^{3}$"]
+    assert [label.get_text() for label in bar.get_yticklabels()] == ["10", "100", "1000"]
     for panel in figure.axes[:-1]:
         for drawn in (panel.collections[0], *contours(panel)):
             assert drawn.norm.boundaries.tolist() == LEVELS.tolist()
@@ -398,12 +399,23 @@ def test_the_csv_has_the_numbers_that_curves_have(tmp_path) -> None:
 
 def test_a_page_of_three_panels_is_wider_than_high() -> None:
     width, height = draw_maps("title", SPEED, WIDTH, MAPS).get_size_inches()
-    assert width > height > 2.5
+    assert width == pytest.approx(17.5 / 2.54)
+    assert width > height > 2
+
+
+def test_a_width_that_is_asked_for_is_that_of_the_figure_with_fewer_columns_where_it_is_narrow() -> None:
+    figure = laid_out(draw_maps("title", SPEED, WIDTH, MAPS, 8.5))
+    assert figure.get_size_inches()[0] == pytest.approx(8.5 / 2.54)
+    assert len({round(panel.get_position().x0, 3) for panel in figure.axes[:-1]}) == 2
+    box = figure.get_tightbbox()
+    assert box.x0 >= -0.01
+    assert box.x1 <= 8.5 / 2.54 + 0.01
 
 
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$"])
 def test_a_name_is_no_formula(name: str) -> None:
     named = [each._replace(axes={"noise": f"{name}{n}"}) for n, each in enumerate(MAPS)]
     figure = laid_out(draw_maps(name, SPEED, WIDTH, named))
-    assert figure.get_suptitle() == name
-    assert [panel.get_title() for panel in figure.axes[:-1]] == [f"noise = {name}{n}" for n in range(3)]
+    (title,) = figure.texts
+    assert shown_text(title) == f"{name}\n3 to 12 trials a point"
+    assert [shown_text(panel.title) for panel in figure.axes[:-1]] == [f"noise = {name}{n}" for n in range(3)]

@@ -10,8 +10,8 @@ from matplotlib.colors import LogNorm, to_hex
 from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures import perturbations
-from epuck_sim.figures.perturbations import (
+from epuck_sim.figures.forms import perturbations
+from epuck_sim.figures.forms.perturbations import (
     MIN_DEVIATION,
     Perturbation,
     draw_perturbations,
@@ -99,6 +99,13 @@ def test_robots_with_bodies_have_no_such_map() -> None:
         read_perturbations(robots)
     words = "robots: model is 'embodied'; the forms perturbation and course need model: particles"
     assert str(caught.value) == words
+
+
+@pytest.mark.parametrize("start", [{"phases": "random"}, {"phases": "synchronised"}])
+def test_a_sweep_in_which_nothing_can_deviate_is_refused_and_not_drawn_blank(start: dict) -> None:
+    with pytest.raises(EpuckSimError, match=r"nothing deviates .* would be blank; --form course shows"):
+        read_perturbations(in_memory(particles({SPEED: [3]}, start=start), never))
+    assert read_perturbations(in_memory(particles({SPEED: [3]}, start=start, clocks={"jitter": 0.01}), never))
 
 
 # What is drawn

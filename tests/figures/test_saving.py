@@ -58,7 +58,7 @@ def test_without_tables_there_are_the_pictures_alone(tmp_path) -> None:
 
 def test_the_pictures_are_whole(saved) -> None:
     picture = image.imread(saved.with_name("fig.png"))
-    assert picture.shape == (180, 240, 4)
+    assert picture.shape == (450, 600, 4)
     assert picture[..., :3].std() > 0.05
     assert ElementTree.parse(saved.with_name("fig.svg")).getroot().tag == "{http://www.w3.org/2000/svg}svg"
 
@@ -175,6 +175,13 @@ def test_where_a_table_fails_the_older_one_stays(tmp_path) -> None:
         save_figure(Target(tmp_path / "T", ()), draw, {".csv": Table(("a",), rows_that_fail())})
     assert (tmp_path / "T.csv").read_text() == "older"
     assert names(tmp_path) == ["T.csv"]
+
+
+def test_text_is_text_in_every_format_that_has_any(tmp_path) -> None:
+    svg, pdf = save_figure(Target(tmp_path / "fig", (".svg", ".pdf")), lambda: draw("some words"))
+    words = [element.text for element in ElementTree.parse(svg).iter("{http://www.w3.org/2000/svg}text")]
+    assert "some words" in words
+    assert b"/CIDFontType2" in pdf.read_bytes()  # TrueType, which programs edit, and not outlines of type 3
 
 
 def test_a_name_in_letters_that_the_font_lacks_raises_no_warning(tmp_path) -> None:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -23,6 +24,7 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.figures.saving import Target, save_figure
 from epuck_sim.figures.trial_arena import RED
 from epuck_sim.figures.trial_page import MAX_VECTOR_MARKS, check_drawable, draw_page
+from epuck_sim.figures.trial_title import page_title
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.level import Level
@@ -449,7 +451,7 @@ def test_many_marks_are_drawn_all_the_same(long) -> None:
 
 def test_the_png_is_a_picture_and_not_blank(thesis, saved) -> None:
     picture = image.imread(saved.with_name("page.png"))[..., :3]
-    assert picture.shape == (672, 1440, 3)
+    assert picture.shape == (1680, 3600, 3)
     assert picture.std() > 0.05
     colours = {to_hex(colour / 255) for colour in np.unique((picture * 255).round().reshape(-1, 3), axis=0)}
     arena, *_ = panels(thesis)
@@ -527,3 +529,16 @@ def test_plot_of_a_recording_writes_the_one_picture_that_is_asked_for(file, tmp_
 def test_an_axis_is_for_run_folders(file) -> None:
     assert "--x is for run folders" in refused("plot", file, "--x", "robots.0.count")
     assert [path.name for path in file.parent.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize(
+    ("stop", "has_oscillators", "outcome"),
+    [
+        ({}, True, "not synchronised"),
+        ({"order_parameter": None}, True, "7 cycles"),
+        ({"order_parameter": None}, False, "without oscillators"),
+    ],
+)
+def test_the_title_speaks_of_synchrony_where_a_trial_was_to_end_with_it(stop, has_oscillators, outcome) -> None:
+    recorded = SimpleNamespace(scenario=load_scenario({"stop": stop}), seed=1, cycles=7, synchronised=False)
+    assert page_title(recorded, has_oscillators=has_oscillators).splitlines()[0] == f"thesis, seed 1: {outcome}"

@@ -11,10 +11,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.figures.violins import LINE, VIOLIN, density, draw_violins, read_violins, violins_table
+from epuck_sim.figures.forms.densities import density
+from epuck_sim.figures.forms.violins import LINE, VIOLIN, draw_violins, read_violins, violins_table
+from epuck_sim.figures.style import count_trials
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, estimate_weibull_mean, weibull_mean
-from tests.figures.drawn import laid_out, written
+from tests.figures.drawn import laid_out, legend_texts, shown_text, written
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, six_digits, sweep, weibull
 
 COUNTS = [7, 3, 5]
@@ -196,8 +198,9 @@ def test_an_undetermined_estimate_is_a_cross_within_the_panel_above_all_trials()
         assert crosses.get_xdata().tolist() == group.x[np.isnan(group.estimates[:, 0])].tolist()
         assert 0.5 in crosses.get_xdata()
         highest = max(times.max() for each in GROUPS for times in each.synchronised)
-        assert (crosses.get_ydata() > highest).all()
-        assert (crosses.get_ydata() < panel.get_ylim()[1]).all()
+        (_, above), *_ = panel.transAxes.inverted().transform(panel.transData.transform([(1, highest)]))
+        assert (crosses.get_ydata() > above).all()  # as a share of the panel
+        assert (crosses.get_ydata() < 1).all()
 
 
 def test_dots_are_the_sample_means_where_nothing_is_censored() -> None:
@@ -211,34 +214,35 @@ def test_dots_are_the_sample_means_where_nothing_is_censored() -> None:
 
 def test_a_dashed_line_marks_the_censoring_where_there_is_one() -> None:
     for panel in panels_of(GROUPS):
-        (line,) = lines(panel, "T_cens of the Weibull mean: 60")
+        (line,) = lines(panel, r"$T_\mathrm{cens}$ of the Weibull mean: 60")
         assert (line.get_linestyle(), *line.get_ydata()) == ("--", CENSORED_AT, CENSORED_AT)
-    assert all(lines(panel, "T_cens") == [] for panel in panels_of(OPEN, None))
+    assert all(lines(panel, r"$T_\mathrm{cens}") == [] for panel in panels_of(OPEN, None))
 
 
 def test_a_censoring_above_all_trials_is_within_the_figure() -> None:
     (panel, *_) = panels_of(read_violins(POINTS, SPEED, 10**7), 10**7)
     assert panel.get_ylim()[1] > 10**7
-    assert lines(panel, "T_cens of the Weibull mean: $10^{7}$")
+    assert lines(panel, r"$T_\mathrm{cens}$ of the Weibull mean: $10^{7}$")
 
 
 def test_the_title_says_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
     censored = sum(int((~point.observed).sum()) for point in POINTS)
     trials = sum(len(point.times) for point in POINTS)
     assert censored > 10
+    numbers = count_trials([len(point.times) for point in POINTS])
     title = draw_violins("fig-a-1", SPEED, GROUPS, CENSORED_AT).get_suptitle()
-    assert title == f"fig-a-1\n{censored} of {trials} trials censored, not in the violins"
-    assert draw_violins("fig-a-1", SPEED, GROUPS[1:], CENSORED_AT).get_suptitle() == "fig-a-1"
+    assert title == f"fig-a-1\n{numbers}; {censored} of {trials} trials censored, not in the violins"
+    assert draw_violins("fig-a-1", SPEED, GROUPS[1:], CENSORED_AT).get_suptitle() == f"fig-a-1\n{numbers}"
 
 
 def test_the_legend_names_each_mark_once() -> None:
-    (legend,) = draw_violins("title", SPEED, GROUPS, CENSORED_AT).legends
-    assert [text.get_text() for text in legend.get_texts()] == [
+    assert legend_texts(draw_violins("title", SPEED, GROUPS, CENSORED_AT)) == [
         "trials that synchronised",
         "Weibull mean (Appendix A)",
-        "undetermined",
+        "its 95 % interval",
+        "undetermined: too many censored",
         "mean of all trials",
-        "T_cens of the Weibull mean: 60",
+        r"$T_\mathrm{cens}$ of the Weibull mean: 60",
     ]
 
 
@@ -247,7 +251,7 @@ def test_panels_are_in_order_and_share_their_scales() -> None:
     assert [panel.get_title() for panel in panels] == [f"N = {count}" for count in COUNTS]
     assert len({(panel.get_xlim(), panel.get_ylim()) for panel in panels}) == 1
     assert (panels[0].get_xscale(), panels[0].get_yscale()) == ("log", "log")
-    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("V [cm/s]", "T_sync [cycles]")
+    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("V [cm/s]", r"$T_\mathrm{sync}$ [cycles]")
 
 
 def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
@@ -279,4 +283,4 @@ def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
 def test_a_name_is_no_formula(name: str) -> None:
     named = [group._replace(axes={"noise": f"{name}{n}"}) for n, group in enumerate(GROUPS)]
     figure = laid_out(draw_violins(name, SPEED, named, None))
-    assert [panel.get_title() for panel in figure.axes] == [f"noise = {name}{n}" for n in range(3)]
+    assert [shown_text(panel.title) for panel in figure.axes] == [f"noise = {name}{n}" for n in range(3)]

@@ -1,13 +1,16 @@
 """A naive implementation of thesis chapters 3 and 5 in plain Python: slow, for comparison with the kernel.
 
-It was written from the thesis (3.1, 5.1, Appendix D) and from nothing else. Phases and positions are updated at every
-event, neighbours are searched for among all agents, and a cascade is computed with sets. Only two things are taken
-from the simulation that it is compared with: the initial state, and each agent's stream of random numbers.
+It was written from the thesis (2.4, 3.1, 5.1, Appendix D) and from nothing else. Phases and positions are updated at
+every event, neighbours are searched for among all agents, and a cascade is computed with sets. Only two things are
+taken from the simulation that it is compared with: the initial state, and each agent's streams of random numbers.
 """
 
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from epuck_sim.arrays import StreamArray
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.util.rng import uniform
 
@@ -40,6 +43,11 @@ class NaiveModel:
         self.periods = [float(period) for period in oscillators.period]
         self.phases = [1 - float(oscillators.next_firing[agent]) / self.periods[agent] for agent in agents]
         self.streams = trajectories.streams.copy()
+        self.receiver_streams = swarm._state.neighbourhood.streams.copy()
+        self.walk = trajectories.walk
+        self.left_of_runs = [math.inf] * len(self.phases)
+        for agent in range(len(self.walk.end_cycle)):
+            self.left_of_runs[agent] = float(self.walk.end_cycle[agent] + self.walk.end_time[agent])
         self.time = 0.0
         self.cycles = 0
         self.order: float | None = None
@@ -51,14 +59,17 @@ class NaiveModel:
         """Simulate up to the next event and return it."""
         agents = range(len(self.phases))
         left = [(1 - self.phases[agent]) * self.periods[agent] for agent in agents]
-        walls = [self.wall_hit(agent) for agent in agents]
+        walls = [min(self.wall_hit(agent), (self.left_of_runs[agent], -1, False)) for agent in agents]
         firing, wall = min(left), min(walls)
         others = sorted([*left, *(until for until, _, _ in walls)])
         self.is_synchronised = False
         if wall[0] <= firing:
             self.advance(wall[0])
             turned = walls.index(wall)
-            self.reflect(turned, wall[1], wall[2])
+            if wall[1] >= 0:
+                self.reflect(turned, wall[1], wall[2])
+            else:
+                self.begin_run(turned)
             return NaiveEvent(self.time, turned, frozenset(), frozenset(), others[1] - wall[0])
         self.advance(firing)
         at_once = {agent for agent in agents if left[agent] <= firing + SIMULTANEITY_CYCLES}
@@ -76,6 +87,7 @@ class NaiveModel:
             self.phases[agent] += cycles / self.periods[agent]
             for axis, ahead in enumerate(self.headings[agent]):
                 position[axis] += ahead * self.speeds[agent] * cycles
+            self.left_of_runs[agent] -= cycles
         self.time += cycles
 
     def run_to(self, time: float) -> None:
@@ -102,6 +114,9 @@ class NaiveModel:
             self.positions[agent][axis] = 0.0 if is_far else side
             return
         normal = -1.0 if is_far else 1.0
+        if self.scenario.space.boundary == "mirrored":
+            self.headings[agent][axis] = normal * abs(self.headings[agent][axis])
+            return
         heading, stream = self.headings[agent], self.streams[agent]
         if len(heading) == 1:
             heading[0] = normal
@@ -123,6 +138,41 @@ class NaiveModel:
         else:
             height, azimuth = 2 * uniform(stream) - 1, 2 * math.pi * uniform(stream)
             self.set_heading(heading, 2, height, azimuth)
+
+    # --- random walks (6.2) --------------------------------------------------------------------------
+
+    def begin_run(self, agent: int) -> None:
+        """Turn an agent at the end of its run, and draw when the next one ends, and its speed."""
+        walk, stream = self.scenario.agents.walk, self.streams[agent]
+        self.turn(self.headings[agent], walk.persistence or 0.0, stream)
+        mean_or_shortest = walk.run_s / self.scenario.clocks.period_s
+        if walk.kind == "levy":  # the share of runs longer than t is (t / shortest) ** (1 - exponent)
+            self.left_of_runs[agent] = mean_or_shortest * (1 - uniform(stream)) ** (-1 / (walk.exponent - 1))
+        else:
+            self.left_of_runs[agent] = -mean_or_shortest * math.log(1 - uniform(stream))
+        if self.scenario.agents.speed_per_run:
+            self.speeds[agent] = float(self.walk.speeds[int(uniform(stream) * len(self.walk.speeds))])
+
+    @staticmethod
+    def turn(heading: list[float], g: float, stream: StreamArray) -> None:
+        """Turn a heading by a random angle of mean cosine g."""
+        if len(heading) == 1:
+            heading[0] *= -1 if uniform(stream) < (1 - g) / 2 else 1
+        elif len(heading) == 2:  # the inverse of the wrapped Cauchy distribution
+            angle = 2 * math.atan((1 - g) / (1 + g) * math.tan(math.pi * (uniform(stream) - 0.5)))
+            angle += math.atan2(heading[1], heading[0])
+            heading[:] = math.cos(angle), math.sin(angle)
+        else:  # the inverse of that of Henyey and Greenstein, as it stands in their field
+            share, azimuth = 1 - uniform(stream), 2 * math.pi * uniform(stream)
+            cosine = 2 * share - 1
+            if g > 0:
+                cosine = (1 + g * g - ((1 - g * g) / (1 - g + 2 * g * share)) ** 2) / (2 * g)
+            old, rim = np.array(heading), math.sqrt(max(1 - cosine**2, 0))
+            side = math.copysign(1, old[2])
+            ab = -old[0] * old[1] / (side + old[2])  # an orthonormal basis (Duff et al. 2017)
+            one = np.array([1 - side * old[0] ** 2 / (side + old[2]), side * ab, -side * old[0]])
+            other = np.cross(old, one)
+            heading[:] = (cosine * old + rim * (math.cos(azimuth) * one + math.sin(azimuth) * other)).tolist()
 
     @staticmethod
     def set_heading(heading: list[float], axis: int, height: float, azimuth: float) -> None:
@@ -151,6 +201,8 @@ class NaiveModel:
         side = self.scenario.space.side_cm
         if rule.kind == "all":
             return set(others)
+        if rule.kind == "random":
+            return self.draw(others, rule.k, self.receiver_streams[firing])
         if rule.kind == "nearest":
             by_distance = sorted((math.hypot(*self.offset(other, firing)), other) for other in others)
             if 0 < rule.k < len(others):
@@ -178,11 +230,29 @@ class NaiveModel:
                 found.add(other)
         return found
 
+    @staticmethod
+    def draw(others: list[int], k: int, stream: StreamArray) -> set[int]:
+        """Draw k of the others, each set of k with the same chance (Bentley and Floyd 1987)."""
+        drawn: set[int] = set()
+        for last in range(len(others) - k, len(others)):
+            chosen = others[int(uniform(stream) * (last + 1))]
+            drawn.add(others[last] if chosen in drawn else chosen)
+        return drawn
+
     # --- pulses (3.1.1, 3.1.3, 5.1.1) ----------------------------------------------------------------
 
     def shift(self, phase: float) -> float:
-        """Return the response to a pulse at a phase beyond the refractory period (eqs. 5.3 to 5.5)."""
+        """Return the response to a pulse at a phase beyond the refractory period (2.4, eqs. 5.3 to 5.5)."""
         response = self.scenario.response
+        if response.curve == "additive":
+            return response.coupling
+        if response.curve == "mirollo_strogatz":  # a state, concave down, is raised by the coupling
+            b = response.parameters["dissipation"]
+            state = math.log(1 + (math.exp(b) - 1) * phase) / b
+            return (math.exp(b * (state + response.coupling)) - 1) / (math.exp(b) - 1) - phase
+        if response.curve == "piecewise_linear":
+            is_early = phase <= response.parameters["knee"]
+            return response.coupling * phase * (response.parameters["early_slope"] if is_early else 1)
         if response.curve == "multiplicative":
             return response.coupling * phase
         if response.curve == "sine":
@@ -191,9 +261,10 @@ class NaiveModel:
 
     def cascade(self, at_once: set[int], margins: list[float]) -> tuple[set[int], set[int]]:
         """Fire these agents and all that their pulses make fire; return the agents that fired, and that received."""
-        fired, received, waiting = set(at_once), set(), set(at_once)
+        fired, received, reached, waiting = set(at_once), set(), set(), set(at_once)
         while waiting:
             for receiver in self.neighbours(waiting.pop(), margins):
+                reached.add(receiver)
                 phase, refractory = self.phases[receiver], self.scenario.response.refractory
                 if receiver in fired or receiver in received:
                     continue
@@ -204,8 +275,11 @@ class NaiveModel:
                 after = phase + self.shift(phase)
                 if self.scenario.response.curve == "sawtooth":
                     margins.append(abs(phase - 0.5))
+                if self.scenario.response.curve == "piecewise_linear":
+                    margins.append(abs(phase - self.scenario.response.parameters["knee"]))
                 if self.scenario.response.coupling:
-                    margins.append(abs(after - 1) or 1.0)  # sawtooth and kappa = 1: exactly 1
+                    is_exact = self.scenario.response.curve == "sawtooth"  # and kappa = 1: exactly 1
+                    margins.append(abs(after - 1) or float(is_exact))
                 self.phases[receiver] = min(max(after, 0.0), 1.0)
                 if after >= 1:
                     fired.add(receiver)
@@ -213,9 +287,9 @@ class NaiveModel:
         for agent in fired:
             self.phases[agent] = 0.0
         motion = self.scenario.agents.reorient_on
-        for agent in sorted(fired | received):
-            if ("emitting" in motion and agent in fired) or ("receiving" in motion and agent in received):
-                self.reorient(agent)
+        turned = {"emitting": fired, "receiving": received, "arriving": reached}
+        for agent in set().union(*(turned[pulses] for pulses in motion)):
+            self.reorient(agent)
         if self.scenario.stop.reference in fired:
             self.cycles += 1
             self.order = self.measure_order()

@@ -7,14 +7,15 @@ import numpy as np
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.particles.motion import find_wall_hits
+from epuck_sim.particles.motion import find_ends
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from tests.particles.naive_model import NaiveModel
 
 TOO_CLOSE = 1e-11
 """Relative margin below which a decision may go either way, because the kernel rounds differently."""
 
-KINDS = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
+BY_POSITION = ("nearest", "range", "cone_of_vision", "cone_of_emission", "all")
+KINDS = (*BY_POSITION, "random")
 
 
 def scenario(**sections: Any) -> dict[str, Any]:
@@ -43,7 +44,7 @@ def set_trajectories(
     if headings is not None:
         given = np.array(headings, float)
         trajectories.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
-    find_wall_hits(trajectories)
+    find_ends(trajectories)
 
 
 def make_resting(
@@ -126,7 +127,7 @@ lengths = st.floats(0.05, 1.6).map(lambda share: round(share, 3))
 
 def neighbourhoods(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[Mapping[str, Any]]:
     radii = lengths.map(lambda share: share * side_cm)
-    if kind == "nearest":
+    if kind in ("nearest", "random"):
         return st.fixed_dictionaries({"kind": st.just(kind), "k": st.integers(1, agents - 1)})
     if kind == "range":
         return st.fixed_dictionaries({"kind": st.just(kind), "radius_cm": radii})
@@ -151,6 +152,31 @@ responses = st.one_of(
             "refractory": st.sampled_from([0.0, 0.2, 0.49]),
         }
     ),
+    st.fixed_dictionaries(
+        {
+            "curve": st.just("additive"),
+            "coupling": st.sampled_from([0.0, 0.03, 0.2, 1.0]),
+            "refractory": st.sampled_from([0.0, 0.2]),
+        }
+    ),
+    st.fixed_dictionaries(
+        {
+            "curve": st.just("mirollo_strogatz"),
+            "coupling": st.sampled_from([0.0, 0.03, 0.2, 1.0]),
+            "refractory": st.sampled_from([0.0, 0.2]),
+            "parameters": st.fixed_dictionaries({"dissipation": st.sampled_from([0.1, 1.0, 3.0, 12.0])}),
+        }
+    ),
+    st.fixed_dictionaries(
+        {
+            "curve": st.just("piecewise_linear"),
+            "coupling": st.sampled_from([0.1, 0.5]),
+            "refractory": st.sampled_from([0.0, 0.2]),
+            "parameters": st.fixed_dictionaries(
+                {"knee": st.sampled_from([0.1, 0.47, 0.8]), "early_slope": st.sampled_from([-3.0, -1.0, 0.0, 0.4])}
+            ),
+        }
+    ),
 )
 
 speeds = st.sampled_from(
@@ -159,7 +185,40 @@ speeds = st.sampled_from(
         {"speed_distribution": "uniform", "speed_spread": 0.5},
         {"speed_distribution": "normal", "speed_spread": 0.4},
         {"speed_distribution": "exponential"},
+        {"speed_distribution": "lognormal", "speed_spread": 1.5},
+        {"speed_distribution": "two_speeds", "fast_share": 0.3, "fast_ratio": 10},
     ]
+)
+
+
+@st.composite
+def walks(draw: st.DrawFn, period_s: float) -> dict[str, Any]:
+    """Return a walk, straight more often than not, with runs from a tenth of a period to ten."""
+    walk = draw(
+        st.sampled_from(
+            [
+                {"kind": "straight"},
+                {"kind": "straight"},
+                {"kind": "brownian"},
+                {"kind": "correlated", "persistence": 0.7},
+                {"kind": "correlated", "persistence": 1.0},
+                {"kind": "levy", "exponent": 1.3},
+                {"kind": "levy", "exponent": 3.0},
+            ]
+        )
+    )
+    return walk if walk["kind"] == "straight" else {**walk, "run_s": period_s * draw(st.sampled_from([0.1, 1.0, 10.0]))}
+
+
+REORIENTATIONS = (
+    [],
+    [],
+    ["emitting"],
+    ["receiving"],
+    ["arriving"],
+    ["emitting", "receiving"],
+    ["receiving", "arriving"],
+    ["emitting", "arriving"],
 )
 
 
@@ -171,18 +230,22 @@ def any_sections(
     agents = draw(st.integers(fewest_agents, most_agents))
     side_cm = draw(st.sampled_from([1.0, 17.0, 100.0]))
     period_s = draw(st.sampled_from([1.0, 0.3, 4.0]))
+    speed, walk = draw(speeds), draw(walks(period_s))
+    is_redrawn = bool(speed) and walk["kind"] != "straight" and draw(st.booleans())
     pace = draw(st.sampled_from([0.0, 0.003, 0.03, 0.3, 1.1, 4.0]))  # sides in a cycle
     sections = {
         "space": {
             "dimensions": draw(st.integers(1, 3)),
             "side_cm": side_cm,
-            "boundary": draw(st.sampled_from(["bounded", "cyclic"])),
+            "boundary": draw(st.sampled_from(["bounded", "bounded", "cyclic", "mirrored"])),
         },
         "agents": {
             "count": agents,
             "speed_cm_s": pace * side_cm / period_s,
-            "reorient_on": draw(st.sampled_from([[], [], ["emitting"], ["receiving"], ["emitting", "receiving"]])),
-            **draw(speeds),
+            "reorient_on": draw(st.sampled_from(REORIENTATIONS)),
+            **speed,
+            "walk": walk,
+            "speed_per_run": is_redrawn,
         },
         "neighbourhood": draw(neighbourhoods(kind, agents, side_cm)),
         "response": draw(responses),

@@ -5,6 +5,7 @@ import pytest
 
 from epuck_sim.particles.cell_list import find_candidates, make_cell_list
 from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.particles.state import HeldState
 
 NEIGHBOURHOODS = {
     "nearest 1": {"kind": "nearest", "k": 1},
@@ -28,9 +29,10 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
 
 
 def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
-    trajectories, neighbourhood, *rest = swarm._state
-    assert neighbourhood.uses_cell_list
-    swarm._state = (trajectories, neighbourhood._replace(uses_cell_list=False), *rest)
+    neighbourhood = swarm._state.neighbourhood
+    assert not neighbourhood.searches_all
+    all_pairs = swarm._state._replace(neighbourhood=neighbourhood._replace(searches_all=True))
+    swarm._held = HeldState(all_pairs, swarm.scenario.response.curve)
     return swarm
 
 

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.motion import find_wall_hits
+from epuck_sim.particles.motion import find_ends
 from tests.particles.naive_model import NaiveModel
 from tests.particles.simulations import (
+    BY_POSITION,
     KINDS,
     any_sections,
     as_set,
@@ -44,7 +45,7 @@ def test_every_event_is_that_of_the_naive_model_in_many_more_swarms(kind, data, 
 
 @kinds
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
-@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
 def test_the_comparison_with_the_naive_model_does_not_end_early(kind, dimensions, boundary):
     rule = {
         "nearest": {"k": 2},
@@ -52,6 +53,7 @@ def test_the_comparison_with_the_naive_model_does_not_end_early(kind, dimensions
         "cone_of_vision": {"angle_deg": 80, "radius_cm": 70},
         "cone_of_emission": {"angle_deg": 200},
         "all": {},
+        "random": {"k": 2},
     }[kind]
     swarm = make_simulation(
         space={"dimensions": dimensions, "boundary": boundary},
@@ -181,7 +183,7 @@ def test_phases_and_positions_are_those_of_the_time_run_to():
     assert swarm.positions()[:, 0] == pytest.approx([18.5, 11.5])
 
 
-@kinds
+@pytest.mark.parametrize("kind", BY_POSITION)  # random agents are drawn by their numbers
 @given(st.data(), SEEDS)
 @settings(max_examples=25)
 def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
@@ -193,12 +195,15 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
     for name in ("origin", "heading", "speed", "streams"):
         given_to, taken = getattr(theirs, name), getattr(ours, name)
         given_to[:] = taken[:, order] if given_to.shape == theirs.origin.shape else taken[order]
+    for name in ("end_cycle", "end_time"):
+        if len(ours.walk.end_cycle):
+            getattr(theirs.walk, name)[:] = getattr(ours.walk, name)[order]
     other._oscillators.next_firing[:], other._oscillators.period[:] = (
         one._oscillators.next_firing[order],
         one._oscillators.period[order],
     )
     other._oscillators.is_stale[:] = True
-    find_wall_hits(theirs)
+    find_ends(theirs)
     for _ in range(20 * agents):
         event, same = next(one), next(other)
         assert as_set(event.fired) == {order[agent] for agent in as_set(same.fired)}
@@ -399,7 +404,13 @@ ROW = [[10.0, 10.0], [20.0, 10.0], [29.0, 10.0], [90.0, 10.0]]
 
 @pytest.mark.parametrize(
     ("reorient_on", "turned"),
-    [([], []), (["emitting"], [0, 1]), (["receiving"], [1, 2]), (["emitting", "receiving"], [0, 1, 2])],
+    [
+        ([], []),
+        (["emitting"], [0, 1]),
+        (["receiving"], [1, 2]),
+        (["emitting", "receiving"], [0, 1, 2]),
+        (["receiving", "arriving"], [1, 2]),
+    ],
 )
 def test_agents_that_emit_or_receive_reorient_once_each(reorient_on, turned):
     swarm = make_resting(
@@ -433,6 +444,33 @@ def test_a_refractory_agent_has_not_received_the_pulse():
     headings = swarm.headings()
     assert as_set(next(swarm).received) == {2}
     assert (swarm.headings() != headings).any(axis=1).tolist() == [False, False, True]
+
+
+@pytest.mark.parametrize(("reorient_on", "turned"), [("receiving", [3]), ("arriving", [0, 1, 2, 3])])
+def test_pulses_arrive_at_agents_that_do_not_receive_them(reorient_on, turned):
+    swarm = make_resting(  # 0 and 1 fire, 2 is refractory, 3 receives, 4 is out of reach
+        [0.9, 0.9, 0.2, 0.5, 0.5],
+        [[10.0, 10.0], [10.0, 14.0], [14.0, 10.0], [14.0, 14.0], [90.0, 90.0]],
+        response={"refractory": 0.4},
+        neighbourhood={"kind": "range", "radius_cm": 10},
+        agents={"count": 5, "speed_cm_s": 0.01, "reorient_on": [reorient_on]},
+    )
+    headings = swarm.headings()
+    event = next(swarm)
+    assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, {3})
+    assert np.flatnonzero((swarm.headings() != headings).any(axis=1)).tolist() == turned
+
+
+def test_a_synchronised_swarm_goes_on_turning_only_if_arriving_pulses_turn_agents():
+    for reorient_on, turns in [("receiving", False), ("arriving", True)]:
+        swarm = make_simulation(
+            start={"phases": "synchronised"},
+            agents={"count": 6, "speed_cm_s": 0.01, "reorient_on": [reorient_on]},
+            neighbourhood={"kind": "all"},
+        )
+        headings = swarm.headings()
+        assert len(next(swarm).fired) == 6
+        assert ((swarm.headings() != headings).any(axis=1) == turns).all()
 
 
 def test_pulses_go_by_the_headings_before_the_turn():

@@ -33,6 +33,51 @@ def test_the_displacement_of_one_agent_in_a_synchronised_swarm_is_that_of_the_sc
     assert event.time_s == pytest.approx(0.999)
 
 
+# --- a start of one's own ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dimensions", [1, 2, 3])
+@pytest.mark.parametrize("part", ["phases", "positions_cm", "headings"])
+def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimensions, part):
+    scene = {"space": {"dimensions": dimensions, "side_cm": 64.0}, "agents": {"count": 4, "speed_cm_s": 9.0}}
+    drawn = make_simulation(7, **scene)
+    other = make_simulation(8, **scene)
+    states = {"phases": "phases", "positions_cm": "positions", "headings": "headings"}
+    start = {part: getattr(other, states[part])().tolist()}
+    given = make_simulation(7, start=start, **scene)
+    for key, method in states.items():
+        expected = getattr(other if key == part else drawn, method)()
+        assert getattr(given, method)() == pytest.approx(expected, abs=1e-15)
+    assert (given._trajectories.streams == drawn._trajectories.streams).all()
+
+
+def test_a_simulation_goes_on_from_where_another_one_stands():
+    scene = {"space": {"boundary": "mirrored"}, "agents": {"count": 9, "speed_cm_s": 12.0}}
+    whole = make_simulation(5, **scene)
+    whole.run_to(3.3)
+    start = {
+        "phases": whole.phases().tolist(),
+        "positions_cm": whole.positions().tolist(),
+        "headings": whole.headings().tolist(),
+    }
+    half = make_simulation(6, start=start, **scene)  # between mirrors nothing is drawn after the start
+    whole.run_to(8.3)
+    half.run_to(5.0)
+    assert half.phases() == pytest.approx(whole.phases(), abs=1e-9)
+    assert half.positions() == pytest.approx(whole.positions(), abs=1e-9)
+
+
+def test_headings_may_have_any_length_and_a_phase_of_1_fires_at_once():
+    swarm = make_simulation(
+        agents={"count": 2, "speed_cm_s": 3.0},
+        start={"headings": [[3, 4], [0, -0.001]], "phases": [1, 0.25], "positions_cm": [[0, 50], [50, 50]]},
+        response={"coupling": 0},
+    )
+    assert swarm.headings() == pytest.approx(np.array([[0.6, 0.8], [0.0, -1.0]]))
+    event = next(event for event in swarm if event.turned is None)
+    assert (event.time_s, event.fired.tolist()) == (0.0, [0])
+
+
 # --- speeds and periods -----------------------------------------------------------------------------
 
 MANY = 20_000

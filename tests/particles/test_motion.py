@@ -24,7 +24,7 @@ from tests.particles.distributions import fits, is_anywhere, is_uniform
 from tests.particles.simulations import as_set, make_simulation, set_trajectories
 
 dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
-boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
 
 
 def uncoupled(count, speed_cm_s=100.0, seed=0, **sections):
@@ -52,11 +52,13 @@ def test_the_first_wall_is_reached_when_and_where_a_straight_line_gets_there(dim
     assert event.time_s == pytest.approx(ways.min(), rel=1e-12)
     axis = int(ways.argmin())
     reached = place + velocity * ways.min()
-    reached[axis] = side if (velocity[axis] > 0) == (boundary == "bounded") else 0.0
+    reached[axis] = side if (velocity[axis] > 0) == (boundary != "cyclic") else 0.0
     assert swarm.positions()[0] == pytest.approx(reached, abs=1e-12 * side)
     heading = swarm.headings()[0]
     if boundary == "cyclic":
         assert (pace * heading == velocity).all()
+    elif boundary == "mirrored":
+        assert (pace * heading == np.where(np.arange(dimensions) == axis, -velocity, velocity)).all()
     else:
         assert heading[axis] * velocity[axis] <= 0
         assert np.linalg.norm(heading) == pytest.approx(1)
@@ -92,6 +94,31 @@ def test_in_a_cyclic_space_trajectories_are_straight_lines_modulo_the_side(dimen
         off = (swarm.positions() - start - speed_cm_s * time_s * heading) / 100
         assert np.abs(off - np.rint(off)).max() < 1e-9
         assert (swarm.headings() == heading).all()
+
+
+@dimensions
+@pytest.mark.parametrize("speed_cm_s", [0.01, 3.0, 250.0])
+def test_between_mirrors_each_coordinate_is_a_triangle_wave(dimensions, speed_cm_s):
+    space = {"dimensions": dimensions, "boundary": "mirrored"}
+    swarm = make_simulation(3, agents={"count": 6, "speed_cm_s": speed_cm_s}, space=space)
+    start, heading = swarm.positions(), swarm.headings()
+    for time_s in [0.7, 33.0, 2000.25]:
+        swarm.run_to(time_s)
+        unfolded = (start + speed_cm_s * time_s * heading) % 200
+        assert swarm.positions() == pytest.approx(100 - np.abs(100 - unfolded), abs=1e-7)
+        assert (np.abs(swarm.headings()) == np.abs(heading)).all()
+
+
+def test_a_mirror_in_a_segment_is_a_wall_like_any_other():
+    scene = {"agents": {"count": 5, "speed_cm_s": 37.0}}
+    walls, mirrors = (
+        make_simulation(1, space={"dimensions": 1, "boundary": boundary}, **scene)
+        for boundary in ("bounded", "mirrored")
+    )
+    walls.run(300)
+    mirrors.run(300)
+    assert (walls.positions() == mirrors.positions()).all()
+    assert (walls.phases() == mirrors.phases()).all()
 
 
 @dimensions
@@ -320,6 +347,11 @@ def test_in_a_cyclic_space_positions_stay_uniform(dimensions):
     places, headings = snapshots(swarm, 1, 1234.5)
     assert fits(in_cells(places, 6), np.ones(6**dimensions))
     assert (headings == heading).all()
+
+
+def test_between_mirrors_positions_stay_uniform():
+    places, _ = snapshots(uncoupled(20_000, 61.0, space={"boundary": "mirrored"}), 1, 1234.5)
+    assert fits(in_cells(places, 6), np.ones((6, 6)))
 
 
 def test_in_a_segment_positions_stay_uniform_and_half_go_either_way():

@@ -1,14 +1,19 @@
 """The agents that receive each pulse are those that a brute-force search finds, whatever was cached before."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
+from epuck_sim.errors import ScenarioError
+from tests.particles.distributions import UNLIKELY
 from tests.particles.naive_model import NaiveModel
 from tests.particles.simulations import (
+    BY_POSITION,
     KINDS,
     TOO_CLOSE,
     any_sections,
@@ -17,11 +22,13 @@ from tests.particles.simulations import (
     make_resting,
     make_simulation,
     neighbourhoods,
+    next_firing_event,
 )
 
 SEEDS = st.integers(0, 2**32 - 1)
 kinds = pytest.mark.parametrize("kind", KINDS)
-boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+by_position = pytest.mark.parametrize("kind", BY_POSITION)
+boundaries = pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
 SIDE_CM = 60.0
 
 
@@ -78,7 +85,7 @@ def compare_receivers(swarm, firings):
     return compared
 
 
-@kinds
+@by_position
 @boundaries
 @given(st.data(), SEEDS)
 @settings(max_examples=12)
@@ -128,7 +135,7 @@ def test_a_neighbourhood_that_is_known_is_given_up_in_time(rule, dimensions, spe
 
 
 @pytest.mark.slow
-@kinds
+@by_position
 @boundaries
 @given(st.data(), SEEDS)
 @settings(max_examples=150)
@@ -319,3 +326,88 @@ def test_a_full_circle_is_a_range(kind, radius_cm, space):
 @spaces
 def test_as_many_nearest_as_there_are_others_are_all(space):
     assert are_alike({"kind": "nearest", "k": 11}, {"kind": "all"}, 4, space=space, **SCENE)
+
+
+# --- agents drawn at random -------------------------------------------------------------------------
+
+
+@spaces
+def test_as_many_random_agents_as_there_are_others_are_all(space):
+    assert are_alike({"kind": "random", "k": 11}, {"kind": "all"}, 5, space=space, **SCENE)
+
+
+@pytest.mark.parametrize(("agents", "k"), [(6, 1), (6, 2), (6, 4), (5, 4), (2, 1)])
+def test_each_set_of_random_agents_is_drawn_as_often_whoever_fires_and_wherever_agents_are(agents, k):
+    swarm = make_resting(
+        np.linspace(0.1, 0.9, agents), neighbourhood={"kind": "random", "k": k}, response={"coupling": 0}
+    )
+    drawn = {}
+    for event in itertools.islice(swarm, 3000 * agents):
+        (firing,) = event.fired.tolist()
+        assert firing not in event.received
+        key = firing, tuple(sorted(event.received.tolist()))
+        drawn[key] = drawn.get(key, 0) + 1
+    sets = math.comb(agents - 1, k)
+    assert len(drawn) == agents * sets
+    assert all(len(received) == k for _, received in drawn)
+    for firing in range(agents):
+        counts = [number for (sender, _), number in drawn.items() if sender == firing]
+        assert sets == 1 or stats.chisquare(counts).pvalue > UNLIKELY
+
+
+def test_random_agents_do_not_depend_on_motion_nor_motion_on_them():
+    scene = {"response": {"coupling": 0}}
+    slow, fast = (
+        make_simulation(3, agents={"speed_cm_s": speed}, neighbourhood={"kind": "random", "k": 3}, **scene)
+        for speed in (0.1, 50.0)
+    )
+    nearest = make_simulation(3, agents={"speed_cm_s": 50.0}, **scene)
+    for _ in range(200):
+        one, other = next_firing_event(slow), next_firing_event(fast)
+        assert as_set(one.received) == as_set(other.received)
+    nearest.run_to(fast.time_s)
+    assert nearest.positions() == pytest.approx(fast.positions(), abs=1e-9)
+
+
+@pytest.mark.parametrize("agents", [500, 2500])
+def test_large_swarms_draw_random_agents_too(agents):
+    rule = {"kind": "random", "k": 7}
+    swarm = make_simulation(agents={"count": agents}, neighbourhood=rule, response={"coupling": 0})
+    twin = NaiveModel(swarm)
+    assert compare_events(swarm, twin, cycles=0.2) > agents / 10
+
+
+# --- the adjacency matrix (eq. 5.6) -----------------------------------------------------------------
+
+
+@by_position
+@boundaries
+@given(st.data(), SEEDS)
+@settings(max_examples=10)
+def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time(kind, boundary, data, seed):
+    agents = data.draw(st.integers(2, 30))
+    swarm, untouched = (
+        make_simulation(
+            seed,
+            space={"dimensions": 2, "side_cm": SIDE_CM, "boundary": boundary},
+            agents={"count": agents, "speed_cm_s": 11.0},
+            neighbourhood=rule,
+        )
+        for rule in [data.draw(neighbourhoods(kind, agents, SIDE_CM))] * 2
+    )
+    for time_s in (0.0, 0.31, 7.77):
+        swarm.run_to(time_s)
+        matrix = swarm.adjacency()
+        assert matrix.shape == (agents, agents)
+        assert not matrix.diagonal().any()
+        for sender in range(agents):
+            inside, close = brute_force_receivers(swarm, sender)
+            assert (matrix[sender] == inside)[~close].all()
+    untouched.run_to(7.77)
+    assert (untouched.phases() == swarm.phases()).all()
+
+
+def test_agents_drawn_at_random_have_no_adjacency_matrix():
+    swarm = make_simulation(neighbourhood={"kind": "random"})
+    with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
+        swarm.adjacency()

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_after_pulse, phase_shift
+from epuck_sim.scenario.curves import SHIPPED
 
 MULTIPLICATIVE, SAWTOOTH, SINE = range(3)
 PHASES = np.linspace(0, 1, 2001)
@@ -15,7 +16,8 @@ unit = st.floats(0, 1)
 
 
 def test_curves_are_numbered_in_their_order():
-    assert CURVES == ("multiplicative", "sawtooth", "sine")
+    assert tuple(SHIPPED) == CURVES
+    assert CURVES[:3] == ("multiplicative", "sawtooth", "sine")
 
 
 @pytest.mark.parametrize(
@@ -143,3 +145,54 @@ def test_arrays_that_are_no_block_are_taken_as_they_look():
 def test_a_number_gives_a_number():
     assert np.shape(phase_shift(Response(MULTIPLICATIVE, 0.1, 0.0), 0.5)) == ()
     assert np.shape(order_change(Response(MULTIPLICATIVE, 0.1, 0.0), 0.5)) == ()
+
+
+# --- further curves ---------------------------------------------------------------------------------
+
+ADDITIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR = 3, 4, 5
+
+
+@given(unit, unit, st.floats(0, 0.499))
+def test_the_additive_curve_adds_a_constant(coupling, phase, refractory):
+    after = phase_after_pulse(Response(ADDITIVE, coupling, refractory), phase)
+    assert after == (phase if phase <= refractory else min(1.0, phase + coupling))
+
+
+@given(st.floats(0.01, 20), unit, unit)
+def test_the_curve_of_mirollo_and_strogatz_adds_a_constant_to_the_state(dissipation, coupling, phase):
+    def state(at):
+        return math.log(1 + math.expm1(dissipation) * at) / dissipation
+
+    after = phase_after_pulse(Response(MIROLLO_STROGATZ, coupling, 0.0, dissipation=dissipation), phase)
+    if phase == 0:
+        assert after == 0
+    elif state(phase) + coupling >= 1 + 1e-9:
+        assert after == 1
+    elif after < 1:
+        assert state(after) == pytest.approx(state(phase) + coupling, abs=1e-9)
+
+
+def test_the_state_of_mirollo_and_strogatz_is_concave_down():
+    response = Response(MIROLLO_STROGATZ, 0.05, 0.0, dissipation=3.0)
+    shifts = phase_shift(response, np.linspace(0.01, 0.8, 50))
+    assert (np.diff(shifts) > 0).all()  # later phases are pushed farther, which is what synchronises all-to-all
+
+
+@given(unit, unit, st.floats(0, 0.499), unit)
+def test_with_an_early_slope_of_1_the_piecewise_linear_curve_is_multiplicative(coupling, phase, refractory, knee):
+    one = Response(PIECEWISE_LINEAR, coupling, refractory, knee=knee, early_slope=1.0)
+    assert phase_after_pulse(one, phase) == phase_after_pulse(Response(MULTIPLICATIVE, coupling, refractory), phase)
+
+
+@given(unit, unit, st.floats(0, 0.499))
+def test_with_an_early_slope_of_0_its_knee_is_a_refractory_period(coupling, phase, knee):
+    one = Response(PIECEWISE_LINEAR, coupling, 0.0, knee=knee, early_slope=0.0)
+    assert phase_after_pulse(one, phase) == phase_after_pulse(Response(MULTIPLICATIVE, coupling, knee), phase)
+
+
+@pytest.mark.parametrize(("early_slope", "sign"), [(1.0, -1), (0.3, -1), (0.0, 0), (-0.3, 1), (-1.0, 1)])
+def test_the_early_slope_decides_whether_early_pulses_lower_the_order_of_two(early_slope, sign):
+    response = Response(PIECEWISE_LINEAR, 0.1, 0.0, knee=1 / 2.1, early_slope=early_slope)
+    changes = order_change(response, np.linspace(0.01, 0.47, 100))
+    assert (np.sign(changes.round(12)) == sign).all()
+    assert (order_change(response, np.linspace(0.48, 0.99, 100)) > 0).all()

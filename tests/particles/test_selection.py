@@ -99,7 +99,7 @@ def test_the_nearest_of_a_swarm_are_those_found_one_by_one(is_on_grid, uses_cell
         if is_on_grid:
             set_trajectories(swarm, place_on_a_grid(count))
         trajectories, neighbourhood, *_ = swarm._state
-        neighbourhood = neighbourhood._replace(uses_cell_list=uses_cell_list)
+        neighbourhood = neighbourhood._replace(searches_all=not uses_cell_list)
         for time, agent in enumerate((0, 17, 230, count - 1)):
             row = find_neighbours(neighbourhood, trajectories, agent, time / 7)
             offset = swarm_positions(trajectories, time / 7) - swarm_positions(trajectories, time / 7)[agent]

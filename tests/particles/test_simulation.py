@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.scenario.curves import SHIPPED
 from tests.particles.simulations import KINDS, any_sections, make_simulation
 
 SEEDS = st.integers(0, 2**63 - 1)
@@ -44,13 +44,22 @@ def test_equal_seeds_give_equal_bits(data, seed, kind):
         assert mine.received.tolist() == yours.received.tolist()
 
 
-def test_one_compiled_kernel_serves_all_simulations():
-    for kind, dimensions, boundary in itertools.product(KINDS, (1, 3), ("bounded", "cyclic")):
-        radius = {} if kind in ("nearest", "all") else {"radius_cm": 40}
+def test_one_compiled_kernel_serves_all_simulations(tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling")
+    kernels = set()
+    for curve in (*SHIPPED, str(own)):
+        swarm = make_simulation(response={"curve": curve}, agents={"reorient_on": ["arriving"]})
+        swarm.run(1)
+        kernels.add(swarm._held._advance)
+    for kind, dimensions, boundary in itertools.product(KINDS, (1, 3), ("bounded", "cyclic", "mirrored")):
+        radius = {} if kind in ("nearest", "all", "random") else {"radius_cm": 40}
         cone = {"angle_deg": 60} if kind.startswith("cone") else {}
         space = {"dimensions": dimensions, "boundary": boundary}
-        make_simulation(space=space, neighbourhood={"kind": kind, **radius, **cone}).run(1)
-    assert len(advance.signatures) == 1
+        swarm = make_simulation(space=space, neighbourhood={"kind": kind, **radius, **cone})
+        swarm.run(1)
+        kernels.add(swarm._held._advance)
+    assert len(kernels) == 1
 
 
 def test_other_seeds_give_other_swarms():
@@ -60,7 +69,6 @@ def test_other_seeds_give_other_swarms():
 
 
 SCRIPT = """
-from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
 scene = {"model": "particles", "agents": {"speed_cm_s": 30, "reorient_on": ["receiving"]}, "clocks": {"jitter": 0.01}}
 swarm = ParticleSimulation(scene, seed=123456789)

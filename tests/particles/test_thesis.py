@@ -196,3 +196,31 @@ def test_static_agents_coupled_only_in_pairs_never_synchronise():
     assert result.censored
     assert swarm.phases()[0] == swarm.phases()[1]
     assert swarm.phases()[2] == swarm.phases()[3]
+
+
+# --- what the thesis says in passing, or leaves to be tested ----------------------------------------
+
+
+def test_fast_agents_are_a_mean_field_and_slower_ones_are_not() -> None:
+    for k in (1, 5):
+        drawn = times(100, 100, neighbourhood={"kind": "random", "k": k})
+        fast, slower = (times(speed, 100, neighbourhood={"kind": "nearest", "k": k}) for speed in (100, 8))
+        assert abs(fast.mean() / drawn.mean() - 1) < 0.25
+        assert slower.mean() > 1.25 * drawn.mean()
+
+
+def test_the_bump_is_there_if_early_pulses_lower_the_order_of_two_and_not_otherwise() -> None:
+    for early_slope, has_bump in [(0.6, True), (0.0, False), (-0.5, False)]:
+        parameters = {"knee": 1 / 2.1, "early_slope": early_slope}
+        response = {"curve": "piecewise_linear", "coupling": 0.1, "parameters": parameters}
+        slow, middle = medians([0.1, 0.7], trials=10, response=response)
+        assert (middle == CENSORED_AT) == has_bump
+        assert has_bump or middle < slow
+
+
+def test_in_prignano_s_setting_a_range_has_no_bump_and_the_nearest_agent_has() -> None:
+    setting = {"space": {"boundary": "cyclic"}, "agents": {"reorient_on": ["receiving"]}}
+    assert falls(medians([0.1, 1.5, 25], neighbourhood={"kind": "range", "radius_cm": 25}, **setting))
+    slow, middle, fast = medians([0.1, 1.5, 25], trials=8, **setting)
+    assert slow < middle == CENSORED_AT
+    assert fast < 150

@@ -253,11 +253,11 @@ def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray
     rings, phases = story
     scenario = made_up(rings.shape[1])
     periods = np.where(np.isnan(phases[0]), np.nan, 5000.0)
-    watch = SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=periods))
+    watch = SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=periods, events=[]))
     buffer, batches, firings = RobotBuffer(scenario, Level.SUMMARY, size), [], []
     for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
         memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
-        step = Step(number, number / 10, *[np.empty(0)] * 5, ring_on, (memory,))
+        step = Step(number, number / 10, *[np.empty(0)] * 5, ring_on, ring_on, np.empty((0, 2)), (memory,), None)
         cycles = watch.cycles
         watch.look(step)
         buffer.append(step, watch)

@@ -7,18 +7,18 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.contacts import GAP_CM
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
+from epuck_sim.embodied.visibility import find_sightings
 from epuck_sim.errors import RecordingError
+from epuck_sim.particles.pulse_links import PulseLinks
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import nearest
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.relations.contacts import GAP_CM
-from epuck_sim.recording.relations.pulses import PulseLinks
-from epuck_sim.recording.relations.visibility import find_sightings
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 
@@ -86,7 +86,7 @@ def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: li
             found.append(super().find(*given).tolist())
             return np.array(found[-1], np.int64).reshape(-1, 3)
 
-    monkeypatch.setattr("epuck_sim.recording.buffers.agents.PulseLinks", Listening)
+    monkeypatch.setattr("epuck_sim.particles.simulation.PulseLinks", Listening)
     with record(tmp_path / "t.rrd", scenario, 1) as recorder:
         run_trial(ParticleSimulation(scenario, 1), [recorder])
     read = read_recording(tmp_path / "t.rrd")
@@ -95,6 +95,15 @@ def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: li
     firing = set(zip(read.time_s[read.pulses[:, 0]].tolist(), read.pulses[:, 1].tolist(), strict=True))
     assert firing <= set(zip(read.flash_s.tolist(), read.flash_robot.tolist(), strict=True))
     assert len(read.pulses) > 100
+
+
+def test_a_recording_shows_no_links_to_agents_drawn_at_random(tmp_path) -> None:
+    scenario = load_scenario("particles", ["stop.max_cycles=3", "neighbourhood={kind: random}"])
+    with record(tmp_path / "t.rrd", scenario, 1) as recorder:
+        run_trial(ParticleSimulation(scenario, 1), [recorder])
+    read = read_recording(tmp_path / "t.rrd")
+    assert len(read.flash_s) > 20
+    assert len(read.pulses) == 0
 
 
 @pytest.mark.parametrize("level", [Level.SUMMARY, Level.POSES])

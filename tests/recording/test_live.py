@@ -18,6 +18,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.viewer import live as live_module
+from epuck_sim.recording.viewer import pace as pace_module
 from epuck_sim.recording.viewer import process
 from epuck_sim.recording.viewer.live import live, live_viewer
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, proxy_url
@@ -180,27 +181,32 @@ class Paced(NamedTuple):
     """When each step was recorded."""
     held_back_s: list[float]
     """Simulated time that each recorder holds back."""
+    flushed_at: list[float]
+    """When the viewer was sent all that had been held back."""
 
 
 @pytest.fixture
 def paced(monkeypatch) -> Paced:
-    clock, shown_s, held_back_s = Clock(), [], []
+    clock, shown_s, held_back_s, flushed_at = Clock(), [], [], []
 
     class Recorder:
         def __init__(
-            self, _scenario: Any, _seed: int, _level: Level, buffer_s: float, _write: Callable[..., None]
+            self, _scenario: Any, _seed: int, _level: Level, buffer_s: float, _write: Callable[..., None], _memory: Any
         ) -> None:
             held_back_s.append(buffer_s)
 
         def __call__(self, *_: Any) -> None:
             shown_s.append(clock.now)
 
+        def flush(self) -> None:
+            flushed_at.append(clock.now)
+
         def finish(self) -> None:
             pass
 
-    monkeypatch.setattr(live_module, "time", clock)
+    monkeypatch.setattr(pace_module, "time", clock)
     monkeypatch.setattr(live_module, "Recorder", Recorder)
-    return Paced(clock, shown_s, held_back_s)
+    return Paced(clock, shown_s, held_back_s, flushed_at)
 
 
 def show_steps(clock: Clock, speed: float, took_s: list[float]) -> float:
@@ -244,6 +250,23 @@ def test_a_trial_that_cannot_keep_up_never_waits(paced: Paced) -> None:
 def test_the_viewer_gets_what_is_new_ten_times_a_second(paced: Paced, speed: float) -> None:
     show_steps(paced.clock, speed, [0.0])
     assert paced.held_back_s == [pytest.approx(0.1 * speed)]
+
+
+def test_a_paused_trial_shows_its_last_step(paced: Paced) -> None:
+    keys = {1: iter([" "]), 2: iter(["", "", " "])}  # by the number of steps that have been shown
+
+    def wait(seconds: float) -> str:
+        paced.clock.now += seconds
+        return next(keys.get(len(paced.shown_s), iter([])), "")
+
+    with (
+        live_viewer(free_port(), ignore) as (browsers, intake),
+        live(browsers, intake, SCENARIO, 0, Level.FULL, 1.0, wait=wait) as look,
+    ):
+        for number in range(3):
+            look(SimpleNamespace(number=number, time_s=number / 10), None)
+    assert paced.flushed_at == [paced.shown_s[1]]
+    assert np.diff(paced.shown_s) == pytest.approx([0.1, 0.1 + 3 * 0.1])
 
 
 # --- viewers --------------------------------------------------------------------------------------------

@@ -14,13 +14,13 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.trial_page import RED, check_drawable, draw_page
 from epuck_sim.order_parameter import METRICS
+from epuck_sim.particles import pulse_links as pulses
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import recorder
 from epuck_sim.recording.buffers import agents
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.relations import pulses
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, run_rerun
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.particles import ParticleScenario
@@ -67,6 +67,17 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "space": {"dimensions": 3},
         "agents": {"count": 10, "speed_cm_s": 30, "speed_distribution": "exponential"},
         "neighbourhood": {"kind": "cone_of_vision", "angle_deg": 120},
+        "stop": CENSORED,
+    },
+    "walking": {
+        "agents": {
+            "count": 8,
+            "speed_cm_s": 20,
+            "speed_distribution": "lognormal",
+            "speed_spread": 1,
+            "speed_per_run": True,
+            "walk": {"kind": "brownian", "run_s": 0.4},
+        },
         "stop": CENSORED,
     },
     "cyclic cube": {
@@ -180,7 +191,7 @@ def test_a_recorded_trial_is_the_same_trial(trial: Trial) -> None:
     assert trial.result_recorded._replace(wall_s=0) == trial.result._replace(wall_s=0)
     read = trial.recorded
     assert (read.scenario, read.seed, read.level) == (trial.scenario, 4, Level.FULL)
-    assert (read.cycles, read.synchronised) == (trial.result.cycles, not trial.result.censored)
+    assert (read.cycles, read.synchronised) == (trial.result.cycles, trial.result.t_sync_cycles is not None)
 
 
 def test_there_is_a_row_at_each_instant_and_20_in_each_period(trial: Trial) -> None:

@@ -1,5 +1,6 @@
 """What was recorded is read back as the simulation had it, and what is not a recording is refused."""
 
+import re
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -7,15 +8,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 from rerun.chunk import Chunk, LazyChunkStream, RrdReader
 
 from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.embodied.memory import memory_values
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
-from epuck_sim.errors import RecordingError
+from epuck_sim.errors import RecordingError, ScenarioError
 from epuck_sim.recording import recorder
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
+from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.reader import Recorded, read_layout, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import run_rerun
@@ -138,7 +142,7 @@ def test_what_was_run_and_how_it_ended_is_read(trial: Trial) -> None:
     read, result = read_recording(trial.path), trial.result
     assert (read.scenario, read.seed, read.level) == (trial.scenario, result.seed, trial.level)
     assert read.versions == {**versions(), "rerun": version("rerun-sdk")}
-    assert (read.cycles, read.synchronised) == (result.cycles, not result.censored)
+    assert (read.cycles, read.synchronised) == (result.cycles, result.t_sync_cycles is not None)
 
 
 @pytest.mark.parametrize("scenario", [THESIS, PAIR], ids=lambda scenario: scenario.name)
@@ -273,3 +277,100 @@ def test_a_scenario_that_this_version_does_not_know_is_refused(tmp_path, capfd, 
     recorded(tmp_path / "t.rrd", level=Level.SUMMARY)
     assert "holds a scenario that this version cannot read: " in refusal(tmp_path / "t.rrd", capfd)
     assert read_layout(tmp_path / "t.rrd") is None  # it can be looked at all the same
+
+
+# --- memory ---------------------------------------------------------------------------------------
+
+
+class Remembered:
+    """An observer that copies fields of what robots remember."""
+
+    def __init__(self, *fields: str) -> None:
+        self.rows: dict[str, list[FloatArray]] = {field: [] for field in fields}
+
+    def __call__(self, step: Step, _: SynchronyWatch) -> None:
+        for field, rows in self.rows.items():
+            rows.append(memory_values(step.memories, field))
+
+
+@pytest.mark.parametrize("level", Level)
+def test_what_robots_remember_is_read_back_by_name_to_the_bit(level: Level, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_S", 3)  # several chunks
+    fields, watched = ["rotation_time", "phase_ms"], Remembered("rotation_time", "phase_ms")
+    with record(tmp_path / "t.rrd", SWITCHED, 1, level, memory=[*fields, "phase_ms"]) as observer:
+        run_trial(Simulation(SWITCHED, 1), [observer, watched])
+    found = read_recording(tmp_path / "t.rrd")
+    assert list(found.memory) == fields
+    for field, rows in watched.rows.items():
+        assert found.memory[field].tobytes() == np.array(rows).tobytes()
+    assert np.isnan(found.memory["phase_ms"][:, :3]).all()  # `constant` remembers nothing
+    assert np.ptp(found.memory["phase_ms"][:, 3:]) > 1000
+
+
+def origins(level: Level, scenario: Scenario, fields: list[str]) -> list[str]:
+    """Return the origins of the views in a layout."""
+    found, parts = [], [layout_of(scenario, level, fields).root_container]
+    while parts:
+        part = parts.pop(0)
+        if isinstance(part, rrb.View):
+            found.append(part.origin)
+        else:
+            parts.extend(part.contents)
+    return found
+
+
+def plots_of_memory(level: Level, fields: list[str]) -> list[str]:
+    """Return the origins of the plots of memory in a layout."""
+    return [origin for origin in origins(level, SWITCHED, fields) if origin.startswith("/memory")]
+
+
+@pytest.mark.parametrize("level", Level)
+def test_each_field_has_a_plot_of_its_own(level: Level) -> None:
+    assert plots_of_memory(level, []) == []
+    assert plots_of_memory(level, ["phase_ms", "turn"]) == ["/memory/phase_ms", "/memory/turn"]
+
+
+CHANGING = load_scenario(
+    {
+        "faults": [{"kind": "ring_dead", "robots": [1, 4], "at_s": 2, "until_s": 4.05}],
+        "schedule": [{"at_cycle": 1, "set": {"robots.0.parameters.speed_cm_s": 0}}],
+        "stop": {"max_cycles": 2, "order_parameter": None},
+    }
+)
+
+
+@pytest.mark.parametrize("level", Level)
+def test_what_changed_is_a_text_log_that_is_read_back(level: Level, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(recorder, "BUFFER_S", 3)  # several chunks
+    with record(tmp_path / "t.rrd", CHANGING, 1, level) as observer:
+        events = run_trial(Simulation(CHANGING, 1), [observer]).events
+    found = read_recording(tmp_path / "t.rrd").events
+    assert [time_s for time_s, _ in found] == [event.time_s for event in events]
+    assert sorted(text for _, text in found) == [
+        "faults.0: ring_dead begins in 1, 4",
+        "faults.0: ring_dead ends in 1, 4",
+        "schedule.0: robots.0.parameters.speed_cm_s: 0",
+    ]
+    assert "/events" in origins(level, CHANGING, [])
+    assert "/events" not in origins(level, SWITCHED, [])
+
+
+def test_recordings_without_memory_have_none(tmp_path) -> None:
+    recorded(tmp_path / "t.rrd", PAIR)
+    assert read_recording(tmp_path / "t.rrd").memory == {}
+
+
+@pytest.mark.parametrize(
+    ("scenario", "field", "message"),
+    [
+        ("thesis", "phase", "memory: unknown 'phase', did you mean 'phase_ms'"),
+        ("particles", "phase_ms", "model is 'particles'; robots alone have a memory to record"),
+    ],
+)
+def test_fields_that_nobody_remembers_are_refused(scenario: str, field: str, message: str, tmp_path) -> None:
+    with (
+        pytest.raises(ScenarioError, match=re.escape(message)),
+        record(tmp_path / "t.rrd", load_scenario(scenario), 1, memory=[field]),
+    ):
+        pass
+    assert list(tmp_path.iterdir()) == []

@@ -16,6 +16,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
@@ -24,7 +25,6 @@ from epuck_sim.recording.layers import images
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
-from epuck_sim.recording.relations.contacts import find_contacts
 from epuck_sim.recording.viewer.process import PROGRAM, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -363,6 +363,35 @@ def test_robots_with_an_arrow_of_class_1_see_red(trial: Trial) -> None:
     np.testing.assert_array_equal(sees_lit, trial.watched["camera"].any(axis=2))
 
 
+def test_cones_of_any_signal_show_their_edges_and_those_all_around_are_circles(tmp_path) -> None:
+    groups = [
+        {"count": 2, "signal": {"kind": "cone", "range_cm": 25, "angle_deg": 100}},
+        {"count": 2, "signal": {"kind": "radio", "range_cm": 30, "angle_deg": 270, "of": "emission"}},
+        {"count": 2, "signal": {"kind": "radio", "angle_deg": 60}},
+        {"count": 2, "signal": {"kind": "radio", "range_cm": 40}},
+        {"count": 2, "signal": {"kind": "cone"}},
+    ]
+    sections = {"arena": {"width_cm": 1000, "height_cm": 1000}, "robots": groups, "stop": {"max_time_s": 2}}
+    watched = Watched()
+    with record(tmp_path / "t.rrd", scenario := load_scenario(sections), 3) as recorder:
+        run_trial(Simulation(scenario, 3), [recorder, watched])
+    poses, found = watched["poses"], Found(tmp_path / "t.rrd")
+    strips = found.array("/arena/views", "LineStrips2D:strips").astype(float)
+    np.testing.assert_allclose(strips[:, :, 1], poses[..., :2], atol=1e-4)
+    for place, side in ((0, 1), (2, -1)):
+        edges = strips[:, :, place] - strips[:, :, 1]
+        longest = np.linalg.norm(edges, axis=-1).max(axis=0).reshape(-1, 2).max(axis=1)
+        np.testing.assert_allclose(longest, [25, 30, UNBOUNDED_VIEW_CM, 0, 0], atol=1e-3)
+        turned = np.arctan2(edges[..., 1], edges[..., 0]) - poses[..., 2]
+        halves = np.repeat(np.radians([50, 135, 30]), 2)
+        np.testing.assert_allclose(
+            np.exp(1j * turned[:, :6]), np.exp(1j * side * np.broadcast_to(halves, (len(poses), 6))), atol=1e-3
+        )
+    centers = found.array("/arena/ranges", "Ellipses2D:centers")
+    np.testing.assert_allclose(centers, poses[:, 6:8, :2], atol=1e-4)
+    assert found.static["/arena/ranges"]["Ellipses2D:half_sizes"] == [[40, 40]] * 2
+
+
 def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(trial: Trial) -> None:
     strips = trial.found.array("/arena/views", "LineStrips2D:strips").astype(float)
     assert strips.shape == (trial.steps, trial.scenario.robot_count, 3, 2)
@@ -386,7 +415,8 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
 def test_contacts_are_those_of_the_bodies(trial: Trial) -> None:
     arena = trial.scenario.arena.build()
     cells = make_cell_list(arena.width_cm, arena.height_cm, trial.scenario.robot_count)
-    steps, points = find_contacts(trial.watched["poses"], arena, cells)
+    found, points = find_contacts(trial.watched["poses"], arena, cells)
+    steps = found[:, 0]
     rows = trial.found.lists("/arena/contacts", "Points2D:positions")
     assert [step for step, row in enumerate(rows) for _ in row] == steps.tolist()
     assert [point for row in rows for point in row] == points.astype(np.float32).tolist()

@@ -12,7 +12,8 @@ import pytest
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.export import export
-from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
@@ -111,8 +112,6 @@ def test_a_folder_is_refused_to_other_measures(folder, mine):
     fill(folder, scenario({f"{mine}:Counter": {"offset": 1}}), [])
     other = refused(folder, scenario({f"{mine}:Counter": {"offset": 2}}))
     assert "another measure Counter; give another folder: offset: 1 in the folder, 2 now" in other
-    added = refused(folder, scenario({f"{mine}:Counter": {"offset": 1}}, "order_parameter"))
-    assert "holds trials without the measures order_parameter, which are new; stored trials are not run again" in added
     assert "holds results of the measure Counter, which is lacking now" in refused(folder, scenario())
     write(mine, mine.read_text() + "\n# edited\n")
     edited = refused(folder, scenario({f"{mine}:Counter": {"offset": 1}}))
@@ -127,14 +126,13 @@ def without_columns(folder: Path) -> None:
         connection.execute("ALTER TABLE trials DROP COLUMN measured")
 
 
-def test_a_folder_from_before_there_were_measures_is_read_and_goes_on(folder, mine, tmp_path):
+def test_a_folder_from_before_there_were_measures_is_read_and_goes_on(folder, tmp_path):
     fill(folder, scenario(), [{}])
     without_columns(folder)
     with pytest.raises(StoreError, match=r"unknown 'Counter'; measured: none"):
         read_points(folder, "Counter")
     export(folder, tmp_path / "t.csv")
     assert len(rows(tmp_path / "t.csv")) == 1
-    assert "which are new" in refused(folder, scenario(f"{mine}:Counter"))
     fill(folder, scenario(), [{}, {}])
     assert len(read_points(folder)[0].times) == 2
 

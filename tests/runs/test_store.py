@@ -17,9 +17,10 @@ import pytest
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
-from epuck_sim.runs.reader import read_points, read_status
+from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.run_lock import current_holder
+from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -100,7 +101,7 @@ def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path)
     folder = tmp_path / "runs" / "new"
     with Store(folder, DEMO, points(DEMO)) as store:
         assert store.finished() == set()
-        assert store.censored() == 0
+        assert store.censored() is None
     assert stored(folder) == []
     assert {path.name for path in folder.iterdir()} - {".lock"} == {DATABASE, "scenario.yaml"}
     assert load_scenario(folder) == load_scenario(folder / "scenario.yaml") == DEMO
@@ -136,6 +137,8 @@ def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_h
         "host": host(),
         "error": None,
         "measured": None,
+        "measuring_error": None,
+        "events": None,
     }
     assert [*row][3:7] == [COUNT, SPEED, "seed", "t_sync_cycles"]
 
@@ -475,6 +478,20 @@ def test_a_user_s_controller_may_move_to_another_folder(tmp_path) -> None:
         robots = [{"controller": str(tmp_path / name / "mine.py")}]
         fill(tmp_path / "r", scenario_of(None, robots=robots))
     assert len(stored(tmp_path / "r")) == 3
+
+
+@pytest.mark.parametrize("axis", [False, True], ids=["the same at all points", "an axis"])
+def test_a_user_s_response_curve_that_has_changed_is_refused(tmp_path, axis: bool) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text("def phase_shift(phase, coupling, parameters):\n    return coupling\n")
+    response = {} if axis else {"curve": str(path)}
+    sweep = {"grid": {"response.curve": [str(path), "sine"]} if axis else {"agents.count": [2, 3]}}
+    given = {"model": "particles", "response": response}
+    fill(tmp_path / "r", scenario_of(sweep, **given))
+    rewrite(path, "def phase_shift(phase, coupling, parameters):\n    return 2 * coupling\n")
+    assert "\n  response.curve: 'mine.py with digest " in refused(tmp_path / "r", scenario_of(sweep, **given))
+    rewrite(path, "def phase_shift(phase, coupling, parameters):\n    return coupling\n")
+    assert len(fill(tmp_path / "r", scenario_of(sweep, **given))) == 2
 
 
 def test_a_folder_that_was_refused_is_not_held_open(tmp_path) -> None:

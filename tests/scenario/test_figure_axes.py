@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from epuck_sim.errors import EpuckSimError, ScenarioError
-from epuck_sim.scenario.figure_axes import check_figure_axes, check_panels
+from epuck_sim.scenario.figure_axes import check_figure_axes, check_panels, choose_axis
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import FigureSection
@@ -25,7 +25,16 @@ ROWS = [
 
 @pytest.mark.parametrize(
     "figure",
-    [{}, {"x": COUNT}, {"x": SPEED, "y": COUNT}, {"y": WIDTH}, {"y": HEIGHT}, {"panels": NOISE}, {"panels": COUNT}],
+    [
+        {},
+        {"x": COUNT},
+        {"x": SPEED, "y": COUNT},
+        {"y": WIDTH},
+        {"y": HEIGHT},
+        {"panels": NOISE},
+        {"panels": COUNT},
+        {"base_case": {COUNT: 3}},
+    ],
     ids=str,
 )
 def test_what_names_axes_is_accepted(figure: dict[str, Any]) -> None:
@@ -41,6 +50,8 @@ def test_what_names_axes_is_accepted(figure: dict[str, Any]) -> None:
         ({"x": COUNT, "y": WIDTH}, f"figure.y: {WIDTH} varies together with {COUNT}, the horizontal axis"),
         ({"panels": "nosie"}, "figure.panels: unknown 'nosie', did you mean 'noise'?; other axes: "),
         ({"panels": SPEED}, f"figure.panels: unknown '{SPEED}'"),
+        ({"base_case": {"robots.0.cuont": 3}}, f"figure.base_case: unknown 'robots.0.cuont', did you mean '{COUNT}'?"),
+        ({"base_case": {SPEED: 1}}, f"figure.base_case: unknown '{SPEED}'"),
         ({"x": COUNT, "panels": WIDTH}, f"figure.panels: unknown '{WIDTH}'"),
     ],
 )
@@ -48,6 +59,13 @@ def test_what_names_no_axis_is_refused(figure: dict[str, Any], message: str) -> 
     with pytest.raises(EpuckSimError) as caught:
         check_figure_axes(FigureSection(**figure), ROWS)
     assert str(caught.value).startswith(message)
+
+
+def test_a_speed_with_one_value_is_not_drawn_against_where_another_axis_has_several() -> None:
+    one_speed = [{SPEED: 1, COUNT: count} for count in (3, 5)]
+    assert choose_axis(one_speed) == COUNT
+    assert choose_axis([{SPEED: 1, COUNT: 3}]) == SPEED
+    assert choose_axis(ROWS) == SPEED
 
 
 def test_panels_are_checked_under_the_name_that_requests_them() -> None:

@@ -142,7 +142,7 @@ REFUSED = [
     ({"arena": {"obstacles": [{"shape": "circle", "x_cm": 1, "y_cm": 1}]}}, "arena.obstacles.0.radius_cm: "),
     (
         {"arena": {"obstacles": [{"shape": "circle", "x_cm": 1, "y_cm": 30, "radius_cm": 3}]}},
-        "arena: an obstacle reaches from (-2, 27) to (4, 33) cm, beyond the walls of the 60 x 60 cm arena",
+        "arena: an obstacle or movable reaches from (-2, 27) to (4, 33) cm, beyond the walls of the 60 x 60 cm arena",
     ),
     (
         {"arena": {"obstacles": [{"shape": "polygon", "corners_cm": [[10, 10], [10, 20], [20, 10]]}]}},

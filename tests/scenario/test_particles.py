@@ -37,6 +37,7 @@ def test_without_any_key_it_is_the_base_case_of_chapter_5():
         {"kind": "cone_of_vision", "angle_deg": 360},
         {"kind": "cone_of_emission", "angle_deg": 0.1, "radius_cm": 1e6},
         {"kind": "all"},
+        {"kind": "random", "k": 19},
     ],
     ids=lambda rule: rule["kind"],
 )
@@ -53,11 +54,23 @@ def test_every_kind_of_neighbourhood_is_read_and_what_is_written_is_read_again(r
     [
         {"response": {"curve": "sine", "coupling": 1}},
         {"response": {"coupling": 5}},
+        {"response": {"curve": "additive", "coupling": 1}},
+        {"response": {"curve": "mirollo_strogatz", "parameters": {"dissipation": 100}}},
+        {"response": {"curve": "piecewise_linear", "coupling": 9, "parameters": {"knee": 1, "early_slope": -1000}}},
+        {"space": {"boundary": "mirrored"}},
+        {"start": {"phases": [0, 1], "positions_cm": [[0, 100], [5.5, 0]]}, "agents": {"count": 2}},
+        {"start": {"headings": [[-1]]}, "agents": {"count": 1}, "space": {"dimensions": 1}},
+        {"agents": {"reorient_on": ["arriving"]}},
         {"response": {"refractory": 0.499}},
         {"agents": {"count": 1}},
         {"agents": {"speed_cm_s": 0}},
         {"agents": {"speed_cm_s": 1e5}},
         {"agents": {"speed_distribution": "uniform", "speed_spread": 1}},
+        {"agents": {"speed_distribution": "lognormal", "speed_spread": 2}},
+        {"agents": {"speed_distribution": "two_speeds", "fast_share": 0.1, "fast_ratio": 10}},
+        {"agents": {"walk": {"kind": "brownian", "run_s": 0.001}}},
+        {"agents": {"walk": {"kind": "correlated", "run_s": 1e6, "persistence": 1}}},
+        {"agents": {"walk": {"kind": "levy", "run_s": 1, "exponent": 1.0001}}},
         {"agents": {"reorient_on": ["receiving", "emitting"]}},
         {"start": {"phases": "synchronised", "displacement": 0.999}},
         {"start": {"phases": "synchronised"}},
@@ -116,14 +129,61 @@ REFUSED = [
     ({"response": {"coupling": -1}}, "response.coupling: is -1; allowed: at least 0"),
     ({"response": {"refractory": 0.5}}, "response.refractory: is 0.5; allowed: below 0.5"),
     ({"response": {"refractory": -0.1}}, "response.refractory: is -0.1; allowed: at least 0"),
-    ({"response": {"curve": "cosine"}}, "response.curve: is 'cosine'; allowed: 'multiplicative', 'sawtooth' or 'sine'"),
-    ({"response": {"epsilon": 0.1}}, "response.epsilon: unknown 'epsilon'; allowed: curve, coupling, refractory"),
+    (
+        {"response": {"curve": "cosine"}},
+        "response.curve: unknown 'cosine', did you mean 'sine'?; allowed: multiplicative, sawtooth, sine, additive, "
+        "mirollo_strogatz, piecewise_linear, or a file that ends in .py",
+    ),
+    ({"response": {"curve": "lost.py"}}, "response.curve: no file 'lost.py' in "),
+    ({"response": {"curve": 3}}, "response.curve: is 3; allowed: text"),
+    ({"response": {"epsilon": 0.1}}, "response.epsilon: unknown 'epsilon'; allowed: curve, coupling, refractory, para"),
+    ({"response": {"parameters": {"knee": 0.5}}}, "response: unknown 'knee'; multiplicative has none"),
+    (
+        {"response": {"curve": "piecewise_linear", "parameters": {"knees": 0.5}}},
+        "response: unknown 'knees', did you mean 'knee'?; piecewise_linear has knee, early_slope",
+    ),
+    (
+        {"response": {"curve": "piecewise_linear", "parameters": {"knee": 1.5}}},
+        "response: knee is 1.5; allowed: 0 to 1",
+    ),
+    (
+        {"response": {"curve": "mirollo_strogatz", "parameters": {"dissipation": "b"}}},
+        "response: dissipation is 'b'; allowed: a number",
+    ),
+    (
+        {"response": {"curve": "additive", "coupling": 1.5}},
+        "response: coupling is 1.5; allowed: 0 to 1 for the additive curve",
+    ),
+    ({"neighbourhood": {"kind": "random", "k": 20}}, "neighbourhood.k is 20; allowed: 1 to 19"),
+    ({"neighbourhood": {"kind": "random", "radius_cm": 20}}, "neighbourhood.radius_cm: unknown 'radius_cm'"),
+    (
+        {"start": {"phases": [0.1, 0.2]}},
+        "start.phases has 2 rows; allowed: 20, because that is agents.count",
+    ),
+    (
+        {"start": {"phases": [1.5]}, "agents": {"count": 1}},
+        "start.phases: is [1.5]; allowed: random, synchronised, or a list of numbers from 0 to 1, one for each agent",
+    ),
+    ({"start": {"phases": [True]}, "agents": {"count": 1}}, "start.phases: is [True]; allowed: random, synchronised"),
+    (
+        {"start": {"positions_cm": [[1, 2, 3]]}, "agents": {"count": 1}},
+        "start.positions_cm.0 has 3 numbers; allowed: 2, dimensions",
+    ),
+    (
+        {"start": {"positions_cm": [[1, 101]]}, "agents": {"count": 1}},
+        "start.positions_cm.0 is [1.0, 101.0]; allowed: 0 to 100, space.side_cm",
+    ),
+    (
+        {"start": {"headings": [[0, 0]]}, "agents": {"count": 1}},
+        "start.headings.0 is [0.0, 0.0]; allowed: a vector that is not 0",
+    ),
+    ({"start": {"headings": [["east"]]}}, "start.headings.0.0: is 'east'; allowed: a number"),
     (
         {"start": {"displacement": 0.001}},
         "start: displacement is 0.001 and phases is 'random'; allowed: 0, or phases: synchronised",
     ),
     ({"start": {"phases": "synchronised", "displacement": 1}}, "start.displacement: is 1; allowed: below 1"),
-    ({"start": {"phases": "equal"}}, "start.phases: is 'equal'; allowed: 'random' or 'synchronised'"),
+    ({"start": {"phases": "equal"}}, "start.phases: is 'equal'; allowed: random, synchronised, or a list"),
     ({"agents": {"speed_spread": 0.5}}, "agents: speed_distribution 'fixed' takes no speed_spread; leave it out"),
     (
         {"agents": {"speed_distribution": "uniform"}},
@@ -135,7 +195,38 @@ REFUSED = [
     ),
     (
         {"agents": {"speed_distribution": "normal", "speed_spread": 1.5}},
-        "agents.speed_spread: is 1.5; allowed: at most 1",
+        "agents: speed_spread is 1.5; allowed: above 0 and up to 1",
+    ),
+    (
+        {"agents": {"speed_distribution": "lognormal", "speed_spread": 2.5}},
+        "agents.speed_spread: is 2.5; allowed: at most 2",
+    ),
+    (
+        {"agents": {"speed_distribution": "two_speeds", "fast_share": 0.1}},
+        "agents: speed_distribution 'two_speeds' needs a fast_ratio, above 1 and up to 1000",
+    ),
+    (
+        {"agents": {"fast_ratio": 10}},
+        "agents: speed_distribution 'fixed' takes no fast_ratio; leave it out",
+    ),
+    (
+        {"agents": {"speed_per_run": True, "speed_distribution": "exponential"}},
+        "agents: speed_per_run is true, walk.kind is 'straight' and speed_distribution is 'exponential'; it needs runs",
+    ),
+    ({"agents": {"walk": {"kind": "random"}}}, "agents.walk.kind: is 'random'; allowed: 'straight', 'brownian', "),
+    ({"agents": {"walk": {"kind": "brownian"}}}, "agents.walk: kind 'brownian' needs run_s"),
+    (
+        {"agents": {"walk": {"kind": "correlated", "run_s": 1}}},
+        "agents.walk: kind 'correlated' needs run_s and persistence",
+    ),
+    ({"agents": {"walk": {"run_s": 1}}}, "agents.walk: kind 'straight' takes no run_s; leave it out"),
+    (
+        {"agents": {"walk": {"kind": "levy", "run_s": 1, "exponent": 1}}},
+        "agents.walk.exponent: is 1; allowed: above 1",
+    ),
+    (
+        {"agents": {"walk": {"kind": "brownian", "run_s": 0.001}}, "clocks": {"period_s": 2}},
+        "agents.walk.run_s is 0.001; allowed: from 0.002, 1000 runs a period",
     ),
     ({"agents": {"speed_cm_s": 100001}}, "agents.speed_cm_s is 100001; allowed: up to 100000, 1000 sides a period"),
     (
@@ -146,13 +237,13 @@ REFUSED = [
     ({"agents": {"count": 0}}, "agents.count: is 0; allowed: at least 1"),
     (
         {"agents": {"reorient_on": ["hearing"]}},
-        "agents.reorient_on.0: is 'hearing'; allowed: 'emitting' or 'receiving'",
+        "agents.reorient_on.0: is 'hearing'; allowed: 'emitting', 'receiving' or 'arriving'",
     ),
     ({"agents": {"reorient_on": "emitting"}}, "agents.reorient_on: is 'emitting'; allowed: a list"),
     ({"space": {"dimensions": 4}}, "space.dimensions: is 4; allowed: at most 3"),
     ({"space": {"dimensions": 0}}, "space.dimensions: is 0; allowed: at least 1"),
     ({"space": {"side_cm": 0}}, "space.side_cm: is 0; allowed: above 0"),
-    ({"space": {"boundary": "torus"}}, "space.boundary: is 'torus'; allowed: 'bounded' or 'cyclic'"),
+    ({"space": {"boundary": "torus"}}, "space.boundary: is 'torus'; allowed: 'bounded', 'cyclic' or 'mirrored'"),
     ({"space": {"width_cm": 3}}, "space.width_cm: unknown 'width_cm', did you mean 'side_cm'?"),
     ({"stop": {"reference": 20}}, "stop.reference is 20; allowed: 0 to 19"),
     ({"stop": {"reference": -1}}, "stop.reference: is -1; allowed: at least 0"),
@@ -182,7 +273,6 @@ def test_a_mistake_is_named_with_key_value_and_what_is_allowed(sections, message
         ({"stuck": {"per_hour": 1}}, "stuck", "no counterpart, because agents are points"),
         ({"timing": {"control_hz": 10}}, "timing", "no counterpart, because time has no steps"),
         ({"stop": {"reference_robot": 1}}, "stop.reference_robot", "stop.reference"),
-        ({"stop": {"max_time_s": 1}}, "stop.max_time_s", "stop.max_cycles"),
         (
             {"stop": {"further_cycles": 1}},
             "stop.further_cycles",

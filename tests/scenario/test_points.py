@@ -404,11 +404,11 @@ def test_all_mistakes_at_a_point_are_named_each_with_the_point() -> None:
     assert all(line.startswith("x: sweep: point 0 (robots.0.count = 0, arena.width_cm = 1): ") for line in lines)
 
 
-def test_a_parameter_that_one_of_the_swept_controllers_lacks_is_refused_at_its_point() -> None:
+def test_a_parameter_that_all_of_the_swept_controllers_lack_is_refused_at_its_point() -> None:
     scenario = load_scenario(
-        {"robots": [{"parameters": {"coupling": 0.2}}], "sweep": {"grid": {CONTROLLER: ["firefly", "constant"]}}}
+        {"robots": [{"parameters": {"copling": 0.2}}], "sweep": {"grid": {CONTROLLER: ["firefly", "constant"]}}}
     )
-    with pytest.raises(ScenarioError, match=r"point 1 \(robots\.0\.controller = 'constant'\): .*unknown 'coupling'"):
+    with pytest.raises(ScenarioError, match=r"point 0 \(robots\.0\.controller = 'firefly'\): .*unknown 'copling'"):
         points(scenario)
 
 

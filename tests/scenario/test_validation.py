@@ -73,6 +73,20 @@ def message_of(scenario: dict) -> str:
             {"model": "particles", "neighbourhood": {"kind": "all", "k": 3}},
             "x: neighbourhood.k: unknown 'k'; allowed: kind; for another kind, give the whole section",
         ),
+        (
+            {"robots": [{"signal": {"kind": "smoke"}}]},
+            "x: robots.0.signal: is {'kind': 'smoke'}; allowed: a mapping with kind: camera or cone or radio",
+        ),
+        (
+            {"robots": [{"signal": {"kind": "radio", "los": 1}}]},
+            "x: robots.0.signal.los: unknown 'los', did you mean 'loss'?; allowed: range_cm, angle_deg, of, kind, "
+            "latency_ms, loss, collisions, half_duplex",
+        ),
+        (
+            {"robots": [{"signal": {"kind": "cone"}, "camera": {"pixels": 3}}]},
+            "x: robots.0: signal.kind is 'cone' and a camera is given; leave the camera out, or choose camera",
+        ),
+        ({"contact": {"robots": 3}}, "x: contact.robots: is 3; allowed: true or false"),
         ({"stop": {"metric": "real"}}, "x: stop.metric: is 'real'; allowed: 'complex' or 'reference'"),
         ({"model": 3}, "x: model: is 3; allowed: 'embodied' or 'particles'"),
     ],

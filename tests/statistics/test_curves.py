@@ -219,7 +219,7 @@ def test_the_order_in_which_points_list_their_axes_does_not_matter() -> None:
     ("grid", "expected"),
     [
         ({COUPLING: [0.1, 0.2, 0.3], SPEED: [1, 2]}, SPEED),
-        ({SPEED: [1], COUPLING: [0.1, 0.2, 0.3]}, SPEED),
+        ({SPEED: [1], COUPLING: [0.1, 0.2, 0.3]}, COUPLING),
         ({COUNT: [2, 3], COUPLING: [0.1, 0.2, 0.3]}, COUPLING),
         ({METRIC: ["complex", "reference"], COUNT: [3]}, COUNT),
         ({SECONDS: [None, 5, 6], COUNT: [2, 3]}, COUNT),

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import StoreError
-from epuck_sim.statistics.measured import measure_values
+from epuck_sim.statistics.measured import measure
+from epuck_sim.statistics.shares import wilson_interval
 from epuck_sim.statistics.summary import summarize
 from tests.runs.made_folders import ended, in_memory, sweep
 
 
 def summary_of(*values):
     (point,) = in_memory(sweep(trials=max(len(values), 1)), lambda _: ended([7] * len(values)))
-    (summary,) = summarize([point._replace(measured=tuple(values))], measure_values)
+    (summary,) = summarize([point._replace(measured=tuple(values), of="mine")])
     return summary
 
 
@@ -36,7 +37,10 @@ def test_what_is_for_times_alone_is_left_out():
 
 def test_undetermined_values_do_not_count_and_truth_values_are_shares():
     summary = summary_of(True, None, False, True, True, False, True)
-    assert (summary.trials, summary.mean) == (6, pytest.approx(4 / 6))
+    assert (summary.trials, summary.mean, summary.median) == (6, pytest.approx(4 / 6), None)
+    assert (summary.mean_low, summary.mean_high) == pytest.approx(wilson_interval(4 / 6, 6))
+    assert summary.is_share
+    assert not summary_of(True, 0.5).is_share
 
 
 def test_few_trials_have_no_interval():
@@ -46,5 +50,17 @@ def test_few_trials_have_no_interval():
 
 
 def test_a_series_is_refused():
-    with pytest.raises(StoreError, match="is a series"):
+    with pytest.raises(StoreError, match="mine is a series"):
         summary_of([1.0, 2.0], [])
+
+
+def test_what_was_asked_for_is_measured():
+    (point,) = in_memory(sweep(trials=2), lambda _: ended([7, 9]))
+    assert measure(point).values.tolist() == [7, 9]
+    assert measure(point._replace(of="mine", measured=(0.5, None))).values.tolist() == [0.5]
+
+
+def test_trials_without_t_sync_have_none():
+    (point,) = in_memory(sweep(trials=2, measures=["near_walls", "order_parameter"]), lambda _: ended([7, 9]))
+    with pytest.raises(StoreError, match=r"no T_sync: .*; what was measured: near_walls, order_parameter \(--of NAME"):
+        measure(point._replace(has_t_sync=False))

@@ -1,16 +1,18 @@
 """Claims about planning: so many trials show a difference as often as is said, and each point has its own number."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from epuck_sim.errors import StoreError
 from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.planning import plan_trials
-from epuck_sim.statistics.power import relative_spread, trials_needed
+from epuck_sim.statistics.power import relative_spread, trials_for_shares, trials_needed
 from epuck_sim.statistics.two_samples import contrast, mean_log_ratio, pair_up
 from tests.runs.made_folders import SPEED, SPEEDS, ended, in_memory, sweep, weibull
 
@@ -84,3 +86,90 @@ def test_each_point_has_its_number_and_points_without_a_spread_none() -> None:
 def test_without_any_spread_there_is_no_number_over_all() -> None:
     plan = plan_trials(in_memory(sweep({SPEED: [1]}), lambda _: ended([5, 6])), 0.2, 0.8)
     assert (plan.over_all, plan.points[0].trials) == (None, None)
+
+
+# --- measures -------------------------------------------------------------------------------------
+
+
+def of_measure(*values_of_points):
+    """Return points of a sweep whose trials have these values."""
+    scenario = sweep({SPEED: SPEEDS[: len(values_of_points)]})
+    points = in_memory(scenario, lambda point: ended([7] * len(values_of_points[point.number])))
+    return [
+        point._replace(measured=tuple(values), of="mine")
+        for point, values in zip(points, values_of_points, strict=True)
+    ]
+
+
+def test_numbers_are_planned_by_their_scatter_of_either_sign() -> None:
+    values = drawn(50, 30, 1).values
+    plan, mirrored = (plan_trials(of_measure(sign * values), 0.25, 0.9) for sign in (1, -1))
+    (point,), (other,) = plan.points, mirrored.points
+    assert (plan.of, plan.is_of_shares) == ("mine", False)
+    assert point.trials == trials_needed([np.std(values, ddof=1) / np.mean(values)], 0.25, 0.9)
+    assert (other.trials, other.spread, other.mean) == (point.trials, point.spread, -point.mean)
+
+
+def test_undetermined_values_do_not_count_and_a_mean_of_0_has_no_per_cent() -> None:
+    plan = plan_trials(of_measure([1.0, None, 2.0, 3.0, None, 4.0], [-1.0, 1.0] * 5, [2.0, 3.0] * 5), 0.2, 0.8)
+    assert [point.stored for point in plan.points] == [4, 10, 10]
+    assert [point.trials is None for point in plan.points] == [True, True, False]
+    assert plan.over_all == plan.points[2].trials
+
+
+def test_means_of_both_signs_have_no_number_over_all() -> None:
+    plan = plan_trials(of_measure([2.0, 3.0] * 5, [-2.0, -3.0] * 5), 0.2, 0.8)
+    assert plan.points[0].trials == plan.points[1].trials
+    assert plan.over_all is None
+
+
+def test_truth_values_are_planned_by_their_shares() -> None:
+    plan = plan_trials(of_measure([True, False] * 10, [False] * 20, [True] * 3), 0.2, 0.8)
+    assert (plan.is_of_shares, [point.statistic for point in plan.points]) == (True, ["share"] * 3)
+    assert [point.trials for point in plan.points] == [
+        trials_for_shares([0.5], 0.2, 0.8),
+        trials_for_shares([0.0], 0.2, 0.8),
+        None,
+    ]
+    assert plan.over_all == trials_for_shares([0.5, 0.0], 0.2, 0.8)
+    assert plan_trials(of_measure([True, False] * 10), 0.6, 0.8).over_all is None
+
+
+def test_series_are_refused() -> None:
+    with pytest.raises(StoreError, match="mine is a series, with a value for each cycle"):
+        plan_trials(of_measure([[1.0, 2.0]] * 6), 0.2, 0.8)
+
+
+def share_of_exact_tests(first: float, second: float, trials: int) -> float:
+    """Return how often two shares are told apart by the test of all permutations, with p < 0.05."""
+
+    def binomial(share: float) -> list[float]:
+        return [math.comb(trials, true) * share**true * (1 - share) ** (trials - true) for true in range(trials + 1)]
+
+    def p_value(one: int, other: int) -> float:
+        splits = range(max(0, one + other - trials), min(trials, one + other) + 1)
+        ways = {true: math.comb(trials, true) * math.comb(trials, one + other - true) for true in splits}
+        as_large = [ways[true] for true in splits if abs(2 * true - one - other) >= abs(one - other)]
+        return sum(as_large) / sum(ways.values())
+
+    chances = zip(product(range(trials + 1), repeat=2), product(binomial(first), binomial(second)), strict=True)
+    return sum(one * other for (a, b), (one, other) in chances if one * other > 1e-9 and p_value(a, b) < 0.05)
+
+
+@pytest.mark.parametrize(("share", "difference"), [(0.5, 0.4), (0.0, 0.3), (1.0, 0.3), (0.2, 0.4), (0.9, 0.35)])
+@pytest.mark.parametrize("power", [0.6, 0.8, 0.9])
+def test_so_many_trials_tell_shares_apart_as_often_as_is_said(share: float, difference: float, power: float) -> None:
+    trials = trials_for_shares([share], difference, power)
+    others = [other for other in (share - difference, share + difference) if 0 <= other <= 1]
+    seen = min(share_of_exact_tests(share, other, trials) for other in others)
+    assert power - 0.01 < seen < power + (0.17 if share in (0, 1) else 0.08)  # few trials have few outcomes
+
+
+@given(st.floats(0, 1), st.floats(0.02, 0.9), st.floats(0.1, 0.98))
+def test_shares_take_more_trials_for_smaller_differences_and_more_power(share, difference, power) -> None:
+    trials = trials_for_shares([share], difference, power)
+    assume(trials is not None)
+    assert trials >= MIN_TRIALS
+    assert trials == trials_for_shares([1 - share], difference, power) or share not in (0, 0.5, 1)
+    assert trials_for_shares([share], difference, power + 0.01) >= trials
+    assert trials_for_shares([share] * 4, difference, power) <= trials

@@ -186,7 +186,7 @@ def test_one_agent_alone_is_never_synchronised(kind, metric):
 def test_without_a_threshold_a_trial_lasts_max_cycles():
     given = scenario(start={"phases": "synchronised"}, stop={"order_parameter": None, "max_cycles": 50})
     result = run_trial(ParticleSimulation(given))
-    assert (result.censored, result.cycles, result.order_parameter) == (True, 50, 1)
+    assert (result.censored, result.cycles, result.order_parameter) == (None, 50, 1)
 
 
 def silenced(**stop):

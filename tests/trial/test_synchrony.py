@@ -79,14 +79,15 @@ def watch(periods, step_s=0.1, **stop):
     timing = {"control_hz": round(1 / step_s), "physics_hz": 1000}
     arena = {"width_cm": 200, "height_cm": 200}
     scenario = load_scenario({"robots": robots, "stop": stop, "arena": arena, "timing": timing})
-    return SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=np.array(periods, float)))
+    return SynchronyWatch(SimpleNamespace(scenario=scenario, period_ms=np.array(periods, float), events=[]))
 
 
 def step(number, rings, phase_ms):
     """Return a step in which these rings are lit and oscillators have these phases."""
     memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
     nothing = np.empty(0)
-    return Step(number, 0.0, nothing, nothing, nothing, nothing, nothing, np.array(rings, bool), (memory,))
+    lit = np.array(rings, bool)
+    return Step(number, 0.0, nothing, nothing, nothing, nothing, nothing, lit, lit, nothing, (memory,), None)
 
 
 def shown(watched, rings, phase_ms=(0, 0)):

@@ -12,7 +12,8 @@ from pydantic import Field
 from epuck_sim import ScenarioError, load_scenario, points, read_points, run_sweep, run_trial, summarize
 from epuck_sim.order_parameter import Firing
 from epuck_sim.scenario.base import Number
-from epuck_sim.scenario.scenario import Scenario, StopSection
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.stop import StopSection
 from epuck_sim.scenario.validation import SCENARIO_TYPES
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.trial.model import MODELS, Model, register_model, simulate
@@ -45,8 +46,8 @@ class Dice:
         return Firing(self.cycles, self.order_parameter)
 
 
-def run(dice: Dice, observers: Any, _: Any, at_cycles: Any) -> TrialResult:
-    while not dice.is_synchronised and dice.cycles < dice.scenario.stop.max_cycles:
+def run(dice: Dice, observers: Any, _: Any, at_cycles: Any, conditions: Any) -> TrialResult:
+    while not (dice.is_synchronised or dice.cycles >= dice.scenario.stop.max_cycles or conditions.is_over()):
         dice.cycles, dice.time_s = dice.cycles + 1, dice.time_s + 1.0
         dice.is_synchronised = bool(dice.random.random() < dice.scenario.chance)
         for observer in (*observers, *at_cycles):

@@ -118,3 +118,37 @@ def test_a_link_is_followed(tmp_path) -> None:
     traced(tmp_path / "link.parquet", load_scenario("pair"))
     assert (tmp_path / "link.parquet").is_symlink()
     assert pq.read_table(tmp_path / "real.parquet").num_rows > 0
+
+
+# --- what is asked for ----------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("small_chunks")
+def test_memory_and_relations_are_columns_if_asked_for(tmp_path) -> None:
+    scenario = load_scenario("thesis", ["stop.max_cycles=3"])
+    memory = ["rotation_time", "phase_ms"]
+    with Trace(tmp_path / "t.parquet", scenario, 1, memory=memory, relations=True) as trace:
+        result = run_trial(Simulation(scenario, 1), [trace])
+    table = pq.read_table(tmp_path / "t.parquet")
+    assert table.column_names == [*COLUMNS, "memory.rotation_time", "memory.phase_ms", "sees", "touches"]
+    assert table["memory.phase_ms"].to_pylist() == table["phase_ms"].to_pylist()
+    sees, touches = table["sees"].to_pylist(), table["touches"].to_pylist()
+    for number, step in zip(range(result.steps), Simulation(scenario, 1), strict=False):
+        rows = range(10 * number, 10 * number + 10)
+        assert [table["memory.rotation_time"][row].as_py() for row in rows] == step.memories[0][
+            "rotation_time"
+        ].tolist()
+        pairs = [[row % 10, seen] for row in rows for seen in sees[row]]
+        assert sorted(pairs) == sorted(step.sightings.tolist())
+        touching = [[row % 10, other] for row in rows for other in touches[row]]
+        assert sorted(touching) == sorted(
+            [*step.contacts.tolist(), *[[b, a] for a, b in step.contacts.tolist() if b >= 0]]
+        )
+    assert any(sees)
+    assert any(touches)
+
+
+def test_a_field_that_nobody_remembers_is_refused(tmp_path) -> None:
+    with pytest.raises(EpuckSimError, match="thesis: memory: unknown 'phase', did you mean 'phase_ms'"):
+        Trace(tmp_path / "t.parquet", load_scenario("thesis"), 0, memory=["phase"])
+    assert list(tmp_path.iterdir()) == []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from epuck_sim.util.addresses import call_at, compile_at, function_address, hold, layout
+from epuck_sim.util.addresses import call_at, compile_at, compiled_for, function_address, hold, layout
 from epuck_sim.util.jit import kernel_digest
 
 
@@ -82,7 +82,7 @@ from epuck_sim.util.addresses import call_at, compile_at, function_address, hold
 from epuck_sim.util.jit import bind, digest
 
 
-def _add_at(address):
+def _add_at(address: int):
     value_at(address)[0] += NUMBER
 
 
@@ -116,3 +116,17 @@ def test_functions_of_one_name_from_two_processes_are_not_mistaken_for_each_othe
     assert outcome("1") == ["1"]
     assert outcome("2") == ["2"]
     assert outcome("1", "2") == ["1", "2"]
+
+
+def _raise_at(address: int, times: int, by: float) -> None:
+    pair = value_at(address)  # noqa: F821 `compile_at` provides it
+    for _ in range(times):
+        pair.numbers[0] += by * pair.scale
+
+
+def test_a_function_may_take_ints_and_floats_after_the_address() -> None:
+    pair = Pair(np.array([1.0]), 2.0)
+    _owner, address = hold(pair)
+    compiled_for(_raise_at, pair)(address, 3, 0.25)
+    assert pair.numbers[0] == 2.5
+    assert compiled_for(_raise_at, pair) is compiled_for(_raise_at, Pair(np.zeros(2), 1.0))

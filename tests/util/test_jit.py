@@ -12,10 +12,12 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from numba import njit
 from numba.core.registry import CPUDispatcher
 
 from epuck_sim.util import jit
-from epuck_sim.util.jit import PACKAGE, UNUSED_S, VALUE_FILES, digest, kernel_digest, remove_unused_caches
+from epuck_sim.util.cache_folder import UNUSED_S
+from epuck_sim.util.jit import PACKAGE, VALUE_FILES, digest, kernel_digest, remove_unused_caches, unlikely
 
 MARK = "epuck_sim.util.jit import"
 
@@ -100,9 +102,11 @@ def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_c
     for file, name in kernels():
         assert name in definitions(file)
         sources_of(file, name, seen)
-    # `jit` itself is no value of a kernel
+    # `jit` itself, and where it keeps compiled code, is no value of a kernel
     outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if not is_covered(file)}
-    assert {each for each in outside if not each.startswith(("util/jit.py", "arrays.py"))} == set()
+    assert {
+        each for each in outside if not each.startswith(("util/jit.py", "util/cache_folder.py", "arrays.py"))
+    } == set()
 
 
 def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
@@ -189,7 +193,7 @@ def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> N
     remove_unused_caches(root)
     assert len(list(root.iterdir())) == 2
     make_cache(root / "0123456789abcde3", OLD)
-    monkeypatch.setattr(jit, "_USER", os.getuid() + 1)
+    monkeypatch.setattr(jit, "USER", os.getuid() + 1)
     remove_unused_caches(root)
     assert len(list(root.iterdir())) == 3
     assert elsewhere.exists()
@@ -241,3 +245,14 @@ def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monke
     assert list(tmp_path.iterdir()) == []
     assert compiled(1) == 3
     assert list(tmp_path.rglob("*.nbi")) != []
+
+
+# --- how kernels are compiled -------------------------------------------------------------------------
+
+
+def test_what_is_unlikely_happens_all_the_same() -> None:
+    @njit
+    def which(number: float) -> str:
+        return "unlikely" if unlikely(number > 1) else "likely"
+
+    assert [which(number) for number in (0.0, 2.0)] == ["likely", "unlikely"]

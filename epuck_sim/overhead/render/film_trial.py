@@ -54,7 +54,9 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
         EpuckSimError: The file cannot be written.
     """
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
-        yield lambda step, state: observe(step.time_s, step.poses, step.ring_on, (state.cycles, state.order_parameter))
+        yield lambda step, state: observe(
+            *(step.time_s, step.poses, step.ring_on, step.movables), (state.cycles, state.order_parameter)
+        )
 
 
 def film_recording(
@@ -77,10 +79,13 @@ def film_recording(
     if recorded.level is Level.SUMMARY:
         raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
     scenario = _override_camera(recorded_scenario, overrides, str(recording))
-    rows = zip(recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, _states(recorded), strict=True)
+    arrays = recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, recorded.movables
+    moments = zip(*arrays, _states(recorded), strict=True)
     with _film(path, scenario, recorded.seed, lens) as observe:
-        for time_s, positions, headings, ring_on, state in progress(rows, float(recorded.time_s.max(initial=0))):
-            observe(float(time_s), np.column_stack([positions, headings]), ring_on, state)
+        for time_s, positions, headings, ring_on, places, state in progress(
+            moments, float(recorded.time_s.max(initial=0))
+        ):
+            observe(float(time_s), np.column_stack([positions, headings]), ring_on, places, state)
 
 
 def _states(recorded: Recorded) -> Iterator[_State]:
@@ -111,8 +116,8 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
 @contextmanager
 def _film(
     path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None
-) -> Iterator[Callable[[float, FloatArray, BoolArray, _State], None]]:
-    """Yield a function that films a control step: time, (robots, 3) poses, (robots,) which rings are on, and state.
+) -> Iterator[Callable[[float, FloatArray, BoolArray, FloatArray, _State], None]]:
+    """Yield a function that films a control step: time, (robots, 3) poses, rings that are on, (movables, 2) cm, state.
 
     Films of a lit room, which are for people, have a caption.
     """
@@ -130,9 +135,9 @@ def _film(
         captions = Captions(section.lit_start_s)
         finished = captions.write if section.light == "lit" else lambda frame: frame
 
-        def observe(time_s: float, poses: FloatArray, ring_on: BoolArray, state: _State) -> None:
+        def observe(time_s: float, poses: FloatArray, ring_on: BoolArray, movables: FloatArray, state: _State) -> None:
             captions.add(time_s, *state)
-            for frame in camera.observe(time_s, poses, ring_on):
+            for frame in camera.observe(time_s, poses, ring_on, movables):
                 writer.write(finished(frame))
 
         yield observe

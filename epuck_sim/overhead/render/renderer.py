@@ -15,7 +15,7 @@ from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.render.bounding_boxes import bounding_boxes
 from epuck_sim.overhead.render.imperfections import add_points, mirror_images
 from epuck_sim.overhead.render.ring_light import COLOUR_LEVELS, NOMINAL_EXPOSURE_MS, add_rings, reach_cm
-from epuck_sim.overhead.render.room import draw_bodies, farthest_first, render_room
+from epuck_sim.overhead.render.room import draw_bodies, draw_circle, farthest_first, render_room
 from epuck_sim.scenario.overhead import OverheadSection
 
 NOISE_OFFSETS = 2**20
@@ -29,6 +29,8 @@ class ExposureSample(NamedTuple):
     """(robots, 3) cm, cm, rad: x, y, heading."""
     ring_on: BoolArray
     """(robots,) which rings are on."""
+    movables: FloatArray = np.empty((0, 2))
+    """(movables, 2) cm: where the arena's movables are."""
 
 
 class Renderer:
@@ -53,6 +55,7 @@ class Renderer:
         self._blur_px = section.blur_px
         self._floor_cm = camera.plane_map(0.0)
         self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
+        self._movable_cm = arena.circles[arena.first_movable :, 2]
         self._room = render_room(self._floor_cm, camera.position_cm, arena)
         self._random = np.random.default_rng(seed)
         self._noise = np.zeros(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.int16)
@@ -102,6 +105,8 @@ class Renderer:
         scene = np.zeros(self._room.shape, np.float32)
         for sample in samples:
             image = self._room.copy()
+            for place, radius in zip(sample.movables, self._movable_cm, strict=True):
+                draw_circle(image, self._floor_cm, place, radius)
             poses = farthest_first(sample.poses, camera.position_cm)
             boxes = bounding_boxes(camera, poses[:, :2], epuck.RADIUS_CM, (0.0, epuck.HEIGHT_CM))
             draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes)

@@ -1,6 +1,7 @@
 """The lit room in the overhead camera's picture: floor, walls, obstacles, bodies; grey levels are our estimates."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,7 @@ WALL_TOP = 240.0
 """Grey level of the top of the walls."""
 
 OBSTACLE = 85.0
-"""Grey level of obstacles, which are drawn flat on the floor."""
+"""Grey level of obstacles and movables, which are drawn flat on the floor."""
 
 BODY_SIDE = 40.0
 """Grey level of a robot's side."""
@@ -50,7 +51,7 @@ MARK_SLOPE = 0.45
 
 
 def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Float32Array:
-    """Return the grey levels of the arena without robots.
+    """Return the grey levels of the arena without robots and movables.
 
     Args:
         floor_cm: (rows, columns, 2) cm: the point of the floor that each pixel shows.
@@ -66,11 +67,18 @@ def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Flo
     room[_is_within(at_top, arena, WALL_THICKNESS_CM)] = WALL_TOP
     room[_is_within(at_top, arena, 0.0)] = WALL_FACE
     room[_is_within(floor_cm, arena, 0.0)] = FLOOR
-    for x, y, radius in arena.circles:
-        room[np.hypot(floor_cm[..., 0] - x, floor_cm[..., 1] - y) <= radius] = OBSTACLE
+    for x, y, radius in arena.circles[: arena.first_movable]:
+        draw_circle(room, floor_cm, (x, y), radius)
     for corners in arena.polygons:
         room[contains(corners, floor_cm)] = OBSTACLE
     return room
+
+
+def draw_circle(
+    image: Float32Array, floor_cm: Float32Array, place: Sequence[float] | FloatArray, radius: float
+) -> None:
+    """Draw a round obstacle or a movable at a place, cm, with a radius in cm; see `draw_bodies`."""
+    image[np.hypot(floor_cm[..., 0] - place[0], floor_cm[..., 1] - place[1]) <= radius] = OBSTACLE
 
 
 def _is_within(points: npt.NDArray[np.floating], arena: Arena, margin_cm: float) -> BoolArray:

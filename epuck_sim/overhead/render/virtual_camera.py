@@ -25,6 +25,10 @@ TIME_TOLERANCE_S = 1e-6
 """Times that differ by no more than this are taken as equal; the difference is rounding."""
 
 
+NO_MOVABLES = np.empty((0, 2))
+"""Places of the movables of an arena that has none."""
+
+
 class _State(NamedTuple):
     """The robots at a control step."""
 
@@ -32,6 +36,7 @@ class _State(NamedTuple):
     """Time of the step on the film's clock."""
     poses: FloatArray
     ring_on: BoolArray
+    movables: FloatArray
 
 
 class VirtualCamera:
@@ -61,17 +66,21 @@ class VirtualCamera:
         self._states: deque[_State] = deque()
         self._frames = 0
 
-    def observe(self, time_s: float, poses: FloatArray, ring_on: BoolArray) -> Iterator[Frame]:
+    def observe(
+        self, time_s: float, poses: FloatArray, ring_on: BoolArray, movables: FloatArray = NO_MOVABLES
+    ) -> Iterator[Frame]:
         """Add a control step; yield the frames whose exposures have ended by then.
 
         Args:
             time_s: Time of the step; later than that of all steps before.
             poses: (robots, 3) cm, cm, rad: x, y, heading; headings may be wrapped. Robots move evenly between steps.
             ring_on: (robots,) which rings are on from now until the next step.
+            movables: (movables, 2) cm: where the arena's movables are; they move evenly, too.
         """
         if not self._states:
             self._offset_s = self._section.lit_start_s - time_s
-        self._states.append(_State(self._offset_s + time_s, np.array(poses, float), np.array(ring_on, bool)))
+        arrays = np.array(poses, float), np.array(ring_on, bool), np.array(movables, float)
+        self._states.append(_State(self._offset_s + time_s, *arrays))
         return self._frames_begun_by(self._states[-1].time_s - self._exposure_s)
 
     def finish(self) -> Iterator[Frame]:
@@ -96,12 +105,14 @@ class VirtualCamera:
         """Return the robots at a moment of the film, interpolated between the steps around it."""
         begun = bisect_right(self._states, time_s + TIME_TOLERANCE_S, key=lambda state: state.time_s)
         if begun == 0:
-            return ExposureSample(self._states[0].poses, np.zeros_like(self._states[0].ring_on))
+            first = self._states[0]
+            return ExposureSample(first.poses, np.zeros_like(first.ring_on), first.movables)
         last = self._states[begun - 1]
         if begun == len(self._states):
-            return ExposureSample(last.poses, last.ring_on)
+            return ExposureSample(last.poses, last.ring_on, last.movables)
         following = self._states[begun]
         share = (time_s - last.time_s) / (following.time_s - last.time_s)
         change = following.poses - last.poses
         change[:, 2] = (change[:, 2] + math.pi) % math.tau - math.pi  # the shorter way round
-        return ExposureSample(last.poses + share * change, last.ring_on)
+        pushed = last.movables + share * (following.movables - last.movables)
+        return ExposureSample(last.poses + share * change, last.ring_on, pushed)

@@ -27,7 +27,9 @@ MIN_LINE_PX = 13
 FULL_COUNT = 4
 """Minimum count that the full height of the bars stands for; it is the largest count so far if that is larger."""
 
-GREEN = (0, 230, 0)
+CYAN = (0, 230, 255)
+"""Colour of rings that were found; people who cannot tell green from red see it beside red, too."""
+
 BARS = (70, 170, 70)
 OLD_BARS = (40, 80, 40)
 """Colour of bars that have left the interval of one period."""
@@ -134,7 +136,7 @@ class Annotator:
             _write_text(strip, 0, self._line_px, f"spread {1000 * self._spread_s:.0f} ms", WHITE, 1.0)
         if t_sync_s is not None:
             periods = (t_sync_s - self._start_s) / self._period_s
-            _write_text(strip, 1, self._line_px, f"synchronised at {periods:.1f} periods", GREEN, 1.0)
+            _write_text(strip, 1, self._line_px, f"synchronised at {periods:.1f} periods", CYAN, 1.0)
 
 
 def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:
@@ -163,7 +165,7 @@ def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window
 def _draw_ring(picture: Picture, ring: Ring, thickness_px: int) -> None:
     one = 1 << SUBPIXEL_BITS
     centre = (round(ring.x_px * one), round(ring.y_px * one))
-    cv2.circle(picture, centre, round(ring.radius_px * one), GREEN, thickness_px, cv2.LINE_AA, SUBPIXEL_BITS)
+    cv2.circle(picture, centre, round(ring.radius_px * one), CYAN, thickness_px, cv2.LINE_AA, SUBPIXEL_BITS)
 
 
 def _write_text(

@@ -16,7 +16,6 @@ from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import ROWS_PER_PERIOD
-from epuck_sim.recording.relations.pulses import PulseLinks
 from epuck_sim.scenario.particles import ParticleScenario
 
 GLOW = 0.075
@@ -36,6 +35,8 @@ class _SwarmState(NamedTuple):
     """(agents, dimensions) unit vectors"""
     phases: FloatArray
     """(agents,) share of a period"""
+    speeds: FloatArray
+    """(agents,) cm/s"""
 
 
 class _Rows(NamedTuple):
@@ -58,11 +59,11 @@ class AgentBuffer:
         # observers are shown no swarm before its first event
         fresh = ParticleSimulation(scenario, seed)
         self._before = _state_of(fresh)
-        self._speeds, self._periods_s = fresh.speeds_cm_s, fresh.periods_s
+        self._periods_s = fresh.periods_s
         self._capacity = capacity
         self._stop = scenario.stop
         self._period_s = scenario.clocks.period_s
-        self._pulse_links = PulseLinks(scenario) if level is Level.FULL else None
+        self._has_links = level is Level.FULL
         self._regular_row = 0  # number of the next one
         self._flashes = np.zeros(scenario.agents.count, np.int64)  # of each agent so far
         self._flashed_s = np.full(scenario.agents.count, -np.inf)  # time of each agent's last flash
@@ -88,8 +89,8 @@ class AgentBuffer:
         time_ns = round(event.time_s * 1e9)
         self._add_regular_rows(time_ns)
         if len(event.fired):
-            if self._pulse_links is not None:
-                links = self._pulse_links.find(now.positions, self._before.headings, event.fired, event.received)
+            if self._has_links:
+                links = swarm.pulse_links()
                 self._links.append(np.column_stack([np.full(len(links), self.row_count), links]))
             self._add_flashes(swarm, event)
             self._add_rows(np.array([time_ns]), now.positions[None], now.headings, now.phases[None])
@@ -109,7 +110,7 @@ class AgentBuffer:
         if times:
             before, time_ns = self._before, np.array(times)
             elapsed_s = (time_ns / 1e9 - before.time_s)[:, None]
-            moved = (elapsed_s * self._speeds)[..., None] * before.headings
+            moved = (elapsed_s * before.speeds)[..., None] * before.headings
             phases = before.phases + elapsed_s / self._periods_s
             self._add_rows(time_ns, before.positions + moved, before.headings, phases)
 
@@ -155,7 +156,7 @@ class AgentBuffer:
 
 
 def _state_of(swarm: ParticleSimulation) -> _SwarmState:
-    return _SwarmState(swarm.time_s, swarm.positions(), swarm.headings(), swarm.phases())
+    return _SwarmState(swarm.time_s, swarm.positions(), swarm.headings(), swarm.phases(), swarm.speeds_cm_s)
 
 
 def _from_above(vectors: FloatArray) -> FloatArray:

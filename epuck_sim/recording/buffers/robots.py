@@ -22,13 +22,14 @@ class RobotBuffer:
 
     def __init__(self, scenario: EmbodiedScenario, level: Level, capacity: int) -> None:
         """Reserve memory for `capacity` rows."""
-        robots, pixels = scenario.robot_count, scenario.camera_pixels
+        robots, pixels, movables = scenario.robot_count, scenario.camera_pixels, len(scenario.arena.movables)
         posed = capacity if level is not Level.SUMMARY else 0
         sensed = capacity if level is Level.FULL else 0
         self._shapes: dict[str, tuple[tuple[int, ...], type]] = {
             "ring_on": ((capacity, robots), np.bool_),
             "phase_ms": ((capacity, robots), np.float64),
             "poses": ((posed, robots, 3), np.float64),
+            "movables": ((posed if movables else 0, movables, 2), np.float64),
             "camera": ((sensed, robots, pixels), np.uint8),
             "distance_mm": ((sensed, robots, SENSORS), np.uint16),
             "wheels_cm_s": ((sensed, robots, 2), np.float64),

@@ -37,6 +37,8 @@ class RowBatch(NamedTuple):
     """(rows, robots, pixels) 1 where a lit ring is seen."""
     distance_mm: npt.NDArray[np.uint16] = np.empty((0, 0, SENSORS), np.uint16)
     """(rows, robots, 8) mm: infrared distances."""
+    movables: FloatArray = np.empty((0, 0, 2))
+    """(rows, movables, 2) cm: where the arena's movables are; no rows without any."""
     wheels_cm_s: FloatArray = np.empty((0, 0, 2))
     """(rows, robots, 2) cm/s: left and right wheel, as commanded."""
     links: IntArray = np.empty((0, 4), np.int64)

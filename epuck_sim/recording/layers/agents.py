@@ -10,15 +10,12 @@ from rerun.chunk import Chunk
 from epuck_sim.arrays import FloatArray
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
-from epuck_sim.recording.layers.arena import FAINT, ray_ends, strip_columns, unit_vectors
+from epuck_sim.recording.layers.arena import FAINT, ranges, ray_ends, static_ranges, strip_columns, unit_vectors
 from epuck_sim.recording.population import Population
 from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
 
 CONES = "/arena/cones"
 """Entity with (agents,) strips in each row, around the cone of vision or emission, within the arena."""
-
-RANGES = "/arena/ranges"
-"""Entity with (agents,) circles in each row, as far as a pulse is received."""
 
 LINKS = "/arena/links"
 """Entity with arrows at each instant, from an agent that fires to one that receives; of class 1 if its phase shifts."""
@@ -58,8 +55,7 @@ class AgentLayers:
         if self._arc is not None:
             yield static_chunk(CONES, rr.LineStrips2D.from_fields(colors=FAINT, radii=thin, draw_order=10))
         if self._range_cm is not None:
-            sizes = np.full((self._population.size, 2), self._range_cm)
-            yield static_chunk(RANGES, rr.Ellipses2D.from_fields(half_sizes=sizes, colors=FAINT, line_radii=thin))
+            yield static_ranges(np.full(self._population.size, self._range_cm), thin)
         yield static_chunk(LINKS, PULSES)
         yield static_chunk(LINKS, rr.Arrows2D.from_fields(radii=2 * thin, show_labels=False, draw_order=15))
 
@@ -72,9 +68,7 @@ class AgentLayers:
             arc = ray_ends(apex, rays, self._cone_cm, self._population.arena)
             yield temporal_chunk(CONES, time_ns, *strip_columns(np.concatenate([apex, arc, apex], axis=2)))
         if self._range_cm is not None:
-            each = np.full(len(time_ns), self._population.size)
-            circles = rr.Ellipses2D.columns(centers=middles.reshape(-1, 2))
-            yield temporal_chunk(RANGES, time_ns, *circles.partition(each))
+            yield ranges(middles, batch)
         rows, firing, receiving, is_shifted = batch.links.T
         ways = middles[rows, receiving] - middles[rows, firing]
         if self._population.is_cyclic:  # across the edge where that is shorter

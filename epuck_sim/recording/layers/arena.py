@@ -1,4 +1,4 @@
-"""The arena as a recording shows it, whatever its model: walls, obstacles, and the robots or agents.
+"""The arena as a recording shows it, whatever its model: walls, obstacles, movables, and the robots or agents.
 
 Everything lies under `/arena`, in cm. In rerun's pictures y points down; a transform there flips them, so that data
 keep the coordinates of the simulation.
@@ -27,11 +27,17 @@ WALLS = "/arena/walls"
 OBSTACLES = "/arena/obstacles"
 """Entity with the outlines of obstacles."""
 
+MOVABLES = "/arena/movables"
+"""Entity with a disc for each movable in each row."""
+
 ROBOTS = "/arena/robots"
 """Entity with (count,) discs in each row, robots or agents, of class 1 while the ring is lit or the flash is shown."""
 
 HEADINGS = "/arena/headings"
 """Entity with (count,) arrows in each row, from the middle to the front of the disc."""
+
+RANGES = "/arena/ranges"
+"""Entity with circles in each row, as far as flashes or pulses are received from all around."""
 
 UNLABELLED = 50
 """Swarms of this size or larger are drawn without number labels."""
@@ -55,18 +61,22 @@ ARROW_RADIUS = 0.25 / 3.7
 
 
 def static_arena_entities(population: Population) -> Iterator[Chunk]:
-    """Yield walls and obstacles, and the appearance of robots or agents."""
-    width, height = population.arena.width_cm, population.arena.height_cm
+    """Yield walls and obstacles, the appearance of movables, and the appearance of robots or agents."""
+    arena = population.arena
+    width, height = arena.width_cm, arena.height_cm
     yield static_chunk(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
     outline = [(0, 0), (width, 0), (width, height), (0, height), (0, 0)]
     yield static_chunk(WALLS, rr.LineStrips2D([outline], colors=GREY))
     angles = np.linspace(0, 2 * math.pi, CIRCLE_CORNERS + 1)
-    rounds = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in population.arena.circles]
+    rounds = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in arena.circles[: arena.first_movable]]
     outlines = [np.column_stack(each) for each in rounds] + [
-        np.vstack([corners, corners[:1]]) for corners in population.arena.polygons
+        np.vstack([corners, corners[:1]]) for corners in arena.polygons
     ]
     if outlines:
         yield static_chunk(OBSTACLES, rr.LineStrips2D(outlines, colors=GREY))
+    if len(arena.movables):
+        radii = arena.circles[arena.first_movable :, 2]
+        yield static_chunk(MOVABLES, rr.Points2D.from_fields(radii=radii, colors=GREY, draw_order=15))
     labels = [str(number) for number in range(population.size)] if population.size < UNLABELLED else None
     yield static_chunk(ROBOTS, RINGS)
     discs = rr.Points2D.from_fields(
@@ -78,7 +88,7 @@ def static_arena_entities(population: Population) -> Iterator[Chunk]:
 
 
 def arena_entities(batch: RowBatch, radius_cm: float) -> Iterator[Chunk]:
-    """Yield positions, headings and rings in these rows; `radius_cm` is that of the discs."""
+    """Yield positions, headings and rings in these rows, and movables; `radius_cm` is that of the discs."""
     poses, time_ns = batch.poses, batch.time_ns
     each = np.full(len(poses), poses.shape[1])
     middles = poses[..., :2].reshape(-1, 2)
@@ -88,6 +98,21 @@ def arena_entities(batch: RowBatch, radius_cm: float) -> Iterator[Chunk]:
     yield temporal_chunk(ROBOTS, time_ns, *discs.partition(each))
     arrows = rr.Arrows2D.columns(origins=middles, vectors=ahead)
     yield temporal_chunk(HEADINGS, time_ns, *arrows.partition(each))
+    if len(batch.movables):
+        pushed = rr.Points2D.columns(positions=batch.movables.reshape(-1, 2))
+        yield temporal_chunk(MOVABLES, time_ns, *pushed.partition(np.full(len(poses), batch.movables.shape[1])))
+
+
+def static_ranges(ranges_cm: FloatArray, thin_cm: float) -> Chunk:
+    """Return the appearance of circles of (circles,) radii; `thin_cm` is half the thickness of a line."""
+    sizes = np.column_stack([ranges_cm, ranges_cm])
+    return static_chunk(RANGES, rr.Ellipses2D.from_fields(half_sizes=sizes, colors=FAINT, line_radii=thin_cm))
+
+
+def ranges(middles: FloatArray, batch: RowBatch) -> Chunk:
+    """Return the circles in these rows, about (rows, circles, 2) cm."""
+    circles = rr.Ellipses2D.columns(centers=middles.reshape(-1, 2))
+    return temporal_chunk(RANGES, batch.time_ns, *circles.partition(np.full(len(middles), middles.shape[1])))
 
 
 def unit_vectors(angle: FloatArray) -> FloatArray:

@@ -2,28 +2,31 @@
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.camera_pixels import Camera
+from epuck_sim.arena import Arena
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.embodied.visibility import View, find_sightings, view_of
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
-from epuck_sim.recording.layers.arena import FAINT, LIT, ray_ends, strip_columns, unit_vectors
+from epuck_sim.recording.layers.arena import FAINT, LIT, ranges, ray_ends, static_ranges, strip_columns, unit_vectors
 from epuck_sim.recording.layers.images import SpaceTime, image_entities, static_image_entities
 from epuck_sim.recording.layers.time_series import static_wheel_series, wheel_series
 from epuck_sim.recording.population import Population
-from epuck_sim.recording.relations.contacts import find_contacts
-from epuck_sim.recording.relations.visibility import find_sightings
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.signals import CameraSignal
 
 VIEWS = "/arena/views"
-"""Entity with (robots,) strips at each step, along the outermost rays of the camera's central window."""
+"""Entity with (robots,) strips at each step, along the edges of the camera's central window, or of a cone."""
 
 SIGHTINGS = "/arena/sightings"
 """Entity with arrows at each step, from a camera to each robot in its view; of class 1 if it sees that robot lit."""
@@ -38,6 +41,17 @@ YELLOW = (240, 200, 40)
 SIGHTS = rr.AnnotationContext([(0, "in view", (75, 85, 110)), (1, "seen lit", LIT)])
 
 
+class Outline(NamedTuple):
+    """The edges of a field of view or cone."""
+
+    forward_cm: float
+    """How far ahead of a robot's centre they begin."""
+    longest_cm: float
+    """Their length."""
+    half_angle_rad: float
+    """Angle between each and straight ahead."""
+
+
 class RobotLayers:
     """Overlays of the arena, sensor readings and wheel speeds of robots."""
 
@@ -46,21 +60,27 @@ class RobotLayers:
         self._scenario, self._population = scenario, population
         self._arena = arena = population.arena
         self._cells = make_cell_list(arena.width_cm, arena.height_cm, scenario.robot_count)
-        self._cameras: list[tuple[int, int, Camera]] = []
-        """For each group: number of its first robot, number of its robots, and their camera."""
+        self._groups: list[tuple[int, int, View | None, Outline]] = []
+        """For each group: number of its first robot, number of its robots, what they see with, and its outline."""
         first = 0
         for group in scenario.robots:
-            self._cameras.append((first, group.count, build_camera(group.camera)))
+            self._groups.append((first, group.count, view_of(group), _outline(group)))
             first += group.count
+        counts = [group.count for group in scenario.robots]
+        self._forward_cm = np.repeat([outline.forward_cm for *_, outline in self._groups], counts)
+        self._circles_cm = np.repeat([_circle_cm(group) for group in scenario.robots], counts)
+        self._encircled = np.flatnonzero(self._circles_cm)
         self._space_time = SpaceTime(scenario)
         alone = np.zeros((1, 1, 3))
-        find_sightings(alone, arena, self._cells, self._cameras[0][2], 0, 1)
+        find_sightings(alone, arena, self._cells, self._groups[0][2], 0, 1)
         find_contacts(alone, arena, self._cells)
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of overlays, pictures and wheel speeds."""
         yield from static_wheel_series(self._population)
         yield static_chunk(VIEWS, rr.LineStrips2D.from_fields(colors=FAINT, radii=0.1, draw_order=10))
+        if len(self._encircled) > 0:
+            yield static_ranges(self._circles_cm[self._encircled], thin_cm=0.1)
         yield static_chunk(SIGHTINGS, SIGHTS)
         yield static_chunk(SIGHTINGS, rr.Arrows2D.from_fields(radii=0.1, show_labels=False, draw_order=5))
         yield static_chunk(CONTACTS, rr.Points2D.from_fields(radii=0.6, colors=YELLOW, draw_order=40))
@@ -81,34 +101,77 @@ class RobotLayers:
         """Yield fields of view, sightings and contacts at these steps."""
         poses, time_ns = batch.poses, batch.time_ns
         yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(poses)))
+        if len(self._encircled) > 0:
+            yield ranges(poses[:, self._encircled, :2], batch)
         yield self._sightings(batch)
-        steps, points = find_contacts(poses, self._arena, self._cells)
-        touching = np.bincount(steps, minlength=len(poses))
+        found, points = self._contacts(batch)
+        touching = np.bincount(found[:, 0], minlength=len(poses))
         yield temporal_chunk(CONTACTS, time_ns, *rr.Points2D.columns(positions=points).partition(touching))
 
+    def _moments(self, batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
+        """Yield the first of some steps, their (steps, robots, 3) poses, and the arena, in which nothing moves then."""
+        if not len(batch.movables):
+            yield 0, batch.poses, self._arena
+        for step, places in enumerate(batch.movables):
+            yield step, batch.poses[step : step + 1], self._arena.with_movables_at(places)
+
+    def _contacts(self, batch: RowBatch) -> tuple[IntArray, FloatArray]:
+        """Return the contacts at these steps as `find_contacts` does."""
+        found, points = [], []
+        for first_step, poses, arena in self._moments(batch):
+            contacts, places = find_contacts(poses, arena, self._cells)
+            contacts[:, 0] += first_step
+            found.append(contacts)
+            points.append(places)
+        return np.concatenate(found), np.concatenate(points)
+
     def _views(self, poses: FloatArray) -> FloatArray:
-        """Return (steps, robots, 3, 2) cm: left end, camera and right end of each field of view, within the walls."""
+        """Return (steps, robots, 3, 2) cm: left end, apex and right end of each view or cone, within the walls."""
         views = np.empty((*poses.shape[:2], 3, 2))
-        for first, robots, camera in self._cameras:
+        for first, robots, _, (forward_cm, longest_cm, half_angle_rad) in self._groups:
             x, y, heading = poses[:, first : first + robots].transpose(2, 0, 1)
-            eye = np.stack([x, y], axis=-1) + epuck.CAMERA_FORWARD_CM * unit_vectors(heading)
+            eye = np.stack([x, y], axis=-1) + forward_cm * unit_vectors(heading)
             views[:, first : first + robots, 1] = eye
-            longest_cm = camera.range_cm if camera.range_cm < math.inf else UNBOUNDED_VIEW_CM
             for place, side in ((0, 1), (2, -1)):
-                rays = unit_vectors(heading + side * camera.half_view_rad)
+                rays = unit_vectors(heading + side * half_angle_rad)
                 views[:, first : first + robots, place] = ray_ends(eye, rays, longest_cm, self._arena)
         return views
 
     def _sightings(self, batch: RowBatch) -> Chunk:
         """Return the arrows to the robots in view; a ring is seen as it was commanded a step before."""
         poses = batch.poses
-        groups = [
-            find_sightings(poses, self._arena, self._cells, camera, first, robots)
-            for first, robots, camera in self._cameras
-        ]
+        groups = []
+        for first_step, some, arena in self._moments(batch):
+            for first, robots, view, _ in self._groups:
+                groups.append(find_sightings(some, arena, self._cells, view, first, robots))
+                groups[-1][:, 0] += first_step
         found = np.concatenate(groups)
         steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
-        origins = poses[steps, observers, :2] + epuck.CAMERA_FORWARD_CM * unit_vectors(poses[steps, observers, 2])
+        forward_cm = self._forward_cm[observers, None]
+        origins = poses[steps, observers, :2] + forward_cm * unit_vectors(poses[steps, observers, 2])
         lit = batch.ring_before[steps, seen].astype(np.uint16)
         arrows = rr.Arrows2D.columns(origins=origins, vectors=poses[steps, seen, :2] - origins, class_ids=lit)
         return temporal_chunk(SIGHTINGS, batch.time_ns, *arrows.partition(np.bincount(steps, minlength=len(poses))))
+
+
+def _outline(group: RobotGroup) -> Outline:
+    """Return the outline of a group's fields of view, or cones of vision or emission; of no length all around."""
+    signal = group.signal
+    if isinstance(signal, CameraSignal):
+        camera = build_camera(group.camera)
+        return Outline(epuck.CAMERA_FORWARD_CM, _longest(group.camera.range_cm), camera.half_view_rad)
+    longest_cm = 0.0 if signal.angle_deg == 360 else _longest(signal.range_cm)
+    return Outline(0.0, longest_cm, math.radians(signal.angle_deg / 2))
+
+
+def _longest(range_cm: float | None) -> float:
+    """Return the drawn length of a range, cm."""
+    return range_cm or UNBOUNDED_VIEW_CM
+
+
+def _circle_cm(group: RobotGroup) -> float:
+    """Return the radius in cm within which a group's robots receive signals from all around; 0 if there is none."""
+    signal = group.signal
+    if isinstance(signal, CameraSignal) or signal.angle_deg < 360:
+        return 0.0
+    return signal.range_cm or 0.0

@@ -53,8 +53,8 @@ def static_time_series(population: Population, level: Level) -> Iterator[Chunk]:
     )
     yield static_chunk(THRESHOLD, rr.SeriesLines(colors=RED, widths=1, names="synchronised"))
     if level is not Level.SUMMARY:
-        yield static_chunk(PHASES, rr.SeriesLines(names=_names(population), **KEEP_EXTREMES))
-        yield static_chunk(PHASE_LEAD, rr.SeriesPoints(names=_names(population), markers="circle", marker_sizes=2))
+        yield static_chunk(PHASES, rr.SeriesLines(names=robot_names(population), **KEEP_EXTREMES))
+        yield static_chunk(PHASE_LEAD, rr.SeriesPoints(names=robot_names(population), markers="circle", marker_sizes=2))
 
 
 def time_series(batch: RowBatch, population: Population, threshold: float | None, level: Level) -> Iterator[Chunk]:
@@ -71,10 +71,10 @@ def time_series(batch: RowBatch, population: Population, threshold: float | None
     if threshold is not None:
         yield temporal_chunk(THRESHOLD, time_ns[[0, -1]], *rr.Scalars.columns(scalars=[threshold, threshold]))
     if level is not Level.SUMMARY:
-        yield temporal_chunk(PHASES, time_ns, *_scalars(batch.phase_ms))
+        yield temporal_chunk(PHASES, time_ns, *scalar_columns(batch.phase_ms))
         if len(batch.firings):
             lead = phase_lead(batch.phase_ms[batch.firings], population)
-            yield temporal_chunk(PHASE_LEAD, time_ns[batch.firings], *_scalars(lead))
+            yield temporal_chunk(PHASE_LEAD, time_ns[batch.firings], *scalar_columns(lead))
 
 
 def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:
@@ -86,20 +86,21 @@ def phase_lead(phase_ms: FloatArray, population: Population) -> FloatArray:
 
 def static_wheel_series(population: Population) -> Iterator[Chunk]:
     """Yield the appearance of the plot of wheel speeds."""
-    sides = [f"{robot} {side}" for robot in _names(population) for side in ("left", "right")]
+    sides = [f"{robot} {side}" for robot in robot_names(population) for side in ("left", "right")]
     yield static_chunk(WHEELS, rr.SeriesLines(names=sides, **KEEP_EXTREMES))
 
 
 def wheel_series(batch: RowBatch) -> Iterator[Chunk]:
     """Yield the wheel speeds at these steps."""
-    yield temporal_chunk(WHEELS, batch.time_ns, *_scalars(batch.wheels_cm_s))
+    yield temporal_chunk(WHEELS, batch.time_ns, *scalar_columns(batch.wheels_cm_s))
 
 
-def _names(population: Population) -> list[str]:
+def robot_names(population: Population) -> list[str]:
+    """Return what lines of robots or agents are called."""
     return [f"{population.noun} {number}" for number in range(population.size)]
 
 
-def _scalars(values: FloatArray) -> rr.ComponentColumnList:
+def scalar_columns(values: FloatArray) -> rr.ComponentColumnList:
     """Return (rows, ...) values as scalars, row by row."""
     flat = values.reshape(len(values), -1)
     return rr.Scalars.columns(scalars=flat.ravel()).partition(np.full(len(flat), flat.shape[1]))

@@ -1,8 +1,7 @@
 """A trial in the viewer while it runs, at the speed of real robots or a multiple of it."""
 
-import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import rerun as rr
@@ -12,6 +11,7 @@ from epuck_sim.errors import RecordingError
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.recorder import Recorder
+from epuck_sim.recording.viewer.pace import Pace, Wait, sleep
 from epuck_sim.recording.viewer.process import ViewerProcess, free_port, in_background
 from epuck_sim.recording.viewer.viewer import chunk_stream, has_display, web_viewer
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -51,7 +51,15 @@ def live_viewer(port: int | None, announce: Callable[[str], None]) -> Iterator[t
 
 @contextmanager
 def live(
-    viewer: ViewerProcess, intake: int, scenario: EmbodiedScenario, seed: int, level: Level, speed: float
+    viewer: ViewerProcess,
+    intake: int,
+    scenario: EmbodiedScenario,
+    seed: int,
+    level: Level,
+    speed: float,
+    *,
+    memory: Sequence[str] = (),
+    wait: Wait = sleep,
 ) -> Iterator[Callable[[Step, SynchronyWatch], None]]:
     """Yield an observer that shows a trial in a viewer, and makes it last as long as it would, divided by `speed`.
 
@@ -62,35 +70,39 @@ def live(
         seed: The trial's seed.
         level: How much is shown.
         speed: How many times as fast as real robots.
+        memory: Fields of the controllers' MEMORY to show, each once.
+        wait: Waits between steps; it may return keys, see `viewer.pace`.
 
     Raises:
         RecordingError: The viewer was closed before the trial ended.
+        KeyboardInterrupt: The key that ends the trial was pressed.
     """
-    with chunk_stream(intake, str(uuid.uuid4()), layout_of(scenario, level)) as stream:
+    with chunk_stream(intake, str(uuid.uuid4()), layout_of(scenario, level, memory)) as stream:
         recorder = Recorder(
-            scenario, seed, level, REFRESH_S * speed, lambda chunks: rr.send_chunks(chunks, recording=stream)
+            scenario, seed, level, REFRESH_S * speed, lambda chunks: rr.send_chunks(chunks, recording=stream), memory
         )
-        yield _LiveObserver(recorder, speed, viewer)
+        yield _LiveObserver(recorder, Pace(speed, wait), viewer)
         recorder.finish()
 
 
 class _LiveObserver:
     """An observer that records, and keeps the pace."""
 
-    def __init__(self, recorder: Recorder, speed: float, viewer: ViewerProcess) -> None:
+    def __init__(self, recorder: Recorder, pace: Pace, viewer: ViewerProcess) -> None:
         self._recorder = recorder
-        self._speed = speed
+        self._pace = pace
         self._viewer = viewer
-        self._began: float | None = None
 
     def __call__(self, step: Step, watch: SynchronyWatch) -> None:
-        """Show a step when its time has come."""
-        if self._began is None:
-            self._began = time.monotonic()
-        early = self._began + step.time_s / self._speed - time.monotonic()
-        if early > 0:
-            time.sleep(early)
+        """Show a step when its time has come; stay there while the trial is paused."""
+        self._pace.wait_until(step.time_s)
+        self._check_viewer()
+        self._recorder(step, watch)
+        if self._pace.is_paused:
+            self._recorder.flush()
+            self._pace.stand_still(self._check_viewer)
+
+    def _check_viewer(self) -> None:
         if self._viewer.has_ended:
             self._viewer.wait()  # which raises if it broke down
             raise RecordingError(CLOSED)
-        self._recorder(step, watch)

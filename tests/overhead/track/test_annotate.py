@@ -1,4 +1,4 @@
-"""The annotated film: rings in green, and the evolving histogram below them."""
+"""The annotated film: rings in cyan, and the evolving histogram below them."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.annotate import BARS, BLUE, GREEN, GREY, OLD_BARS, STRIP_SHARE, WHITE, Annotator
+from epuck_sim.overhead.track.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, STRIP_SHARE, WHITE, Annotator
 from epuck_sim.overhead.track.annotate import _counts_by_column as counts_by_column
 
 PERIOD_S = 5.0
@@ -67,7 +67,7 @@ def test_the_strip_is_about_a_fifth_of_the_picture(size):
 
 
 def test_rings_are_drawn_where_they_were_found():
-    """The centre of gravity and the mean radius of the green are those of the ring, to a fraction of a pixel."""
+    """The centre of gravity and the mean radius of their green part are those of the ring, to a fraction of a pixel."""
     for x, y, radius in [(100.0, 200.0, 26.0), (250.3, 100.7, 25.6), (20.5, 470.5, 27.25)]:
         annotated = Annotator(480, 480, PERIOD_S).annotate(
             Frame(0.0, black()), [FoundRing(x, y, radius)], 0.0, None, None
@@ -76,8 +76,8 @@ def test_rings_are_drawn_where_they_were_found():
         rows, columns = np.mgrid[:480, :480]
         far = np.hypot(columns - x, rows - y)
 
-        assert not annotated[..., [0, 2]].any()
-        assert green.max() == GREEN[1]
+        assert not annotated[..., 0].any()
+        assert green.max() == CYAN[1]
         assert not green[np.abs(far - radius) > 4].any()
         assert (green * far).sum() / green.sum() == pytest.approx(radius, abs=0.3)
         if y + radius + 4 < 480:
@@ -196,7 +196,7 @@ def test_text_of_the_right_colour_and_of_the_last_evaluation():
     later = annotator.annotate(Frame(1.0, black()), [], 0.0, None, None)[480:]
     synchronised = annotator.annotate(Frame(1.0, black()), [], 0.0, None, 0.5)[480:]
 
-    assert not has(plain, GREEN).any()
+    assert not has(plain, CYAN).any()
     assert has(with_spread, WHITE).sum() > has(plain, WHITE).sum()
     np.testing.assert_array_equal(later, with_spread)
-    assert has(synchronised, GREEN).any()
+    assert has(synchronised, CYAN).any()

@@ -1,0 +1,153 @@
+"""Checks the names that a controller's code uses of its sensors, memory, actuators and parameters, without running it.
+
+Compiled and interpreted controllers thus get the same message, even for code that is seldom reached.
+"""
+
+import ast
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.control.interface import ACTUATORS, Controller, Sensors
+from epuck_sim.errors import ControllerError
+from epuck_sim.util.messages import comma_list, nearest_name
+
+STEP_ARGUMENTS = ("sensors", "memory", "actuators", "parameters", "random")
+"""What `step` is given, in this order."""
+
+START_ARGUMENTS = ("memory", "parameters", "random")
+"""What `start` is given, in this order."""
+
+CHECK_ARGUMENTS = ("parameters",)
+"""What `check` is given."""
+
+
+class _Known(NamedTuple):
+    """The names that one of the arguments has."""
+
+    names: Sequence[str]
+    kind: type
+    """Type of the argument, whose own attributes are allowed, too."""
+
+
+def check_names(controller: Controller) -> None:
+    """Reject a controller that uses a name which its sensors, memory, actuators or parameters do not have.
+
+    Functions that `start`, `step` and `check` hand these to are followed. What is assigned to another name, or comes
+    from elsewhere, is not looked at.
+
+    Raises:
+        ControllerError: The message has file, line, and the nearest name.
+    """
+    known = {
+        "sensors": _Known(Sensors._fields, Sensors),
+        "memory": _Known(controller.memory.names or (), np.record),
+        "actuators": _Known(ACTUATORS.names or (), np.record),
+        "parameters": _Known(list(controller.parameters), np.record),
+    }
+    trees = {str(path): ast.parse(source) for path, source in controller.sources.items()}
+    todo: list[tuple[object, tuple[str | None, ...]]] = [
+        (controller.step, STEP_ARGUMENTS),
+        (controller.start, START_ARGUMENTS),
+        (controller.check, CHECK_ARGUMENTS),
+    ]
+    done = set()
+    while todo:
+        function, roles = todo.pop()
+        if not isinstance(function, FunctionType) or (function, roles) in done:
+            continue
+        done.add((function, roles))
+        definition = _definition_of(function, trees)
+        if definition is not None:
+            names = _names_of_arguments(definition, roles)
+            _check_attributes(definition, names, known, function.__code__.co_filename)
+            todo.extend(_calls(definition, names, function.__globals__))
+
+
+def _definition_of(function: FunctionType, trees: Mapping[str, ast.Module]) -> ast.FunctionDef | None:
+    """Return the source of a function as a tree; None for a lambda, or a function from elsewhere."""
+    tree = trees.get(function.__code__.co_filename)
+    for node in ast.walk(tree) if tree else ():
+        if isinstance(node, ast.FunctionDef) and node.name == function.__code__.co_name:
+            first_line = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
+            if first_line == function.__code__.co_firstlineno:
+                return node
+    return None
+
+
+def _names_of_arguments(definition: ast.FunctionDef, roles: Sequence[str | None]) -> dict[str, str]:
+    """Return, by their names in a function, which arguments are sensors, memory and so on; not those assigned to."""
+    arguments = [each.arg for each in (*definition.args.posonlyargs, *definition.args.args)]
+    assigned = {each.id for each in ast.walk(definition) if isinstance(each, ast.Name) and _is_assigned(each)}
+    inner = {each.arg for node in definition.body for each in ast.walk(node) if isinstance(each, ast.arg)}
+    named = zip(arguments, roles, strict=False)
+    return {name: role for name, role in named if role and name not in assigned | inner}
+
+
+def _is_assigned(name: ast.Name) -> bool:
+    return not isinstance(name.ctx, ast.Load)
+
+
+def _check_attributes(
+    definition: ast.FunctionDef, names: Mapping[str, str], known: Mapping[str, _Known], file: str
+) -> None:
+    """Raise ControllerError for the first attribute that its object does not have."""
+    used = [
+        node
+        for node in ast.walk(definition)
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in names
+    ]
+    for node in sorted(used, key=lambda node: (node.lineno, node.col_offset)):
+        assert isinstance(node.value, ast.Name)
+        role = names[node.value.id]
+        if role in known and node.attr not in known[role].names and not hasattr(known[role].kind, node.attr):
+            raise ControllerError(f"{file}:{node.lineno}: {unknown_name(role, node.attr, known[role].names)}")
+
+
+def unknown_name(role: str, name: str, names: Sequence[str]) -> str:
+    """Return what to say of a name that sensors, memory, actuators or parameters do not have.
+
+    >>> unknown_name("memory", "wiat", ["wait"])
+    "memory has no 'wiat'; did you mean 'wait'?"
+    """
+    nearest = nearest_name(name, names)
+    there = f"did you mean {nearest!r}?" if nearest else f"known: {comma_list(list(names))}"
+    return f"{role} {'have' if role.endswith('s') else 'has'} no {name!r}; {there}"
+
+
+def _calls(
+    definition: ast.FunctionDef, names: Mapping[str, str], values: Mapping[str, object]
+) -> Iterator[tuple[object, tuple[str | None, ...]]]:
+    """Yield the functions that are called with such arguments, and what each of their arguments is."""
+    for node in ast.walk(definition):
+        if isinstance(node, ast.Call):
+            roles = [names.get(each.id) if isinstance(each, ast.Name) else None for each in node.args]
+            if any(roles):
+                yield _value_of(node.func, values), tuple(roles)
+
+
+def _value_of(node: ast.expr, values: Mapping[str, object]) -> object:
+    """Return what a name, or a name in a module, stands for; None where that is not known."""
+    if isinstance(node, ast.Name):
+        return values.get(node.id)
+    if isinstance(node, ast.Attribute):
+        owner = _value_of(node.value, values)
+        return getattr(owner, node.attr, None) if isinstance(owner, ModuleType) else None
+    return None
+
+
+def first_use(name: str, sources: Mapping[Path, bytes]) -> tuple[Path, int] | None:
+    """Return file and line of the first use of a name or attribute; None if no file uses it."""
+    for path, source in sources.items():
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.expr) and name in (getattr(node, "attr", None), getattr(node, "id", None)):
+                return path, node.lineno
+    return None
+
+
+def line_at(path: Path, line: int, sources: Mapping[Path, bytes]) -> str:
+    """Return a line of a file as it was loaded."""
+    return sources[path].decode().splitlines()[line - 1].strip()

@@ -1,0 +1,4 @@
+"""How things are shown on pages: HTML, pictures of the arena, numbers. Loads nothing heavy.
+
+May import: errors, arrays, geometry, epuck, arena.
+"""

@@ -1,0 +1,27 @@
+"""Environments for learning: swarms whose robots are driven from outside, one by one or in batches.
+
+`parallel_env` is a PettingZoo `ParallelEnv` of one swarm; `vector_env` a Gymnasium `VectorEnv` of all robots of many
+swarms; `RobotEnv` a Gymnasium `Env` of one robot among others, registered as `ROBOT_ENV`. The package
+`epuck-sim[learning]` brings what they need. See docs/learning.md.
+"""
+
+try:
+    from epuck_sim.environments.parallel import parallel_env
+    from epuck_sim.environments.rewards import Situation, aggregation, coverage, synchrony
+    from epuck_sim.environments.robot import ROBOT_ENV, RobotEnv
+    from epuck_sim.environments.vector import vector_env
+except ModuleNotFoundError as error:
+    if error.name not in ("gymnasium", "pettingzoo"):
+        raise
+    raise ModuleNotFoundError(f"{error}; pip install 'epuck-sim[learning]'", name=error.name) from error
+
+__all__ = [
+    "ROBOT_ENV",
+    "RobotEnv",
+    "Situation",
+    "aggregation",
+    "coverage",
+    "parallel_env",
+    "synchrony",
+    "vector_env",
+]

@@ -1,0 +1,90 @@
+"""Rewards: functions of a `Situation`, of one swarm or of a batch of them at once."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.errors import ScenarioError
+
+NEAR_CM = 15.0
+"""Distance of two centres, in cm, within which `aggregation` counts robots as together: about two diameters."""
+
+COVERED_CM = 10.0
+"""Distance from a robot's centre, in cm, within which `coverage` counts the floor as covered."""
+
+GRID_CM = 5.0
+"""Distance between the points at which `coverage` looks at the floor, in cm."""
+
+
+class Situation(NamedTuple):
+    """Where robots are and what they do; arrays of a batch have an axis of swarms before that of robots."""
+
+    time_s: FloatArray
+    """(...) seconds since the beginning of the episode."""
+    poses: FloatArray
+    """(..., robots, 3) cm, cm, rad: x, y, heading of all robots, those that have controllers included."""
+    wheels_cm_s: FloatArray
+    """(..., robots, 2) cm/s: left and right wheel, as commanded."""
+    ring_on: BoolArray
+    """(..., robots) whether each ring is lit."""
+    phase: FloatArray
+    """(..., robots) phase of each robot's oscillator, from 0 to 1; NaN for robots that have none."""
+    width_cm: float
+    """Width of the arena."""
+    height_cm: float
+    """Height of the arena."""
+    movables: FloatArray = np.empty((0, 2))
+    """(..., movables, 2) cm: where the arena's movables are."""
+
+
+SituationFunction = Callable[[Situation], npt.NDArray[Any]]
+"""Returns (...) one value for each swarm, or (..., robots) one for each robot, driven from outside or not."""
+
+
+def synchrony(situation: Situation) -> FloatArray:
+    """Return (...) the order parameter of the oscillators (eq. 4.2): 0 is incoherent, 1 synchronised.
+
+    Raises:
+        ScenarioError: There are no oscillators.
+    """
+    has_phase = ~np.isnan(situation.phase.reshape(-1, situation.phase.shape[-1])[0])
+    if not has_phase.any():
+        raise ScenarioError(
+            "synchrony is of oscillators, and no robot is one; drive the wheels alone: controller: external_wheels"
+        )
+    r: FloatArray = np.abs(np.exp(2j * np.pi * situation.phase[..., has_phase]).mean(axis=-1))
+    return r
+
+
+def aggregation(situation: Situation) -> FloatArray:
+    """Return (..., robots) the share of the other robots within `NEAR_CM` of each robot, from 0 to 1."""
+    near = (_distances_cm(situation.poses, situation.poses) <= NEAR_CM).sum(axis=-1) - 1
+    share: FloatArray = near / max(situation.poses.shape[-2] - 1, 1)
+    return share
+
+
+def coverage(situation: Situation) -> FloatArray:
+    """Return (...) the share of the floor that lies within `COVERED_CM` of a robot's centre, from 0 to 1."""
+    xs, ys = (
+        np.arange(GRID_CM / 2, length, GRID_CM) if length > GRID_CM else np.array([length / 2])
+        for length in (situation.width_cm, situation.height_cm)
+    )
+    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    covered = (_distances_cm(points, situation.poses) <= COVERED_CM).any(axis=-1)
+    share: FloatArray = covered.mean(axis=-1)
+    return share
+
+
+def _distances_cm(points: FloatArray, poses: FloatArray) -> FloatArray:
+    """Return (..., points, robots) the distance of each point from each robot's centre."""
+    distances: FloatArray = np.hypot(
+        points[..., :, None, 0] - poses[..., None, :, 0], points[..., :, None, 1] - poses[..., None, :, 1]
+    )
+    return distances
+
+
+REWARDS: dict[str, SituationFunction] = {"synchrony": synchrony, "aggregation": aggregation, "coverage": coverage}
+"""The shipped rewards by name."""

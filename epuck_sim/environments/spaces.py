@@ -1,0 +1,124 @@
+"""What agents observe and how they act, in numbers that networks like: the spaces, and the ways to and from them."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.step import Step
+from epuck_sim.environments.rewards import Situation
+from epuck_sim.errors import ScenarioError
+
+MOTIONS = np.array([(0.0, 0.0), (1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (0.5, 1.0), (1.0, 0.5)])
+"""(7, 2) left and right wheel of each discrete motion, as shares of the wheels' limit: stand still, ahead, back, turn
+left and right on the spot, drive an arc to the left and to the right."""
+
+PHASE_FEATURES = 2
+"""Numbers by which a phase is observed, on a circle."""
+
+
+def gather(arrays: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Return (arrays, ...) arrays of one shape as one, faster than `numpy.stack` does."""
+    return np.concatenate(arrays).reshape(len(arrays), *arrays[0].shape)
+
+
+class Commanded(NamedTuple):
+    """What actions of (..., agents) command."""
+
+    wheels_cm_s: FloatArray | None
+    """(..., agents, 2) cm/s; None if wheels are not commanded."""
+    ring_on: BoolArray | None
+    """(..., agents) whether rings are lit; None if rings are not commanded."""
+
+
+class AgentSpaces:
+    """The observations and actions of the robots of a scenario that are driven from outside: all alike."""
+
+    def __init__(self, simulation: Simulation, *, discrete: bool) -> None:
+        """Find the agents of a simulation and what they can do.
+
+        Args:
+            simulation: A simulation of the scenario.
+            discrete: Whether an action is the number of a motion, instead of speeds.
+
+        Raises:
+            ScenarioError: No robot is driven from outside, or not all of them alike.
+        """
+        wheels, rings = simulation.external_wheels, simulation.external_rings
+        name = simulation.scenario.name
+        self.robots = np.union1d(wheels, rings)
+        """(agents,) numbers of the robots that are driven from outside."""
+        if not len(self.robots):
+            raise ScenarioError(
+                f"{name}: no robot is driven from outside; give a group controller: external, external_wheels or "
+                "external_ring"
+            )
+        if any(0 < len(part) < len(self.robots) for part in (wheels, rings)):
+            raise ScenarioError(f"{name}: agents differ in what they drive, wheels or rings; allowed: all alike")
+        self.drives, self.flashes = bool(len(wheels)), bool(len(rings))
+        self._discrete = discrete
+        has_phase = not np.isnan(simulation.period_ms[self.robots]).all()
+        sizes = {"camera": simulation.scenario.camera_pixels, "infrared": len(epuck.INFRARED_POSITIONS_CM)}
+        sizes |= {"wheels": 2, "ring": 1, **({"phase": PHASE_FEATURES} if has_phase else {})}
+        ends = np.cumsum(list(sizes.values())).tolist()
+        self.fields = {part: slice(end - size, end) for (part, size), end in zip(sizes.items(), ends, strict=True)}
+        """Which columns of an observation hold what."""
+        low = np.zeros(ends[-1], np.float32)
+        for part in self.fields.keys() & {"wheels", "phase"}:
+            low[self.fields[part]] = -1.0
+        self.observation = gymnasium.spaces.Box(low, np.ones_like(low))
+        self.action = self.new_action_space()
+
+    def new_action_space(self) -> gymnasium.Space[Any]:
+        """Return a space of the actions of one agent, with a generator of its own."""
+        if self._discrete:
+            return gymnasium.spaces.Discrete((len(MOTIONS) if self.drives else 1) * (2 if self.flashes else 1))
+        return gymnasium.spaces.Box(-1.0, 1.0, (2 * self.drives + self.flashes,), np.float32)
+
+    def observe(self, situation: Situation, steps: Sequence[Step]) -> Float32Array:
+        """Return (swarms, agents, columns) what the agents of each swarm observe in its step."""
+        seen = np.empty((len(steps), len(self.robots), *self.observation.shape), np.float32)
+        seen[..., self.fields["camera"]] = gather([step.camera for step in steps])[:, self.robots]
+        counts = gather([step.infrared for step in steps])[:, self.robots]
+        seen[..., self.fields["infrared"]] = np.clip(counts / epuck.INFRARED_PEAK_COUNTS, 0, 1)
+        seen[..., self.fields["wheels"]] = situation.wheels_cm_s[:, self.robots] / epuck.WHEEL_LIMIT_CM_S
+        seen[..., self.fields["ring"]] = situation.ring_on[:, self.robots, None]
+        if "phase" in self.fields:
+            angles = 2 * np.pi * situation.phase[:, self.robots]
+            seen[..., self.fields["phase"]] = np.nan_to_num(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
+        return seen
+
+    def command(self, actions: npt.ArrayLike) -> Commanded:
+        """Return what actions, (..., agents) or (..., agents, numbers), command.
+
+        Raises:
+            ValueError: An action is not of the action space.
+        """
+        given = np.asarray(actions)
+        if self._discrete:
+            return self._command_discrete(given)
+        shape = self.action.shape or ()
+        if given.shape[-2:] != (len(self.robots), *shape) or not np.isfinite(given).all():
+            raise ValueError(
+                f"actions have the shape {given.shape} and are {'' if np.isfinite(given).all() else 'not '}all finite; "
+                f"allowed: finite numbers for each of {len(self.robots)} agents, {shape[0]} each"
+            )
+        wheels = epuck.WHEEL_LIMIT_CM_S * np.clip(given[..., :2], -1, 1) if self.drives else None
+        return Commanded(wheels, given[..., -1] > 0 if self.flashes else None)
+
+    def _command_discrete(self, given: npt.NDArray[Any]) -> Commanded:
+        count = int(self.action.n)  # type: ignore[attr-defined]
+        if (
+            given.shape[-1:] != self.robots.shape
+            or given.dtype.kind not in "iu"
+            or not ((given >= 0) & (given < count)).all()
+        ):
+            raise ValueError(f"actions are {given!r}; allowed: 0 to {count - 1} for each of {len(self.robots)} agents")
+        motions = len(MOTIONS) if self.drives else 1
+        wheels = epuck.WHEEL_LIMIT_CM_S * MOTIONS[given % motions] if self.drives else None
+        return Commanded(wheels, given // motions == 1 if self.flashes else None)

@@ -1,0 +1,137 @@
+"""All robots of many swarms as one Gymnasium vector environment: one policy for all, evaluated on all at once."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
+from epuck_sim.environments.batch import SwarmBatch
+from epuck_sim.environments.rewards import Situation, SituationFunction
+from epuck_sim.scenario.scenario import Scenario
+
+
+def vector_env(
+    scenario: Scenario | str | Path | Mapping[str, Any],
+    swarms: int,
+    *,
+    seed: int | None = None,
+    reward: SituationFunction | str = "aggregation",
+    terminate: Callable[[Situation], BoolArray] | None = None,
+    actions: Literal["continuous", "discrete"] = "continuous",
+    episode_s: float = 60.0,
+    control_steps: int = 1,
+    threads: int = 1,
+) -> "SwarmVectorEnv":
+    """Return a Gymnasium `VectorEnv` of all agents of a number of swarms of one scenario.
+
+    Row `swarm * agents + agent` of all arrays is one agent. Outcomes do not depend on the number of threads.
+
+    Args:
+        scenario: See `parallel_env`, also for the other arguments.
+        swarms: Number of swarms.
+        seed: Seed of the first swarm, `seed + 1` of the second, and so on; the scenario's own by default.
+        reward: See `parallel_env`.
+        terminate: See `parallel_env`.
+        actions: See `parallel_env`.
+        episode_s: See `parallel_env`.
+        control_steps: See `parallel_env`.
+        threads: Threads that take the swarms' steps.
+    """
+    batch = SwarmBatch(
+        scenario,
+        swarms,
+        reward=reward,
+        terminate=terminate,
+        discrete=actions == "discrete",
+        episode_s=episode_s,
+        control_steps=control_steps,
+        threads=threads,
+    )
+    first = batch.simulations[0].seed if seed is None else seed
+    for swarm in range(swarms):
+        batch.set_seed(swarm, first + swarm)
+    return SwarmVectorEnv(batch)
+
+
+class SwarmVectorEnv(VectorEnv[Float32Array, Any, Any]):
+    """All agents of many swarms; see `vector_env`. A swarm whose episode is over begins anew in the next step."""
+
+    metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012 Gymnasium's own type
+
+    def __init__(self, batch: SwarmBatch) -> None:
+        self._batch = batch
+        self.swarms, self.agents = len(batch.simulations), len(batch.spaces.robots)
+        self.num_envs = self.swarms * self.agents
+        self.single_observation_space = batch.spaces.observation
+        self.single_action_space = batch.spaces.action
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_fields = batch.spaces.fields
+        """Which columns of an observation hold what."""
+        self._is_over = np.ones(self.swarms, np.bool_)
+        self._has_begun = False
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,  # noqa: ARG002 Gymnasium's signature
+    ) -> tuple[Float32Array, dict[str, Any]]:
+        """Begin an episode of each swarm.
+
+        Args:
+            seed: Seed of the first swarm, `seed + 1` of the second, and so on; or one for each swarm; or None, to go on
+                in the rows of seeds that have begun.
+            options: Ignored.
+        """
+        seeds = [seed + swarm for swarm in range(self.swarms)] if isinstance(seed, int | np.integer) else seed
+        if seeds is not None and len(seeds) != self.swarms:
+            raise ValueError(f"seed holds {len(seeds)} seeds; allowed: one for each of {self.swarms} swarms, or one")
+        for swarm in range(self.swarms):
+            self._batch.set_seed(swarm, seeds[swarm] if seeds is not None else None)
+        self._batch.begin(range(self.swarms))
+        self._is_over[:] = False
+        self._has_begun = True
+        return self._rows(self._batch.observe(self._batch.look())), {}
+
+    def step(self, actions: npt.ArrayLike) -> tuple[Float32Array, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Have all robots act; those of swarms whose episodes are over begin a new one instead.
+
+        Args:
+            actions: (swarms * agents, ...) an action for each agent.
+
+        Returns:
+            (swarms * agents, ...) observations, rewards, whether terminated, whether truncated; and no infos.
+
+        Raises:
+            ValueError: `reset` was not called, or actions are not of the action space.
+        """
+        if not self._has_begun:
+            raise ValueError("no episode has begun; call reset()")
+        given = np.asarray(actions)
+        if given.shape[:1] != (self.num_envs,):
+            raise ValueError(f"actions have the shape {given.shape}; allowed: {self.num_envs} rows, one for each agent")
+        resting = self._is_over.copy()
+        self._batch.act(given.reshape(self.swarms, self.agents, *given.shape[1:]), resting)
+        self._batch.begin(np.flatnonzero(resting).tolist())
+        situation = self._batch.look()
+        rewards, terminated, truncated = self._batch.judge(situation)
+        rewards = np.where(resting[:, None], 0.0, rewards)
+        terminated &= ~resting
+        truncated &= ~resting
+        self._is_over = terminated | truncated
+        each = self.agents
+        flags = np.repeat(terminated, each), np.repeat(truncated, each)
+        return self._rows(self._batch.observe(situation)), rewards.ravel(), *flags, {}
+
+    def _rows(self, values: Float32Array) -> Float32Array:
+        return values.reshape(self.num_envs, *values.shape[2:])
+
+    def close_extras(self, **_: Any) -> None:
+        """End the threads."""
+        self._batch.close()

@@ -1,0 +1,123 @@
+"""Agreement on a word that flashes carry: the naming game and the voter model (thesis 6.2 leaves other tasks open).
+
+Each robot or agent begins with a word of its own. Whoever flashes says one of the words that it knows, and all who see
+the flash hear it; nobody learns who heard. In the naming game, who knows the word forgets all others, and who does not
+adds it: the variant in which hearers alone change (Baronchelli, Phys. Rev. E 83, 046103, 2011), since a flash brings no
+answer. A voter takes over what it hears. Words do not change what anyone does.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray, IntArray
+from epuck_sim.particles.pulse_links import SHIFTS_ONLY
+
+RULES = ("naming_game", "voter")
+
+STREAM = 18
+"""Number that sets the words' random stream apart from the trial's others."""
+
+
+class _Talk:
+    """What both measures share: who knows which words, and the rule by which that changes."""
+
+    MODELS = ("embodied", "particles")
+
+    def __init__(self, simulation: Any, *, rule: str = "naming_game") -> None:
+        population = int(simulation.scenario.population)
+        self._simulation = simulation
+        self._is_voter = rule == "voter"
+        self._random = np.random.default_rng([simulation.seed, STREAM])
+        self.knows: BoolArray = np.eye(population, dtype=bool)  # of each robot or agent, each word
+        self._heard: BoolArray = np.zeros((population, population), bool)  # the flash of each, by each
+        self._word: IntArray = np.full(population, -1)  # that each one's flash carries
+
+    @staticmethod
+    def check(parameters: Any) -> None:
+        """Raise ValueError if there is no such rule."""
+        if parameters.rule not in RULES:
+            raise ValueError(f"rule is {parameters.rule}; allowed: {', '.join(RULES)}")
+
+    @staticmethod
+    def check_scenario(scenario: Any, _: Any) -> None:
+        """Raise ValueError for swarms of agents so large that only pulses which shift a phase are found."""
+        if scenario.model == "particles" and scenario.population >= SHIFTS_ONLY:
+            raise ValueError(f"agents.count is {scenario.population}; allowed with words: below {SHIFTS_ONLY}")
+
+    @property
+    def words(self) -> int:
+        """Number of words that somebody knows."""
+        return int(self.knows.any(axis=0).sum())
+
+    def say(self, speaker: int) -> int:
+        """Return one of the words that somebody knows, drawn at random."""
+        return int(self._random.choice(np.flatnonzero(self.knows[speaker])))
+
+    def hear(self, hearer: int, word: int) -> None:
+        """Change what somebody knows who hears a word."""
+        if self._is_voter or self.knows[hearer, word]:
+            self.knows[hearer] = False
+        self.knows[hearer, word] = True
+
+    def step(self, step: Any, _: Any) -> None:
+        """Have robots hear the word of each flash once, when they first see it."""
+        for hearer, speaker in step.sightings:
+            if not self._heard[speaker, hearer]:
+                if self._word[speaker] < 0:
+                    self._word[speaker] = self.say(speaker)
+                self._heard[speaker, hearer] = True
+                self.hear(hearer, self._word[speaker])
+        is_over = ~step.ring_on  # what is seen in a step is what was lit in the one before
+        self._heard[is_over] = False
+        self._word[is_over] = -1
+
+    def event(self, event: Any, _: Any) -> None:
+        """Have agents hear the words of those that fire, in the order of the cascade."""
+        if not len(event.fired):
+            return
+        word, last = -1, -1
+        for speaker, hearer, _ in self._simulation.pulse_links():
+            if speaker != last:
+                word, last = self.say(speaker), speaker
+            self.hear(hearer, word)
+
+
+class Consensus(_Talk):
+    """Cycles until all know one word, the same (both models)."""
+
+    _agreed: int | None = None
+
+    def step(self, step: Any, state: Any) -> None:
+        """Have robots hear words, and note the cycle in which all agree."""
+        super().step(step, state)
+        self._note(state.cycles)
+
+    def event(self, event: Any, state: Any) -> None:
+        """Have agents hear words, and note the cycle in which all agree."""
+        super().event(event, state)
+        self._note(state.cycles)
+
+    def _note(self, cycles: int) -> None:
+        if self._agreed is None and self.words == 1:
+            self._agreed = cycles
+
+    def value(self) -> int | None:
+        """Return the cycles; None if they never agreed."""
+        return self._agreed
+
+
+class Words(_Talk):
+    """Number of words that somebody knows, at each cycle (series)."""
+
+    def __init__(self, simulation: Any, *, rule: str = "naming_game") -> None:
+        super().__init__(simulation, rule=rule)
+        self._series: list[int] = []
+
+    def cycle(self, _: Any, __: Any) -> None:
+        """Count the words."""
+        self._series.append(self.words)
+
+    def value(self) -> list[int]:
+        """Return the series."""
+        return self._series

@@ -1,0 +1,82 @@
+"""What a schedule changes in a swarm of point agents, at an instant between two events.
+
+Nothing here is compiled, so that a trial without a schedule runs the same code as ever.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.particles.motion import Trajectories, find_ends
+from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, Oscillators
+from epuck_sim.scenario.agent_schedule import AgentDisplacement, AgentScheduleEntry
+from epuck_sim.scenario.schedule import TimedEntries
+
+Moment = tuple[float, float]
+"""A cycle, from 0, and the time in it, 0 to 1."""
+
+NEVER: Moment = (math.inf, 0.0)
+"""Later than any moment of a trial."""
+
+SCHEDULE_SEED = 4
+"""Index of the seed of schedules among the children of a trial's seed, after those of `initial_conditions`."""
+
+
+def timed_entries(schedule: Sequence[AgentScheduleEntry], period_s: float) -> TimedEntries[Moment]:
+    """Return the entries that have a time, by their moments."""
+    timed = [(entry.at_s, number) for number, entry in enumerate(schedule) if entry.at_s is not None]
+    return TimedEntries([(divmod(at_s / period_s, 1.0), number) for at_s, number in sorted(timed)], NEVER)
+
+
+def last_firing_before(moment: Moment) -> tuple[int, float]:
+    """Return cycle and time up to which oscillators fire at the same instant as a moment, and thus before a change."""
+    cycle, time = moment
+    later, within = divmod(time + SIMULTANEITY_CYCLES, 1.0)
+    return int(cycle + later), within
+
+
+def any_ends_by(trajectories: Trajectories, moment: Moment) -> bool:
+    """Return whether any agent reaches a wall, or the end of a run, up to a moment."""
+    cycle, time = moment
+    ends = trajectories.end_cycle
+    return bool(((ends < cycle) | ((ends == cycle) & (trajectories.end_time <= time))).any())
+
+
+def change_speeds(trajectories: Trajectories, positions: FloatArray, speed: FloatArray, time: float) -> None:
+    """Begin all trajectories anew, with other speeds.
+
+    Args:
+        trajectories: Those of all agents, continued to the present time.
+        positions: (agents, dimensions) cm: where the agents are.
+        speed: (agents,) cm per cycle.
+        time: The present time: cycles since the start of the present cycle.
+    """
+    trajectories.origin[:] = np.clip(positions.T, 0.0, trajectories.side_cm)
+    trajectories.start_cycle[:] = trajectories.cycle[0]
+    trajectories.start_time[:] = time
+    trajectories.speed[:] = speed
+    find_ends(trajectories)
+
+
+def displace_phases(
+    oscillators: Oscillators, phases: FloatArray, displacement: AgentDisplacement, sequence: np.random.SeedSequence
+) -> None:
+    """Displace phases of oscillators.
+
+    Args:
+        oscillators: All oscillators.
+        phases: (agents,) their phases at the present time.
+        displacement: Whose phases, and by how much.
+        sequence: Seed sequence from which random phases are drawn, for all agents, whoever is displaced.
+    """
+    by_cycles = displacement.by_cycles
+    if isinstance(by_cycles, str):
+        displaced = np.random.Generator(np.random.SFC64(sequence)).random(len(phases))
+    else:
+        displaced = (phases + by_cycles % 1.0) % 1.0
+    agents = slice(None) if displacement.agents is None else list(displacement.agents)
+    until_firing = (1 - displaced) * oscillators.period
+    oscillators.next_firing[agents] = oscillators.now[0] + until_firing[agents]
+    oscillators.is_stale[:] = True

@@ -1,1 +1,0 @@
-"""Which robots or agents see, touch or receive which."""

@@ -1,0 +1,66 @@
+"""The sweeps of claims: their scenarios, and their run folders."""
+
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+
+from epuck_sim.errors import EpuckSimError, ScenarioError
+from epuck_sim.replication.checks import FormulaCheck, SweepCheck
+from epuck_sim.replication.claims import Claim, Claims
+from epuck_sim.replication.evaluation import chosen_points
+from epuck_sim.scenario.loader import find_scenario, load_scenario
+from epuck_sim.scenario.overrides import merge, without_quick
+from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.yaml_io import read_yaml
+
+
+class Version(StrEnum):
+    """How many trials, and how long ones, claims are asked with."""
+
+    QUICK = "quick"
+    FULL = "full"
+
+
+def sweep_scenario(claims: Claims, name: str, version: Version) -> Scenario:
+    """Return the scenario of a sweep in one of its versions.
+
+    Raises:
+        ScenarioError: It cannot be run.
+    """
+    asked = claims.sweeps[name]
+    given = without_quick(read_yaml(find_scenario(asked.scenario)))
+    given.pop("figure", None)  # it is about axes that the sweep may no longer have
+    changes = asked.quick if version == Version.QUICK else asked.full
+    try:
+        return load_scenario({**merge(merge(given, asked.keys), changes), "name": f"{name}-{version}"})
+    except ScenarioError as error:
+        raise ScenarioError(f"sweep {name}: {error}") from error
+
+
+def sweep_folder(folder: Path, name: str, version: Version) -> Path:
+    """Return the run folder of a sweep: each version has its own."""
+    return folder / "runs" / f"{name}-{version}"
+
+
+def needed_sweeps(claims: Claims, chosen: Sequence[Claim], version: Version) -> dict[str, Scenario]:
+    """Return the scenarios of the sweeps that the chosen claims are asked of, by name.
+
+    Raises:
+        EpuckSimError: One of them cannot be run, or lacks a point that a claim names; then none is.
+    """
+    names = dict.fromkeys(claim.sweep for claim in chosen if claim.sweep is not None)
+    scenarios = {name: sweep_scenario(claims, name, version) for name in names}
+    swept = {name: points(scenario) for name, scenario in scenarios.items()}
+    for claim in chosen:
+        for check in claim.checks:
+            if claim.sweep is not None and not isinstance(check, FormulaCheck):
+                _check_points(claim, check, swept[claim.sweep])
+    return scenarios
+
+
+def _check_points(claim: Claim, check: SweepCheck, swept: Sequence[Point]) -> None:
+    try:
+        chosen_points(check, swept)
+    except EpuckSimError as error:
+        raise EpuckSimError(f"claim {claim.id}: {error}") from error

@@ -1,0 +1,80 @@
+"""What a page about a run folder shows, read from the folder."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from epuck_sim.figures.labels import quantity_label
+from epuck_sim.report.groups import point_labels
+from epuck_sim.runs.reader import PointTrials, database_of, read_measure_names, read_points
+from epuck_sim.runs.status import Status, read_status
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.summary import PointSummary, summarize
+
+
+class Quantity(NamedTuple):
+    """T_sync, or a measure of one value a trial, at all points."""
+
+    name: str
+    label: str
+    """Its name, with a unit if it has one."""
+    points: list[PointTrials]
+    labels: list[str]
+    """What distinguishes each point, as text."""
+    measured: list[Measured]
+    """Its values at each point; at some there may be none."""
+    summaries: list[PointSummary]
+    is_time: bool
+    """Whether it is T_sync, which may be censored."""
+
+
+class Series(NamedTuple):
+    """A measure with a value for each cycle, at all points."""
+
+    name: str
+    points: list[PointTrials]
+
+
+class Contents(NamedTuple):
+    """Everything on the page of a run folder."""
+
+    folder: str
+    """The folder, as it was given."""
+    scenario: str
+    """The scenario as the folder keeps it, YAML."""
+    changed: datetime
+    """When a result was last stored, UTC."""
+    status: Status
+    points: list[PointTrials]
+    quantities: list[Quantity]
+    series: list[Series]
+
+
+def read_contents(folder: Path | str) -> Contents:
+    """Read a run folder, also an unfinished one.
+
+    Raises:
+        StoreError: The folder is not a run folder, or its database is damaged.
+    """
+    points = read_points(folder)
+    measures = {name: read_points(folder, name) for name in read_measure_names(folder)}
+    series = [Series(name, found) for name, found in measures.items() if _is_series(found)]
+    has_t_sync = all(point.has_t_sync for point in points)
+    quantities = [_quantity("T_sync", quantity_label(None), points)] if has_t_sync else []
+    quantities += [
+        _quantity(name, quantity_label(name), found) for name, found in measures.items() if not _is_series(found)
+    ]
+    stored = Path(folder) / RUN_SCENARIO
+    text = stored.read_text(encoding="utf-8", errors="replace") if stored.is_file() else ""
+    changed = datetime.fromtimestamp(database_of(folder).stat().st_mtime, UTC)
+    return Contents(str(folder), text, changed, read_status(Path(folder)), points, quantities, series)
+
+
+def _quantity(name: str, label: str, points: list[PointTrials]) -> Quantity:
+    measured, is_time = [measure(point) for point in points], points[0].of is None
+    return Quantity(name, label, points, point_labels(points), measured, summarize(points), is_time)
+
+
+def _is_series(points: list[PointTrials]) -> bool:
+    return any(isinstance(value, list) for point in points for value in point.measured)

@@ -1,0 +1,169 @@
+"""The parts of a page that are text and tables."""
+
+import shlex
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+
+from epuck_sim.display.html import Node, details, element, facts, table
+from epuck_sim.display.numbers import format_estimate, in_words
+from epuck_sim.figures.labels import axis_label, axis_labels
+from epuck_sim.report.contents import Contents, Quantity
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.figure_axes import distinguishing_axes
+from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.statistics.summary import applicable_statistics
+from epuck_sim.util.provenance import PROVENANCE
+
+MOST_FAILURES = 100
+"""Maximum number of failed trials that are listed."""
+
+MOST_VALUES = 12
+"""Maximum number of values of an axis that are listed."""
+
+
+def anchor(name: str) -> str:
+    """Return the id of the section of T_sync or a measure."""
+    return f"of-{name}"
+
+
+def describe_run(contents: Contents) -> Iterator[Node]:
+    """Yield what was run: scenario, links to the sections, how far it is, by what it was made."""
+    status, first = contents.status, contents.points[0].scenario
+    yield element("h1", status.scenario)
+    if first.description:
+        yield element("p", first.description)
+    names = [*(quantity.name for quantity in contents.quantities), *(series.name for series in contents.series)]
+    links = [(anchor(name), name) for name in names]
+    links += [("failed", "Failed trials")] * bool(status.failed) + [("again", "Run a trial again")]
+    yield element("nav", *(element("a", text, href=f"#{target}") for target, text in links))
+    yield element("h2", "What was run")
+    yield facts(_facts(contents))
+    if status.versions:
+        headings = ("trials", *(name.replace("_", "-") for name in PROVENANCE))
+        rows = [[str(row.trials), *row.made_by.values()] for row in status.versions]
+        yield element("h3", "Versions and hosts")
+        yield element("div", table(headings, rows, class_="left"), class_="scroll")
+
+
+def _facts(contents: Contents) -> Iterator[tuple[str, Node]]:
+    status, points = contents.status, contents.points
+    yield "folder", contents.folder
+    yield "model", points[0].scenario.model
+    noun = "robots" if points[0].scenario.controllers else "agents"
+    yield noun, _range(point.scenario.population for point in points)
+    left = status.trials - status.stored - len(status.failed)
+    trials = [f"{status.stored} of {status.trials} have a result"]
+    trials += [f"{status.censored} censored"] * any(quantity.is_time for quantity in contents.quantities)
+    trials += [f"{len(status.failed)} failed"] * bool(status.failed) + [f"{left} still to be run"] * bool(left)
+    yield "trials", ", ".join(trials)
+    yield "points", str(status.points)
+    for key in points[0].axes:
+        values = list(dict.fromkeys(str(point.axes[key]) for point in points))
+        more = [f"and {len(values) - MOST_VALUES} more"] * (len(values) > MOST_VALUES)
+        label = key if axis_label(key) == key else f"{axis_label(key)}, {key}"
+        yield label, ", ".join([*values[:MOST_VALUES], *more])
+    yield "master seed", _range(point.scenario.seed for point in points)
+    yield "computing time", in_words(status.wall_s)
+    yield "last result", f"{contents.changed:%Y-%m-%d %H:%M} UTC"
+    if status.at_work:
+        yield "at work", status.at_work
+    if left:
+        yield "to go on", _code(f"run {_folder(contents)}/")
+
+
+def _range(numbers: Iterable[int]) -> str:
+    found = sorted(set(numbers))
+    return str(found[0]) if len(found) == 1 else f"{found[0]} to {found[-1]}"
+
+
+def tabulate(contents: Contents, quantity: Quantity) -> Iterator[Node]:
+    """Yield the table of a quantity at each point, and what is to be said of it."""
+    names = applicable_statistics(quantity.summaries)
+    headings = ["trials", *["censored"] * quantity.is_time, *names.values()]
+    cells = [
+        [
+            str(summary.trials),
+            *[f"{summary.censored:.0%}"] * quantity.is_time,
+            *(format_estimate(*summary.estimate(name)) for name in names),
+        ]
+        for summary in quantity.summaries
+    ]
+    yield _by_point(contents.points, headings, cells)
+    notes = ["In parentheses: 95 % intervals. -: undetermined."]
+    if any(summary.censored for summary in quantity.summaries):
+        notes += [
+            "Mean: of all trials, where none is censored. Restricted mean: of the lesser of T_sync and the limit of "
+            "cycles, or the longest trial. Weibull mean: extrapolated by Appendix A of the thesis."
+        ]
+    if any(0 < summary.trials < MIN_TRIALS for summary in quantity.summaries):
+        notes += [f"There are intervals from {MIN_TRIALS} trials on."]
+    if not any(summary.trials for summary in quantity.summaries):
+        notes = ["No trial has a result yet."]
+    yield element("p", " ".join(notes), class_="note")
+
+
+def count_trials(contents: Contents) -> Iterator[Node]:
+    """Yield a table of how many trials of each point have a result."""
+    yield _by_point(contents.points, ["trials"], [[str(len(point.times))] for point in contents.points])
+
+
+def list_failures(contents: Contents) -> Iterator[Node]:
+    """Yield the failed trials with their messages, if there are any."""
+    failed = contents.status.failed
+    if not failed:
+        return
+    folder, touched = _folder(contents), len(Counter(failure.point for failure in failed))
+    yield element("h2", f"Failed trials: {len(failed)}", id="failed")
+    yield element("p", f"At {touched} of {len(contents.points)} points; ", _code(f"run {folder}/"), " retries them.")
+    rows: list[list[Node]] = [
+        [element("code", f"--point {each.point} --trial {each.trial}"), str(each.seed), each.error]
+        for each in failed[:MOST_FAILURES]
+    ]
+    yield element("div", table(("trial", "seed", "message"), rows, class_="left"), class_="scroll")
+    if len(failed) > MOST_FAILURES:
+        more = f"There are {len(failed) - MOST_FAILURES} more, which "
+        yield element("p", more, _code(f"status {folder} --json"), " lists.")
+
+
+def list_commands(contents: Contents) -> Iterator[Node]:
+    """Yield the commands that run trials again: the pattern, and that of each point."""
+    folder = _folder(contents)
+    yield element("h2", "Run a trial again", id="again")
+    yield element(
+        "p",
+        "Trials repeat to the bit with the same versions. K is the number of a point, J that of a trial, from 0 to one "
+        "less than trials at a point.",
+    )
+    lines = [
+        f"epuck-sim run {folder} --point K --trial J",
+        f"epuck-sim run {folder} --point K --trial J --record trial.rrd",
+        "epuck-sim replay trial.rrd",
+    ]
+    yield element("pre", "\n".join(lines))
+    cells = [[_code(f"run {folder} --point {point.number} --trial J")] for point in contents.points]
+    yield details("The command of each point", _by_point(contents.points, ["command"], cells))
+
+
+def show_scenario(contents: Contents) -> Iterator[Node]:
+    """Yield the scenario as the folder keeps it."""
+    yield element("h2", "Scenario")
+    yield details("The scenario with every default, as YAML", element("pre", contents.scenario))
+
+
+def _by_point(points: Sequence[PointTrials], headings: Sequence[str], cells: Iterable[Sequence[Node]]) -> Node:
+    """Return a table with a row for each point, with its number and what distinguishes it before its cells."""
+    axes = distinguishing_axes([point.axes for point in points])
+    rows = (
+        [str(point.number), *map(str, row.values()), *rest]
+        for point, row, rest in zip(points, axes, cells, strict=True)
+    )
+    return element("div", table(["point", *axis_labels(axes[0]), *headings], rows), class_="scroll")
+
+
+def _folder(contents: Contents) -> str:
+    """Return the folder as a word of a command."""
+    return shlex.quote(contents.folder)
+
+
+def _code(command: str) -> Node:
+    return element("code", f"epuck-sim {command}")

@@ -1,0 +1,193 @@
+"""What may fail in robots while a trial runs (thesis 4.4): the section `faults` of a scenario."""
+
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+
+_WHOM = ("robots", "share", "count")
+_WHEN = ("at_s", "until_s", "per_hour", "mean_s")
+
+
+class FaultSection(ConfigModel):
+    """A fault: in which robots, from when to when."""
+
+    needs_oscillator: ClassVar[bool] = False
+    """Whether only oscillators can have it."""
+    is_of_sight: ClassVar[bool] = False
+    """Whether it is of what brings flashes to a robot: its camera, or its ideal sensor."""
+
+    kind: str
+    robots: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
+    """Numbers of the robots that may have it; all by default."""
+    share: Annotated[Number, Field(gt=0, le=1)] | None = None
+    """Share of all robots that may have it, drawn at random in each trial, instead of `robots`."""
+    count: Annotated[WholeNumber, Field(ge=1)] | None = None
+    """Number of robots that may have it, drawn at random in each trial, instead of `robots`."""
+    at_s: Annotated[Number, Field(ge=0, le=1e9)] | None = None
+    """Time at which it begins; with `per_hour`, from which it may. 0 by default."""
+    until_s: Annotated[Number, Field(gt=0, le=1e9)] | None = None
+    """Time at which it ends; with `per_hour`, it begins no more, too. Never by default."""
+    per_hour: Annotated[Number, Field(gt=0, le=360_000)] | None = None
+    """Mean number of times that it begins in an hour without it, in each robot at times of its own."""
+    mean_s: Positive | None = None
+    """With `per_hour`, mean time for which it lasts; until the end by default."""
+    scheduled: bool = False
+    """Whether it begins and ends as the section `schedule` says, instead of at a time or at a rate."""
+
+    @model_validator(mode="after")
+    def _check_whom_and_when(self) -> Self:
+        whom = [key for key in _WHOM if getattr(self, key) is not None]
+        if len(whom) > 1:
+            raise ValueError(
+                f"{whom[0]} and {whom[1]} are given; give one of {', '.join(_WHOM)}, or none for all robots"
+            )
+        if self.robots is not None and (not self.robots or len(set(self.robots)) < len(self.robots)):
+            raise ValueError(f"robots is {list(self.robots)}; allowed: one number or more, each once")
+        when = [key for key in _WHEN if getattr(self, key) is not None]
+        if self.scheduled and when:
+            raise ValueError(f"scheduled is true and {when[0]} is given; leave one of them out")
+        if self.mean_s is not None and self.per_hour is None:
+            raise ValueError("mean_s is given without per_hour; give until_s, or per_hour, too")
+        if self.until_s is not None and self.until_s <= (self.at_s or 0):
+            raise ValueError(f"until_s is {self.until_s:g}; allowed: above at_s, which is {self.at_s or 0:g}")
+        return self
+
+    def check_robots(self, robot_count: int) -> None:
+        """Raise ValueError, with a message that begins with the key, unless a swarm has enough robots."""
+        if self.robots is not None and max(self.robots) >= robot_count:
+            raise ValueError(f"robots is {list(self.robots)}; allowed: 0 to {robot_count - 1}")
+        if self.count is not None and self.count > robot_count:
+            raise ValueError(f"count is {self.count}; allowed: 1 to {robot_count}")
+
+    def may_befall(self, first: int, count: int) -> bool:
+        """Return whether any of `count` robots from number `first` on may have it."""
+        return self.robots is None or any(first <= robot < first + count for robot in self.robots)
+
+
+class RingDead(FaultSection):
+    """The ring stays dark."""
+
+    kind: Literal["ring_dead"]
+
+
+class RingStuckOn(FaultSection):
+    """The ring stays lit."""
+
+    kind: Literal["ring_stuck_on"]
+
+
+class OscillatorFrozen(FaultSection):
+    """The phase, and with it the ring, stay as they are; the robot moves on."""
+
+    needs_oscillator: ClassVar[bool] = True
+    kind: Literal["oscillator_frozen"]
+
+
+class ClockDrift(FaultSection):
+    """The robot's clock runs fast or slow (thesis 4.4)."""
+
+    kind: Literal["clock_drift"]
+    rate: Annotated[Number, Field(ge=0.1, le=10)]
+    """Factor of the clock's rate: 1.01 runs 1 % fast."""
+
+
+class ClockJitter(FaultSection):
+    """The robot's clock runs unevenly (thesis 4.4)."""
+
+    kind: Literal["clock_jitter"]
+    jitter: Annotated[Number, Field(gt=0, le=1)]
+    """Half-width of the uniform factor around 1 by which each control step is longer by the robot's clock."""
+
+
+class CameraBlind(FaultSection):
+    """The camera sees no flash."""
+
+    is_of_sight: ClassVar[bool] = True
+    kind: Literal["camera_blind"]
+
+
+class CameraMisses(FaultSection):
+    """The camera misses some flashes, each as a whole (thesis 4.4)."""
+
+    is_of_sight: ClassVar[bool] = True
+    kind: Literal["camera_misses"]
+    missed: Annotated[Number, Field(gt=0, le=1)]
+    """Probability with which a flash is missed, drawn for each flash, sender and receiver."""
+    nearer_than_cm: Positive | None = None
+    """Only flashes of robots nearer than this, from centre to centre, are missed, or of those `farther_than_cm`."""
+    farther_than_cm: Positive | None = None
+    """Only flashes of robots farther than this are missed, or of those `nearer_than_cm`."""
+
+
+class InfraredDead(FaultSection):
+    """The proximity sensors read 0, as if nothing were in range."""
+
+    kind: Literal["infrared_dead"]
+
+
+class WheelsDead(FaultSection):
+    """The robot stands still, whatever it commands."""
+
+    kind: Literal["wheels_dead"]
+
+
+class Restart(FaultSection):
+    """The oscillator starts anew at a random phase, with a dark ring; it takes no time."""
+
+    needs_oscillator: ClassVar[bool] = True
+    kind: Literal["restart"]
+
+    @model_validator(mode="after")
+    def _check_no_end(self) -> Self:
+        if self.mean_s is not None or (self.until_s is not None and self.per_hour is None):
+            raise ValueError("a restart takes no time; leave mean_s out, and until_s, too, unless per_hour is given")
+        return self
+
+
+FAULTS: dict[str, type[FaultSection]] = {
+    "ring_dead": RingDead,
+    "ring_stuck_on": RingStuckOn,
+    "oscillator_frozen": OscillatorFrozen,
+    "clock_drift": ClockDrift,
+    "clock_jitter": ClockJitter,
+    "camera_blind": CameraBlind,
+    "camera_misses": CameraMisses,
+    "infrared_dead": InfraredDead,
+    "wheels_dead": WheelsDead,
+    "restart": Restart,
+}
+"""Faults by their kind."""
+
+AnyFault = Annotated[
+    RingDead
+    | RingStuckOn
+    | OscillatorFrozen
+    | ClockDrift
+    | ClockJitter
+    | CameraBlind
+    | CameraMisses
+    | InfraredDead
+    | WheelsDead
+    | Restart,
+    Field(discriminator="kind"),
+]
+
+
+def check_faults(faults: tuple[FaultSection, ...], groups: tuple[Any, ...]) -> None:
+    """Raise ValueError unless robots can have these faults; `groups`: the scenario's groups of robots."""
+    robot_count = sum(group.count for group in groups)
+    for number, fault in enumerate(faults):
+        try:
+            fault.check_robots(robot_count)
+        except ValueError as error:
+            raise ValueError(f"faults.{number}.{error}") from error
+        first = 0
+        for place, group in enumerate(groups):
+            if fault.is_of_sight and group.signal.kind == "radio" and fault.may_befall(first, group.count):
+                raise ValueError(
+                    f"faults.{number}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
+                    "give robots, the numbers of others, or robots.*.signal.loss"
+                )
+            first += group.count

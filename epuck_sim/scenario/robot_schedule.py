@@ -1,0 +1,129 @@
+"""What changes while a trial of robots runs, and when: the section `schedule` of a scenario of robots."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from epuck_sim.control.interface import Value
+from epuck_sim.control.loader import find_controller
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.base import WholeNumber
+from epuck_sim.scenario.controllers import resolve_parameters
+from epuck_sim.scenario.faults import FaultSection
+from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.schedule import Displacement, ScheduleEntry
+
+PARAMETER = re.compile(r"robots\.(\d+)\.parameters\.(\w+)")
+"""A key that a schedule may set."""
+
+
+class RobotDisplacement(Displacement):
+    """A displacement of phases of robots; rings of the displaced are commanded dark."""
+
+    robots: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
+    """Numbers of the robots; all by default."""
+
+    @property
+    def members(self) -> tuple[int, ...] | None:
+        """Numbers of the robots whose phases are displaced; None for all."""
+        return self.robots
+
+
+class RobotScheduleEntry(ScheduleEntry):
+    """Changes at one moment of a trial of robots; `set` has parameters of controllers."""
+
+    changing: ClassVar[tuple[str, ...]] = ("set", "displace", "begin", "end")
+
+    displace: RobotDisplacement | None = None
+    """A displacement of phases."""
+    begin: tuple[Annotated[WholeNumber, Field(ge=0)], ...] = ()
+    """Numbers of the faults that begin."""
+    end: tuple[Annotated[WholeNumber, Field(ge=0)], ...] = ()
+    """Numbers of the faults that end."""
+
+    @staticmethod
+    def check_key(key: str) -> None:
+        """Raise ValueError for a key that cannot change during a trial."""
+        if PARAMETER.fullmatch(key) is None:
+            raise ValueError(
+                f"set: {key} cannot change during a trial; allowed: robots.NUMBER.parameters.NAME; besides, "
+                "displace phases, and begin and end faults"
+            )
+        if key.endswith(".period_s"):
+            raise ValueError(f"set: {key} cannot change during a trial: cycles and order parameter are told by it")
+
+    def in_words(self) -> list[str]:
+        """Return each of the changes in words."""
+        begin = [f"faults.{number} begins" for number in self.begin]
+        return [*super().in_words(), *begin, *(f"faults.{number} ends" for number in self.end)]
+
+    def parameters(self) -> dict[int, dict[str, Any]]:
+        """Return the new values of parameters by name, for each group by its number."""
+        values: dict[int, dict[str, Any]] = {}
+        for key, value in self.set.items():
+            found = PARAMETER.fullmatch(key)
+            assert found is not None
+            values.setdefault(int(found[1]), {})[found[2]] = value
+        return values
+
+
+def check_schedule(
+    schedule: Sequence[RobotScheduleEntry], groups: Sequence[RobotGroup], faults: Sequence[FaultSection]
+) -> None:
+    """Raise ValueError if a schedule names groups, robots or faults that there are not."""
+    robot_count = sum(group.count for group in groups)
+    for number, entry in enumerate(schedule):
+        origin = f"schedule.{number}"
+        for group in entry.parameters():
+            if group >= len(groups):
+                raise ValueError(f"{origin}.set: robots.{group} is no group; allowed: robots.0 to {len(groups) - 1}")
+        for robot in (entry.displace and entry.displace.robots) or ():
+            if robot >= robot_count:
+                raise ValueError(f"{origin}.displace.robots: is {robot}; allowed: 0 to {robot_count - 1}")
+        for key in ("begin", "end"):
+            for fault in getattr(entry, key):
+                if fault >= len(faults) or not faults[fault].scheduled:
+                    raise ValueError(f"{origin}.{key}: {fault} is no number of a fault with scheduled: true")
+                if key == "end" and faults[fault].kind == "restart":
+                    raise ValueError(f"{origin}.end: {fault} is a restart, which takes no time")
+
+
+def check_scheduled_controllers(
+    schedule: Sequence[RobotScheduleEntry],
+    groups: Sequence[RobotGroup],
+    swept: Sequence[str],
+    step_ms: int,
+    origin: str,
+) -> None:
+    """Check that controllers take the parameters, and have the phases, that a schedule changes.
+
+    Args:
+        schedule: The schedule.
+        groups: Groups of robots, with all their parameters; nothing is known of those whose controller is swept.
+        swept: Keys of the axes.
+        step_ms: Length of a control step.
+        origin: Begins every error message.
+
+    Raises:
+        ScenarioError: A controller does not take a parameter, or is no oscillator.
+    """
+    known = {place: group for place, group in enumerate(groups) if f"robots.{place}.controller" not in swept}
+    for number, entry in enumerate(schedule):
+        where = f"{origin}: schedule.{number}"
+        for place, values in entry.parameters().items():
+            if place in known:
+                check_parameters(known[place], values, step_ms, f"{where}.set: robots.{place}")
+        first = 0
+        for place, group in enumerate(groups):
+            robots = range(first, first + group.count)
+            concerned = entry.displace and (entry.displace.robots is None or set(entry.displace.robots) & set(robots))
+            if concerned and place in known and not find_controller(group.controller).is_oscillator:
+                raise ScenarioError(f"{where}.displace: robots.{place} are no oscillators; give robots of others")
+            first += group.count
+
+
+def check_parameters(group: RobotGroup, values: Mapping[str, object], step_ms: int, origin: str) -> dict[str, Value]:
+    """Return all parameters of a group with new values; raise ScenarioError if its controller does not take them."""
+    return resolve_parameters(find_controller(group.controller), {**group.parameters, **values}, step_ms, origin)

@@ -1,0 +1,87 @@
+"""The minimum and the peak of a measure along an axis of a sweep, or why they cannot be looked for."""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.runs.reader import read_points
+from epuck_sim.scenario.figure_axes import choose_axis
+from epuck_sim.statistics.curves import Curve, read_curves
+from epuck_sim.statistics.extrema import MIN_SPEEDS, MIN_TRIALS, smooth_logs
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.turning_points import TurningPoint, find_minimum, find_peak
+
+
+class MeasureFit(NamedTuple):
+    """The minimum and the peak of a measure on one curve of a run folder."""
+
+    run: str
+    """The run folder."""
+    of: str
+    """Name of the measure."""
+    axis: str
+    """Dotted key of the axis."""
+    axes: dict[str, Any]
+    """Values of the other axes."""
+    statistic: str
+    """Name of what stands for the trials of a point."""
+    minimum: TurningPoint | None
+    peak: TurningPoint | None
+    """None where the curve has none, or where they cannot be looked for."""
+    reason: str
+    """Why they cannot, and what would be enough; empty where they can."""
+
+
+def fit_measure(
+    folder: Path | str, of: str, axis: str | None = None, statistic: Statistic = Statistic.MEAN
+) -> list[MeasureFit]:
+    """Find the minimum and the peak of each curve of a measure along an axis.
+
+    Args:
+        folder: A run folder.
+        of: Name of the measure.
+        axis: Dotted key of the axis; by default the speed, or the axis with the most numbers.
+        statistic: What stands for the trials of a point.
+
+    Raises:
+        StoreError: The folder is not a run folder, or the measure is not in it or a series.
+        EpuckSimError: There is no such axis, or the statistic makes no sense of the measure.
+    """
+    points = read_points(folder, of)
+    try:
+        chosen = choose_axis([point.axes for point in points], axis)
+    except EpuckSimError as error:
+        raise EpuckSimError(f"{folder}: {error}") from error
+    curves = read_curves(points, chosen, statistic)
+    if not curves:
+        raise StoreError(f"{folder}: holds no results yet")
+    return [_fit_curve(str(folder), of, chosen, curve) for curve in curves]
+
+
+def _fit_curve(run: str, of: str, axis: str, curve: Curve) -> MeasureFit:
+    head = run, of, axis, curve.axes, curve.names[0]
+    usable = (curve.x > 0) & (curve.trials >= MIN_TRIALS) & np.isfinite(curve.values)
+    reason = _reason_against(curve, int(np.count_nonzero(usable)))
+    if reason:
+        return MeasureFit(*head, None, None, reason)
+    fit = smooth_logs(curve.x[usable], curve.values[usable], curve.resampled[:, usable])
+    assert fit is not None  # with so many points
+    return MeasureFit(*head, find_minimum(fit), find_peak(fit), "")
+
+
+def _reason_against(curve: Curve, usable: int) -> str:
+    positive = int(np.count_nonzero(curve.x > 0))
+    if curve.is_share:
+        return "it is a truth value; shares of trials are not looked at in logarithms"
+    if (curve.values <= 0).any() or (curve.resampled <= 0).any():
+        return "not all of its values are positive, and it is looked at in logarithms"
+    if positive < MIN_SPEEDS:
+        return f"{positive} positive values of the axis; a minimum and a peak take {MIN_SPEEDS}"
+    if usable < MIN_SPEEDS:
+        return (
+            f"fewer than {MIN_TRIALS} trials with a value at {positive - usable} of {positive} points, which noise "
+            f"alone makes rise; --trials {MIN_TRIALS} is the least"
+        )
+    return ""

@@ -1,0 +1,135 @@
+"""Series of trials, with a value for each cycle: their mean and median at each cycle, over the trials that reach it.
+
+Trials that have ended before a cycle do not count there. Where trials end by themselves, as with synchrony, those that
+are left are not like those that have ended.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.errors import StoreError
+from epuck_sim.measures.interface import Value
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.statistics.estimate import LEVEL, MIN_TRIALS
+from epuck_sim.statistics.survival import median_time
+
+
+class SeriesStatistics(NamedTuple):
+    """Statistics of several series at each of C cycles; NaN where they are undetermined or have no interval."""
+
+    cycles: IntArray
+    """(C,) cycles, from 1."""
+    trials: IntArray
+    """(C,) number of trials that reach the cycle."""
+    known: IntArray
+    """(C,) number of these whose value is determined; the statistics are of them."""
+    mean: FloatArray
+    """(C, 3) mean, and the ends of its 95 % interval."""
+    median: FloatArray
+    """(C, 3) median, and the ends of its 95 % interval."""
+
+
+class PointSeries(NamedTuple):
+    """A measure's series at one point of a sweep."""
+
+    axes: dict[str, Any]
+    statistics: SeriesStatistics
+
+
+def summarize_series(points: Sequence[PointTrials]) -> list[PointSeries]:
+    """Return the statistics of the series at each point that has any, over the cycles.
+
+    Args:
+        points: What `read_points` returns, asked for a measure that is a series.
+
+    Raises:
+        StoreError: The measure is no series, or none was asked for.
+    """
+    if not any(has_series(point) for point in points):
+        raise StoreError(f"{points[0].of or 'T_sync'} is no series, but one value for each trial")
+    found = ((point.axes, [value for value in point.measured if isinstance(value, list)]) for point in points)
+    return [PointSeries(axes, series_statistics(as_arrays(series))) for axes, series in found if any(series)]
+
+
+def has_series(point: PointTrials) -> bool:
+    """Return whether a point's trials have series of the measure that was asked for."""
+    return any(isinstance(value, list) for value in point.measured)
+
+
+def as_arrays(series: Sequence[Value]) -> list[FloatArray]:
+    """Return series as arrays; undetermined values are NaN, truth values 1 and 0."""
+    return [np.array(each, np.float64) for each in series if isinstance(each, list)]
+
+
+def series_statistics(series: Sequence[FloatArray]) -> SeriesStatistics:
+    """Return the statistics of several series, of any lengths, at each cycle.
+
+    The mean's interval is Student's, of the logarithm where all values are positive; the median's has order statistics
+    as its ends. There is none with fewer than `MIN_TRIALS` values, or where all are equal.
+
+    Args:
+        series: (n,) arrays with a value for each cycle; NaN where it is undetermined.
+    """
+    longest_first = sorted(series, key=len, reverse=True)
+    lengths = np.array([len(each) for each in longest_first], np.int64)
+    ends = np.unique(lengths[lengths > 0])  # between two of these the trials are the same
+    blocks = [
+        np.stack([each[start:end] for each in longest_first[: np.count_nonzero(lengths >= end)]])
+        for start, end in zip(np.append(0, ends)[:-1], ends, strict=True)
+    ]
+    cycles = np.arange(1, lengths.max(initial=0) + 1)
+    parts = [_block_statistics(block) for block in blocks]
+    trials = np.concatenate([np.full(block.shape[1], len(block)) for block in blocks] or [cycles])
+    known, mean, median = (np.concatenate(each) for each in zip(*parts, strict=True)) if parts else _nothing()
+    return SeriesStatistics(cycles, trials, known, mean, median)
+
+
+def _nothing() -> tuple[IntArray, FloatArray, FloatArray]:
+    return np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))
+
+
+def _block_statistics(block: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return the number of determined values, mean and median, (C,), (C, 3) and (C, 3), of n trials of C cycles."""
+    ordered = np.sort(block, axis=0)  # NaN last; in order, so that the order of the trials does not matter
+    known = np.count_nonzero(~np.isnan(block), axis=0)
+    first, last = ordered[0], _row(ordered, np.maximum(known - 1, 0))
+    has_interval = (known >= MIN_TRIALS) & (last > first)
+    return known, _means(ordered, known, has_interval), _medians(ordered, known, has_interval)
+
+
+def _means(ordered: FloatArray, known: IntArray, has_interval: FloatArray) -> FloatArray:
+    count = np.maximum(known, 1)
+    mean = np.where(known, np.nansum(ordered, axis=0) / count, np.nan)
+    variance = np.nansum((ordered - mean) ** 2, axis=0) / np.maximum(known - 1, 1)
+    quantiles = stdtrit(np.maximum(known - 1, 1), (1 + LEVEL) / 2)
+    reach = np.where(has_interval, quantiles * np.sqrt(variance / count), np.nan)
+    is_positive = ordered[0] > 0
+    factor = np.exp(np.divide(reach, mean, where=is_positive, out=np.full_like(mean, np.nan)))
+    low = np.where(is_positive, mean / factor, mean - reach)
+    high = np.where(is_positive, mean * factor, mean + reach)
+    return np.column_stack([mean, low, high])
+
+
+def _medians(ordered: FloatArray, known: IntArray, has_interval: FloatArray) -> FloatArray:
+    ranks = np.array([_median_ranks(count) for count in range(len(ordered) + 1)])[known]
+    lower, upper, low, high = (_row(ordered, rank) for rank in ranks.T)
+    ends = (np.where(has_interval, end, np.nan) for end in (low, high))
+    return np.column_stack([np.where(known, (lower + upper) / 2, np.nan), *ends])
+
+
+def _median_ranks(count: int) -> tuple[int, int, int, int]:
+    """Return which of ordered values, from 0, the median lies between, and which end its interval."""
+    if count < MIN_TRIALS:
+        return max(count - 1, 0) // 2, count // 2 if count else 0, 0, 0
+    _, low, high = median_time(np.arange(count), np.ones(count, np.bool_))
+    return (count - 1) // 2, count // 2, int(low), int(min(high, count - 1))
+
+
+def _row(ordered: FloatArray, ranks: IntArray) -> FloatArray:
+    """Return (C,) the value of a rank in each column."""
+    found: FloatArray = np.take_along_axis(ordered, ranks[None], axis=0)[0]
+    return found

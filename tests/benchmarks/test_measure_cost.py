@@ -1,0 +1,85 @@
+"""What the shipped measures cost for each step and cycle, beside the same trials without. Run by `make bench`."""
+
+import statistics
+import time
+
+import pytest
+
+from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial, simulate
+
+pytestmark = pytest.mark.benchmark
+
+ROBOTS = {10: (60, 10), 100: (221, 4), 1000: (700, 1)}
+"""Robots: side of their arena in cm, cycles of a trial."""
+
+AGENTS = {20: 300, 1000: 5}
+"""Agents: cycles of a trial."""
+
+PAIRS = 5
+"""Trials with and without a measure that take turns; their medians count."""
+
+GIVEN = {"memory": {"name": "rotation_time"}}
+"""Parameters, where the defaults make no sense."""
+
+DISPLACEMENT = {"displacement": 1e-6}
+
+FOR_AGENTS = ("perturbation", "perturbation_exponent", "perturbation_growth", "perturbation_transient")
+FOR_ROBOTS = ("avoiding", "flashes_missed", "flashes_repeated", "flashes_seen", "in_contact", "memory")
+
+
+def cpu_s(scenario) -> tuple[float, int]:
+    """Return the CPU time of a trial, without its making, and its steps, or, of agents, cycles."""
+    simulation = simulate(scenario, 1)
+    began = time.process_time()
+    result = run_trial(simulation)
+    return time.process_time() - began, result.steps if scenario.model == "embodied" else result.cycles
+
+
+def compare(sections, name: str) -> tuple[float, float]:
+    """Return how many times as long trials take with a measure, and how much longer a step or cycle is, in us."""
+    parameters = DISPLACEMENT if name in FOR_AGENTS else GIVEN.get(name, {})
+    plain, measured = load_scenario(sections), load_scenario({**sections, "measures": [{name: parameters}]})
+    _, parts = cpu_s(measured)
+    pairs = [(cpu_s(plain)[0], cpu_s(measured)[0]) for _ in range(PAIRS)]
+    ratio = statistics.median(after / before for before, after in pairs)
+    return ratio, statistics.median(after - before for before, after in pairs) / parts * 1e6
+
+
+@pytest.fixture(scope="module")
+def costs():
+    """(measure, trials) -> (ratio, us a step of robots or a cycle of agents); printed as a table at the end."""
+    found: dict[tuple[str, str], tuple[float, float]] = {}
+    yield found
+    columns = list(dict.fromkeys(column for _, column in found))
+    print(f"\n\n| measure | {' | '.join(columns)} |")
+    print("| --- |" + " --- |" * len(columns))
+    for name in sorted({name for name, _ in found}):
+        cells = [found.get((name, column)) for column in columns]
+        print(
+            f"| `{name}` | "
+            + " | ".join("" if cell is None else "{:.2f}, {:.1f}".format(*cell) for cell in cells)
+            + " |"
+        )
+
+
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in FOR_AGENTS])
+@pytest.mark.parametrize("robots", ROBOTS)
+def test_measures_of_robots(benchmark, costs, robots: int, name: str) -> None:
+    side_cm, cycles = ROBOTS[robots]
+    sections = {
+        "robots": [{"count": robots}],
+        "arena": {"width_cm": side_cm, "height_cm": side_cm},
+        "stop": {"order_parameter": 1.0, "max_cycles": cycles},
+    }
+    costs[name, f"{robots:,} robots"] = benchmark.pedantic(compare, (sections, name), rounds=1)
+
+
+@pytest.mark.parametrize("name", [name for name in SHIPPED if name not in FOR_ROBOTS])
+@pytest.mark.parametrize("agents", AGENTS)
+def test_measures_of_agents(benchmark, costs, agents: int, name: str) -> None:
+    cycles = AGENTS[agents]
+    stop = {"order_parameter": None, "max_cycles": cycles}
+    sections = {"model": "particles", "agents": {"count": agents}, "stop": stop}
+    costs[name, f"{agents:,} agents"] = benchmark.pedantic(compare, (sections, name), rounds=1)

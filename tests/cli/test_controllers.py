@@ -1,0 +1,174 @@
+"""Controllers on the command line: what is said of errors in them, and which one runs."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from tests.cli.commands import call, called, contents, refused
+from tests.control.bench import with_step
+
+SHORT = ["--set", "stop.max_time_s=1", "--json"]
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def scene(folder, **files):
+    """Write files, and a scenario of one robot with the controller `mine.py`."""
+    for name, text in files.items():
+        (folder / f"{name}.py").write_text(text)
+    (folder / "scene.yaml").write_text("robots: [{controller: mine.py, count: 1}]\n")
+    return ["run", "scene.yaml", *SHORT]
+
+
+HELPED = {
+    "helper": "def halve(x):\n    raise RuntimeError('no half')\n",
+    "mine": "import helper\n" + with_step("memory.x = helper.halve(sensors.step_ms)"),
+}
+
+
+def test_a_misspelt_name_ends_the_command_with_file_line_and_the_nearest_name(tmp_path):
+    command = scene(tmp_path, mine=with_step("memory.wiat = 1", MEMORY="{'wait': int}"))
+    assert f"{tmp_path}/mine.py:9: memory has no 'wiat'; did you mean 'wait'?" in refused(*command)
+
+
+def test_traceback_shows_the_controller_s_own_lines_alone(tmp_path):
+    result = call(*scene(tmp_path, **HELPED), "--interpret", "--traceback")
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f'Traceback of the controller:\n  File "{tmp_path}/mine.py", line 10, in step\n')
+    assert f'  File "{tmp_path}/helper.py", line 2, in halve\n    raise RuntimeError' in result.stderr
+    assert result.stderr.splitlines()[-1].startswith("error: ")
+    assert "helper.py:2: RuntimeError: no half (in the controller" in result.stderr
+
+
+def test_without_traceback_there_is_none(tmp_path):
+    assert "helper.py:2: RuntimeError: no half" in refused(*scene(tmp_path, **HELPED), "--interpret")
+
+
+def test_traceback_of_compiled_code_or_of_a_sweep_is_refused(tmp_path):
+    assert "--traceback is for --interpret" in refused(*scene(tmp_path, **HELPED), "--traceback")
+    assert "--traceback is for single trials" in refused(
+        *scene(tmp_path, **HELPED), "--interpret", "--traceback", "--out", "run"
+    )
+
+
+# --- run --controller ---------------------------------------------------------------------------------
+
+
+def test_controller_replaces_that_of_all_robots_and_keeps_the_parameters_that_it_has(tmp_path):
+    (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'speed_cm_s': 1.0, 'gain': 2.0}"))
+    (tmp_path / "two.yaml").write_text("robots: [{count: 1, parameters: {speed_cm_s: 5, coupling: 0.2}}, {count: 2}]")
+    with pytest.warns(UserWarning, match=r"^two\.yaml: mine lacks the parameter coupling: left out$"):
+        scenario = load_scenario("two.yaml", controller="mine.py")
+    assert scenario.controllers == (str(tmp_path / "mine.py"),) * 2
+    assert [group.parameters for group in scenario.robots] == [
+        {"speed_cm_s": 5.0, "gain": 2.0},
+        {"speed_cm_s": 1.0, "gain": 2.0},
+    ]
+    assert [group.count for group in scenario.robots] == [1, 2]
+
+
+def test_what_was_left_out_is_said_once_and_the_trial_runs(tmp_path):
+    (tmp_path / "mine.py").write_text(with_step("pass", PARAMETERS="{'speed_cm_s': 1.0}"))
+    result = call("run", "thesis", "--controller", "mine.py", *SHORT)
+    assert result.exit_code == 0
+    lacking = "period_s, coupling, flash_fraction, refractory_fraction"
+    assert re.fullmatch(rf"note: .*thesis\.yaml: mine lacks parameters {lacking}: left out\n", result.stderr)
+
+
+@pytest.mark.filterwarnings("ignore:.*constant lacks")
+def test_a_shipped_controller_can_be_given_and_set_comes_after_it():
+    scenario = load_scenario("thesis", ["robots.0.parameters.left_cm_s=2"], controller="constant")
+    assert scenario.robots[0].parameters["left_cm_s"] == 2.0
+    assert scenario.description.endswith("; with controller=constant; with robots.0.parameters.left_cm_s=2")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ["thesis", "--controller", "nowhere.py"],
+            "thesis.yaml: --controller nowhere.py: no controller file 'nowhere.py'",
+        ),
+        (["thesis", "--controller", "fierfly"], "did you mean 'firefly'?"),
+        (["particles", "--controller", "firefly"], "model is particles; controllers run on robots"),
+        (
+            ["thesis", "--controller", "firefly", "--sweep", "robots.0.controller=oscillator", "--out", "run"],
+            "--controller firefly: robots.0.controller is an axis of the sweep",
+        ),
+    ],
+)
+def test_a_controller_that_cannot_run_there_is_refused(arguments, said):
+    assert said in refused("run", *arguments)
+
+
+# --- sweeps of controllers ----------------------------------------------------------------------------
+
+
+def controllers(folder, **parameters):
+    for name, text in parameters.items():
+        (folder / f"{name}.py").write_text(with_step("pass", PARAMETERS=text))
+    return f"robots.0.controller={','.join(f'{name}.py' for name in parameters)}"
+
+
+def test_a_sweep_compares_files_each_with_the_parameters_that_it_has(tmp_path):
+    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'period_s': 3.0, 'coupling': 0.5}")
+    settings = ["robots.0.parameters={speed_cm_s: 7, period_s: 5}"]
+    found = points(load_scenario("thesis", settings, [axis]))
+    assert [point.axes for point in found] == [{"robots.0.controller": "a.py"}, {"robots.0.controller": "b.py"}]
+    assert [point.scenario.robots[0].parameters for point in found] == [
+        {"speed_cm_s": 7.0},
+        {"speed_cm_s": 7.0, "period_s": 5.0, "coupling": 0.5},
+    ]
+
+
+def test_a_parameter_that_none_of_the_controllers_has_is_refused(tmp_path):
+    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0}")
+    with pytest.raises(ScenarioError, match=r"point 0 .*robots.0.parameters: unknown 'sped_cm_s', did you mean 'speed"):
+        points(load_scenario({"robots": [{"parameters": {"sped_cm_s": 7}}]}, axes=[axis]))
+
+
+def test_an_axis_that_one_of_the_controllers_lacks_is_refused(tmp_path):
+    axis = controllers(tmp_path, a="{'speed_cm_s': 1.0}", b="{'speed_cm_s': 2.0, 'gain': 1.0}")
+    with pytest.raises(ScenarioError, match=r"point 0 .*unknown 'gain'"):
+        points(load_scenario({"robots": [{}]}, axes=[axis, "robots.0.parameters.gain=1,2"]))
+
+
+# --- new ----------------------------------------------------------------------------------------------
+
+
+def test_new_writes_a_controller_that_runs_as_it_stands(tmp_path):
+    said = called("new", "controller", "wanderer")
+    assert said == "wanderer.py: try it: epuck-sim run thesis --controller wanderer.py\n"
+    assert (tmp_path / "wanderer.py").read_text().count("#") > 8
+    scenario = load_scenario({"robots": [{"controller": "wanderer.py", "count": 5}]})
+    runs = [Simulation(scenario, 3, interpret=interpret).advance(100) for interpret in (False, True)]
+    assert runs[0].poses.tobytes() == runs[1].poses.tobytes()
+    assert np.isfinite(runs[0].phase_ms).all()
+
+
+def test_new_writes_a_scenario_that_runs_as_it_stands(tmp_path):
+    assert called("new", "scenario", "pillar-80") == "pillar-80.yaml: try it: epuck-sim run pillar-80.yaml\n"
+    text = (tmp_path / "pillar-80.yaml").read_text()
+    assert json.loads(called("run", "pillar-80.yaml", "--set", "stop.max_cycles=1", "--json"))["cycles"] == 1
+    swept = text.replace("# sweep:", "sweep:").replace("#   ", "  ")
+    (tmp_path / "swept.yaml").write_text(swept)
+    assert len(points(load_scenario("swept.yaml"))) == 6
+
+
+@pytest.mark.parametrize("kind", ["controller", "scenario"])
+def test_new_refuses_bad_names_and_overwrites_nothing(kind, tmp_path):
+    for name in ("two words", "a/b", "3rd"):
+        assert f"{name!r} is no name for a {kind}" in refused("new", kind, name)
+    called("new", kind, "mine")
+    before = contents(tmp_path)
+    assert "exists already" in refused("new", kind, "mine")
+    assert contents(tmp_path) == before

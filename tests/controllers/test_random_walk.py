@@ -1,0 +1,108 @@
+"""`random_walk` goes straight ahead for runs of its distribution, and turns on the spot at their ends."""
+
+import math
+from itertools import islice
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.epuck import WHEEL_BASE_CM
+from epuck_sim.testing import TestRobot
+from tests.particles.distributions import UNLIKELY
+
+STEP_S = 0.1
+
+
+def runs_and_turns(count: int, **parameters) -> tuple[np.ndarray, np.ndarray]:
+    """Return s: durations of the runs, and rad: angles of the turns, of one robot far from everything."""
+    robot = TestRobot("random_walk", parameters, seed=4, interpret=False)
+    runs, turns = [0.0], [0.0]
+    was_turning = False
+    while len(turns) <= count:
+        robot.step()
+        angle = (robot.right_cm_s - robot.left_cm_s) / WHEEL_BASE_CM * STEP_S
+        if angle and not was_turning:
+            turns.append(0.0)
+        if was_turning and not angle:
+            runs.append(0.0)
+        if angle:
+            turns[-1] += angle
+        else:
+            runs[-1] += STEP_S
+        was_turning = bool(angle)
+    return np.array(runs[1:-1]), np.array(turns[1:-1])
+
+
+@pytest.mark.parametrize("persistence", [0.0, 0.7])
+def test_turns_are_wrapped_cauchy_and_runs_exponential(persistence):
+    runs, turns = runs_and_turns(1500, run_s=10.0, persistence=persistence)
+    angles = np.abs(turns)
+    cauchy = stats.uniform(0, math.pi).cdf if persistence == 0 else lambda a: 2 * stats.wrapcauchy(persistence).cdf(a)
+    assert stats.kstest(angles, cauchy).pvalue > UNLIKELY
+    assert 0.4 < (turns > 0).mean() < 0.6
+    steps = np.random.default_rng(0).uniform(-STEP_S, 0, len(runs))  # a run ends at the end of a step
+    assert stats.kstest(runs + steps, "expon", args=(0, 10.0)).pvalue > UNLIKELY
+
+
+def test_runs_of_a_levy_walk_have_a_power_law():
+    runs, _ = runs_and_turns(1000, run_s=5.0, exponent=2.5)
+    assert runs.min() >= 5.0 - 1e-9
+    steps = np.random.default_rng(0).uniform(-STEP_S, 0, len(runs))
+    long = runs[runs > 6] + steps[runs > 6]  # where a step is little beside a run; a power law is one from any point on
+    assert stats.kstest(long[long > 6], "pareto", args=(1.5, 0, 6)).pvalue > UNLIKELY
+
+
+@pytest.mark.parametrize("interpret", [True, False])
+def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn(interpret):
+    robot = TestRobot("random_walk", {"speed_cm_s": 5}, interpret=interpret)
+    robot.memory.turn_left_rad = 2.0
+    robot.step()
+    assert (robot.left_cm_s, robot.right_cm_s) == (-12.8, 12.8)
+    left = robot.memory.turn_left_rad
+    assert left == pytest.approx(2.0 - 2 * 12.8 / WHEEL_BASE_CM * STEP_S)
+    robot.distance_mm[7] = 10  # front-left: it turns right
+    robot.step()
+    assert robot.left_cm_s > 0 > robot.right_cm_s
+    assert robot.memory.turn_left_rad == left
+    robot.distance_mm[7] = 65535
+    robot.step(10)
+    assert robot.memory.turn_left_rad == 0
+    assert (robot.left_cm_s, robot.right_cm_s) == (5, 5)
+
+
+def test_robots_without_persistence_forget_their_direction_and_those_with_all_of_it_do_not():
+    def kept(persistence: float) -> float:
+        poses = [[x, y, 0.3] for x in range(500, 5000, 500) for y in range(500, 5000, 500)]
+        parameters = {"speed_cm_s": 1, "run_s": 3.0, "persistence": persistence}
+        group = {"poses": poses, "controller": "random_walk", "parameters": parameters}
+        arena = {"width_cm": 5000, "height_cm": 5000}
+        simulation = Simulation({"arena": arena, "noise": "off", "robots": [group]}, 2)
+        *_, last = islice(simulation, 300)
+        return float(np.cos(last.poses[:, 2] - 0.3).mean())
+
+    assert abs(kept(0.0)) < 4 / math.sqrt(2 * 81)
+    assert kept(1.0) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("interpret", [True, False])
+def test_a_walking_firefly_flashes_as_an_oscillator_does(interpret):
+    parameters = {"period_s": 2.0, "run_s": 1.0}
+    walker = TestRobot("walking_firefly", parameters, interpret=interpret)
+    alone = TestRobot("oscillator", {"period_s": 2.0}, interpret=interpret)
+    alone.memory.phase_ms = walker.memory.phase_ms
+    for _ in range(200):
+        walker.step()
+        alone.step()
+        assert walker.ring_on == alone.ring_on
+        assert walker.memory.phase_ms == alone.memory.phase_ms
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [{"run_s": 0.05}, {"persistence": 1.1}, {"exponent": 1.0}, {"exponent": 3.5}, {"rotation_speed_cm_s": 0.0}],
+)
+def test_walks_that_there_are_not_are_refused(parameters):
+    with pytest.raises(ValueError, match=f"{next(iter(parameters))} is .*; allowed: "):
+        TestRobot("random_walk", parameters)

@@ -1,0 +1,100 @@
+"""Claims about the motion of chapter 3: straight ahead, and a turn at once away from walls."""
+
+import math
+
+import numpy as np
+import pytest
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.trial.model import run_trial
+
+
+def swarm(interpret: bool = False, count: int = 1, **sections) -> Simulation:
+    group = {"count": count, "controller": "reorientation", "infrared": {"robots": False}, **sections}
+    arena = {"width_cm": 100, "height_cm": 100}
+    return Simulation({"arena": arena, "noise": "off", "robots": [group]}, 5, interpret=interpret)
+
+
+def headings_after_a_wall(heading: float) -> np.ndarray:
+    """Return rad: headings of robots, relative to the normal of the right wall, after they have met it."""
+    poses = [[90.0, 5.0 + 9 * place, heading] for place in range(1, 10)]
+    simulation, found = swarm(poses=poses, count=9), []
+    before = np.full(9, heading)
+    for _ in range(30):
+        step = simulation.advance(1)
+        turned = np.abs(step.poses[:, 2] - before) > 1e-12
+        found.extend(step.poses[turned & (step.poses[:, 0] > 90), 2] - math.pi)
+        before = step.poses[:, 2].copy()
+    return (np.array(found) + math.pi) % (2 * math.pi) - math.pi
+
+
+def test_a_robot_turns_to_within_90_degrees_of_the_normal_of_a_wall_that_it_meets():
+    angles = headings_after_a_wall(0.0)
+    assert len(angles) >= 9
+    assert (np.abs(angles) <= math.pi / 2 + 1e-9).all()
+    assert angles.min() < -0.5 < 0.5 < angles.max()
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_a_robot_goes_straight_ahead_between_walls_and_never_touches_one(interpret):
+    simulation = swarm(interpret, count=5)
+    poses = np.array([simulation.advance(1).poses.copy() for _ in range(300 if interpret else 5000)])
+    moved = np.diff(poses, axis=0)
+    assert poses[..., :2].min() > 3.7
+    assert poses[..., :2].max() < 100 - 3.7
+    straight = moved[:-1][np.abs(moved[:-1, :, 2]) < 1e-12]
+    way = np.hypot(straight[:, 0], straight[:, 1])
+    assert np.median(way) == pytest.approx(1.28)
+    assert len(straight) > 0.8 * moved[..., 2].size
+
+
+def test_robots_that_do_not_touch_pass_through_each_other():
+    poses = [[30.0, 50.0, 0.0], [50.0, 50.0, math.pi]]
+
+    def after(robots: bool) -> np.ndarray:
+        group = {"poses": poses, "controller": "constant", "parameters": {"left_cm_s": 5, "right_cm_s": 5}}
+        arena = {"width_cm": 100, "height_cm": 100}
+        simulation = Simulation({"arena": arena, "noise": "off", "contact": {"robots": robots}, "robots": [group]})
+        return simulation.advance(41).poses[:, 0].copy()
+
+    np.testing.assert_allclose(after(False), [50, 30], atol=1e-9)
+    np.testing.assert_allclose(after(True), [40 - 3.7, 40 + 3.7], atol=0.1)
+
+
+def test_robots_that_do_not_touch_still_touch_walls():
+    group = {"poses": [[90.0, 50.0, 0.0]], "controller": "constant", "parameters": {"left_cm_s": 5, "right_cm_s": 5}}
+    arena = {"width_cm": 100, "height_cm": 100}
+    simulation = Simulation({"arena": arena, "contact": {"robots": False}, "noise": "off", "robots": [group]})
+    assert simulation.advance(60).poses[0, 0] == pytest.approx(100 - 3.7, abs=0.1)
+
+
+def test_infrared_that_sees_no_robots_still_sees_walls():
+    group = {"poses": [[50.0, 50.0, 0.0], [60.0, 50.0, 0.0], [93.0, 50.0, 0.0]], "controller": "constant"}
+    scenario = {"arena": {"width_cm": 100, "height_cm": 100}, "noise": "off"}
+    readings = {
+        robots: Simulation({**scenario, "robots": [{**group, "infrared": {"robots": robots}}]})
+        .advance(1)
+        .infrared.copy()
+        for robots in (True, False)
+    }
+    assert readings[True][0].max() > 0
+    assert not readings[False][:2].any()
+    np.testing.assert_array_equal(readings[True][2], readings[False][2])
+
+
+@pytest.mark.parametrize("sweep", ["fig-3-7", "fig-3-8"])
+def test_robots_of_chapter_3_synchronise_fast_when_they_see_far_and_all_around(sweep):
+    group = {
+        "count": 20,
+        "controller": "reorienting_firefly",
+        "parameters": {"period_s": 8, "flash_fraction": 0.0375, "refractory_fraction": 0.1},
+        "infrared": {"robots": False},
+    }
+    width = {"fig-3-7": 200, "fig-3-8": 100}[sweep]
+    stop = {"metric": "reference", "max_cycles": 200}
+    cycles = []
+    for signal in ({"kind": "cone"}, {"kind": "cone", "range_cm": width / 10, "angle_deg": 30}):
+        arena = {"width_cm": width, "height_cm": width}
+        trial = run_trial(Simulation({"arena": arena, "robots": [{**group, "signal": signal}], "stop": stop}, 4))
+        cycles.append(trial.t_sync_cycles if trial.t_sync_cycles is not None else 200)
+    assert cycles[0] < 30 < cycles[1]

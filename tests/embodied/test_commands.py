@@ -1,0 +1,123 @@
+"""Claims about commands from outside: robots do at once what is commanded, exactly as a controller would have them."""
+
+import numpy as np
+import pytest
+
+from epuck_sim.control.loader import find_controller
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ControllerError
+from epuck_sim.scenario.loader import load_scenario
+from tests.control.bench import EMPTY
+from tests.embodied.test_simulation import kept
+
+POLICY = """
+PARAMETERS = {"spin_cm_s": 3.0}
+MEMORY = {"steps": int}
+
+def start(memory, parameters, random):
+    pass
+
+def step(sensors, memory, actuators, parameters, random):
+    seen = sensors.camera.sum() > 0
+    actuators.left_cm_s = 12.8 - sensors.infrared[7] / 50.0
+    actuators.right_cm_s = -parameters.spin_cm_s if seen else 40.0
+    actuators.ring_on = sensors.distance_mm.min() < 60 or memory.steps % 17 == 0
+    memory.steps += 1
+"""
+
+
+def act(simulation, step):
+    """Command what POLICY would in this step."""
+    robots = simulation.external_wheels
+    seen = step.camera[robots].sum(axis=1) > 0
+    near = step.distance_mm[robots].min(axis=1) < 60
+    left = 12.8 - step.infrared[robots, 7] / 50.0
+    simulation.command(left, np.where(seen, -3.0, 40.0), near | (step.number % 17 == 0))
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+@pytest.mark.parametrize("others", [[], [{"count": 5}, {"count": 2, "controller": "oscillator"}]])
+def test_robots_commanded_from_outside_move_and_flash_as_with_a_controller_to_the_bit(others, interpret, tmp_path):
+    path = tmp_path / "policy.py"
+    path.write_text(POLICY)
+    imperfect = {"spread": {"wheel_speed": 0.2, "infrared_gain": 0.1}, "stuck": {"per_hour": 900, "mean_s": 2}}
+    ruled, free = (
+        load_scenario({"robots": [*others, {"count": 6, "controller": name}], **imperfect})
+        for name in (str(path), "external")
+    )
+    commanded = Simulation(free, 3, interpret=interpret)
+    for theirs in kept(Simulation(ruled, 3), 300):
+        step = next(commanded)
+        act(commanded, step)
+        for name in ("poses", "infrared", "distance_mm", "camera", "wheels_cm_s", "ring_on"):
+            np.testing.assert_array_equal(getattr(step, name), getattr(theirs, name), err_msg=name)
+    assert step.ring_on.any()
+
+
+def test_a_command_holds_until_the_next_and_what_is_left_out_stays():
+    simulation = Simulation({"robots": [{"controller": "external", "count": 2}], "noise": "off"}, 1)
+    simulation.command(1.0, [2.0, 3.0], ring_on=[True, False])
+    step = next(simulation)
+    assert step.wheels_cm_s.tolist() == [[1, 2], [1, 3]]
+    simulation.command(right_cm_s=-20.0)
+    step = simulation.advance(3)
+    assert step.wheels_cm_s.tolist() == [[1, -12.8], [1, -12.8]]
+    assert step.ring_on.tolist() == [True, False]
+
+
+def test_oscillators_with_commanded_wheels_flash_by_themselves_and_rings_are_commanded_apart():
+    robots = [{"controller": "external_wheels", "count": 3}, {"controller": "external_ring", "count": 2}]
+    simulation = Simulation({"robots": robots}, 1)
+    assert simulation.external_wheels.tolist() == [0, 1, 2]
+    assert simulation.external_rings.tolist() == [3, 4]
+    simulation.command(left_cm_s=-5.0, right_cm_s=5.0, ring_on=[False, True])
+    steps = kept(simulation, 100)
+    rings = np.array([step.ring_on for step in steps])
+    assert rings[:, :3].any(axis=0).all()
+    assert not rings[:, 3].any()
+    assert rings[:, 4].all()
+    assert {tuple(step.wheels_cm_s[0]) for step in steps} == {(-5.0, 5.0)}
+    assert (steps[-1].wheels_cm_s[3:] > 0).any()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"left_cm_s": np.zeros(3)}, r"left_cm_s has the shape \(3,\); allowed: \(2,\)"),
+        ({"right_cm_s": np.zeros((2, 1))}, r"right_cm_s has the shape \(2, 1\)"),
+        ({"left_cm_s": [1.0, np.nan]}, "left_cm_s: the speed of robot 9 is not a number"),
+        ({"left_cm_s": ["fast", "slow"]}, "allowed: numbers"),
+        ({"right_cm_s": 1.0, "ring_on": [True, 2]}, "ring_on holds 2; allowed: true and false"),
+        ({"right_cm_s": 1.0, "ring_on": [True]}, r"ring_on has the shape \(1,\)"),
+    ],
+)
+def test_commands_that_do_not_fit_are_refused_and_nothing_is_commanded(given, message):
+    simulation = Simulation({"robots": [{"count": 8}, {"count": 2, "controller": "external"}]}, 1)
+    next(simulation)
+    with pytest.raises(ValueError, match=message):
+        simulation.command(**given)
+    step = next(simulation)
+    assert not step.wheels_cm_s[8:].any()
+    assert not step.ring_on[8:].any()
+
+
+def test_robots_that_have_controllers_are_not_commanded():
+    with pytest.raises(ValueError, match="no robot has its wheels commanded from outside; give a group `controller: e"):
+        Simulation("thesis", 1).command(left_cm_s=0.0)
+    with pytest.raises(ValueError, match="no robot has its ring commanded"):
+        Simulation({"robots": [{"controller": "external_wheels"}]}, 1).command(ring_on=True)
+
+
+@pytest.mark.parametrize("controller", ["firefly", "external"])
+def test_a_command_of_nothing_is_refused(controller):
+    with pytest.raises(ValueError, match="nothing is commanded; give left_cm_s, right_cm_s or ring_on"):
+        Simulation({"robots": [{"controller": controller}]}, 1).command()
+
+
+def test_a_file_says_what_is_external(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(EMPTY + "\nEXTERNAL = ('ring',)\n")
+    assert find_controller(str(path)).external == ("ring",)
+    path.write_text(EMPTY + "\nEXTERNAL = ('camera',)  # no actuator\n")
+    with pytest.raises(ControllerError, match=r"EXTERNAL is \('camera',\); allowed: a tuple of wheels, ring"):
+        find_controller(str(path))

@@ -1,0 +1,214 @@
+"""Claims about simulations that start anew, go back, are copied, and change on the way: equal to the bit."""
+
+import copy
+import gc
+import pickle
+import random
+
+import numpy as np
+import pytest
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.scenario.loader import load_scenario
+from tests.control.bench import with_step
+from tests.embodied.test_simulation import SHIPPED, steps_of
+
+
+def bits(step):
+    """Return every bit of every array of a step."""
+    return [array.tobytes() for array in (np.array(step[:2]), *step[2:8], *step.memories)]
+
+
+def following(simulation, steps=150):
+    return [bits(step) for step in steps_of(simulation, steps)]
+
+
+IMPERFECT = load_scenario(
+    "physical",
+    (
+        *("spread={wheel_speed: 0.3, wheel_imbalance: 0.3, clock_rate: 0.1, infrared_gain: 0.5}", "stuck.per_hour=900"),
+        *("stuck.mean_s=2", "robots.0.camera.frames_per_s=8", "robots.0.parameters.speed_cm_s=12.8"),
+    ),
+)
+
+UNLIKE = load_scenario(
+    {
+        "robots": [
+            {"count": 8, "camera": {"pixels": 20}, "memory": {"phase_ms": [*range(0, 4000, 500)]}},
+            {"count": 12, "controller": "external"},
+            {"count": 5, "placement": "grid", "parameters": {"speed_cm_s": 2}, "camera": {"frames_per_s": 7}},
+        ],
+        "contact": {"friction": 0.3},
+        "arena": {"width_cm": 70, "height_cm": 70},
+    }
+)
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+@pytest.mark.parametrize("scenario", [*SHIPPED, IMPERFECT, UNLIKE], ids=str)
+def test_a_reset_simulation_is_as_good_as_a_new_one_to_the_bit(scenario, interpret):
+    used = Simulation(scenario, 5, interpret=interpret)
+    if len(used.external_wheels):
+        used.command(12.8, 11.0, True)
+    used.advance(150)
+    for seed in (8, 5):
+        used.reset(seed)
+        assert (used.seed, used.steps) == (seed, 0)
+        assert following(used) == following(Simulation(scenario, seed, interpret=interpret))
+
+
+def test_reset_keeps_the_seed_unless_another_is_given():
+    simulation = Simulation("thesis", 4)
+    first = following(simulation, 20)
+    simulation.reset()
+    assert following(simulation, 20) == first
+    simulation.reset(5)
+    simulation.reset()
+    assert simulation.seed == 5
+
+
+def test_a_refused_reset_changes_nothing():
+    simulation = Simulation({"robots": [{"count": 5}]}, 4)
+    next(simulation)
+    with pytest.raises(ScenarioError, match="seed is -1; allowed"):
+        simulation.reset(-1)
+    assert simulation.steps == 1
+    assert simulation.seed == 4
+
+
+def test_many_resets_in_crowds_leave_no_body_behind():
+    """Bodies and shapes are freed by turns with spaces in which they were; pymunk aborts if they are still in one."""
+    crowds = [Simulation("crowded", seed) for seed in range(3)]
+    chance = random.Random(1)
+    for _ in range(60):
+        crowd = chance.choice(crowds)
+        crowd.advance(chance.randint(1, 20))
+        crowd.reset(chance.randint(0, 99))
+        if chance.random() < 0.2:
+            crowds[crowds.index(crowd)] = Simulation("crowded", 1)
+            del crowd
+            gc.collect()
+    used = crowds[0]
+    used.reset(7)
+    assert following(used, 50) == following(Simulation("crowded", 7), 50)
+
+
+# --- snapshots --------------------------------------------------------------------------------------
+
+
+def drive(simulation, steps, chance):
+    """Command and change at random for some steps."""
+    taken = []
+    robots = len(simulation.external_wheels)
+    for _ in range(steps):
+        taken.append(bits(next(simulation)))
+        if chance.random() < 0.5:
+            simulation.command(chance.uniform(-20, 20, robots), 12.8, chance.random(robots) < 0.5)
+        if chance.random() < 0.1:
+            simulation.set_parameters(2, speed_cm_s=chance.uniform(0, 12))
+    return taken
+
+
+COPIES = {
+    "restored": lambda simulation: simulation.restore(simulation.snapshot()) or simulation,
+    "copied": copy.copy,
+    "deep copied": copy.deepcopy,
+    "pickled": lambda simulation: pickle.loads(pickle.dumps(simulation)),
+    "of a pickled snapshot": lambda simulation: restored_elsewhere(pickle.dumps(simulation.snapshot())),
+}
+
+
+def restored_elsewhere(dumped):
+    simulation = Simulation(UNLIKE, 99)
+    simulation.advance(30)
+    simulation.restore(pickle.loads(dumped))
+    return simulation
+
+
+@pytest.mark.parametrize("way", COPIES)
+@pytest.mark.parametrize("steps", [0, 1, 17, 120])
+def test_copies_go_on_equal_to_the_bit_among_contacts_commands_and_changes(way, steps):
+    original, alone = (Simulation(UNLIKE, 3) for _ in range(2))
+    for simulation in (original, alone):
+        drive(simulation, steps, np.random.default_rng(1))
+    made = COPIES[way](original)
+    assert made.steps == alone.steps
+    expected = drive(alone, 60, np.random.default_rng(2))
+    assert drive(made, 60, np.random.default_rng(2)) == expected
+    if made is not original:  # which neither notices its copy nor shares anything with it
+        assert drive(original, 60, np.random.default_rng(2)) == expected
+
+
+def test_a_snapshot_is_a_moment_which_later_steps_do_not_change():
+    simulation = Simulation(UNLIKE, 3)
+    drive(simulation, 20, np.random.default_rng(1))
+    snapshot = simulation.snapshot()
+    assert "steps=20" in repr(snapshot)
+    first = drive(simulation, 30, np.random.default_rng(2))
+    simulation.restore(snapshot)
+    assert drive(simulation, 30, np.random.default_rng(2)) == first
+
+
+def test_snapshots_of_other_scenarios_are_refused_and_nothing_is_lost():
+    simulation = Simulation("thesis", 3)
+    simulation.advance(5)
+    with pytest.raises(ValueError, match="cannot be restored from Snapshot"):
+        simulation.restore(Simulation("crowded", 3).snapshot())
+    assert simulation.steps == 5
+
+
+# --- changes on the way -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_changed_parameters_act_from_the_next_step_on_and_reset_takes_them_back(interpret):
+    apart = [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}]
+    simulation = Simulation({"robots": apart, "noise": "off"}, 1, interpret=interpret)
+    simulation.advance(3)
+    simulation.set_parameters(1, speed_cm_s=1.5, period_s=3.0)
+    assert simulation.period_ms.tolist() == [5000, 3000, 3000]
+    simulation.set_parameters(1, coupling=0.2)
+    assert next(simulation).wheels_cm_s.max(axis=1).tolist() == [12.8, 1.5, 1.5]
+    simulation.reset()
+    assert simulation.period_ms.tolist() == [5000, 5000, 5000]
+    assert next(simulation).wheels_cm_s.max() == 12.8
+
+
+@pytest.mark.parametrize(
+    ("group", "values", "kind", "message"),
+    [
+        (0, {"speed_cm_s": 99.0}, ScenarioError, r"robots.0.parameters: speed_cm_s is 99.0; allowed: 0 to 12.8"),
+        (0, {"sped_cm_s": 1.0}, ScenarioError, "speed_cm_s"),
+        (0, {"period_s": 0.1}, ScenarioError, "longer than a control step"),
+        (1, {"speed_cm_s": 1.0}, ValueError, "group is 1; allowed: 0 to 0"),
+    ],
+)
+def test_parameters_that_a_controller_does_not_take_are_refused(group, values, kind, message):
+    simulation = Simulation("thesis", 1)
+    with pytest.raises(kind, match=message):
+        simulation.set_parameters(group, **values)
+    assert simulation.period_ms.tolist() == [5000] * 10
+    assert not simulation.snapshot().changes
+
+
+def test_a_controller_that_raises_at_a_restart_is_named(tmp_path):
+    path = tmp_path / "late.py"
+    text = with_step("pass").replace("    pass\n", "    x = 1 / (int(random[0] % 2))\n", 1)
+    path.write_text(text)
+    scenario = load_scenario({"robots": [{"controller": str(path), "count": 1}]})
+
+    def started(seed):
+        try:
+            return Simulation(scenario, seed)
+        except ControllerError:
+            return None
+
+    tried = {seed: started(seed) for seed in range(20)}
+    good = next(seed for seed, simulation in tried.items() if simulation)
+    bad = next(seed for seed, simulation in tried.items() if not simulation)
+    simulation = tried[good]
+    with pytest.raises(ControllerError, match=rf"robot 0, step 0, seed {bad}: .*late.py"):
+        simulation.reset(bad)
+    simulation.reset(good)
+    assert next(simulation).number == 0

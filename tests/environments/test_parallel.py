@@ -1,0 +1,206 @@
+"""Claims about the PettingZoo environment: it keeps PettingZoo's rules, and agents act exactly as controllers would."""
+
+import warnings
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test
+from pettingzoo.utils import AssertOutOfBoundsWrapper, OrderEnforcingWrapper, parallel_to_aec
+
+from epuck_sim import epuck
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.environments import parallel_env
+from epuck_sim.errors import ScenarioError
+
+SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
+DANCERS = {"name": "dancers", "robots": [{"count": 4, "controller": "external_wheels"}]}
+BLINKERS = {"name": "blinkers", "robots": [{"count": 2, "controller": "external_ring"}]}
+
+
+@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+@pytest.mark.parametrize(
+    ("scenario", "reward"), [(SWARM, "coverage"), (DANCERS, "synchrony"), (BLINKERS, "aggregation")]
+)
+def test_pettingzoos_tests_pass(scenario, reward, actions):
+    def make():
+        return parallel_env(scenario, reward=reward, actions=actions, episode_s=5.0)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(make(), num_cycles=60)
+        parallel_seed_test(make, num_cycles=60)
+
+
+@pytest.mark.parametrize("actions", ["continuous", "discrete"])
+def test_observations_are_in_their_space_and_mean_what_is_documented(actions):
+    env = parallel_env(SWARM, seed=4, actions=actions)
+    observations, _ = env.reset()
+    assert env.agents == ["robot_0", "robot_1", "robot_2"]
+    alone = Simulation(SWARM, 4)
+    step = next(alone)
+    for _ in range(100):
+        for robot, agent in enumerate(env.agents):
+            seen = observations[agent]
+            assert env.observation_space(agent).contains(seen)
+            part = {name: seen[columns] for name, columns in env.observation_fields.items()}
+            np.testing.assert_array_equal(part["camera"], step.camera[robot])
+            np.testing.assert_allclose(part["wheels"] * 12.8, step.wheels_cm_s[robot], atol=1e-5)
+            assert part["ring"] == step.ring_on[robot]
+            near = np.clip(step.infrared[robot] / epuck.INFRARED_PEAK_COUNTS, 0, 1)
+            np.testing.assert_allclose(part["infrared"], near, atol=1e-6)
+        chosen = {agent: env.action_space(agent).sample() for agent in env.agents}
+        if actions == "continuous":
+            speeds = np.array([chosen[agent] for agent in env.agents])
+            alone.command(12.8 * speeds[:, 0], 12.8 * speeds[:, 1], speeds[:, 2] > 0)
+        else:
+            motions = np.array([(0, 0), (1, 1), (-1, -1), (-1, 1), (1, -1), (0.5, 1), (1, 0.5)]) * 12.8
+            numbers = np.array([chosen[agent] for agent in env.agents])
+            alone.command(*motions[numbers % 7].T, numbers >= 7)
+        observations, *_ = env.step(chosen)
+        step = next(alone)
+
+
+def test_oscillators_observe_their_phase_on_a_circle():
+    """One oscillator among robots that never flash, which hears of nothing."""
+    others = {"controller": "external_wheels", "count": 1}
+    env = parallel_env({"robots": [others, {"controller": "constant", "count": 3}]}, seed=4, reward="synchrony")
+    observations, _ = env.reset()
+    columns = env.observation_fields["phase"]
+    turned = []
+    for _ in range(60):
+        before = observations["robot_0"][columns]
+        observations, rewards, *_ = env.step({"robot_0": np.zeros(2)})
+        turned.append(np.angle(complex(*observations["robot_0"][columns]) / complex(*before)))
+        assert rewards["robot_0"] == pytest.approx(1)
+    as_in_free_run = np.isclose(turned, 2 * np.pi * 0.1 / 5.0, atol=1e-5)
+    assert as_in_free_run.sum() >= 58  # but where a cycle ends: what is beyond the period is dropped
+
+
+def test_the_reward_for_synchrony_is_that_of_the_phases_observed():
+    env = parallel_env(DANCERS, seed=4, reward="synchrony")
+    env.reset()
+    observations, rewards, *_ = env.step({agent: np.zeros(2) for agent in env.agents})
+    phases = np.array([complex(*observations[agent][env.observation_fields["phase"]]) for agent in env.agents])
+    assert list(rewards.values()) == pytest.approx([abs(phases.mean())] * 4, abs=1e-6)
+    assert rewards["robot_0"] < 0.99
+
+
+def test_episodes_end_as_gymnasium_means_it_and_then_only_reset_is_allowed():
+    def met(situation):
+        return situation.time_s > 0.55
+
+    for given, expected in (({"episode_s": 0.6}, (False, True)), ({"terminate": met}, (True, False))):
+        env = parallel_env(SWARM, seed=4, **given)
+        with pytest.raises(ValueError, match="call reset"):
+            env.step({})
+        env.reset()
+        still = {agent: np.zeros(3) for agent in env.agents}
+        for number in range(6):
+            _, _, terminated, truncated, _ = env.step(still)
+            ends = expected if number == 5 else (False, False)
+            assert (set(terminated.values()), set(truncated.values())) == ({ends[0]}, {ends[1]})
+        assert env.agents == []
+        with pytest.raises(ValueError, match="call reset"):
+            env.step(still)
+        env.reset()
+        assert len(env.agents) == 3
+
+
+def test_a_seed_begins_a_row_of_episodes_which_all_differ():
+    def rows(env, seed):
+        return [env.reset(seed if number == 0 else None)[0]["robot_0"].tolist() for number in range(3)]
+
+    one, other = parallel_env(SWARM, seed=4), parallel_env(SWARM)
+    first = rows(one, None)
+    assert rows(other, 4) == first
+    assert rows(one, 4) == first
+    assert len({tuple(row) for row in first}) == 3
+
+
+def test_rewards_are_given_to_each_agent_or_to_all():
+    given = []
+
+    def reward(situation):
+        given.append(situation)
+        return situation.poses[..., 0]
+
+    env = parallel_env({"robots": [{"count": 2}, {"count": 2, "controller": "external"}]}, reward=reward)
+    env.reset()
+    _, rewards, *_ = env.step({agent: np.zeros(3) for agent in env.agents})
+    assert list(rewards.values()) == given[0].poses[0, 2:, 0].tolist()
+    assert env.state()[:, 0].tolist() == given[0].poses[0, :, 0].tolist()
+
+
+def test_pictures_show_the_arena_from_above():
+    env = parallel_env(SWARM, seed=4, render_mode="rgb_array")
+    env.reset()
+    dark = env.render()
+    assert (dark.shape, dark.dtype) == ((480, 480, 3), np.uint8)
+    env.step({agent: np.array([0.0, 0.0, 1.0]) for agent in env.agents})
+    lit = env.render()
+    redder = (lit[..., 0].astype(int) - dark[..., 0]) > 50
+    assert 1000 < redder.sum() < 30000
+
+
+@pytest.mark.parametrize(
+    ("scenario", "given", "kind", "message"),
+    [
+        ("thesis", {}, ScenarioError, "no robot is driven from outside; give a group controller: external"),
+        ({"robots": [*DANCERS["robots"], *BLINKERS["robots"]]}, {}, ScenarioError, "agents differ in what they drive"),
+        (SWARM, {"reward": "synchronny"}, ScenarioError, "synchrony"),
+        (SWARM, {"episode_s": 0.0}, ValueError, "episode_s is 0.0; allowed"),
+        (SWARM, {"episode_s": float("nan")}, ValueError, "episode_s is nan; allowed"),
+        (SWARM, {"control_steps": 0}, ValueError, "control_steps is 0; allowed"),
+    ],
+)
+def test_environments_that_make_no_sense_are_refused(scenario, given, kind, message):
+    with pytest.raises(kind, match=message):
+        parallel_env(scenario, **given)
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ({agent: np.zeros(2) for agent in ("robot_0", "robot_1", "robot_2")}, "actions have the shape"),
+        ({agent: np.full(3, np.nan) for agent in ("robot_0", "robot_1", "robot_2")}, "not all finite"),
+        ({"robot_0": np.zeros(3)}, "missing or unknown: .'robot_1', 'robot_2'"),
+    ],
+)
+def test_actions_that_do_not_fit_are_refused_and_nothing_is_lost(action, message):
+    env = parallel_env(SWARM, seed=4)
+    env.reset()
+    before = env.state()
+    with pytest.raises(ValueError, match=message):
+        env.step(action)
+    np.testing.assert_array_equal(env.state(), before)
+    env.step({agent: np.zeros(3) for agent in env.agents})
+
+
+def test_a_window_shows_each_picture_and_closes(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(pyplot, "pause", drawn.append)
+    env = parallel_env(SWARM, seed=4, render_mode="human", episode_s=float("inf"))
+    env.reset()
+    for _ in range(2):
+        assert env.render() is None
+        env.step({agent: np.ones(3) for agent in env.agents})
+    assert len(drawn) == 2
+    assert pyplot.get_fignums()
+    env.close()
+    env.close()
+    assert not pyplot.get_fignums()
+
+
+def test_a_reward_for_synchrony_needs_oscillators():
+    env = parallel_env({"robots": [{"controller": "external"}]}, reward="synchrony")
+    env.reset()
+    with pytest.raises(ScenarioError, match="synchrony is of oscillators, and no robot is one"):
+        env.step({agent: np.zeros(3) for agent in env.agents})
+
+
+def test_wrappers_that_people_use_work():
+    env = OrderEnforcingWrapper(AssertOutOfBoundsWrapper(parallel_to_aec(parallel_env(SWARM, actions="discrete"))))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        api_test(env, num_cycles=60)

@@ -1,0 +1,103 @@
+"""Claims about the vector environment: swarms in a batch do what they do alone, on any number of threads."""
+
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
+
+from epuck_sim.environments import parallel_env, vector_env
+from epuck_sim.errors import ControllerError
+
+SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
+
+
+def policy(rows):
+    """Return actions that depend on all that is observed."""
+    columns = np.arange(rows.shape[1])
+    return np.tanh(rows @ np.sin(np.outer(columns, [1.0, 2.0, 3.0])))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_each_swarm_does_what_it_does_alone_to_the_bit(threads):
+    """Policies are evaluated in the same batches, as sums of floats depend on them."""
+    batch = vector_env(SWARM, 4, seed=7, reward="coverage", episode_s=2.0, threads=threads)
+    rows, infos = batch.reset()
+    assert infos == {}
+    singles = [parallel_env(SWARM, seed=7 + swarm, reward="coverage", episode_s=2.0) for swarm in range(4)]
+    alone = [list(env.reset()[0].values()) for env in singles]
+    over = np.zeros(4, bool)
+    for _ in range(50):
+        np.testing.assert_array_equal(rows, np.concatenate(alone))
+        assert batch.observation_space.contains(rows)
+        actions = policy(rows)
+        rows, rewards, terminated, truncated, infos = batch.step(actions)
+        assert infos == {}
+        for swarm, env in enumerate(singles):
+            mine = slice(3 * swarm, 3 * swarm + 3)
+            if over[swarm]:
+                alone[swarm] = list(env.reset()[0].values())
+                assert not rewards[mine].any()
+                assert not truncated[mine].any()
+                over[swarm] = False
+                continue
+            acted = dict(zip(env.agents, actions[mine], strict=True))
+            seen, got, _, ended, _ = env.step(acted)
+            alone[swarm] = list(seen.values())
+            assert rewards[mine].tolist() == list(got.values())
+            assert truncated[mine].tolist() == list(ended.values())
+            over[swarm] = truncated[mine].any()
+        assert not terminated.any()
+    batch.close()
+
+
+def test_resets_take_one_seed_or_one_for_each_swarm():
+    batch = vector_env(SWARM, 3)
+    rows, _ = batch.reset(seed=5)
+    assert batch.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
+    again, _ = batch.reset(seed=[5, 6, 7])
+    np.testing.assert_array_equal(rows, again)
+    assert (batch.reset()[0] != again).any()
+    with pytest.raises(ValueError, match="seed holds 2 seeds; allowed: one for each of 3"):
+        batch.reset(seed=[1, 2])
+
+
+def test_wrappers_that_people_use_work():
+    batch = RecordEpisodeStatistics(vector_env(SWARM, 2, seed=1, actions="discrete", episode_s=1.0))
+    batch.reset(seed=1)
+    for _ in range(10):
+        *_, truncated, infos = batch.step(batch.action_space.sample())
+    assert truncated.all()
+    assert infos["episode"]["l"].tolist() == [10] * 6
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        (np.zeros((5, 3)), "allowed: 6 rows"),
+        (np.zeros((6, 2)), "actions have the shape"),
+        (np.full((6, 3), np.inf), "not all finite"),
+    ],
+)
+def test_actions_that_do_not_fit_are_refused(actions, message):
+    batch = vector_env(SWARM, 2)
+    with pytest.raises(ValueError, match="call reset"):
+        batch.step(actions)
+    batch.reset()
+    with pytest.raises(ValueError, match=message):
+        batch.step(actions)
+
+
+def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
+    path = tmp_path / "late.py"
+    path.write_text(
+        "PARAMETERS = {}\nMEMORY = {'steps': int}\ndef start(memory, parameters, random):\n    pass\n"
+        "def step(sensors, memory, actuators, parameters, random):\n"
+        "    memory.steps += 1\n    actuators.left_cm_s = 1 / (5 - memory.steps)\n"
+    )
+    scenario = {"robots": [{"count": 1, "controller": "external"}, {"count": 1, "controller": str(path)}]}
+    batch = vector_env(scenario, 3, threads=2)
+    batch.reset()
+    for _ in range(3):
+        batch.step(np.zeros((3, 3)))
+    with pytest.raises(ControllerError, match=r"robot 1, step 4.*late.py"):
+        batch.step(np.zeros((3, 3)))

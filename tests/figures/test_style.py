@@ -1,0 +1,153 @@
+"""Claims about the looks of figures: colours have contrast and are told apart by all eyes, words stay words."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib import rc_context
+from matplotlib.cbook import is_math_text
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.figure import Figure
+
+from epuck_sim.arrays import FloatArray
+from epuck_sim.figures.film_tracking import BAR, FOUND, MARK, SYNC
+from epuck_sim.figures.forms.violins import LINE, VIOLIN
+from epuck_sim.figures.looks import COLOURS, MARKERS, choose_looks
+from epuck_sim.figures.scales import format_tick, is_plain
+from epuck_sim.figures.style import GREY, STYLE, finish, make_panels, typeset
+from epuck_sim.overhead.track.annotate import CYAN
+
+MIN_CONTRAST = 3.0
+"""Least contrast of graphical objects with what is behind them (Web Content Accessibility Guidelines 2.1, 1.4.11)."""
+
+MIN_DISTANCE = 26.0
+"""Least distance in CIELAB; between neighbours of Okabe and Ito's colours it is 16."""
+
+VISIONS = {
+    "normal": np.eye(3),
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritanopia": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+"""What eyes make of linear RGB (Machado, Oliveira and Fernandes 2009, severity 1)."""
+
+TO_XYZ = np.array(
+    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+)
+"""From linear sRGB to CIE XYZ."""
+
+
+def linear(colour: str) -> FloatArray:
+    rgb = np.array(to_rgb(colour))
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+
+
+def contrast_with_white(colour: str) -> float:
+    return float(1.05 / (linear(colour) @ TO_XYZ[1] + 0.05))
+
+
+def lab(rgb: FloatArray) -> FloatArray:
+    """Return CIELAB coordinates of linear RGB."""
+    ratio = TO_XYZ @ rgb / TO_XYZ.sum(axis=1)
+    x, y, z = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / 3 * (29 / 6) ** 2 + 4 / 29)
+    return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
+
+
+def distance(one: str, other: str, vision: str) -> float:
+    seen = [lab(np.clip(np.array(VISIONS[vision]) @ linear(colour), 0, 1)) for colour in (one, other)]
+    return float(np.linalg.norm(seen[0] - seen[1]))
+
+
+def test_these_measures_are_right() -> None:
+    assert contrast_with_white("black") == pytest.approx(21)
+    assert contrast_with_white("#767676") == pytest.approx(4.54, abs=0.01)
+    assert lab(linear("white")) == pytest.approx([100, 0, 0], abs=0.02)
+    assert lab(linear("red")) == pytest.approx([53.24, 80.09, 67.20], abs=0.05)
+    assert distance("#d62728", "#2ca02c", "deuteranopia") < distance("#d62728", "#2ca02c", "normal") / 2
+
+
+@pytest.mark.parametrize("colour", [*COLOURS, GREY, LINE])
+def test_lines_and_marks_have_contrast_on_white(colour: str) -> None:
+    assert contrast_with_white(colour) >= MIN_CONTRAST
+
+
+def test_violins_have_as_much_contrast_as_the_line_over_them_leaves() -> None:
+    assert contrast_with_white(VIOLIN) >= 2.5
+    assert all(distance(VIOLIN, LINE, vision) > MIN_DISTANCE for vision in VISIONS)
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_all_eyes_tell_any_two_curves_apart(vision: str) -> None:
+    assert min(distance(one, other, vision) for one, other in combinations(COLOURS, 2)) >= MIN_DISTANCE
+
+
+@pytest.mark.parametrize("vision", VISIONS)
+def test_all_eyes_see_what_is_marked_beside_red(vision: str) -> None:
+    ring, found = "#dc2828", to_hex(np.array(CYAN) / 255)
+    for one, other in ((ring, found), (ring, FOUND), (BAR, SYNC), (BAR, MARK)):
+        assert distance(one, other, vision) >= MIN_DISTANCE, (one, other)
+
+
+@given(st.integers(1, len(COLOURS) * len(MARKERS)))
+def test_each_curve_has_a_look_of_its_own_and_the_first_differ_in_both_colour_and_marker(count: int) -> None:
+    looks = choose_looks(count)
+    assert len({*looks}) == len(looks) == count
+    first = looks[: len(COLOURS)]
+    assert len({look.colour for look in first}) == len({look.marker for look in first}) == len(first)
+    assert {"v", "^", "x"}.isdisjoint(MARKERS)
+
+
+@given(st.text(st.characters(exclude_categories=["C"]), max_size=40))
+def test_any_text_is_shown_as_it_is(text: str) -> None:
+    shown = typeset(text.replace("_", " "))
+    assert not is_math_text(shown)
+    assert shown.replace(r"\$", "$") == text.replace("_", " ")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("T_sync and V_m", r"$T_\mathrm{sync}$ and $V_\mathrm{m}$"),
+        ("my_T_sync, T_synchrony", "my_T_sync, T_synchrony"),
+        ("T_sync for $5", r"$T_\mathrm{sync}$ for \$5"),
+    ],
+)
+def test_quantities_have_their_indices(text: str, expected: str) -> None:
+    assert typeset(text) == expected
+    figure = Figure()
+    figure.suptitle(typeset(text))
+    figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("width_cm", [8.5, 17.5])
+def test_a_long_title_is_within_the_figure(width_cm: float) -> None:
+    with rc_context(STYLE):
+        figure, _ = make_panels("T_sync of a swarm of many robots in a large arena " * 5, [""], ("x", "y"), width_cm)
+        figure.draw_without_rendering()
+    (title,) = figure.texts
+    box = title.get_window_extent()
+    assert box.x0 > 0
+    assert box.x1 < figure.bbox.x1
+
+
+@pytest.mark.parametrize("width_cm", [8.5, 17.5])
+def test_long_labels_go_over_lines_within_the_figure(width_cm: float) -> None:
+    label = ", ".join(f"a_long_key_{number} = {number}" for number in range(12))
+    with rc_context(STYLE):
+        figure, (panel,) = make_panels("", [""], ("x", "y"), width_cm)
+        panel.plot([0, 1], label=label)
+        finish(figure, [panel])
+        figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert legend.get_window_extent().width < figure.bbox.width
+    (text,) = legend.get_texts()
+    assert " ".join(text.get_text().replace("\N{NO-BREAK SPACE}", " ").split()) == label
+
+
+@given(st.floats(1e-3, 9e4))
+def test_a_plain_number_has_no_exponent_and_is_read_back(number: float) -> None:
+    assert is_plain(number, number)
+    assert float(format_tick(number)) == pytest.approx(number)
+    assert "e" not in format_tick(number)

@@ -1,0 +1,160 @@
+"""A user's response curve: found, compiled, called with its parameters, and refused in words."""
+
+import numpy as np
+import pytest
+
+from epuck_sim.errors import CurveError, ScenarioError
+from epuck_sim.particles.curve_compilation import make_response
+from epuck_sim.particles.phase_response import order_change, phase_shift
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.yaml_io import write_yaml
+from tests.particles.simulations import make_simulation
+
+POWER = """
+from beside import power
+
+PARAMETERS = {"bend": 1.0, "times": 1}
+
+def phase_shift(phase, coupling, parameters):
+    shift = coupling * power(phase, parameters.bend)
+    return shift * parameters.times
+"""
+FAILING = """
+import math
+
+def phase_shift(phase, coupling, parameters):
+    if 0.502 < phase < 0.508:
+        {}
+    return coupling * phase
+"""
+BESIDE = """
+def power(phase, bend):
+    return phase**bend
+"""
+
+
+@pytest.fixture
+def power(tmp_path):
+    (tmp_path / "beside.py").write_text(BESIDE)
+    path = tmp_path / "power.py"
+    path.write_text(POWER)
+    return path
+
+
+def write(folder, source):
+    path = folder / "curve.py"
+    path.write_text(source)
+    return path
+
+
+def scenario_of(curve, **response):
+    return {"model": "particles", "response": {"curve": str(curve), "coupling": 0.1, **response}}
+
+
+def test_a_curve_that_says_what_the_multiplicative_one_does_gives_the_same_bits(power):
+    one, other = ParticleSimulation(scenario_of(power), 3), ParticleSimulation({"model": "particles"}, 3)
+    one.run(2000)
+    other.run(2000)
+    assert one.phases().tobytes() == other.phases().tobytes()
+    assert one.instants == other.instants > 10_000
+
+
+def test_parameters_and_the_coupling_reach_the_function(power):
+    phases = np.linspace(0.01, 1, 30)
+    for coupling, bend, times in [(0.1, 2.0, 1), (0.3, 0.5, -2), (0.1, 3.0, 1)]:
+        section = scenario_of(power, parameters={"bend": bend, "times": times}, coupling=coupling)
+        response = make_response(load_scenario(section).response)
+        expected = np.clip(phases + times * coupling * phases**bend, 0, 1) - phases
+        assert phase_shift(response, phases) == pytest.approx(expected, abs=1e-14)
+        assert order_change(response, phases).shape == phases.shape
+
+
+def test_two_curves_take_turns_in_one_process(power, tmp_path):
+    added = write(tmp_path, "def phase_shift(phase, coupling, parameters):\n    return coupling")
+    scenes = [{"response": {"curve": str(curve), "coupling": 0.05}} for curve in (power, added)]
+    apart = [make_simulation(1, **scene) for scene in scenes]
+    for swarm in apart:
+        swarm.run(50)
+    together = [make_simulation(1, **scene) for scene in scenes]
+    for cycle in range(50):
+        for swarm in together:
+            swarm.run(cycle + 1)
+    shipped = make_simulation(1, response={"curve": "additive", "coupling": 0.05})
+    shipped.run(50)
+    assert [swarm.phases().tobytes() for swarm in together] == [swarm.phases().tobytes() for swarm in apart]
+    assert apart[1].phases().tobytes() == shipped.phases().tobytes() != apart[0].phases().tobytes()
+
+
+def test_a_path_is_relative_to_the_scenario_s_file_and_stored_in_full(power):
+    path = power.parent / "scene.yaml"
+    path.write_text(write_yaml(scenario_of("power.py", parameters={"bend": 2})))
+    response = load_scenario(str(path)).response
+    assert response.curve == str(power)
+    assert response.parameters == {"bend": 2.0, "times": 1}
+
+
+def test_curves_and_their_parameters_can_be_swept(power):
+    axes = {"response.curve": ["sine", str(power)], "response.coupling": [0.1, 0.2]}
+    found = points({"model": "particles", "sweep": {"grid": axes}})
+    assert [point.axes["response.curve"] for point in found] == ["sine", "sine", "power.py", "power.py"]
+    assert found[2].scenario.response.parameters == {"bend": 1.0, "times": 1}
+    (_, bent) = points({**scenario_of(power), "sweep": {"grid": {"response.parameters.bend": [1, 2]}}})
+    assert bent.scenario.response.parameters == {"bend": 2.0, "times": 1}
+
+
+REFUSED = [
+    ("x = 1", "a response curve needs a function phase_shift(phase, coupling, parameters)"),
+    ("def phase_shift(:", "cannot be loaded: SyntaxError"),
+    ("PARAMETERS = 3\ndef phase_shift(phase, coupling, parameters): return 0", "PARAMETERS is 3; allowed: a mapping"),
+    (
+        "PARAMETERS = {'a': 'b'}\ndef phase_shift(phase, coupling, parameters): return 0",
+        "PARAMETERS: a is 'b'; allowed: a number",
+    ),
+    ("def phase_shift(phase, coupling, parameters): return 1 / phase", "curve.py:1: at phase 0: ZeroDivisionError"),
+    ("def phase_shift(phase, coupling, parameters): return None", "at phase 0: TypeError"),
+    ("def phase_shift(phase, coupling, parameters): return 1e999", "phase_shift returns inf at phase 0"),
+    ("def phase_shift(phase): return 0", "at phase 0: TypeError"),
+]
+
+
+@pytest.mark.parametrize(("source", "message"), REFUSED, ids=lambda text: text[:30])
+def test_what_is_no_curve_is_refused_when_a_scenario_is_read(source, message, tmp_path):
+    path = write(tmp_path, source)
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(scenario_of(path))
+    assert str(caught.value).startswith("scenario: response")
+    assert str(path) in str(caught.value)
+    assert message in str(caught.value)
+
+
+def test_what_numba_cannot_compile_is_refused_before_a_trial(tmp_path):
+    path = write(tmp_path, "def phase_shift(phase, coupling, parameters):\n    return float(str(phase) or '0')")
+    with pytest.raises(CurveError, match=r"curve.py:2: cannot be compiled: "):
+        ParticleSimulation(scenario_of(path))
+
+
+FAILURES = [
+    ("raise ValueError('not here')", r"curve.py:6: ValueError: not here"),
+    ("return 1 / int(phase)", r"curve.py:6: ZeroDivisionError: "),
+    ("return math.inf", r"curve.py: ValueError: phase_shift returns a number that is not finite"),
+]
+
+
+@pytest.mark.parametrize(("failure", "message"), FAILURES, ids=lambda text: text[:10])
+def test_an_error_during_a_trial_names_the_file(tmp_path, failure, message):
+    # between the phases at which curves are tried
+    path = write(tmp_path, FAILING.format(failure))
+    swarm = ParticleSimulation(scenario_of(path), 1)
+    with pytest.raises(CurveError, match=message):
+        swarm.run(10_000)
+
+
+def test_a_changed_file_is_another_curve(tmp_path):
+    path = write(tmp_path, "def phase_shift(phase, coupling, parameters):\n    return coupling")
+    before = make_response(load_scenario(scenario_of(path)).response)
+    path.write_text("def phase_shift(phase, coupling, parameters):\n    return 2 * coupling")
+    after = make_response(load_scenario(scenario_of(path)).response)
+    assert phase_shift(before, 0.5) == pytest.approx(0.1)
+    assert phase_shift(after, 0.5) == pytest.approx(0.2)

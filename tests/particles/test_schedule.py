@@ -1,0 +1,311 @@
+"""Claims about what a schedule changes in a swarm of point agents: exactly at its time, and nothing else."""
+
+import copy
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.particles.twin import make_twin
+from tests.particles.naive_model import NaiveEvent, NaiveModel
+from tests.particles.simulations import BY_POSITION, KINDS, any_sections, compare_events, make_simulation, scenario
+from tests.particles.test_simulation import digest
+
+PHASES = [0.1, 0.35, 0.6, 0.85]
+RESTING = {
+    "agents": {"count": 4, "speed_cm_s": 0},
+    "response": {"coupling": 0},
+    "start": {"phases": PHASES},
+}
+
+
+# --- against the naive model ------------------------------------------------------------------------
+
+
+class ChangingModel(NaiveModel):
+    """The naive model, which makes the changes of a schedule whose entries have times."""
+
+    def __init__(self, swarm: ParticleSimulation) -> None:
+        super().__init__(swarm)
+        self.waiting = sorted(self.scenario.schedule, key=lambda entry: entry.at_s)
+
+    def step(self) -> NaiveEvent:
+        """Simulate up to the next event, or the next change."""
+        ahead = copy.copy(self)
+        for name in ("positions", "headings", "speeds", "phases", "left_of_runs", "streams", "receiver_streams"):
+            setattr(ahead, name, copy.deepcopy(getattr(self, name)))
+        event = NaiveModel.step(ahead)
+        moment = self.waiting[0].at_s / self.scenario.clocks.period_s if self.waiting else np.inf
+        if event.time <= moment:
+            return super().step()
+        self.run_to(moment)
+        self.is_synchronised = False
+        at_s = self.waiting[0].at_s
+        while self.waiting and self.waiting[0].at_s == at_s:
+            self.change(self.waiting.pop(0))
+        return NaiveEvent(self.time, None, frozenset(), frozenset(), event.time - moment)
+
+    def change(self, entry) -> None:
+        for key, value in entry.set.items():
+            section, name = key.split(".", 1)
+            if key == "agents.speed_cm_s":
+                before = self.scenario.agents.speed_cm_s
+                self.speeds = [value * speed / before for speed in self.speeds]
+            changed = getattr(self.scenario, section).model_copy(update={name: value})
+            self.scenario = self.scenario.model_copy(update={section: changed})
+        if entry.displace is not None:
+            for agent in range(len(self.phases)) if entry.displace.agents is None else set(entry.displace.agents):
+                self.phases[agent] = (self.phases[agent] + entry.displace.by_cycles) % 1
+
+
+@st.composite
+def entries(draw, sections, kind):
+    """Return two entries of a schedule that fits the sections."""
+    agents, period_s = sections["agents"]["count"], sections["clocks"]["period_s"]
+    speed, values = sections["agents"]["speed_cm_s"], [{"response.refractory": 0.2}, {"response.coupling": 0.5}]
+    if speed and not sections["agents"].get("speed_per_run"):
+        values += [{"agents.speed_cm_s": speed * factor} for factor in (0.1, 1.7)]
+    if kind in ("nearest", "random"):
+        values.append({"neighbourhood.k": 1})
+    elif kind != "all":
+        values.append({"neighbourhood.radius_cm": sections["space"]["side_cm"] / 3})
+    changes = st.sampled_from([{"set": value} for value in values]) | st.fixed_dictionaries(
+        {
+            "displace": st.fixed_dictionaries(
+                {
+                    "by_cycles": st.sampled_from([0.25, -0.1, 3.3]),
+                    "agents": st.none() | st.lists(st.integers(0, agents - 1), min_size=1, unique=True),
+                }
+            )
+        }
+    )
+    moments = st.floats(0, 6).map(lambda cycles: round(cycles, 3) * period_s)
+    return [{"at_s": draw(moments), **draw(changes)} for _ in range(2)]
+
+
+@given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS))
+@settings(max_examples=30)
+def test_swarms_that_a_schedule_changes_agree_with_the_naive_model(data, seed, kind):
+    sections = data.draw(any_sections(kind))
+    swarm = make_simulation(seed, **sections, schedule=data.draw(entries(sections, kind)))
+    compare_events(swarm, ChangingModel(swarm), cycles=10)
+
+
+# --- closed forms -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
+def test_agents_whose_speed_becomes_0_stand_where_they_were(boundary):
+    agents = {"speed_cm_s": 60, "speed_distribution": "exponential"}
+    halt = {"at_s": 3.7, "set": {"agents.speed_cm_s": 0}}
+    start = {"at_s": 9, "set": {"agents.speed_cm_s": 60}}
+    sections = {"space": {"boundary": boundary}, "agents": agents, "response": {"coupling": 0}}
+    plain, halted = make_simulation(4, **sections), make_simulation(4, **sections, schedule=[start, halt])
+    plain.run_to(3.7)
+    for time_s in (3.7, 5, 8.99):
+        halted.run_to(time_s)
+        assert (halted.positions() == plain.positions()).all()
+        assert not halted.speeds_cm_s.any()
+    for later_s in (0.4, 2.9):  # and then they go on as if nothing had been
+        halted.run_to(9 + later_s)
+        plain.run_to(3.7 + later_s)
+        apart = np.abs(halted.positions() - plain.positions())
+        assert np.minimum(apart, 100 - apart).max() < 1e-9
+    assert [event.source for event in halted.events] == ["schedule.1", "schedule.0"]
+
+
+CHANGES = [
+    {"agents.speed_cm_s": 33},
+    {"neighbourhood.k": 3},
+    {"response.coupling": 0.4, "response.refractory": 0.25},
+    {"response.parameters.knee": 0.2, "response.parameters.early_slope": -1},
+]
+
+
+@pytest.mark.parametrize("values", CHANGES, ids=str)
+@pytest.mark.parametrize("kind", ["nearest", "random"])
+def test_what_changes_at_the_start_is_as_if_the_scenario_had_it(values, kind):
+    given = scenario(
+        agents={"speed_cm_s": 5.0, "speed_distribution": "uniform", "speed_spread": 0.5},
+        neighbourhood={"kind": kind, "k": 2},
+        response={"curve": "piecewise_linear"},
+    )
+    changed = copy.deepcopy(given)
+    for key, value in values.items():
+        *path, last = key.split(".")
+        section = changed
+        for part in path:
+            section = section.setdefault(part, {})
+        section[last] = value
+    scheduled = ParticleSimulation({**given, "schedule": [{"at_s": 0, "set": values}]}, 8)
+    other = ParticleSimulation(changed, 8)
+    for swarm in (scheduled, other):
+        if kind == "nearest":
+            swarm.adjacency()  # that of the start, which must not be kept
+        swarm.run(40)
+    assert digest(scheduled) == digest(other)
+    assert (scheduled.speeds_cm_s == other.speeds_cm_s).all()
+    if kind == "nearest":
+        assert (scheduled.adjacency() == other.adjacency()).all()
+
+
+def test_speeds_that_were_0_become_those_that_were_drawn():
+    agents = {"speed_cm_s": 0, "speed_distribution": "exponential"}
+    swarm = make_simulation(2, agents=agents, schedule=[{"at_s": 1, "set": {"agents.speed_cm_s": 7}}])
+    swarm.run_to(1)
+    assert (swarm.speeds_cm_s == make_simulation(2, agents={**agents, "speed_cm_s": 7}).speeds_cm_s).all()
+
+
+def test_a_curve_of_ones_own_gets_new_parameters(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(
+        "PARAMETERS = {'by': 0.0}\n\n\ndef phase_shift(phase, coupling, parameters):\n    return parameters.by"
+    )
+    sections = {**RESTING, "neighbourhood": {"kind": "all"}, "response": {"curve": str(path)}}
+    swarm = make_simulation(**sections, schedule=[{"at_s": 0.5, "set": {"response.parameters.by": 0.05}}])
+    swarm.run_to(0.4)  # agents 3 and 2 have fired, at 0.15 and 0.4, in vain
+    assert swarm.phases() == pytest.approx([0.5, 0.75, 0, 0.25])
+    swarm.run_to(0.65)  # agent 1 shifts the others
+    assert swarm.phases() == pytest.approx([0.8, 0, 0.3, 0.55])
+
+
+@pytest.mark.parametrize("kind", BY_POSITION)
+def test_a_displaced_swarm_goes_on_as_one_that_starts_there(kind):
+    rule = {"kind": kind, **({} if kind in ("nearest", "all") else {"radius_cm": 40})}
+    if kind.startswith("cone"):
+        rule["angle_deg"] = 100
+    sections = {"space": {"boundary": "mirrored"}, "agents": {"speed_cm_s": 9, "count": 8}, "neighbourhood": rule}
+    displace = {"at_s": 3, "displace": {"agents": [2, 5], "by_cycles": 0.35}}
+    swarm, plain = make_simulation(6, **sections, schedule=[displace]), make_simulation(6, **sections)
+    plain.run_to(3)
+    phases = plain.phases()
+    phases[[2, 5]] = (phases[[2, 5]] + 0.35) % 1
+    start = {
+        "phases": phases.tolist(),
+        "positions_cm": plain.positions().tolist(),
+        "headings": plain.headings().tolist(),
+    }
+    fresh = make_simulation(6, **sections, start=start)
+    for time_s in (0, 0.7, 5.2, 11.9):
+        swarm.run_to(3 + time_s)
+        fresh.run_to(time_s)
+        assert swarm.phases() == pytest.approx(fresh.phases(), abs=1e-9)
+        assert swarm.positions() == pytest.approx(fresh.positions(), abs=1e-9)
+
+
+# --- at one instant ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("at_s", "cycles", "phase"), [(3, 3, 0.25), (2.999, 2, 0.25)])
+def test_those_that_fire_at_the_time_of_a_change_fire_before_it(at_s, cycles, phase):
+    swarm = make_simulation(
+        start={"phases": "synchronised"}, schedule=[{"at_s": at_s, "displace": {"by_cycles": phase}}]
+    )
+    swarm.run_to(3.0001)
+    assert swarm.cycles == cycles
+    assert swarm.phases() == pytest.approx((3.0001 - at_s + phase + at_s % 1) % 1)
+
+
+def test_a_firing_that_rounding_puts_after_the_change_is_at_the_same_instant():
+    assert (1 - 0.7) * 1.0 > 0.3
+    sections = {"agents": {"count": 1}, "start": {"phases": [0.7]}}
+    swarm = make_simulation(**sections, schedule=[{"at_s": 0.3, "displace": {"by_cycles": 0.5}}])
+    events = [next(swarm), next(swarm)]
+    assert [len(event.fired) for event in events] == [1, 0]
+    assert swarm.phases().tolist() == [0.5]
+
+
+@pytest.mark.parametrize("entries_at_once", [[0, 1], [1, 0]])
+def test_changes_at_one_instant_are_made_in_their_order_and_are_one_event(entries_at_once):
+    both = [{"at_s": 0.05, "displace": {"by_cycles": change}} for change in ("random", 0.25)]
+    swarm = make_simulation(3, **RESTING, schedule=[both[number] for number in entries_at_once])
+    event = next(swarm)
+    assert (event.turned, len(event.fired), len(event.received)) == (None, 0, 0)
+    assert event.time_s == swarm.time_s == 0.05
+    assert [(each.step, each.source) for each in swarm.events] == [(0, "schedule.0"), (0, "schedule.1")]
+    drawn = np.random.Generator(np.random.SFC64(np.random.SeedSequence(3, spawn_key=(4, entries_at_once.index(0)))))
+    ahead = 0.25 if entries_at_once == [0, 1] else 0
+    assert swarm.phases() == pytest.approx((drawn.random(4) + ahead) % 1)
+
+
+def test_displacements_leave_other_agents_alone_and_add_up():
+    schedule = [{"at_s": 0.02, "displace": {"agents": [1, 3], "by_cycles": change}} for change in (-0.3, 1, 0.1)]
+    swarm = make_simulation(**RESTING, schedule=schedule)
+    swarm.run_to(0.02)
+    assert swarm.phases() == pytest.approx([0.12, 0.17, 0.62, 0.67])
+
+
+# --- however it is asked for ------------------------------------------------------------------------
+
+
+def everything(swarm):
+    """Return all bits of the state, whichever cycle times are counted from."""
+    swarm.positions()  # continues trajectories that have ended
+    trajectories, oscillators = swarm._trajectories, swarm._oscillators
+    cycles, times = np.divmod(oscillators.next_firing, 1.0)
+    arrays = [cycles + oscillators.cycle, times, *(getattr(trajectories, name) for name in MOTION)]
+    return b"".join(array.tobytes() for array in arrays)
+
+
+MOTION = ("origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time", "streams")
+
+
+@given(st.data(), st.integers(0, 2**32 - 1), st.sampled_from(KINDS), st.lists(st.floats(0.01, 7), max_size=4))
+@settings(max_examples=20)
+def test_a_change_is_the_same_to_the_bit_event_by_event_at_once_and_in_pieces(data, seed, kind, stops):
+    sections = data.draw(any_sections(kind))
+    sections["stop"]["order_parameter"] = None
+    sections["schedule"] = data.draw(entries(sections, kind))
+    at_once, pieces, events, limited = (make_simulation(seed, **sections) for _ in range(4))
+    end_s = 7 * sections["clocks"]["period_s"]
+    at_once.run_to(end_s)
+    for stop in sorted(stops):
+        pieces.run_to(stop * sections["clocks"]["period_s"])
+    pieces.run_to(end_s)
+    while len(events.events) < 2 or events.instants < at_once.instants:
+        next(events)
+    while limited.instants < at_once.instants:
+        limited.run(10**6, pulses=3)
+        limited.run(limited.cycles + 1, periods=1)
+    for swarm in (pieces, events, limited):
+        assert [event._replace(time_s=0) for event in swarm.events] == [
+            event._replace(time_s=0) for event in at_once.events
+        ]
+    end_s = max(end_s, events.time_s, limited.time_s) + 0.013 * sections["clocks"]["period_s"]
+    for swarm in (pieces, events, limited, at_once):
+        swarm.run_to(end_s)
+        assert everything(swarm) == everything(pieces)
+
+
+def test_a_run_ends_at_its_own_limits_before_a_later_change():
+    swarm = make_simulation(**RESTING, schedule=[{"at_s": 2.5, "displace": {"by_cycles": 0.5}}])
+    swarm.run(1)
+    assert (swarm.cycles, swarm.events, swarm.next_change) == (1, [], (2, 0.5))
+    swarm.run(10, periods=2, share=0.49)
+    assert (swarm.time_s, swarm.events) == (pytest.approx(2.4), [])  # that of the last firing
+    swarm.run(10, periods=1)
+    assert [event.time_s for event in swarm.events] == [2.5]
+
+
+def test_a_twin_changes_at_times_alone():
+    entry = {"displace": {"by_cycles": 0.5}}
+    make_twin(make_simulation(schedule=[{"at_s": 1, **entry}]).scenario, 1)
+    with pytest.raises(ValueError, match="give at_s in the schedule"):
+        make_twin(make_simulation(schedule=[{"at_cycle": 1, **entry}]).scenario, 1)
+
+
+def test_agents_that_walk_at_random_stand_still_when_they_are_told_to_and_go_on_later():
+    walk = {"kind": "brownian", "run_s": 0.5}
+    schedule = [{"at_s": 5, "set": {"agents.speed_cm_s": 0}}, {"at_s": 8, "set": {"agents.speed_cm_s": 3}}]
+    sections = {"agents": {"count": 6, "speed_cm_s": 10, "walk": walk}, "schedule": schedule}
+    swarm = ParticleSimulation({"model": "particles", **sections}, 4)
+    swarm.run_to(5)
+    places = swarm.positions()
+    swarm.run_to(7.5)
+    np.testing.assert_array_equal(swarm.positions(), places)
+    swarm.run_to(8.5)
+    way = np.hypot(*(swarm.positions() - places).T)
+    assert (way > 0).all()
+    assert (way <= 1.5 + 1e-9).all()

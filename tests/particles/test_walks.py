@@ -1,0 +1,206 @@
+"""Random walks: runs and turns have their distributions, and agents spread as theory says.
+
+Agents that keep a direction for a time of mean T, and turn by an angle of mean cosine g, forget it after a mean of
+tau = T / (1 - g): the correlation of two headings a time t apart is exp(-t / tau), from which, with speed v, follows
+the mean squared displacement 2 v^2 tau (t - tau (1 - exp(-t / tau))), in any number of dimensions.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from epuck_sim.particles.headings import turn_heading
+from epuck_sim.particles.twin import simulate_with_twin
+from epuck_sim.scenario.loader import load_scenario
+from tests.particles.distributions import UNLIKELY, is_anywhere
+from tests.particles.simulations import make_simulation, scenario
+
+dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
+
+BROWNIAN = {"kind": "brownian", "run_s": 2.0}
+CORRELATED = {"kind": "correlated", "run_s": 0.5, "persistence": 0.8}
+LEVY = {"kind": "levy", "run_s": 0.3, "exponent": 2.2}
+
+
+def walkers(walk, count=4000, speed_cm_s=1.0, seed=0, agents=None, **sections):
+    """Return uncoupled agents that fire together once a cycle, far from any wall unless `sections` say otherwise."""
+    sections = {"space": {"side_cm": 1e6}, "neighbourhood": {"kind": "all"}, "response": {"coupling": 0}, **sections}
+    motion = {"count": count, "speed_cm_s": speed_cm_s, "walk": walk, **(agents or {})}
+    return make_simulation(seed, agents=motion, start={"phases": "synchronised"}, **sections)
+
+
+def turned_by(persistence, dimensions, count=20_000):
+    """Return (count,) cosines of the turns of as many headings."""
+    random = np.random.default_rng(5)
+    streams = random.integers(0, 2**63, (count, 4)).astype(np.uint64)
+    before = random.normal(size=(count, dimensions))
+    before /= np.linalg.norm(before, axis=1, keepdims=True)
+    after = before.copy()
+    for heading, stream in zip(after, streams, strict=True):
+        turn_heading(heading, persistence, stream)
+    assert np.linalg.norm(after, axis=1) == pytest.approx(1, abs=1e-12)
+    return (before * after).sum(axis=1), after
+
+
+# --- turns and runs ---------------------------------------------------------------------------------
+
+
+@dimensions
+@pytest.mark.parametrize("persistence", [0.0, 0.3, 0.9])
+def test_the_mean_cosine_of_turns_is_the_persistence(dimensions, persistence):
+    cosines, _ = turned_by(persistence, dimensions)
+    assert abs(cosines.mean() - persistence) < 4 * cosines.std() / math.sqrt(len(cosines))
+
+
+def test_turns_in_a_square_are_wrapped_cauchy_and_those_in_a_cube_of_henyey_and_greenstein():
+    g = 0.6
+    cosines, _ = turned_by(g, 2)
+    assert stats.kstest(np.arccos(cosines.clip(-1, 1)), lambda a: 2 * stats.wrapcauchy(g).cdf(a)).pvalue > UNLIKELY
+    cosines, _ = turned_by(g, 3)
+    below = lambda c: (1 - g**2) / (2 * g) * ((1 + g**2 - 2 * g * c) ** -0.5 - 1 / (1 + g))  # noqa: E731
+    assert stats.kstest(cosines, below).pvalue > UNLIKELY
+
+
+@dimensions
+def test_without_persistence_any_direction_is_as_likely_and_with_all_of_it_none_is_left(dimensions):
+    _, after = turned_by(0.0, dimensions)
+    assert is_anywhere(after)
+    cosines, _ = turned_by(1.0, dimensions)
+    assert cosines == pytest.approx(1, abs=1e-12)
+
+
+def run_durations(walk, **sections):
+    """Return s: the durations of the first runs of many agents, once those that began with the trial are over."""
+    swarm = walkers(walk, count=50, **sections)
+    began, durations = {}, []
+    while len(durations) < 5000:
+        event = next(swarm)
+        if event.turned is not None:
+            if event.turned in began:
+                durations.append(event.time_s - began[event.turned])
+            began[event.turned] = event.time_s
+    return np.array(durations)
+
+
+@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED])
+def test_runs_of_brownian_and_correlated_walks_are_exponential(walk):
+    durations = run_durations(walk, clocks={"period_s": 5.0})
+    assert stats.kstest(durations, "expon", args=(0, walk["run_s"])).pvalue > UNLIKELY
+
+
+@pytest.mark.parametrize("exponent", [2.2, 3.0])
+def test_runs_of_a_levy_walk_have_a_power_law_above_the_shortest(exponent):
+    swarm = walkers({**LEVY, "exponent": exponent}, count=20_000)
+    walk = swarm._trajectories.walk
+    durations = walk.end_cycle + walk.end_time
+    assert durations.min() >= 0.3
+    assert stats.kstest(durations, "pareto", args=(exponent - 1, 0, 0.3)).pvalue > UNLIKELY
+
+
+# --- how agents spread ------------------------------------------------------------------------------
+
+
+@dimensions
+@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED])
+@pytest.mark.parametrize("reorients", [False, True])
+def test_the_mean_squared_displacement_is_that_of_theory(dimensions, walk, reorients):
+    agents = {"reorient_on": ["emitting"]} if reorients else {}
+    swarm = walkers(walk, speed_cm_s=3.0, agents=agents, space={"dimensions": dimensions, "side_cm": 1e6})
+    start = swarm.positions()
+    rate = (1 - walk.get("persistence", 0.0)) / walk["run_s"]
+    for time_s in (0.4, 1.0, 7.5) if not reorients else (0.5, 1.0):  # reorientation is at 1 s, and then each second
+        swarm.run_to(time_s)
+        expected = 2 * 9.0 / rate * (time_s - (1 - math.exp(-rate * time_s)) / rate)
+        squares = ((swarm.positions() - start) ** 2).sum(axis=1)
+        assert abs(squares.mean() - expected) < 4 * squares.std() / math.sqrt(len(squares))
+
+
+@dimensions
+def test_a_walk_with_full_persistence_is_a_straight_line(dimensions):
+    walk = {"kind": "correlated", "run_s": 0.1, "persistence": 1.0}
+    space = {"dimensions": dimensions, "boundary": "cyclic"}
+    wandering = walkers(walk, count=30, speed_cm_s=40.0, space=space)
+    straight = walkers({"kind": "straight"}, count=30, speed_cm_s=40.0, space=space)
+    for time_s in (0.3, 5.25, 100.5):
+        wandering.run_to(time_s)
+        straight.run_to(time_s)
+        apart = (wandering.positions() - straight.positions()) / 100
+        assert np.abs(apart - np.rint(apart)).max() < 1e-8
+
+
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic", "mirrored"])
+@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED, LEVY])
+def test_walls_end_no_run_and_no_agent_leaves_the_space(boundary, walk):
+    swarm = walkers(walk, count=40, speed_cm_s=60.0, space={"boundary": boundary})
+    ends = swarm._trajectories.walk.end_cycle + swarm._trajectories.walk.end_time
+    walls = 0
+    for event in swarm:
+        if event.turned is not None:
+            is_end = event.time_s == pytest.approx(ends[event.turned], abs=1e-9)
+            walls += not is_end
+            walk_now = swarm._trajectories.walk
+            now = walk_now.end_cycle[event.turned] + walk_now.end_time[event.turned]
+            assert (now > ends[event.turned]) == is_end
+            ends[event.turned] = now
+            assert ((swarm.positions() >= -1e-9) & (swarm.positions() <= 100 + 1e-9)).all()
+        if event.time_s > 12:
+            break
+    assert walls > 50
+
+
+@pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED, LEVY])
+def test_how_often_positions_are_asked_for_makes_no_difference(walk):
+    agents = {"speed_distribution": "lognormal", "speed_spread": 1.0, "speed_per_run": True}
+    often, seldom = (walkers(walk, 30, 25.0, agents=agents, space={"side_cm": 100}) for _ in range(2))
+    for time_s in np.linspace(0.01, 33, 400):
+        often.run_to(time_s)
+        often.positions()
+    seldom.run_to(33.0)
+    assert often.positions().tobytes() == seldom.positions().tobytes()
+    assert often.headings().tobytes() == seldom.headings().tobytes()
+    assert often.speeds_cm_s.tobytes() == seldom.speeds_cm_s.tobytes()
+
+
+def test_disturbed_agents_walk_like_their_undisturbed_twins():
+    start = {"phases": "synchronised", "displacement": 0.4}
+    agents = {"count": 6, "speed_cm_s": 20.0, "walk": LEVY}
+    loaded = load_scenario({**scenario(agents=agents, start=start)})
+    comparison = simulate_with_twin(loaded, 3, np.array([0.5, 1.5, 30.5]))
+    assert comparison.deviation[0, 0] > 0.1
+    one, other = (make_simulation(3, agents=agents, start=each) for each in (start, {"phases": "random"}))
+    one.run_to(30.5)
+    other.run_to(30.5)
+    assert one.positions().tobytes() == other.positions().tobytes()
+
+
+# --- speeds of runs ---------------------------------------------------------------------------------
+
+DISTRIBUTIONS = {
+    "uniform": {"speed_spread": 0.5},
+    "normal": {"speed_spread": 0.6},
+    "exponential": {},
+    "lognormal": {"speed_spread": 2.0},
+    "two_speeds": {"fast_share": 0.1, "fast_ratio": 10.0},
+}
+
+
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_speeds_of_later_runs_have_the_distribution_of_the_first(distribution):
+    agents = {"speed_distribution": distribution, "speed_per_run": True, **DISTRIBUTIONS[distribution]}
+    swarm = walkers({"kind": "brownian", "run_s": 0.1}, count=10_000, speed_cm_s=4.0, agents=agents)
+    first = swarm.speeds_cm_s
+    swarm.run_to(3.0)
+    later = swarm.speeds_cm_s
+    assert (first != later).mean() > 0.15  # of two speeds most are the same again
+    assert stats.ks_2samp(first.round(9), later.round(9)).pvalue > UNLIKELY
+    assert abs(later.mean() - 4.0) < 4 * later.std() / math.sqrt(len(later))
+
+
+def test_the_fastest_speed_bounds_those_of_later_runs():
+    agents = {"speed_distribution": "exponential", "speed_per_run": True}
+    swarm = walkers({"kind": "brownian", "run_s": 0.1}, count=5, agents=agents)
+    table = swarm._trajectories.walk.speeds
+    assert swarm._state.neighbourhood.inverse_closing_speed == pytest.approx(1 / (2 * table.max()))
+    assert table.mean() == pytest.approx(1.0)

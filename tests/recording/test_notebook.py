@@ -1,0 +1,73 @@
+"""Recordings and films in notebooks."""
+
+import sys
+from types import SimpleNamespace
+
+import pytest
+from rerun import notebook
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import EpuckSimError, RecordingError
+from epuck_sim.particles.simulation import ParticleSimulation
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.notebook import show
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorder import record
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial
+
+
+@pytest.fixture
+def recording(tmp_path):
+    scenario = load_scenario("thesis", ["stop.max_cycles=1"])
+    with record(tmp_path / "t.rrd", scenario, 1) as recorder:
+        run_trial(Simulation(scenario, 1), [recorder])
+    return tmp_path / "t.rrd"
+
+
+def test_a_viewer_is_given_the_whole_recording(recording, monkeypatch) -> None:
+    given = {}
+
+    def viewer(**options):
+        given.update(options)
+        given["memory"] = options["recording"].memory_recording()
+        return SimpleNamespace(name="viewer")
+
+    monkeypatch.setattr(notebook, "HAS_NOTEBOOK", True)
+    monkeypatch.setattr(notebook, "Viewer", viewer)
+    assert show(recording).name == "viewer"
+    assert given["blueprint"] is not None
+    assert given["memory"].num_msgs() > 5
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("none.rrd", "there is no such file"), ("t.txt", r"unknown format '\.txt'; allowed: \.rrd, \.mp4")],
+)
+def test_what_cannot_be_shown_is_refused(tmp_path, name: str, said: str) -> None:
+    (tmp_path / "t.txt").touch()
+    with pytest.raises(EpuckSimError, match=said):
+        show(tmp_path / name)
+
+
+def test_what_is_missing_is_named(recording, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(notebook, "HAS_NOTEBOOK", False)
+    with pytest.raises(EpuckSimError, match=r"pip install 'epuck-sim\[notebook\]'"):
+        show(recording)
+    monkeypatch.setitem(sys.modules, "IPython.display", None)
+    (tmp_path / "t.mp4").touch()
+    with pytest.raises(EpuckSimError, match=r"pip install 'epuck-sim\[notebook\]'"):
+        show(tmp_path / "t.mp4")
+    (tmp_path / "broken.rrd").write_bytes(b"no recording")
+    with pytest.raises(RecordingError):
+        show(tmp_path / "broken.rrd")
+
+
+@pytest.mark.parametrize("level", Level)
+def test_recordings_of_every_level_show_what_they_hold(tmp_path, level: Level) -> None:
+    scenario = load_scenario("particles", ["stop.max_cycles=2"])
+    with record(tmp_path / "t.rrd", scenario, 1, level) as recorder:
+        run_trial(ParticleSimulation(scenario, 1), [recorder])
+    html = read_recording(tmp_path / "t.rrd")._repr_html_()
+    assert f"<td>{level}</td>" in html
+    assert html.count("<circle") == (0 if level is Level.SUMMARY else 20)

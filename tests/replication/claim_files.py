@@ -1,0 +1,57 @@
+"""What the tests of the command share: files of claims with tiny sweeps."""
+
+from pathlib import Path
+
+from epuck_sim.scenario.yaml_io import write_yaml
+
+SPEED = "agents.speed_cm_s"
+
+SWEEP = {
+    "scenario": "particles",
+    "keys": {
+        "neighbourhood": {"k": 3},
+        "agents": {"count": 4},
+        "sweep": {"grid": {"response.coupling": [0.05, 0.4], SPEED: [1, 10, 100]}},
+    },
+    "quick": {"trials": 12, "stop": {"max_cycles": 500}},
+    "full": {"trials": 14, "stop": {"max_cycles": 500}},
+}
+"""Agents that all hear all: with a strong coupling they are several times as fast, whatever their speed."""
+
+FASTER = {
+    "test": "ratio",
+    "between": [{"response.coupling": 0.05}, {"response.coupling": 0.4}],
+    "where": {SPEED: 1},
+}
+
+
+def claim(name: str, *checks: dict, **keys) -> dict:
+    """Return a claim on the sweep of this module."""
+    return {
+        "id": name,
+        "section": "9",
+        "claim": f"Claim {name}",
+        "says": "so",
+        "sweep": "tiny",
+        "checks": checks,
+        **keys,
+    }
+
+
+EVERY_VERDICT = [
+    claim("A1", {**FASTER, "below": 1}),
+    claim("A2", {**FASTER, "above": 1}, otherwise="Slower ones | of another kind."),
+    claim(
+        "A3", {"test": "largest_rise", "along": SPEED, "where": {"response.coupling": 0.4}, "within": [0.999, 1.001]}
+    ),
+    {"id": "A4", "section": "9", "claim": "Claim A4", "says": "so", "not_asked": "It takes 900 CPU hours."},
+    {**claim("A5", {"test": "formula", "number": "sigma_a", "within": [0.2, 0.3]}), "sweep": None},
+]
+"""Claims with each of the verdicts, and one that needs no trials."""
+
+
+def write_claims(folder: Path, claims: list[dict] = EVERY_VERDICT, sweep: dict = SWEEP) -> Path:
+    path = folder / "claims.yaml"
+    plain = [{**each, "checks": list(each["checks"])} if "checks" in each else each for each in claims]
+    path.write_text(write_yaml({"sweeps": {"tiny": sweep}, "claims": plain, "notes": ["A misprint."]}))
+    return path

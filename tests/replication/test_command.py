@@ -1,0 +1,197 @@
+"""`epuck-sim replicate`, on claims whose sweeps take a second."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epuck_sim.cli import replication as command
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import read_wall_times
+from tests.cli.commands import call, refused
+from tests.replication.claim_files import EVERY_VERDICT, FASTER, SPEED, SWEEP, claim, write_claims
+
+
+@pytest.fixture(scope="module")
+def replicated(tmp_path_factory) -> tuple[Path, Path]:
+    """Return a file of claims and the folder of its replication, in which every verdict occurs."""
+    folder = tmp_path_factory.mktemp("replicated")
+    file = write_claims(folder)
+    result = call("replicate", "--claims", file, "--out", folder / "out", "--workers", 1)
+    assert result.exit_code == 0, result.stderr
+    assert [line.split()[:2] for line in result.stdout.splitlines()[:5]] == [
+        ["A1", "holds"],
+        ["A2", "contradicted"],
+        ["A3", "undecided"],
+        ["A4", "not"],
+        ["A5", "holds"],
+    ]
+    return file, folder / "out"
+
+
+def test_the_page_has_a_row_for_each_claim_and_a_section_for_each_that_is_asked(replicated) -> None:
+    file, folder = replicated
+    page = (folder / "replication.md").read_text()
+    rows = {row[0]: row for row in (line[2:-2].split(" | ") for line in page.splitlines() if line.startswith("| [A"))}
+    assert rows.keys() == {f"[A{n}](#a{n})" for n in (1, 2, 3, 5)}
+    assert [row[5] for row in rows.values()] == ["holds", "contradicted", "undecided", "holds"]
+    for number, row in zip((1, 2, 3, 5), rows.values(), strict=True):
+        assert row[6] == f"`epuck-sim replicate A{number} --quick --out {folder}`"
+    assert "| A4 | Claim A4 | 9 | so | It takes 900 CPU hours. | not asked |  |" in page
+    assert re.findall(r"^## (.*)$", page, re.MULTILINE)[:4] == ["A1", "A2", "A3", "A5"]
+    assert "5 claims: holds 2, contradicted 1, undecided 1, not asked 1." in page
+    assert "of which there are 3." in page
+    assert "What would change this: Slower ones | of another kind." in page
+    assert "- A misprint." in page
+    assert "| tiny | 6 | 72 of 72 |" in page
+    assert str(file.parent / "claims.yaml") not in page
+
+
+def test_its_numbers_are_those_of_the_stored_trials(replicated) -> None:
+    _, folder = replicated
+    means = [
+        next(p.times.mean() for p in read_points(folder / "runs/tiny-quick") if p.axes == {**axes, SPEED: 1})
+        for axes in ({"response.coupling": 0.05}, {"response.coupling": 0.4})
+    ]
+    page = (folder / "replication.md").read_text()
+    found = re.findall(r"over that where V = 1 cm/s, ε = 0.05 \| (\S+) \(", page)
+    assert found == [f"{means[1] / means[0]:.4g}"] * 2
+
+
+def test_html_holds_the_figures_and_needs_no_other_file(replicated) -> None:
+    _, folder = replicated
+    html = (folder / "replication.html").read_text()
+    assert html.count("data:image/png;base64,") == len(list((folder / "figures").iterdir())) == 1
+    assert 'href="#a2"' in html
+    assert 'id="a2"' in html
+    assert "http" not in html
+
+
+def test_the_same_command_runs_nothing_again_and_writes_the_same_page(replicated) -> None:
+    file, folder = replicated
+    pages = [folder / name for name in ("replication.md", "replication.html")]
+    before, contents = read_wall_times(folder / "runs/tiny-quick"), [page.read_bytes() for page in pages]
+    assert call("replicate", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
+    assert read_wall_times(folder / "runs/tiny-quick") == before
+    assert [page.read_bytes() for page in pages] == contents
+
+
+def test_chosen_claims_have_a_page_of_their_own(replicated) -> None:
+    file, folder = replicated
+    whole = (folder / "replication.md").read_bytes()
+    assert call("replicate", "A2", "A5", "--claims", file, "--out", folder, "--workers", 1).exit_code == 0
+    page = (folder / "chosen.md").read_text()
+    assert "2 claims: holds 1, contradicted 1." in page
+    assert f"`epuck-sim replicate A2 A5 --quick --out {folder}`" in page
+    assert (folder / "replication.md").read_bytes() == whole
+
+
+def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch) -> None:
+    file = write_claims(tmp_path, EVERY_VERDICT[:1])
+    words = ["replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
+    run_sweep = command.run_sweep
+
+    def stop_after_ten(*given, **named):
+        run_sweep(*given[:3], _stop_at(10), **named)
+
+    monkeypatch.setattr(command, "run_sweep", stop_after_ten)
+    assert call(*words).exit_code == 130
+    stored = [seed for point in read_points(tmp_path / "out/runs/tiny-quick") for seed in point.seeds]
+    assert 10 <= len(stored) < 72
+    assert not (tmp_path / "out/replication.md").exists()
+    monkeypatch.setattr(command, "run_sweep", run_sweep)
+    assert call(*words).exit_code == 0
+    assert "| tiny | 6 | 72 of 72 |" in (tmp_path / "out/replication.md").read_text()
+
+
+def _stop_at(stored: int):
+    def observe(progress) -> None:
+        if progress.stored >= stored:
+            raise KeyboardInterrupt
+
+    return observe
+
+
+def test_the_full_version_has_a_run_folder_of_its_own(tmp_path) -> None:
+    file = write_claims(tmp_path, EVERY_VERDICT[:1])
+    words = ["replicate", "--full", "--claims", file, "--out", tmp_path / "out", "--workers", 1]
+    assert call(*words).exit_code == 0
+    page = (tmp_path / "out/replication.md").read_text()
+    assert "| tiny | 6 | 84 of 84 |" in page
+    assert "--quick" not in page
+    assert "quick version" not in page
+    assert (tmp_path / "out/runs/tiny-full").is_dir()
+
+
+def test_the_list_runs_nothing(tmp_path) -> None:
+    file = write_claims(tmp_path)
+    result = call("replicate", "--claims", file, "--list", "--out", tmp_path / "out")
+    assert result.stdout.splitlines()[3:] == ["A4   9            Claim A4 (not asked)", "A5   9            Claim A5"]
+    assert not (tmp_path / "out").exists()
+    assert len(call("replicate", "--list").stdout.splitlines()) == 72
+
+
+RISE = {"test": "largest_rise", "along": SPEED}
+
+
+@pytest.mark.parametrize(
+    ("claims", "message"),
+    [
+        ([claim("A1", {**FASTER, "over": 1, "above": 1})], "A1.checks.0.over: unknown key 'over'"),
+        ([claim("A1", {**FASTER})], "A1.checks.0: give one of above, below and within"),
+        ([claim("A1", {**FASTER, "above": 1, "below": 1})], "A1.checks.0: give one of above, below and within"),
+        ([claim("A1", {**FASTER, "within": [2, 1]})], "A1.checks.0: within: the first number must be the lower one"),
+        ([claim("A1", {"test": "rise", "above": 1})], "A1.checks.0: is {'test': 'rise', 'above': 1}; "),
+        ([claim("A1")], "A1: give either checks or not_asked"),
+        ([claim("A1", {**RISE, "above": 1}, sweep=None)], "A1: tests of trials take a sweep, and only these"),
+        ([claim("A1", {**RISE, "above": 1}, sweep="tinny")], "claim A1: sweep: unknown 'tinny', did you mean 'tiny'?"),
+        ([claim("A1", {**FASTER, "above": 1})] * 2, "claim A1 is there twice"),
+        (
+            [{**claim("A1", {"test": "formula", "number": "sigma_c", "above": 1}), "sweep": None}],
+            "A1.checks.0: number: unknown 'sigma_c', did you mean 'sigma_b'?; allowed: largest_shift",
+        ),
+    ],
+)
+def test_a_file_of_claims_that_is_wrong_is_refused_in_words(claims, message, tmp_path) -> None:
+    file = write_claims(tmp_path, claims)
+    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
+    assert told.startswith(f"error: {file}: {message}")
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_not_there_is_refused_in_words(tmp_path) -> None:
+    file = write_claims(tmp_path)
+    words = ["--claims", file, "--out", tmp_path / "out"]
+    assert refused("replicate", "A6", *words) == "error: unknown 'A6'; claims: A1, A2, A3, A4, A5\n"
+    assert "none.yaml: cannot be read: No such file" in refused("replicate", "--claims", tmp_path / "none.yaml")
+    wrong = write_claims(tmp_path, sweep={**SWEEP, "keys": {"agents": {"cuont": 3}}})
+    assert refused("replicate", "--claims", wrong, "--out", tmp_path / "out").startswith(
+        "error: sweep tiny: scenario: agents.cuont: unknown 'cuont', did you mean 'count'?"
+    )
+    assert not (tmp_path / "out").exists()
+    assert refused("replicate", *words, "--workers", 2, "--dask", "there") == (
+        "error: --workers and --dask exclude each other\n"
+    )
+
+
+def test_a_test_of_points_that_the_sweep_lacks_names_its_claim(tmp_path) -> None:
+    file = write_claims(tmp_path, [claim("A1", {**RISE, "where": {"response.coupling": 0.7}, "above": 1})])
+    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
+    assert told == "error: claim A1: where response.coupling = 0.7: the sweep has no such point\n"
+    assert not (tmp_path / "out").exists()
+    several = write_claims(tmp_path, [claim("A1", {"test": "level", "above": 1})])
+    told = refused("replicate", "--claims", several, "--out", tmp_path / "out")
+    assert told == "error: claim A1: where all points: 6 points; level is of one\n"
+
+
+def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
+    sweep = {**SWEEP, "keys": {**SWEEP["keys"], "measures": ["order_parameter"]}}
+    final = {"test": "level", "of": "order_parameter", "where": {"response.coupling": 0.4, SPEED: 1}}
+    checks = [{**final, "take": "largest", "above": 0.99}, {**final, "take": "first", "below": 0.99}]
+    file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
+    assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
+    series = next(p for p in read_points(tmp_path / "out/runs/tiny-quick", "order_parameter") if p.number == 3).measured
+    page = (tmp_path / "out/replication.md").read_text()
+    for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
+        assert f"| {take} order\\_parameter where ε = 0.4, V = 1 cm/s | {np.mean(list(values)):.4g} " in page

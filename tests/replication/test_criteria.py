@@ -1,0 +1,150 @@
+"""Each test of claims, against closed forms, scipy's tests, and slow twins."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from epuck_sim.replication.criteria import exponential_rate, largest_rise, level, power_exponent, ratio, share
+from epuck_sim.replication.effects import mean_with_error, restrict, share_effect
+from epuck_sim.statistics.two_samples import contrast, pair_up
+from tests.replication.samples import LIMIT, drawn, times, truths, uncensored
+
+SOME = st.lists(st.floats(1, 100), min_size=5, max_size=12, unique=True)
+
+
+def knows_nothing(effect) -> bool:
+    return math.isnan(effect.estimate.low) and effect.p_above(0.1) == effect.p_below(0.1) == 1
+
+
+@given(SOME, st.floats(1, 100))
+def test_a_level_is_tested_as_students_test_does(values, threshold) -> None:
+    effect = level(uncensored(values))
+    for p, side in ((effect.p_above, "greater"), (effect.p_below, "less")):
+        assert p(threshold) == pytest.approx(stats.ttest_1samp(values, threshold, alternative=side).pvalue, abs=1e-9)
+    interval = stats.ttest_1samp(values, 0).confidence_interval()
+    assert effect.estimate == pytest.approx((np.mean(values), interval.low, interval.high))
+
+
+@given(st.integers(5, 60).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))), st.floats(0.05, 0.95))
+def test_a_share_is_tested_by_the_exact_binomial_test(counts, threshold) -> None:
+    effect = share_effect(*counts)
+    for p, side in ((effect.p_above, "greater"), (effect.p_below, "less")):
+        assert p(threshold) == pytest.approx(stats.binomtest(*counts, threshold, alternative=side).pvalue, abs=1e-9)
+    assert effect.estimate.low <= effect.estimate.value <= effect.estimate.high
+
+
+def test_a_share_is_of_true_values_or_of_synchronised_trials() -> None:
+    assert share(truths(3, 10)).estimate.value == 0.3
+    assert share(times([5, 7, 9, 2000, 3000, 4000, 1, 2])).estimate.value == 5 / 8
+
+
+@given(SOME, SOME)
+def test_a_ratio_of_two_points_is_that_of_compare(first, second) -> None:
+    pair = uncensored(first), uncensored(second)
+    expected = contrast(pair_up(*pair)).log_ratio
+    effect = ratio([pair])
+    assert effect.estimate == pytest.approx([math.exp(number) for number in expected])
+    assert effect.p_above(effect.estimate.low) == pytest.approx(0.025)
+    assert effect.p_below(effect.estimate.high) == pytest.approx(0.025)
+
+
+def test_a_ratio_over_several_pairs_is_their_geometric_mean() -> None:
+    pairs = [(drawn(10, 50, 1), drawn(20, 50, 2)), (drawn(30, 50, 3), drawn(300, 50, 4))]
+    each = [ratio([pair]).estimate.value for pair in pairs]
+    effect = ratio(pairs)
+    assert effect.estimate.value == pytest.approx(math.sqrt(each[0] * each[1]))
+    widths = [math.log(found.estimate.high / found.estimate.low) for found in (effect, *(ratio([p]) for p in pairs))]
+    assert widths[0] < max(widths[1:])  # two pairs know more than the worse of them
+
+
+def test_by_chance_ratios_are_found_as_often_as_they_should_be() -> None:
+    found = [ratio([(drawn(5, 20, 2 * seed), drawn(5, 20, 2 * seed + 1))]).p_above(1) < 0.05 for seed in range(600)]
+    assert 0.025 < np.mean(found) < 0.08
+
+
+@given(st.lists(SOME, min_size=2, max_size=5), st.floats(0.5, 2))
+def test_the_largest_rise_is_that_of_all_pairs(curve, threshold) -> None:
+    samples = [uncensored(values) for values in curve]
+    each = [ratio([(samples[i], samples[j])]) for j in range(len(samples)) for i in range(j)]
+    effect = largest_rise([samples])
+    assert effect.estimate.value == pytest.approx(max(one.estimate.value for one in each))
+    assert effect.estimate.high == pytest.approx(max(one.estimate.high for one in each))
+    assert effect.estimate.low <= max(one.estimate.low for one in each) * (1 + 1e-9)
+    assert effect.p_below(threshold) == pytest.approx(max(one.p_below(threshold) for one in each))
+    assert effect.p_above(threshold) == pytest.approx(
+        min(1, len(each) * min(one.p_above(threshold) for one in each)), rel=1e-6
+    )
+
+
+def test_only_rises_count_and_only_within_a_curve() -> None:
+    falling, rising = [[drawn(mean, 100, mean) for mean in means] for means in ((90, 30, 10), (10, 30, 90))]
+    assert largest_rise([falling]).p_below(1) < 1e-6
+    assert largest_rise([falling, [drawn(900, 100, 7), drawn(300, 100, 8)]]).p_below(1) < 1e-6
+    assert largest_rise([falling, rising]).p_above(5) < 1e-6
+
+
+@given(st.floats(-2, 2), st.floats(0.1, 50))
+def test_the_exponent_of_a_power_law_is_found(exponent, factor) -> None:
+    x = np.array([1.0, 2, 5, 10])
+    samples = [uncensored(factor * place**exponent * np.linspace(0.8, 1.2, 9)) for place in x]
+    effect = power_exponent(x, samples)
+    assert effect.estimate.value == pytest.approx(exponent, abs=1e-9)
+    assert effect.p_below(exponent) == pytest.approx(0.5, abs=1e-6)
+
+
+@given(st.floats(-1, 1))
+def test_and_the_rate_of_an_exponential(rate) -> None:
+    x = np.array([5.0, 6, 8, 12])
+    samples = [uncensored(math.exp(rate * place) * np.linspace(0.8, 1.2, 9)) for place in x]
+    assert exponential_rate(x, samples).estimate.value == pytest.approx(rate, abs=1e-9)
+
+
+def test_a_slope_is_that_of_weighted_least_squares_and_less_sure_where_points_scatter() -> None:
+    x = np.array([1.0, 2, 3, 4, 5])
+    samples = [drawn(mean, trials, trials) for mean, trials in ((3, 10), (9, 40), (8, 90), (30, 20), (20, 60))]
+    means = [mean_with_error(sample) for sample in samples]
+    weights = [each.mean / each.error for each in means]
+    logs = np.log([each.mean for each in means])
+    (slope, _), covariance = np.polyfit(x, logs, 1, w=weights, cov=True)
+    effect = exponential_rate(x, samples)
+    reach = stats.t.ppf(0.975, 3) * math.sqrt(covariance[0, 0])
+    assert effect.estimate == pytest.approx((slope, slope - reach, slope + reach))
+    straight = [drawn(3 * place, 40, 5) for place in x]  # of one seed, exactly on a line
+    _, unscaled = np.polyfit(
+        np.log(x), np.log(x), 1, w=[m.mean / m.error for m in map(mean_with_error, straight)], cov="unscaled"
+    )
+    width = power_exponent(x, straight).estimate.high - 1
+    assert width == pytest.approx(stats.t.ppf(0.975, 3) * math.sqrt(unscaled[0, 0]))
+
+
+def test_means_are_restricted_to_one_limit_and_all_censored_ones_scatter_as_if_one_had_ended_at_once() -> None:
+    some, none = restrict([times([100, 200, 300, 400, 5000]), times([9000] * 20)])
+    assert mean_with_error(some).mean == pytest.approx(400)
+    one_at_once = [0.0] + [LIMIT] * 19
+    assert mean_with_error(none) == pytest.approx((LIMIT, np.std(one_at_once, ddof=1) / math.sqrt(20), 19))
+    assert ratio([(some, none)]).p_above(1) < 0.1
+    low, high = restrict([times([10, 20, 30, 40, 900]), times([10, 2000, 30, 40, 50], limit=100)])
+    assert low.values.tolist() == [10, 20, 30, 40, 100]
+    assert high.limit == low.limit == 100
+
+
+def test_little_is_not_taken_for_much() -> None:
+    few, alike, enough = uncensored([1, 2, 3, 4]), uncensored([7] * 30), drawn(10, 30, 1)
+    assert knows_nothing(level(few))
+    assert knows_nothing(level(alike))
+    assert knows_nothing(share(truths(4, 4)))
+    assert all(knows_nothing(ratio([pair])) for pair in ((few, enough), (enough, alike), (uncensored([]), enough)))
+    assert all(knows_nothing(largest_rise([[enough, other]])) for other in (few, alike, uncensored([])))
+    assert knows_nothing(power_exponent(np.array([1.0, 2]), [enough, enough]))
+    assert knows_nothing(power_exponent(np.array([1.0, 2, 3]), [enough, enough, few]))
+    assert knows_nothing(ratio([(drawn(-5, 20, 1), enough)]))
+
+
+def test_more_trials_are_surer() -> None:
+    p_values = [ratio([(drawn(10, trials, 1), drawn(14, trials, 2))]).p_above(1) for trials in (10, 40, 400)]
+    assert all(more < fewer for fewer, more in pairwise(p_values))

@@ -1,0 +1,167 @@
+"""Measures that are added to a run folder: stored trials are simulated again for them, and must be the same."""
+
+import json
+import sqlite3
+from contextlib import closing
+from functools import partial
+
+import pytest
+
+from epuck_sim.runs.database import DATABASE
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.remeasured import StoredResult, difference
+from epuck_sim.runs.status import read_status
+from epuck_sim.sweep.executors import local_pool
+from epuck_sim.sweep.run import run_sweep
+from epuck_sim.trial.result import TrialResult
+from tests.cli.commands import call, called
+from tests.measures.files import COUNTER, write
+
+FAILING = "def failing(simulation):\n    return 1 / (simulation.scenario.agents.count - 5)\n"
+
+
+@pytest.fixture
+def mine(tmp_path):
+    return str(write(tmp_path / "mine.py", COUNTER))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return tmp_path / "run"
+
+
+def sweep(*measures, trials=3, **stop):
+    return {
+        "name": "demo",
+        "model": "particles",
+        "trials": trials,
+        "stop": {"max_cycles": 6, **stop},
+        "measures": list(measures),
+        "sweep": {"grid": {"agents.count": [5, 8]}},
+    }
+
+
+def run(folder, scenario, workers=1):
+    return run_sweep(scenario, folder, partial(local_pool, workers))
+
+
+def everything(folder):
+    """Return the rows of a folder, without what differs from run to run."""
+    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+        connection.row_factory = sqlite3.Row
+        rows = connection.execute("SELECT * FROM trials ORDER BY point, trial").fetchall()
+    return [{name: row[name] for name in row.keys() if name != "wall_s"} for row in rows]  # noqa: SIM118 a Row
+
+
+def alter(folder, text, *values):
+    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
+        connection.execute(text, values)
+
+
+def test_stored_trials_get_the_added_measures_and_keep_their_results(folder, mine, tmp_path):
+    run(folder, sweep("near_walls", trials=2))
+    before = everything(folder)
+    progress = run(folder, sweep("near_walls", mine, "order_parameter", trials=3), workers=2)
+    assert (progress.stored, progress.failed, progress.ended) == (6, 0, 6)
+    run(tmp_path / "anew", sweep("near_walls", mine, "order_parameter", trials=3))
+    assert everything(folder) == everything(tmp_path / "anew")
+    assert [row["seed"] for row in before] == [row["seed"] for row in everything(folder) if row["trial"] < 2]
+    assert run(folder, sweep("near_walls", mine, "order_parameter")).ended == 0
+    for point in read_points(folder, "order_parameter"):
+        assert [len(series) for series in point.measured] == point.times.tolist()
+
+
+def test_so_do_those_of_a_folder_without_any_measure(folder, mine):
+    run(folder, sweep())
+    run(folder, sweep(mine))
+    assert [point.measured for point in read_points(folder, "Counter")] == [(6.0,) * 3] * 2
+
+
+def test_a_run_that_was_stopped_goes_on(folder, mine):
+    run(folder, sweep("near_walls"))
+
+    class Stopped(Exception):  # noqa: N818 no error
+        pass
+
+    def stop(progress):
+        if progress.ended == 2:
+            raise Stopped
+
+    with pytest.raises(Stopped):
+        run_sweep(sweep("near_walls", mine), folder, partial(local_pool, 1), stop)
+    status = read_status(folder)
+    assert (status.stored, status.unmeasured, status.failed) == (6, 4, [])
+    assert "4 of these results lack measures that were added" in called("status", folder)
+    assert sorted(point.measured.count(None) for point in read_points(folder, "Counter")) == [2, 2]
+    progress = run(folder, sweep("near_walls", mine))
+    assert (progress.ended, progress.stored, read_status(folder).unmeasured) == (4, 6, 0)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "said"),
+    [
+        ("cycles", 5, "cycles is 5 in the folder, 6 now"),
+        ("order_parameter", 0.5, "order_parameter is 0.5 in the folder, 0."),
+        ("measured", '{"near_walls": 0.123}', "near_walls is 0.123 in the folder, "),
+    ],
+)
+def test_a_trial_that_is_no_longer_the_same_is_reported_and_stays_as_it_is(folder, mine, column, value, said):
+    run(folder, sweep("near_walls"))
+    alter(folder, f"UPDATE trials SET {column} = ? WHERE trial = 1", value)
+    before = everything(folder)
+    progress = run(folder, sweep("near_walls", mine))
+    assert (progress.stored, progress.failed) == (4, 2)
+    status = read_status(folder)
+    assert (status.stored, status.unmeasured) == (6, 2)
+    assert [(failure.point, failure.trial) for failure in status.failed] == [(0, 1), (1, 1)]
+    assert all(said in failure.error for failure in status.failed)
+    kept = [row for row in everything(folder) if row["trial"] == 1]
+    assert [{**row, "measuring_error": None} for row in kept] == [row for row in before if row["trial"] == 1]
+    assert [point.measured for point in read_points(folder, "Counter")] == [(6.0, None, 6.0)] * 2
+    result = call("run", folder, "--workers", 1)
+    assert result.exit_code == 1
+    assert "2 trials failed; run again to retry them" in result.stderr
+
+
+def test_an_added_measure_that_raises_costs_no_stored_result_and_is_tried_again(folder, tmp_path):
+    run(folder, sweep("near_walls"))
+    before = everything(folder)
+    path = write(tmp_path / "bad.py", FAILING)
+    progress = run(folder, sweep("near_walls", str(path)))
+    assert (progress.stored, progress.failed) == (3, 3)
+    status = read_status(folder)
+    assert (status.stored, len(status.failed), status.unmeasured) == (6, 3, 3)
+    assert status.failed[0].error.endswith("bad.py:2: ZeroDivisionError: division by zero")
+    assert [len(point.times) for point in read_points(folder, "near_walls")] == [3, 3]
+    for row, old in zip(everything(folder), before, strict=True):
+        assert json.loads(row["measured"])["near_walls"] == json.loads(old["measured"])["near_walls"]
+    assert run(folder, sweep("near_walls", str(path))).ended == 3
+
+
+def stored(**changes):
+    fields = dict(zip(StoredResult._fields, (4, 0.5, 4.0, 80, 4, '{"a": 1}', None), strict=True))
+    return StoredResult(**{**fields, **changes})
+
+
+def result(**measures):
+    return TrialResult("demo", 1, 4, False, 4, 0.5, 80, 4.0, 0.1, {"a": 1, "b": 2.0, **measures})
+
+
+@pytest.mark.parametrize(
+    ("changes", "differs"),
+    [
+        ({}, False),
+        ({"measured": None}, False),
+        ({"measured": '{"a": 1.0}'}, True),
+        ({"measured": '{"a": true}'}, True),
+        ({"measured": '{"b": 2.0}'}, False),
+        ({"order_parameter": 0.5000000000000001}, True),
+        ({"t_sync_cycles": None}, True),
+        ({"simulated_s": 4.000000000000001}, True),
+        ({"steps": 81}, True),
+        ({"events": "[]"}, True),
+        ({"cycles": 5}, True),
+    ],
+)
+def test_a_trial_is_the_same_only_to_the_bit(changes, differs):
+    assert (difference(stored(**changes), result()) is not None) == differs

@@ -1,0 +1,89 @@
+"""When a trial ends: how the keys of `stop` are read, written again, swept and refused."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.condition import Condition
+from epuck_sim.scenario.loader import load_scenario, write_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.scenario.yaml_io import parse_yaml
+from tests.measures.files import COUNTER, write
+
+MODELS = ["embodied", "particles"]
+NEAR = {"measure": "near_walls", "relation": "<", "value": 0.25}
+
+
+def scenario(model, **stop):
+    return load_scenario({"model": model, "measures": ["near_walls", "order_parameter"], "stop": stop})
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("written", [NEAR, "near_walls < 0.25", " near_walls<2.5e-1 "])
+def test_a_condition_is_read_from_text_or_a_mapping_and_written_again(model, written):
+    found = scenario(model, when=written)
+    assert found.stop.when.model_dump() == NEAR
+    assert str(found.stop.when) == "near_walls < 0.25"
+    assert found.stop.order_parameter is None
+    assert load_scenario(parse_yaml(write_scenario(found), "again")) == found
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_without_a_condition_trials_end_with_synchrony(model):
+    assert scenario(model).stop.order_parameter is not None
+    assert scenario(model, order_parameter=None, max_time_s=3).stop.max_time_s == 3
+
+
+def test_the_value_of_a_condition_and_the_whole_of_it_can_be_swept():
+    base = {"measures": ["near_walls"], "stop": {"when": "near_walls < 0.25"}}
+    found = points(load_scenario(base, axes=["stop.when.value=0.1,0.2"]))
+    assert [str(point.scenario.stop.when) for point in found] == ["near_walls < 0.1", "near_walls < 0.2"]
+    found = points(load_scenario(base, axes=["stop.when=near_walls > 0.1,near_walls >= 0.2"]))
+    assert [str(point.scenario.stop.when) for point in found] == ["near_walls > 0.1", "near_walls >= 0.2"]
+
+
+@given(st.sampled_from([">", ">=", "<", "<="]), st.integers(-2, 2), st.integers(-2, 2))
+def test_a_condition_holds_as_python_says(relation, value, limit):
+    condition = Condition(measure="x", relation=relation, value=limit)
+    assert condition.holds(value) == eval(f"{value} {relation} {limit}")
+
+
+@pytest.mark.parametrize(
+    ("when", "said"),
+    [
+        ("near_walls = 1", "stop.when: is 'near_walls = 1'; allowed: MEASURE >= NUMBER, with >=, >, <= or <"),
+        ("near_walls > lots", "stop.when.value: is 'lots'; allowed: a number"),
+        ("near_wals > 1", "stop.when: unknown 'near_wals', did you mean 'near_walls'?; measures: near_walls"),
+        ("0.5 > near_walls", "stop.when: is '0.5 > near_walls'; allowed: MEASURE >= NUMBER"),
+        ({"measure": "near_walls", "relation": "=", "value": 1}, "stop.when.relation: is '='; allowed: '>', '>='"),
+        ({"measure": "near_walls", "relation": ">"}, "stop.when.value: is missing"),
+        ({**NEAR, "than": 1}, "stop.when.than: unknown 'than'"),
+        ([1], "stop.when: is [1]; allowed: a mapping of keys to values"),
+        ("at_end > 1", "stop.when: at_end is measured at the end alone; allowed: measures with a method cycle or "),
+    ],
+)
+@pytest.mark.parametrize("model", MODELS)
+def test_what_is_no_condition_is_refused(model, when, said, tmp_path):
+    path = write(tmp_path / "mine.py", "def at_end(simulation): return 1\n")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario({"model": model, "measures": ["near_walls", str(path)], "stop": {"when": when}})
+    assert said in str(caught.value)
+
+
+def test_a_condition_without_measures_is_refused():
+    with pytest.raises(ScenarioError, match=r"stop\.when: unknown 'near_walls'; measures: none"):
+        load_scenario({"stop": {"when": NEAR}})
+
+
+def test_a_trial_does_not_end_in_two_ways():
+    with pytest.raises(ScenarioError, match=r"order_parameter is 0.9 and when is 'near_walls < 0.25'; give order_par"):
+        scenario("embodied", when=NEAR, order_parameter=0.9)
+    with pytest.raises(ScenarioError, match="further_cycles is 3 and order_parameter is null; allowed: 0"):
+        scenario("embodied", order_parameter=None, further_cycles=3)
+
+
+def test_a_condition_on_a_measure_of_ones_own(tmp_path):
+    path = write(tmp_path / "mine.py", COUNTER)
+    found = load_scenario({"measures": [str(path)], "stop": {"when": "Counter >= 3"}})
+    assert found.stop.when.measure == "Counter"

@@ -1,0 +1,100 @@
+"""Shares of trials and their differences: published examples, and how often intervals hold the truth, exactly."""
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.statistics.measured import Measured
+from epuck_sim.statistics.names import Statistic
+from epuck_sim.statistics.shares import estimate_share, share_difference, wilson_interval
+from epuck_sim.statistics.statistic import check_statistic, estimate
+
+
+def truths(true: int, trials: int) -> Measured:
+    values = np.arange(trials) < true
+    return Measured(values.astype(float), np.ones(trials, bool), math.inf, 0, is_share=True)
+
+
+def binomial(trials: int, share: float) -> list[float]:
+    return [math.comb(trials, true) * share**true * (1 - share) ** (trials - true) for true in range(trials + 1)]
+
+
+@pytest.mark.parametrize(
+    ("true", "trials", "interval"),  # Newcombe 1998, Statistics in Medicine 17:857, table I, method 3
+    [(81, 263, (0.2553, 0.3662)), (15, 148, (0.0624, 0.1605)), (0, 20, (0.0, 0.1611)), (1, 29, (0.0061, 0.1718))],
+)
+def test_intervals_of_shares_are_those_published(true, trials, interval):
+    assert wilson_interval(true / trials, trials) == pytest.approx(interval, abs=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "interval"),  # Newcombe 1998, Statistics in Medicine 17:873, table II, method 10
+    [
+        ((48, 80), (56, 70), (0.0524, 0.3339)),
+        ((3, 10), (9, 10), (0.1705, 0.8090)),
+        ((0, 29), (5, 56), (-0.0381, 0.1926)),
+        ((0, 20), (0, 10), (-0.1611, 0.2775)),
+        ((0, 10), (10, 10), (0.6075, 1.0)),
+    ],
+)
+def test_intervals_of_differences_are_those_published(first, second, interval):
+    found = share_difference(truths(*first), truths(*second))
+    assert found.value == pytest.approx(second[0] / second[1] - first[0] / first[1])
+    assert (found.low, found.high) == pytest.approx(interval, abs=6e-5)
+
+
+def coverage(trials: int, share: float) -> float:
+    """Return how often Wilson's interval holds the share: exactly, by the probabilities of all outcomes."""
+    ends = [wilson_interval(true / trials, trials) for true in range(trials + 1)]
+    chances = binomial(trials, share)
+    return sum(chance for (low, high), chance in zip(ends, chances, strict=True) if low <= share <= high)
+
+
+@pytest.mark.parametrize("trials", [5, 10, 20, 50, 200])
+def test_intervals_of_shares_hold_the_truth_as_often_as_they_should(trials):
+    found = [coverage(trials, share) for share in np.linspace(0.01, 0.99, 99)]
+    assert 0.94 < np.mean(found) < 0.97
+    assert min(found) > 0.8
+
+
+@pytest.mark.parametrize("trials", [5, 20])
+def test_intervals_of_differences_hold_the_truth_as_often_as_they_should(trials):
+    found = []
+    for one, other in product([0.05, 0.3, 0.5, 0.9], repeat=2):
+        chances = np.outer(binomial(trials, one), binomial(trials, other))
+        ends = [
+            [share_difference(truths(a, trials), truths(b, trials))[1:] for b in range(trials + 1)]
+            for a in range(trials + 1)
+        ]
+        holds = np.array([[low <= other - one <= high for low, high in row] for row in ends])
+        found.append((chances * holds).sum())
+    assert 0.93 < np.mean(found) < 0.98
+    assert min(found) > 0.88
+
+
+@given(st.integers(1, 60), st.data())
+def test_shares_lie_in_their_intervals_and_these_between_0_and_1(trials, data):
+    true = data.draw(st.integers(0, trials))
+    found = estimate_share(truths(true, trials))
+    assert found.value == true / trials
+    assert found.has_interval == (trials >= 5)
+    if found.has_interval:
+        assert 0 <= found.low <= found.value <= found.high <= 1
+        assert found.low < found.high  # though all trials may have one value
+
+
+def test_differences_of_few_trials_have_no_interval():
+    assert not share_difference(truths(1, 4), truths(3, 30)).has_interval
+
+
+def test_the_statistic_of_truth_values_is_their_share():
+    assert estimate(truths(3, 10), Statistic.MEAN) == estimate_share(truths(3, 10))
+    with pytest.raises(EpuckSimError, match="truth values have no median; allowed: mean"):
+        check_statistic(truths(3, 10), Statistic.MEDIAN)
+    with pytest.raises(EpuckSimError, match="the Weibull mean is of T_sync alone"):
+        check_statistic(truths(3, 10), Statistic.WEIBULL_MEAN)

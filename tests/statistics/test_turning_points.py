@@ -1,0 +1,136 @@
+"""The minimum and the peak of a measure along an axis: where they are known, and where there is only noise."""
+
+import numpy as np
+import pytest
+
+from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.statistics.extrema import smooth_logs
+from epuck_sim.statistics.measure_fit import fit_measure
+from epuck_sim.statistics.turning_points import find_minimum, find_peak, most_prominent
+from tests.measures.files import write
+from tests.runs.made_folders import COUPLING, SPEED, store_measured, sweep
+
+X = np.array([0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0, 12.0])
+LOG_X = np.log10(X)
+
+
+def curve(logs, noise=0.01, seed=0):
+    """Return the smoother of a curve whose logarithms are known, with noisy resamples."""
+    random = np.random.default_rng(seed)
+    observed = logs + random.normal(0, noise, len(logs))
+    return smooth_logs(X, np.exp(observed), np.exp(observed + random.normal(0, noise, (1000, len(logs)))))
+
+
+def test_the_peak_of_a_parabola_is_found_and_there_is_no_minimum():
+    fit = curve(2 - (LOG_X - 0.3) ** 2)
+    peak = find_peak(fit)
+    assert peak.is_found
+    assert peak.place.value == pytest.approx(10**0.3, rel=0.05)
+    assert peak.value.value == pytest.approx(np.e**2, rel=0.02)
+    assert peak.place.low < 10**0.3 < peak.place.high
+    assert peak.value.low < np.e**2 < peak.value.high
+    assert find_minimum(fit) is None or not find_minimum(fit).is_found
+
+
+def test_a_minimum_is_the_peak_of_the_inverse():
+    logs = 2 - (LOG_X - 0.3) ** 2
+    one, other = find_minimum(curve(-logs)), find_peak(curve(logs))
+    assert one.is_found
+    assert one.place.value == pytest.approx(other.place.value, rel=0.1)
+    assert one.value.low < one.value.value < one.value.high
+    assert one.value.value == pytest.approx(np.e**-2, rel=0.02)
+
+
+def test_a_curve_with_both_has_both():
+    logs = -4 * (LOG_X**3 / 3 - 0.15 * LOG_X**2 - 0.18 * LOG_X)  # minimum at 10 ** -0.3, peak at 10 ** 0.6
+    fit = curve(logs)
+    assert find_minimum(fit).place.value == pytest.approx(10**-0.3, rel=0.05)
+    assert find_peak(fit).place.value == pytest.approx(10**0.6, rel=0.05)
+    assert find_minimum(fit).is_found
+    assert find_peak(fit).is_found
+
+
+@pytest.mark.parametrize("slope", [-1.0, 1.0])
+def test_a_steep_curve_has_neither(slope):
+    fit = curve(slope * LOG_X)
+    assert find_peak(fit) is None
+    assert find_minimum(fit) is None
+
+
+@pytest.mark.parametrize("shape", [lambda x: 0 * x, lambda x: np.minimum(x, 0), lambda x: -np.clip(x, -0.5, 0.5)])
+def test_noise_makes_few_of_them(shape):
+    found = [
+        each is not None and each.is_found
+        for seed in range(100)
+        for fit in [curve(shape(LOG_X), noise=0.2, seed=seed)]
+        for each in (find_minimum(fit), find_peak(fit))
+    ]
+    assert np.mean(found) < 0.08
+
+
+def test_the_most_prominent_peak_is_not_always_the_highest():
+    curves = np.array([[5, 6, 5.9, 0, 3, 0.5, 4], [0, 1, 2, 3, 4, 5, 6], [3, 1, 2, 1, 0, 0, 0]], float)
+    places, prominences = most_prominent(curves)
+    assert prominences.tolist() == [2.5, 0.0, 1.0]
+    assert (places[0], places[2]) == (4, 2)
+
+
+# --- of run folders -------------------------------------------------------------------------------
+
+
+def folder_of(path, law, measures=("near_walls",), axis=SPEED, trials=30, **grid):
+    scenario = sweep({axis: X.tolist(), **grid}, measures=list(measures))
+    random = np.random.default_rng(4)
+
+    def values(point):
+        return [law(point.axes[axis], random) for _ in range(trials)]
+
+    return store_measured(path / "run", scenario, values)
+
+
+def bump(x, random):
+    return float(np.exp(1 - (np.log10(x) - 0.3) ** 2 + random.normal(0, 0.05)))
+
+
+def test_a_folder_has_one_for_each_curve(tmp_path):
+    folder = folder_of(tmp_path, bump, **{COUPLING: [0.1, 0.2]})
+    fits = fit_measure(folder, "near_walls")
+    assert [fit.axes for fit in fits] == [{COUPLING: 0.1}, {COUPLING: 0.2}]
+    for fit in fits:
+        assert (fit.axis, fit.of, fit.statistic, fit.reason) == (SPEED, "near_walls", "mean", "")
+        assert fit.peak.is_found
+        assert fit.peak.place.value == pytest.approx(10**0.3, rel=0.1)
+        assert fit.minimum is None or not fit.minimum.is_found
+
+
+@pytest.mark.parametrize(
+    ("law", "trials", "said"),
+    [
+        (lambda x, _: x - 1, 30, "not all of its values are positive"),
+        (lambda x, random: bool(random.random() < x / 20), 30, "it is a truth value"),
+        (bump, 19, "fewer than 20 trials with a value at 8 of 8 points, which noise alone makes rise; --trials 20"),
+        (lambda x, random: bump(x, random) if x > 1 else None, 30, "fewer than 20 trials with a value at 4 of 8"),
+    ],
+)
+def test_where_it_makes_no_sense_it_says_why(law, trials, said, tmp_path):
+    (fit,) = fit_measure(folder_of(tmp_path, law, trials=trials), "near_walls")
+    assert (fit.minimum, fit.peak) == (None, None)
+    assert said in fit.reason
+
+
+def test_few_values_of_the_axis_are_too_few(tmp_path):
+    folder = folder_of(tmp_path, bump, **{COUPLING: [0.1, 0.2]})
+    fits = fit_measure(folder, "near_walls", COUPLING)
+    assert {fit.reason for fit in fits} == {"2 positive values of the axis; a minimum and a peak take 6"}
+
+
+def test_what_cannot_be_fitted_at_all_is_refused(tmp_path):
+    folder = folder_of(tmp_path, bump)
+    with pytest.raises(EpuckSimError, match="run: --x: unknown 'speed'"):
+        fit_measure(folder, "near_walls", "speed")
+    with pytest.raises(StoreError, match="measured: near_walls"):
+        fit_measure(folder, "far_walls")
+    path = write(tmp_path / "mine.py", "def course(simulation): return []\n")
+    series = folder_of(tmp_path / "series", lambda *_: [1.0], measures=[str(path)])
+    with pytest.raises(StoreError, match="course is a series, with a value for each cycle"):
+        fit_measure(series, "course")

@@ -1,0 +1,138 @@
+"""Measures of sweeps: the same to the bit however a sweep is run, and a failure costs no other trial."""
+
+import json
+import tempfile
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.status import read_status
+from epuck_sim.scenario.points import points
+from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.run import run_sweep
+from epuck_sim.trial.model import run_trial, simulate
+from tests.measures.files import COUNTER, write
+from tests.sweep.short_sweeps import table
+
+SETTLED = "def settled(simulation): return bool(simulation.positions()[0, 0] > 50)\n"
+
+
+class Here(Executor):
+    """Runs what it is given at once, in this process."""
+
+    def submit(self, function, /, *arguments):
+        future = Future()
+        future.set_result(function(*arguments))
+        return future
+
+
+@contextmanager
+def here():
+    yield Pool(Here(), lambda: 1, ())
+
+
+class Stopped(Exception):  # noqa: N818 no error
+    """A run is stopped."""
+
+
+def stopper(after):
+    def stop(progress):
+        if progress.ended == after:
+            raise Stopped
+
+    return stop
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory):
+    return str(write(tmp_path_factory.mktemp("measures") / "mine.py", COUNTER + SETTLED))
+
+
+def sweep(measures, trials, **sections):
+    return {
+        "name": "demo",
+        "model": "particles",
+        "trials": trials,
+        "stop": {"when": "order_parameter > 0.6", "max_cycles": 5},
+        "measures": measures,
+        "sweep": {"grid": {"agents.count": [5, 8]}},
+        **sections,
+    }
+
+
+def content(folder):
+    with reading(folder / DATABASE) as connection:
+        measures = connection.execute("SELECT key, measures FROM points ORDER BY key").fetchall()
+    return table(folder), measures
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    trials=st.lists(st.integers(1, 3), max_size=4),
+    counts=st.lists(st.integers(1, 4), min_size=4, max_size=4),
+    stops=st.lists(st.integers(1, 6), min_size=4, max_size=4),
+)
+def test_measures_are_the_same_whatever_was_added_when_and_however_often_a_run_was_stopped(mine, trials, counts, stops):
+    measures = ["order_parameter", "near_walls", f"{mine}:Counter", f"{mine}:settled"]
+    with tempfile.TemporaryDirectory() as place:
+        folder, anew = Path(place) / "folder", Path(place) / "anew"
+        for number, count, after in zip(sorted(trials), sorted(counts), stops, strict=False):
+            with suppress(Stopped):
+                run_sweep(sweep(measures[:count], number), folder, here, stopper(after))
+        for each in (folder, anew):
+            run_sweep(sweep(measures, 3), each, here)
+        assert content(folder) == content(anew)
+        for name in ("order_parameter", "settled"):
+            for point, stored in zip(points(sweep(measures, 3)), read_points(folder, name), strict=True):
+                again = (run_trial(simulate(point.scenario, point.seed(trial))) for trial in range(3))
+                assert stored.measured == tuple(result.measures[name] for result in again)
+
+
+RAISING = """
+class Mine:
+    def __init__(self, simulation):
+        self.simulation = simulation
+        self.told("__init__")
+
+    def told(self, method):
+        if method == "{at}" and self.simulation.scenario.agents.count == 5:
+            raise RuntimeError("not today")
+
+    def event(self, event, state):
+        self.told("event")
+
+    def cycle(self, event, state):
+        self.told("cycle")
+
+    def value(self):
+        self.told("value")
+        return "text" if "{at}" == "type" and self.simulation.scenario.agents.count == 5 else 1
+"""
+
+
+@pytest.mark.parametrize("at", ["__init__", "event", "cycle", "value", "type"])
+@pytest.mark.parametrize("ends_trials", [False, True])
+@pytest.mark.parametrize("was_added", [False, True])
+def test_a_measure_that_raises_at_any_time_fails_its_trials_alone(at, ends_trials, was_added, tmp_path):
+    path = write(tmp_path / "mine.py", RAISING.format(at=at))
+    stop = {"stop": {"order_parameter": None, "max_cycles": 3}}
+    if ends_trials:
+        stop["stop"]["when"] = "Mine > 1" if not was_added else "order_parameter > 1"
+    folder = tmp_path / "run"
+    if was_added:
+        run_sweep(sweep(["order_parameter"], 2, **stop), folder, here)
+    progress = run_sweep(sweep(["order_parameter", str(path)], 2, **stop), folder, here)
+    assert (progress.stored, progress.failed) == (2, 2)
+    status = read_status(folder)
+    assert (status.stored, status.unmeasured) == ((4, 2) if was_added else (2, 0))
+    where = f"{path}:Mine: its value is 'text', a str; " if at == "type" else f"{path}:9: RuntimeError: not today"
+    for failure in status.failed:
+        assert (failure.point, where in failure.error) == (0, True)
+    assert [point.measured.count(1) for point in read_points(folder, "Mine")] == [0, 2]
+    assert json.loads(json.dumps(status._asdict()))["unmeasured"] == status.unmeasured

@@ -1,0 +1,89 @@
+"""Claims about docs/examples: the response begins as the thesis's, and evolution finds one that synchronises sooner."""
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.statistics.comparison import compare
+from epuck_sim.testing import TestRobot
+
+EXAMPLES = Path(__file__).parent.parent / "docs" / "examples"
+RESPONSIVE = EXAMPLES / "responsive_firefly.py"
+
+
+@pytest.fixture
+def learn_response(monkeypatch):
+    """Return the example, as a module that can be asked for its parts."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import learn_response  # noqa: PLC0415 found by its path
+
+    return learn_response
+
+
+@pytest.mark.parametrize("period_s", [5.0, 1.7])
+def test_as_it_stands_the_response_is_the_thesiss_to_the_bit(period_s):
+    robots = {"count": 10, "parameters": {"speed_cm_s": 4.0, "period_s": period_s}}
+    group = [{**robots, "controller": controller} for controller in (str(RESPONSIVE), "firefly")]
+    runs = [islice(Simulation(load_scenario({"robots": [each]}), 3), 1000) for each in group]
+    moved = 0
+    for step, expected in zip(*runs, strict=True):
+        assert step.poses.tobytes() == expected.poses.tobytes()
+        assert step.phase_ms.tobytes() == expected.phase_ms.tobytes()
+        moved += step.camera.any(axis=1).sum()
+    assert moved > 100
+
+
+@given(
+    response=st.lists(st.floats(-0.1, 0.1), min_size=8, max_size=8),
+    phase_ms=st.integers(0, 4999),
+    sees=st.booleans(),
+)
+def test_a_flash_moves_the_phase_by_the_response_in_between_its_nodes(response, phase_ms, sees):
+    nodes = {f"response_{node}": value for node, value in enumerate(response, 1)}
+    robot = TestRobot(RESPONSIVE, nodes)
+    robot.memory.phase_ms = phase_ms
+    robot.camera[20:30] = sees
+    robot.step()
+    phase = phase_ms + 100
+    if sees and phase > 750:
+        phase = max(0.0, phase + 5000 * np.interp(phase, np.linspace(0, 5000, 9), [0, *response]))
+    if abs(phase - 5000) > 1:  # it may fire there or not, as phases are truncated to whole ms
+        assert robot.memory.phase_ms == pytest.approx(0 if phase >= 5000 else phase, abs=1.001)
+
+
+def test_it_learns_from_trials_that_neither_measure_progress_nor_are_held_out(learn_response):
+    """Of each generation the seeds differ, and all that is learnt stays within what is allowed."""
+    used = []
+
+    class Executor:
+        def map(self, _, responses, seeds, **__):
+            used.append(set(seeds))
+            assert (np.abs(responses) <= learn_response.STRONGEST).all()
+            return [type("Result", (), {"simulated_s": float(np.ptp(each))}) for each in responses]
+
+    course = list(learn_response.evolve(Executor(), 3))
+    checks, *learning = used[0], *used[1::2]
+    assert all(each == checks for each in used[2::2])
+    assert [len(each) for each in learning] == [learn_response.TRIALS] * 3
+    assert len(set.union(checks, *learning)) == learn_response.CHECKS + 3 * learn_response.TRIALS
+    assert [each.trials for each in course] == [0, 256, 512, 768]
+
+
+@pytest.mark.slow
+def test_it_learns_to_synchronise_sooner_than_the_thesis(learn_response):
+    with ThreadPoolExecutor(1) as executor:  # all trials take place in one simulation
+        *_, last = learn_response.evolve(executor, generations=2)
+        thesis, learnt = (
+            learn_response.held_out(executor, response, learn_response.SPEED_CM_S, 60)
+            for response in (learn_response.THESIS, last.response)
+        )
+    (point,) = compare([({}, thesis, learnt)]).points
+    assert point.ratio.high < 0.5
+    assert point.p_value < 0.001

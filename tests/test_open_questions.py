@@ -1,0 +1,50 @@
+"""Claims of docs/open_questions.md, in trials that are shorter or fewer than those behind the docs."""
+
+import numpy as np
+import pytest
+
+from epuck_sim import Simulation, load_scenario, run_trial
+
+
+def test_robots_that_switch_come_together_at_once_again_after_a_push_and_are_slow():
+    push = [{"at_cycle": 120, "displace": {"robots": [5, 6, 7, 8, 9], "by_cycles": 0.5}}]
+    scenario = load_scenario("thesis", ["robots.0.controller=switching"], measures=["order_parameter", "mean_speed"])
+    stop = scenario.stop.model_copy(update={"order_parameter": None, "max_cycles": 240})
+    scenario = load_scenario({**scenario.model_dump(), "stop": stop.model_dump(), "schedule": push})
+    result = run_trial(Simulation(scenario, seed=1))
+    order = np.array(result.measures["order_parameter"], float)
+    assert order[100:120].min() >= 0.95
+    assert order[120:123].min() < 0.5
+    assert order[-20:].min() >= 0.95
+    assert result.measures["mean_speed"] < 6
+
+
+@pytest.mark.parametrize("speed", [0.5, 12.8])
+def test_where_all_hear_all_a_swarm_may_be_locked_out_of_phase_for_ever(speed):
+    """Nine robots fire within a step of each other, and push one as far ahead as it pushes them."""
+    phases = [800, 2504, 800, 800, 800, 800, 900, 800, 800, 800]
+    settings = [
+        "robots.0.signal={kind: radio}",
+        f"robots.0.memory={{phase_ms: {phases}}}",
+        f"robots.0.parameters.speed_cm_s={speed}",
+    ]
+    simulation = Simulation(load_scenario("thesis", settings), seed=1)
+    period = next(steps for steps in range(1, 100) if simulation.advance(1).phase_ms.tolist() == phases)
+    for _ in range(50):
+        assert simulation.advance(period).phase_ms.tolist() == phases
+
+
+def test_robots_that_look_all_around_agree_on_a_word_at_once():
+    def cycles(field_of_view_deg: float) -> int:
+        settings = [
+            f"robots.0.camera.field_of_view_deg={field_of_view_deg}",
+            "robots.0.parameters.speed_cm_s=0.5",
+            "stop.order_parameter=null",
+            "stop.when=consensus >= 0",
+            "stop.max_cycles=200",
+        ]
+        scenario = load_scenario("thesis", settings, measures=["consensus"])
+        return sum(run_trial(Simulation(scenario, seed)).measures["consensus"] for seed in range(3))
+
+    assert cycles(360) <= 6
+    assert cycles(56) > 20

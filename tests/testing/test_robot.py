@@ -1,0 +1,176 @@
+"""What tests of controllers are made with: a robot set by hand, scenes, and the fixture of pytest."""
+
+import subprocess
+import sys
+import tomllib
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epuck_sim.control.runner import RobotError
+from epuck_sim.errors import ControllerError
+from epuck_sim.testing import TestRobot, facing_robot, facing_wall
+from tests.control.bench import with_step, write_controller
+
+MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
+
+ALL = """
+memory.x = sensors.infrared[2] + sensors.distance_mm[3] + sensors.camera[59] + sensors.step_ms
+    memory.row[1] = parameters.gain
+    memory.seen = sensors.new_picture
+    actuators.left_cm_s += 1
+    actuators.ring_on = sensors.camera.any()
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    text = with_step(
+        ALL.strip(), PARAMETERS="{'gain': 1.5, 'seed': 3}", MEMORY="{'x': float, 'row': (float, 4), 'seen': bool}"
+    )
+    return write_controller(tmp_path / "mine.py", text).path
+
+
+@MODES
+def test_what_is_set_by_hand_reaches_the_controller_and_comes_back(mine, interpret):
+    robot = TestRobot(mine, {"seed": 9}, gain=2.5, interpret=interpret)
+    robot.step()
+    assert (robot.memory.x, robot.ring_on, robot.left_cm_s) == (65535 + 100, False, 1.0)
+    assert (robot.memory.seen, robot.new_picture, robot.step_ms) == (1, True, 100)
+    assert (robot.parameters.gain, robot.parameters.seed) == (2.5, 9)
+    robot.infrared[2], robot.distance_mm[3], robot.step_ms, robot.new_picture = 7, 20, 99, False
+    robot.camera[20:30] = 1
+    robot.camera[59] = 1
+    robot.left_cm_s, robot.right_cm_s = 5, -1
+    robot.parameters.gain = 0.5
+    robot.memory.row[0] = 8
+    robot.step(2)
+    assert robot.memory.x == 7 + 20 + 1 + 99
+    assert (robot.ring_on, robot.left_cm_s, robot.right_cm_s) == (True, 7.0, -1.0)
+    assert robot.memory.row.tolist() == [8, 0.5, 0, 0]
+    assert robot.memory.seen == 0
+    robot.camera = robot.infrared = 0
+    robot.distance_mm = np.arange(8)
+    robot.ring_on = True
+    robot.step()
+    assert (robot.memory.x, robot.ring_on) == (3 + 99, False)
+
+
+def test_names_that_there_are_not_are_refused_with_the_nearest(mine):
+    robot = TestRobot(mine)
+    with pytest.raises(AttributeError, match="memory has no 'seenn'; did you mean 'seen'"):
+        robot.memory.seenn = 1
+    with pytest.raises(AttributeError, match="parameters have no 'gian'; did you mean 'gain'"):
+        _ = robot.parameters.gian
+    with pytest.raises(AttributeError, match="cammera"):
+        robot.cammera = 1
+    with pytest.raises(ValueError, match="unknown 'gian', did you mean 'gain'"):
+        TestRobot(mine, gian=1)
+    assert dir(robot.memory) == ["row", "seen", "x"]
+    assert repr(robot.parameters) == "parameters(gain=1.5, seed=3)"
+
+
+def test_arrays_of_the_wrong_shape_and_what_is_no_number_are_refused(mine):
+    robot = TestRobot(mine, pixels=10)
+    with pytest.raises(ValueError, match="broadcast"):
+        robot.camera = np.zeros(11)
+    with pytest.raises(ValueError, match="NaN"):
+        robot.distance_mm[0] = np.nan
+    robot.infrared[3] = np.nan
+    with pytest.raises(ValueError, match=r"infrared\[3\] is nan; allowed: counts"):
+        robot.step()
+
+
+@MODES
+def test_an_error_of_the_controller_names_file_and_line(tmp_path, interpret):
+    write_controller(tmp_path / "mine.py", with_step("memory.x = 1 / (sensors.step_ms - 100)"))
+    with pytest.raises(RobotError, match=r"mine\.py:9: "):
+        TestRobot(tmp_path / "mine.py", interpret=interpret).step()
+    with pytest.raises(ControllerError, match=r"no controller file 'nowhere\.py'"):
+        TestRobot("nowhere.py")
+
+
+def test_random_numbers_follow_from_the_seed():
+    phases = [TestRobot("oscillator", seed=seed).memory.phase_ms for seed in (1, 1, 2)]
+    assert phases[0] == phases[1] != phases[2]
+
+
+def test_firmware_in_c_is_tested_likewise():
+    robot = TestRobot(Path(__file__).parents[1] / "controllers" / "firmware" / "firefly.c", speed_cm_s=3)
+    robot.memory.phase_ms = 4950
+    robot.step()
+    assert (robot.ring_on, robot.memory.phase_ms, robot.left_cm_s) == (True, 0, 3.0)
+
+
+# --- scenes ---------------------------------------------------------------------------------------
+
+
+def test_a_robot_faces_a_wall_at_the_given_distance():
+    near, far = (facing_wall("constant", gap_cm=gap).advance(1) for gap in (2.0, 50.0))
+    assert near.distance_mm[0, [0, 7]].max() < 40
+    assert (far.distance_mm == 65535).all()
+    assert near.poses[0].tolist() == [100 - 3.7 - 2, 50, 0]
+
+
+def test_a_robot_faces_a_robot_that_is_lit_or_dark():
+    lit, dark = (facing_robot("constant", gap_cm=20, lit=lit).advance(2) for lit in (True, False))
+    assert lit.camera[0, 29:31].all()
+    assert not dark.camera.any()
+    assert lit.poses[1, 0] - lit.poses[0, 0] == pytest.approx(20 + 2 * 3.7)
+
+
+# --- the fixture ----------------------------------------------------------------------------------
+
+USER_TEST = """
+from epuck_sim.testing import TestRobot
+
+def test_mine(make_robot):
+    robot = make_robot("mine.py", speed_cm_s=5)
+    robot.camera[20:30] = 1
+    robot.step()
+    assert robot.ring_on
+"""
+
+
+def test_the_fixture_runs_a_test_twice_and_the_class_is_no_test(tmp_path):
+    write_controller(
+        tmp_path / "mine.py", with_step("actuators.ring_on = sensors.camera.any()", PARAMETERS="{'speed_cm_s': 1.0}")
+    )
+    (tmp_path / "test_mine.py").write_text(USER_TEST)
+    command = [sys.executable, "-m", "pytest", "-p", "epuck_sim.pytest_plugin", "-W", "error", "-v"]
+    run = subprocess.run([*command, tmp_path / "test_mine.py"], capture_output=True, text=True, check=False)
+    assert "test_mine[interpreted] PASSED" in run.stdout, run.stdout
+    assert "test_mine[compiled] PASSED" in run.stdout
+    assert "2 passed" in run.stdout
+
+
+def test_the_plugin_is_named_in_the_package_and_loads_nothing_heavy():
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    name = project["entry-points"]["pytest11"]["epuck_sim.pytest_plugin"]
+    assert hasattr(import_module(name), "make_robot")
+    program = f"import sys, {name}; print({{'numba', 'numpy', 'pymunk', 'scipy'}} & set(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert run.stdout == "set()\n"
+
+
+RADIO = """
+PARAMETERS = {}
+MEMORY = {}
+
+def start(memory, parameters, random): ...
+
+def step(sensors, memory, actuators, parameters, random):
+    actuators.send = sensors.pulses + sensors.messages[1]
+    actuators.turn_rad = 0.5 * sensors.pulses
+"""
+
+
+@MODES
+def test_a_robot_hears_pulses_sends_and_turns(interpret: bool, tmp_path: Path) -> None:
+    (tmp_path / "radio.py").write_text(RADIO)
+    robot = TestRobot(tmp_path / "radio.py", interpret=interpret)
+    robot.pulses, robot.messages = 2, [0, 40, 0, 0, 0, 0, 0, 0]
+    robot.step()
+    assert (robot.send, robot.turn_rad) == (42, 1.0)
