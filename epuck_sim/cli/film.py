@@ -10,6 +10,9 @@ from epuck_sim.cli.errors import exit_on_error, reject_first
 
 films = typer.Typer()
 
+INPUT, GEOMETRY, DECISION, OUTPUT = "Film", "Geometry", "Decision", "Output"
+"""Headings, in the help, of the options of `track`."""
+
 
 @films.command()
 def film(
@@ -39,7 +42,28 @@ def track(
         str | None, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")
     ] = None,
     camera: Annotated[
-        int | None, typer.Option(min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.")
+        int | None,
+        typer.Option(
+            min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=INPUT
+        ),
+    ] = None,
+    start: Annotated[
+        float,
+        typer.Option(
+            "--start-s", min=0, help="Leave out what is before this time on the film's clock.", rich_help_panel=INPUT
+        ),
+    ] = 0.0,
+    end: Annotated[
+        float | None,
+        typer.Option(
+            "--end-s", min=0, help="Leave out what is after this time on the film's clock.", rich_help_panel=INPUT
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.", rich_help_panel=INPUT
+        ),
     ] = None,
     arena: Annotated[
         str | None,
@@ -47,6 +71,31 @@ def track(
             "--arena-cm",
             metavar="SIDE|WIDTHxHEIGHT",
             help="Size of the floor; by default as the film describes it, or 60.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            "--height-cm",
+            min=10,
+            max=100_000,
+            help="Height of the camera above the floor; by default 110 for a side of 60.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    corners: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,X,Y,X,Y,X,Y",
+            help="The floor's four corners, in any order, in pixels from the upper left.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    lens: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY
         ),
     ] = None,
     period: Annotated[
@@ -56,6 +105,15 @@ def track(
             min=0.1,
             max=86_400,
             help="Period of the oscillators; by default as the film describes it, or estimated.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    robots: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of robots; no T_sync is given if the flashes do not add up to it.",
+            rich_help_panel=DECISION,
         ),
     ] = None,
     threshold: Annotated[
@@ -65,6 +123,7 @@ def track(
             min=1,
             max=86_400_000,
             help="Synchrony: standard deviation of the flashes within a period; by default about 130 for 5 s.",
+            rich_help_panel=DECISION,
         ),
     ] = None,
     order: Annotated[
@@ -74,52 +133,35 @@ def track(
             min=0.5,
             max=1,
             help="Derive the threshold from this order parameter, instead of --threshold-ms.",
+            rich_help_panel=DECISION,
         ),
     ] = None,
-    robots: Annotated[
-        int | None, typer.Option(min=1, help="Number of robots; track warns if it sees more or fewer.")
-    ] = None,
-    corners: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,X,Y,X,Y,X,Y", help="The floor's four corners, in any order, in pixels from the upper left."
-        ),
-    ] = None,
-    lens: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`.")
-    ] = None,
-    start: Annotated[
-        float, typer.Option("--start-s", min=0, help="Leave out what is before this time on the film's clock.")
-    ] = 0.0,
-    end: Annotated[
-        float | None, typer.Option("--end-s", min=0, help="Leave out what is after this time on the film's clock.")
-    ] = None,
-    fps: Annotated[
-        float | None, typer.Option(min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.")
-    ] = None,
-    height: Annotated[
-        float | None,
-        typer.Option(
-            "--height-cm",
-            min=10,
-            max=100_000,
-            help="Height of the camera above the floor; by default 110 for a side of 60.",
-        ),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.", rich_help_panel=OUTPUT)] = False,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Draw the histogram over time; its table is written beside it as .csv."),
+        typer.Option(
+            metavar="FILE.png",
+            help="Draw the histogram over time; its table is written beside it as .csv.",
+            rich_help_panel=OUTPUT,
+        ),
     ] = None,
     rings: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write the position and size of every ring in every frame.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv", help="Write the position and size of every ring in every frame.", rich_help_panel=OUTPUT
+        ),
     ] = None,
     flashes: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write when, how long and where each flash was.")
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Write when, how long and where each flash was.", rich_help_panel=OUTPUT),
     ] = None,
     annotate: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.mp4", help="Write the film with the rings found and the histogram drawn."),
+        typer.Option(
+            metavar="FILE.mp4",
+            help="Write the film with the rings found and the histogram drawn.",
+            rich_help_panel=OUTPUT,
+        ),
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""

@@ -34,6 +34,7 @@ KEYS = {
     *("film", "frames", "fps", "duration_s", "start_s", "calibration", "period_s", "flash_ms", "threshold_ms"),
     *("estimated", "robots_seen", "flashes_per_period", "t_sync_s", "t_sync_periods", "t_sync_cycles", "warnings"),
     *("versions", "confidence", "reasons", "rings_outside", "always_lit", "position_error_mm"),
+    *("t_sync_onsets_s", "t_sync_onsets_periods"),
 }
 """Of the JSON object that `track` prints."""
 

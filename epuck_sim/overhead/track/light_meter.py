@@ -13,6 +13,9 @@ LIT_LEVEL = MIN_LEVEL_LIT
 SMOOTH_PX = 3
 """Side of the square over which noise is averaged."""
 
+SAMPLED_PX = 4
+"""Distance of the pixels from which the usual light of the floor is known: lamps that flicker raise all of them."""
+
 
 class LightMeter:
     """Measures the lit area in pictures of one camera."""
@@ -34,6 +37,9 @@ class LightMeter:
         lit = is_lit(picture)
         without = picture if lit or background is None else np.asarray(cv2.subtract(picture, background), np.uint8)
         light = cv2.blur(ring_light(without, lit), (SMOOTH_PX, SMOOTH_PX))
+        sample = light[::SAMPLED_PX, ::SAMPLED_PX]
         if self._floor is not None:
+            sample = sample[self._floor[::SAMPLED_PX, ::SAMPLED_PX] > 0]
             light = cv2.multiply(light, self._floor)
-        return int(cv2.countNonZero(cv2.threshold(light, LIT_LEVEL - 1, 1, cv2.THRESH_BINARY)[1]))
+        usual = float(np.median(sample)) if sample.size else 0.0
+        return int(cv2.countNonZero(cv2.threshold(light, usual + LIT_LEVEL - 1, 1, cv2.THRESH_BINARY)[1]))

@@ -1,7 +1,6 @@
 """The result of tracking a film: period, spread of the flashes, and T_sync (thesis 4.3.1, Appendix C)."""
 
 import math
-from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -9,28 +8,35 @@ import numpy as np
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Picture
+from epuck_sim.overhead.track.doubts import (
+    doubts_about_geometry,
+    doubts_about_images,
+    doubts_about_lights,
+    doubts_about_period,
+    why_never,
+)
 from epuck_sim.overhead.track.film_calibration import TrackOptions
 from epuck_sim.overhead.track.flashes import Flash, count_lit, count_places
 from epuck_sim.overhead.track.geometry import Geometry
-from epuck_sim.overhead.track.period_estimation import estimate_flash_s, estimate_period_s, spread_at_s
+from epuck_sim.overhead.track.onsets import first_in_order_s
+from epuck_sim.overhead.track.period_estimation import estimate_flash_s, estimate_period_s
 from epuck_sim.overhead.track.ring_counter import RingCounter
-from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, evaluate, frame_ends, is_synchronised
-from epuck_sim.overhead.track.verdict import Evidence, count_images, objections
+from epuck_sim.overhead.track.spread import (
+    Evaluation,
+    evaluate,
+    frame_ends,
+    is_synchronised,
+)
+from epuck_sim.overhead.track.verdict import Evidence, objections, usual_flashes
 
 FLASH_FRACTION = 0.075
 """Fraction of a period for which a ring is lit (thesis 4.2.1)."""
-
-ENOUGH_PERIODS = 3.5
-"""Number of periods in a film below which the estimated period may be wrong."""
 
 LONG_FLASHES = 6.0
 """Duration of a flash, in medians of all, from which a ring is always lit where the period is not known."""
 
 SHORTEST_STEADY_S = 2.0
 """Shortest time for which a ring that is always lit is lit where the period is not known."""
-
-TILTED_DEG = 3.0
-"""Tilt of a camera from which positions are doubtful if no corners are given."""
 
 
 class Track(NamedTuple):
@@ -73,6 +79,11 @@ class Track(NamedTuple):
     t_sync_cycles: float | None
     """Mean number of flashes of a robot by that time, as simulated trials count cycles; coupling makes them shorter
     than periods."""
+    t_sync_onsets_s: float | None
+    """Time from the beginning of the trial to the first flash around which the onsets in a period have an order
+    parameter of 0.95 or more."""
+    t_sync_onsets_periods: float | None
+    """The same time in periods."""
     confidence: Literal["high", "low", "none"]
     """Whether T_sync, or that there is none, can be trusted: `low` if something is doubtful, `none` if nothing can be
     said."""
@@ -141,28 +152,29 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
     threshold_s = options.threshold_s(period_s, flash_s)
     evaluations = evaluate(times_s, counts, period_s, start_s)
     sync = next((each for each in evaluations if is_synchronised(each, threshold_s)), None)
-    reasons = objections(
-        Evidence(
-            times_s=times_s,
-            counts=counts,
-            area=counter.areas_px,
-            flashes=flashes,
-            period_s=period_s,
-            threshold_s=threshold_s,
-            start_s=start_s,
-            robots=options.robots,
-            period_is_told=options.period_s is not None,
-        ),
-        sync,
+    evidence = Evidence(
+        times_s=times_s,
+        counts=counts,
+        area=counter.areas_px,
+        flashes=flashes,
+        period_s=period_s,
+        threshold_s=threshold_s,
+        start_s=start_s,
+        robots=options.robots,
+        period_is_told=options.period_s is not None,
     )
+    reasons = objections(evidence, sync)
     t_sync_s = None if reasons or sync is None else sync.time_s
+    onsets_s = np.array([flash.onset_s for flash in flashes])
+    filmed_s = float(times_s[0]), float(times_s[-1])
+    in_order_s = None if reasons else first_in_order_s(onsets_s, period_s, filmed_s, usual_flashes(evidence))
     lit_always = count_places(
         [*((ring.x_cm, ring.y_cm) for ring in counter.always_lit()), *(each[2:4] for each in steady)]
     )
-    doubts = [*_doubts_about_lights(counter, lit_always), *_doubts_about_geometry(counter.geometry)]
+    doubts = [*doubts_about_lights(counter, lit_always), *doubts_about_geometry(counter.geometry)]
     early = [flash for flash in flashes if sync is None or flash.onset_s < sync.time_s - period_s / 2]
-    doubts += _doubts_about_images(early, counter.geometry)
-    doubts += [] if options.period_s else _doubts_about_period(period_s, float(times_s[-1] - times_s[0]))
+    doubts += doubts_about_images(early, counter.geometry)
+    doubts += [] if options.period_s else doubts_about_period(period_s, float(times_s[-1] - times_s[0]))
     frame_s = float(np.median(np.diff(times_s)))
     most_lit = int(np.minimum(counts[1:], counts[:-1]).max())
     if t_sync_s is not None and options.robots and most_lit < options.robots:
@@ -193,8 +205,10 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         t_sync_s=None if t_sync_s is None else t_sync_s - start_s,
         t_sync_periods=None if t_sync_s is None else (t_sync_s - start_s) / period_s,
         t_sync_cycles=None if t_sync_s is None else cycles,
+        t_sync_onsets_s=None if in_order_s is None else in_order_s - start_s,
+        t_sync_onsets_periods=None if in_order_s is None else (in_order_s - start_s) / period_s,
         confidence="none" if reasons else "low" if doubts or warnings else "high",
-        reasons=tuple(reasons or ([] if sync else [_why_never(evaluations, period_s, flash_s, threshold_s)])),
+        reasons=tuple(reasons or ([] if sync else [why_never(evaluations, period_s, flash_s, threshold_s)])),
         warnings=(*warnings, *doubts),
         times_s=times_s,
         counts=counts,
@@ -222,51 +236,6 @@ def without_steady(
     return others, steady, np.maximum(counts - count_lit(steady, times_s), 0)
 
 
-def _why_never(evaluations: Sequence[Evaluation], period_s: float, flash_s: float, threshold_s: float) -> str:
-    """Return how near to synchrony the swarm came, and which criterion it would have met."""
-    seen_s = [each.spread_s for each in evaluations if each.coverage >= MIN_COVERAGE]
-    if not seen_s:
-        return f"no whole period of {period_s:.4g} s was seen around a flash; film for longer, or check --period-s"
-    loose_s = spread_at_s(period_s, flash_s)
-    least_s = min(seen_s)
-    what = f"the flashes were spread by {1000 * least_s:.0f} ms or more, the threshold is {1000 * threshold_s:.0f} ms"
-    if least_s <= loose_s > threshold_s:
-        return f"{what}; --order-parameter 0.95, a threshold of {1000 * loose_s:.0f} ms, would be met"
-    return f"{what}; a criterion that would be met is --threshold-ms {math.ceil(1000 * least_s)}"
-
-
-def _doubts_about_lights(counter: RingCounter, steady: int) -> list[str]:
-    doubts = []
-    if steady:
-        doubts.append(f"rings that stayed lit for longer than half a period, and are left out: {steady}")
-    if counter.outside:
-        doubts.append(
-            f"rings outside of the floor, and left out: {counter.outside} in {len(counter.times_s)} frames; they are "
-            "mirror images, a neighbour's, or --corners or --arena-cm are wrong"
-        )
-    return doubts
-
-
-def _doubts_about_images(unsynchronised: Sequence[Flash], geometry: Geometry) -> list[str]:
-    """Return whether there are mirror images, from flashes that do not all come together."""
-    images = 0 if geometry.knows_floor else count_images(unsynchronised)
-    if not images:
-        return []
-    return [
-        f"flashes that may be mirror images in the walls: {images}; they come with those of their robots and do not "
-        "move T_sync, but they count as robots; give the floor's corners by --corners"
-    ]
-
-
-def _doubts_about_geometry(geometry: Geometry) -> list[str]:
-    if geometry.knows_floor or geometry.tilt_deg < TILTED_DEG:
-        return []
-    return [
-        f"the camera seems to be tilted by {geometry.tilt_deg:.0f} degrees: positions depend on it; "
-        "give the floor's corners by --corners"
-    ]
-
-
 def _period_s(film: str, times_s: FloatArray, counts: IntArray) -> float:
     period_s = estimate_period_s(times_s, counts)
     if period_s is None:
@@ -284,12 +253,3 @@ def current_threshold_s(counter: RingCounter, period_s: float, options: TrackOpt
 
 def _flash_s(times_s: FloatArray, counts: IntArray, period_s: float) -> float:
     return estimate_flash_s(times_s, counts) or FLASH_FRACTION * period_s
-
-
-def _doubts_about_period(period_s: float, film_s: float) -> list[str]:
-    periods = film_s / period_s
-    if periods >= ENOUGH_PERIODS:
-        return []
-    return [
-        f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film; better give --period-s"
-    ]

@@ -24,6 +24,7 @@ from epuck_sim.overhead.track.film_calibration import (
     described_geometry,
     parse_metadata,
 )
+from epuck_sim.overhead.track.onsets import order_over_time
 from epuck_sim.overhead.track.result import Snapshot, Track, analyse, current_threshold_s
 from epuck_sim.overhead.track.ring_counter import RingCounter, TrackedFrame, track_frames
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
@@ -68,13 +69,14 @@ def track_film(
 
 
 def save_flashes(path: Path, track: Track) -> None:
-    """Write a CSV table with a row for each flash: when it began, how long it lasted and where."""
+    """Write a CSV table with a row for each flash: when, how long and where, and the order parameter around it."""
+    order, _ = order_over_time(np.array([flash.onset_s for flash in track.flashes]), track.period_s)
     with atomic_write(path) as part, part.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["onset_s", "duration_s", "x_cm", "y_cm", "light"])
-        for flash in track.flashes:
+        writer.writerow(["onset_s", "duration_s", "x_cm", "y_cm", "light", "order_parameter"])
+        for flash, around in zip(track.flashes, order, strict=True):
             times_s = f"{flash.onset_s:.6f}", f"{flash.end_s - flash.onset_s:.6f}"
-            writer.writerow([*times_s, *(f"{value:.6g}" for value in flash[2:])])
+            writer.writerow([*times_s, *(f"{value:.6g}" for value in (*flash[2:], around))])
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:

@@ -75,25 +75,37 @@ def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
 
 def _about_robots(evidence: Evidence, sync: Evaluation | None) -> list[str]:
     """Return what does not add up to the number of robots: rings lit at once, or flashes in a period."""
-    times_s, counts, robots = evidence.times_s, evidence.counts, evidence.robots
+    counts, robots = evidence.counts, evidence.robots
     most_lit = int(np.minimum(counts[1:], counts[:-1]).max(initial=0))
     if robots is not None and most_lit > robots:
         return [
             f"{most_lit} rings were lit at once, but there are {robots} robots: check --robots, or what else is lit"
         ]
-    seen_s = float((frame_ends(times_s, times_s[-1]) - times_s).sum())
     middles_s = np.array([(flash.onset_s + flash.end_s) / 2 for flash in evidence.flashes])
-    per_period = len(middles_s) / seen_s * evidence.period_s
+    per_period = flashes_per_period(evidence)
     if robots is not None and abs(per_period / robots - 1) > ODD_SHARE:
         return [f"there were {per_period:.1f} flashes per period, but there are {robots} robots"]
     if sync is None:
         return []
     together = np.count_nonzero(np.abs(middles_s - sync.time_s) <= evidence.period_s / 2)
-    if robots is not None and together < MOST * robots:
+    if together >= usual_flashes(evidence):
+        return []
+    if robots is not None:
         return [f"the narrow histogram holds {together} flashes, but there are {robots} robots"]
-    if together < MOST_OF_USUAL * per_period:
-        return [f"the narrow histogram holds {together} flashes, but a usual period {per_period:.1f}"]
-    return []
+    return [f"the narrow histogram holds {together} flashes, but a usual period {per_period:.1f}"]
+
+
+def flashes_per_period(evidence: Evidence) -> float:
+    """Return the mean number of flashes in a period, over the time without gaps between frames."""
+    times_s = evidence.times_s
+    seen_s = float((frame_ends(times_s, times_s[-1]) - times_s).sum())
+    return len(evidence.flashes) / seen_s * evidence.period_s
+
+
+def usual_flashes(evidence: Evidence) -> float:
+    """Return the least number of flashes that counts as those of most robots; two at least."""
+    robots = evidence.robots
+    return max(2.0, MOST_OF_USUAL * flashes_per_period(evidence) if robots is None else MOST * robots)
 
 
 def recurs_after_two(flashes: Sequence[Flash], period_s: float) -> bool:

@@ -103,7 +103,7 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
 
 def test_synchrony_in_the_light_is_forgotten_in_the_dark(counter: RingCounter) -> None:
     times_s = np.arange(150) / 15
-    counts = counted(0.5 + np.arange(10), 0.1, times_s)
+    counts = counted(np.repeat(0.5 + np.arange(10), 2), 0.1, times_s)
     tracked_frames = list(track_frames(coded(times_s, counts, times_s < 5), counter, 1.0, lambda: 0.05))
     found = [tracked.t_sync_s for tracked in tracked_frames]
     assert found[74] == pytest.approx(0.5, abs=0.15)
