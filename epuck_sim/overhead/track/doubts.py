@@ -8,7 +8,7 @@ from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.period_estimation import spread_at_s
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, MIN_RINGS, Evaluation
-from epuck_sim.overhead.track.verdict import count_images
+from epuck_sim.overhead.track.verdict import Evidence, count_images, may_be_half_a_period
 
 ENOUGH_PERIODS = 3.5
 """Number of periods in a film below which the estimated period may be wrong."""
@@ -51,14 +51,24 @@ def doubts_about_geometry(geometry: Geometry) -> list[str]:
     ]
 
 
-def doubts_about_period(period_s: float, film_s: float) -> list[str]:
-    """Return what is said of a period that was estimated from a short film."""
-    periods = film_s / period_s
-    if periods >= ENOUGH_PERIODS:
+def doubts_about_period(evidence: Evidence) -> list[str]:
+    """Return what is said of a period that was estimated: from a short film, or perhaps half of the true one."""
+    if evidence.period_is_told:
         return []
-    return [
-        f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film; better give --period-s"
-    ]
+    doubts = []
+    period_s = evidence.period_s
+    periods = float(evidence.times_s[-1] - evidence.times_s[0]) / period_s
+    if periods < ENOUGH_PERIODS:
+        doubts.append(
+            f"the period of {period_s:.4g} s is estimated from only {periods:.1f} periods of film; "
+            "better give --period-s"
+        )
+    if may_be_half_a_period(evidence):
+        doubts.append(
+            f"the period is estimated; {2 * period_s:.4g} s fit as well, if two groups flash in turn, and robots move "
+            "too far between flashes to tell; give --period-s or --robots"
+        )
+    return doubts
 
 
 def why_never(evaluations: Sequence[Evaluation], period_s: float, flash_s: float, threshold_s: float) -> str:

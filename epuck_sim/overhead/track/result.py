@@ -174,7 +174,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
     doubts = [*doubts_about_lights(counter, lit_always), *doubts_about_geometry(counter.geometry)]
     early = [flash for flash in flashes if sync is None or flash.onset_s < sync.time_s - period_s / 2]
     doubts += doubts_about_images(early, counter.geometry)
-    doubts += [] if options.period_s else doubts_about_period(period_s, float(times_s[-1] - times_s[0]))
+    doubts += doubts_about_period(evidence)
     frame_s = float(np.median(np.diff(times_s)))
     most_lit = int(np.minimum(counts[1:], counts[:-1]).max())
     if t_sync_s is not None and options.robots and most_lit < options.robots:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.track.flashes import Flash
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, evaluate, frame_ends
@@ -110,12 +111,29 @@ def usual_flashes(evidence: Evidence) -> float:
 
 def recurs_after_two(flashes: Sequence[Flash], period_s: float) -> bool:
     """Return whether places flash again two periods later rather than one period later."""
+    one_cm, two_cm = _moves_cm(flashes, period_s)
+    return one_cm > 2 * two_cm + 1.0
+
+
+def may_be_half_a_period(evidence: Evidence) -> bool:
+    """Return whether an estimated period may be half of the true one, of two groups that flash in turn.
+
+    Robots that move by more than their diameter between flashes do not tell, unless their number is known.
+    """
+    if evidence.period_is_told or evidence.robots is not None:
+        return False
+    one_cm, _ = _moves_cm(evidence.flashes, evidence.period_s)
+    return one_cm > 2 * epuck.RADIUS_CM
+
+
+def _moves_cm(flashes: Sequence[Flash], period_s: float) -> tuple[float, float]:
+    """Return the median distances from flashes to the nearest one a period and two later; 0 if there are few."""
     after = [_distances_later(flashes, delay * period_s, period_s / 4) for delay in (1, 2)]
     both = ~np.isnan(after[0]) & ~np.isnan(after[1])
     if np.count_nonzero(both) < FEW:
-        return False
-    one, two = (float(np.median(distances[both])) for distances in after)
-    return one > 2 * two + 1.0
+        return 0.0, 0.0
+    one_cm, two_cm = (float(np.median(distances[both])) for distances in after)
+    return one_cm, two_cm
 
 
 def _distances_later(flashes: Sequence[Flash], delay_s: float, within_s: float) -> FloatArray:

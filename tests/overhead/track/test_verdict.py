@@ -6,7 +6,7 @@ import pytest
 from epuck_sim.overhead.track.flashes import Flash, FlashLinker, count_lit, count_places
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.overhead.track.spread import evaluate
-from epuck_sim.overhead.track.verdict import Evidence, count_images, objections, recurs_after_two
+from epuck_sim.overhead.track.verdict import Evidence, count_images, may_be_half_a_period, objections, recurs_after_two
 from tests.overhead.track.counts import counted
 
 TIMES = np.arange(240) / 30
@@ -60,6 +60,16 @@ def test_light_of_a_lamp_is_no_objection() -> None:
 def test_places_that_flash_in_turn_are_noticed(turns: int) -> None:
     places = [Flash(0.5 * k, 0.5 * k + 0.1, 10.0 + 25 * (k % turns), 20.0, 50.0) for k in range(20)]
     assert recurs_after_two(places, 0.5) == (turns == 2)
+
+
+@pytest.mark.parametrize(("moves_cm", "known", "doubted"), [(9, {}, True), (3, {}, False), (9, {"robots": 1}, False)])
+def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(
+    moves_cm: float, known: dict[str, int], doubted: bool
+) -> None:
+    flashes = tuple(Flash(0.5 + k, 0.6 + k, float(moves_cm * k), 20.0, 50.0) for k in range(12))
+    given = evidence(flashes=flashes, robots=None, period_is_told=False)._replace(**known)
+    assert may_be_half_a_period(given) == doubted
+    assert not may_be_half_a_period(given._replace(period_is_told=True))
 
 
 def test_mirror_images_are_counted() -> None:
