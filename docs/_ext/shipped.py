@@ -1,4 +1,4 @@
-"""Writes the reference of what is shipped: scenarios, sweeps, controllers and measures, each with its one line."""
+"""Writes the reference of what is shipped: each scenario, sweep, controller and measure with its line and picture."""
 
 import ast
 from collections.abc import Callable, Mapping
@@ -8,22 +8,22 @@ from epuck_sim.cli.listing import describe_shipped, list_measures
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
 FIGURES = Path(__file__).parent.parent / "figures"
-"""Folder of the pictures, some of which are named after what is shipped."""
+"""Folder of the pictures: of sweeps named after them, of others in `shipped`."""
 
 
 def write_scenarios() -> str:
     """Return the shipped scenarios as Markdown."""
-    return _write_with_pictures(describe_shipped()["scenarios"])
+    return _write_with_pictures("scenario", describe_shipped()["scenarios"])
 
 
 def write_sweeps() -> str:
     """Return the shipped sweeps as Markdown."""
-    return _write_with_pictures(describe_shipped()["sweeps"])
+    return _write_with_pictures("sweep", describe_shipped()["sweeps"])
 
 
 def write_measures() -> str:
     """Return the shipped measures as Markdown."""
-    return _write_table(list_measures()["measures"])
+    return _write_with_pictures("measure", list_measures()["measures"])
 
 
 def write_controllers() -> str:
@@ -32,7 +32,8 @@ def write_controllers() -> str:
     parts = []
     for name, description in describe_shipped()["controllers"].items():
         source = files[name].read_text(encoding="utf-8")
-        parts += [f"### `{name}`", description, f"```python\n{_parameters_in(source)}\n```"]
+        declared = f"```python\n{_parameters_in(source)}\n```"
+        parts += [f"### `{name}`", description, declared, *_pictures("controller", name)]
     return "\n\n".join(parts)
 
 
@@ -44,23 +45,16 @@ def _parameters_in(source: str) -> str:
     return "PARAMETERS = {}"
 
 
-def _write_with_pictures(descriptions: Mapping[str, str]) -> str:
-    """Return a section for each name: its description, and its picture if there is one."""
-    parts = []
-    for name, description in descriptions.items():
-        parts += [f"### `{name}`", description]
-        pictures = [FIGURES / f"{name}.png", FIGURES / f"gallery-{name}.png"]
-        parts += [f"![{description}](figures/{each.name}){{width=560px}}" for each in pictures if each.is_file()]
-    return "\n\n".join(parts)
+def _write_with_pictures(kind: str, descriptions: Mapping[str, str]) -> str:
+    """Return a section for each name: its description, and its picture."""
+    parts = [[f"### `{name}`", description, *_pictures(kind, name)] for name, description in descriptions.items()]
+    return "\n\n".join(part for section in parts for part in section)
 
 
-def _write_table(descriptions: Mapping[str, str]) -> str:
-    rows = [f"| `{name}` | {_escaped(description)} |" for name, description in descriptions.items()]
-    return "\n".join(["| | |", "| --- | --- |", *rows])
-
-
-def _escaped(text: str) -> str:
-    return text.replace("|", r"\|")
+def _pictures(kind: str, name: str) -> list[str]:
+    """Return the picture of what is shipped under this name, as Markdown; nothing where there is none."""
+    files = [FIGURES / f"{name}.png"] if kind == "sweep" else [FIGURES / f"shipped/{kind}-{name}.png"]
+    return [f"![{name}](figures/{each.relative_to(FIGURES)}){{width=560px}}" for each in files if each.is_file()]
 
 
 WRITERS: dict[str, Callable[[], str]] = {

@@ -32,13 +32,21 @@ class Camera(NamedTuple):
     """Largest angle between straight ahead and the edge of the central window."""
     range_cm: float
     """Range of the camera in cm; rings farther away are not seen."""
+    reflection_range_cm: float
+    """Longest way in cm, by a wall to a ring, on which the ring's reflection is seen; 0 if walls reflect nothing."""
     cos: FloatArray
     """(pixels,) cosines of the pixels' directions in the body's frame."""
     sin: FloatArray
     """(pixels,) sines of the pixels' directions in the body's frame."""
 
 
-def make_camera(pixels: int, field_of_view_rad: float, central_pixels: int, range_cm: float = math.inf) -> Camera:
+def make_camera(
+    pixels: int,
+    field_of_view_rad: float,
+    central_pixels: int,
+    range_cm: float = math.inf,
+    reflection_range_cm: float = 0.0,
+) -> Camera:
     """Return the camera whose `pixels` share the field of view, with a window of `central_pixels`."""
     pitch = field_of_view_rad / pixels
     angles = field_of_view_rad / 2 - pitch * (np.arange(pixels) + 0.5)
@@ -50,6 +58,7 @@ def make_camera(pixels: int, field_of_view_rad: float, central_pixels: int, rang
         1 / pitch,
         central_pixels * pitch / 2,
         range_cm,
+        reflection_range_cm,
         np.cos(angles),
         np.sin(angles),
     )

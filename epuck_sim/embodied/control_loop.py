@@ -17,17 +17,18 @@ from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.differential_drive import apply_commands
 from epuck_sim.embodied.faults import Faults
 from epuck_sim.embodied.faulty_swarm import (
-    SENSE_FAULTY,
     FaultySwarm,
     begin_step,
     fail,
     freeze,
     hold_oscillators,
     make_faulty_group,
+    sense_of_faulty,
 )
 from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_flashes
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SignalReceiver, SwarmArrays
 from epuck_sim.embodied.radio import Radio, receive_pulses
+from epuck_sim.embodied.reflections import see_with_reflections
 from epuck_sim.embodied.sensing import SensingArrays, sense, sense_proximity
 from epuck_sim.embodied.variation import (
     RobotClocks,
@@ -146,6 +147,15 @@ def _sense_with_camera(address: int) -> None:
     take_pictures(group.receiver, group.step[0])
 
 
+def _sense_with_reflections(address: int) -> None:
+    """Have the robots of a group sense whose cameras see mirror images of rings, too."""
+    group = value_at(address)  # noqa: F821 see `bind`
+    arrays = group.sensing
+    sense_proximity(arrays, group.step[0] % NOISE_STEPS)
+    see_with_reflections(arrays, arrays.ring_on, arrays.first_robot, arrays.pixels)
+    take_pictures(group.receiver, group.step[0])
+
+
 def _sense_with_cone(address: int) -> None:
     """Have the robots of a group sense that perceive flashes with the ideal sensor."""
     group = value_at(address)  # noqa: F821 see `bind`
@@ -164,7 +174,7 @@ def _sense_with_radio(address: int) -> None:
 
 
 _SENSE = {CameraClock: _sense_with_camera, LitRingSensor: _sense_with_cone, Radio: _sense_with_radio}
-"""How a group of robots senses, by what brings flashes to it."""
+"""How a group of robots senses, by what brings flashes to it; with reflections, `_sense_with_reflections`."""
 
 
 @jit
@@ -238,11 +248,18 @@ class Calls(NamedTuple):
     """When commands have been carried out."""
 
 
+def _sense_of(group: GroupSensing) -> Callable[[int], None]:
+    """Return what has a group sense."""
+    if group.sensing.camera.reflection_range_cm > 0:
+        return _sense_with_reflections
+    return _SENSE[type(group.receiver)]
+
+
 def _plan(loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> Calls:
     """Return what a control step calls, besides controllers; faults: those of the scenario, if it has any."""
     if faults is None:
         sensing = [GroupSensing(loop.step, group.sensing, group.receiver) for group in groups]
-        return Calls([Call(_SENSE[type(each.receiver)], each) for each in sensing], [], [])
+        return Calls([Call(_sense_of(each), each) for each in sensing], [], [])
     drive = loop.drive
     swarm = FaultySwarm(
         step=loop.step,
@@ -259,7 +276,7 @@ def _plan(loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults |
         [
             Call(begin_step, swarm),
             *(Call(hold_oscillators, group) for group in faulty),
-            *(Call(SENSE_FAULTY[type(group.receiver)], group) for group in faulty),
+            *(Call(sense_of_faulty(group), group) for group in faulty),
         ],
         [Call(freeze, group) for group in faulty],
         [Call(fail, swarm)],

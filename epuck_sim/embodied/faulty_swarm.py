@@ -22,6 +22,7 @@ from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_f
 from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SignalReceiver
 from epuck_sim.embodied.line_camera import see
 from epuck_sim.embodied.radio import Radio, receive_pulses
+from epuck_sim.embodied.reflections import see_with_reflections
 from epuck_sim.embodied.sensing import SensingArrays, sense, sense_proximity
 from epuck_sim.embodied.variation import RobotClocks
 
@@ -110,6 +111,19 @@ def _sense_with_camera(address: int) -> None:
     blank_infrared(group.faults, arrays.first_robot, arrays.infrared, arrays.distance_mm)
 
 
+def _sense_with_reflections(address: int) -> None:
+    """Have the robots of a group sense, with cameras that may fail and see mirror images of rings, too."""
+    group = value_at(address)  # noqa: F821 see `bind`
+    arrays = group.sensing
+    sense_proximity(arrays, group.step[0] % NOISE_STEPS)
+    for row in range(len(arrays.pixels)):
+        robot = arrays.first_robot + row
+        hides_flashes(group.faults, robot, arrays.poses, arrays.ring_on, group.visible)
+        see_with_reflections(arrays, group.visible, robot, arrays.pixels[row : row + 1])
+    take_pictures(group.receiver, group.step[0])
+    blank_infrared(group.faults, arrays.first_robot, arrays.infrared, arrays.distance_mm)
+
+
 def _sense_with_cone(address: int) -> None:
     """Have the robots of a group sense, with ideal sensors that may fail."""
     group = value_at(address)  # noqa: F821 see `bind`
@@ -133,8 +147,16 @@ def _sense_with_radio(address: int) -> None:
     blank_infrared(group.faults, arrays.first_robot, arrays.infrared, arrays.distance_mm)
 
 
-SENSE_FAULTY = {CameraClock: _sense_with_camera, LitRingSensor: _sense_with_cone, Radio: _sense_with_radio}
-"""How a group of robots with faults senses, by what brings flashes to it."""
+_SENSE = {CameraClock: _sense_with_camera, LitRingSensor: _sense_with_cone, Radio: _sense_with_radio}
+"""How a group of robots with faults senses, by what brings flashes to it; with reflections,
+`_sense_with_reflections`."""
+
+
+def sense_of_faulty(group: FaultyGroup) -> Callable[[int], None]:
+    """Return what has a group with faults sense."""
+    if group.sensing.camera.reflection_range_cm > 0:
+        return _sense_with_reflections
+    return _SENSE[type(group.receiver)]
 
 
 def hold_oscillators(address: int) -> None:

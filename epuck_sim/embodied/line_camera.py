@@ -59,23 +59,35 @@ def see(
     lit = np.flatnonzero(labels)
     if len(lit) == 0:
         return
-    few_lit = len(lit) * len(lit) <= _FEW_LIT * len(poses)
+    few_lit = are_few(len(lit), len(poses))
     depth = np.empty(rows.shape[1])
     for row in range(len(rows)):
-        x, y, heading = poses[observer + row]
-        cos, sin = math.cos(heading), math.sin(heading)
-        eye = Observer(observer + row, x + _FORWARD * cos, y + _FORWARD * sin, cos, sin)
+        eye = observer_at(poses, observer + row)
         picture = Picture(rows[row], depth)
         depth[camera.first : camera.end] = camera.range_cm
-        if few_lit and not _see_lit(poses, labels, lit, camera, eye, picture):
+        if few_lit and not see_lit(poses, labels, lit, camera, eye, picture):
             continue  # nothing red to see: most of the time, where robots are few
-        _see_sectors(labels, cells, camera, eye, picture)
+        see_sectors(labels, cells, camera, eye, picture)
         if len(circles) + len(edges) > 0:
             hide_behind_obstacles(circles, edges, camera, eye, picture)
 
 
 @jit_inline
-def _see_lit(poses: FloatArray, labels: Labels, lit: IntArray, camera: Camera, eye: Observer, picture: Picture) -> bool:
+def are_few(lit: int, robots: int) -> bool:
+    """Return whether so few rings are lit that it is faster to look at them first."""
+    return lit * lit <= _FEW_LIT * robots
+
+
+@jit_inline
+def observer_at(poses: FloatArray, robot: int) -> Observer:
+    """Return a robot that looks about from where its camera is."""
+    x, y, heading = poses[robot]
+    cos, sin = math.cos(heading), math.sin(heading)
+    return Observer(robot, x + _FORWARD * cos, y + _FORWARD * sin, cos, sin)
+
+
+@jit_inline
+def see_lit(poses: FloatArray, labels: Labels, lit: IntArray, camera: Camera, eye: Observer, picture: Picture) -> bool:
     """Write the robots whose numbers are in `lit` to a picture, as if there were no others; return whether any shows.
 
     Pixels that show none remain 0, whatever other robots hide.
@@ -94,7 +106,7 @@ def _see_lit(poses: FloatArray, labels: Labels, lit: IntArray, camera: Camera, e
 
 
 @jit_inline
-def _see_sectors(labels: Labels, cells: CellList, camera: Camera, eye: Observer, picture: Picture) -> None:
+def see_sectors(labels: Labels, cells: CellList, camera: Camera, eye: Observer, picture: Picture) -> None:
     """Write all robots to a picture; leave out pixels that cannot change any more at the ends of each sector."""
     pixels = max(1, int(SECTOR_RAD * camera.pixels_per_rad))
     left = camera.first

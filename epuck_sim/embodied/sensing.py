@@ -61,6 +61,7 @@ def build_camera(section: CameraSection) -> Camera:
         math.radians(section.field_of_view_deg),
         section.central_pixels or section.pixels,
         section.range_cm or math.inf,
+        section.reflection_range_cm,
     )
 
 

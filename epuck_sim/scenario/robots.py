@@ -11,6 +11,8 @@ from epuck_sim.scenario.signals import CameraSignal, RadioSignal, SignalSection
 class CameraSection(ConfigModel):
     """A group's line camera (thesis 4.1.1; the cone of vision of 3.1.2 by `field_of_view_deg` and `range_cm`)."""
 
+    later_keys: ClassVar[tuple[str, ...]] = ("reflection_range_cm",)
+
     pixels: Annotated[WholeNumber, Field(ge=1, le=1000)] = 60
     """Number of pixels in the row."""
     field_of_view_deg: Annotated[Number, Field(gt=0, le=360)] = 56.0
@@ -19,6 +21,8 @@ class CameraSection(ConfigModel):
     """Number of pixels in the middle of the row that are used (thesis 4.2.1); all by default."""
     range_cm: Positive | None = None
     """Distance beyond which nothing is seen; unlimited by default."""
+    reflection_range_cm: Annotated[Number, Field(ge=0, le=1e6)] = 0.0
+    """Longest way, by a wall to a ring, on which the ring's reflection in the wall is seen (thesis 4.4); 0 for none."""
     frames_per_s: Annotated[Number, Field(ge=0.1, le=1000)] | None = None
     """Pictures a second, about 8 on the real robots (thesis 4.3.1); by default one in each control step."""
     latency_ms: Annotated[Number, Field(ge=0)] = 0.0
@@ -31,6 +35,15 @@ class CameraSection(ConfigModel):
             raise ValueError(
                 f"central_pixels is {central}; allowed: {2 - self.pixels % 2} to {self.pixels} in steps of "
                 f"2, so that they lie in the middle of {self.pixels} pixels"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_reflections(self) -> "CameraSection":
+        if self.range_cm is not None and self.reflection_range_cm > self.range_cm:
+            raise ValueError(
+                f"reflection_range_cm is {self.reflection_range_cm:g}; allowed: 0 to range_cm, which is "
+                f"{self.range_cm:g}: no mirror image is seen farther than the ring itself"
             )
         return self
 

@@ -40,9 +40,11 @@ class CameraSettings(NamedTuple):
     field_of_view_deg: float = 56.0
     central_pixels: int = 60
     range_cm: float = math.inf
+    reflection_range_cm: float = 0.0
 
     def make(self) -> Camera:
-        return make_camera(self.pixels, math.radians(self.field_of_view_deg), self.central_pixels, self.range_cm)
+        view_rad = math.radians(self.field_of_view_deg)
+        return make_camera(self.pixels, view_rad, self.central_pixels, self.range_cm, self.reflection_range_cm)
 
     def angles(self) -> FloatArray:
         """Return rad: directions of the middles of the pixels, left of straight ahead, from left to right."""

@@ -127,6 +127,16 @@ REFUSED = [
         {"robots": [{}, {"count": 1, "camera": {"frames_per_s": 10.5}}]},
         "robots.1.camera.frames_per_s is 10.5; allowed: 0.1 to timing.control_hz, which is 10",
     ),
+    ({"robots": [{"camera": {"reflection_range_cm": -1}}]}, "camera.reflection_range_cm: is -1; allowed: at least 0"),
+    ({"robots": [{"camera": {"reflection_range_cm": "far"}}]}, "camera.reflection_range_cm: is 'far'; allowed: a num"),
+    (
+        {"robots": [{"camera": {"range_cm": 40, "reflection_range_cm": 50}}]},
+        "robots.0.camera: reflection_range_cm is 50; allowed: 0 to range_cm, which is 40: no mirror image is seen",
+    ),
+    (
+        {"robots": [{"signal": {"kind": "radio"}, "camera": {"reflection_range_cm": 50}}]},
+        "signal.kind is 'radio' and a camera is given; leave the camera out, or choose camera",
+    ),
     (
         {"robots": [{"camera": {"latency_ms": 30}}]},
         "robots.0.camera: latency_ms is 30, frames_per_s is null; give frames_per_s, or leave latency_ms out",
