@@ -61,6 +61,8 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
 	$(BIN)/epuck-sim run pushing-synchrony --quick --out runs/pushing-synchrony-quick
 	$(BIN)/python docs/figures/pushing.py runs/pushing-synchrony-quick
+	$(BIN)/epuck-sim run neighbour-change --out runs/neighbour-change
+	$(BIN)/python docs/figures/neighbour_change.py runs/neighbour-change
 	$(BIN)/epuck-sim run fig-5-5 --quick --sweep neighbourhood.k=1 --sweep agents.count=5,10,20,40 \
 	    --sweep agents.speed_cm_s=6,8,11,15,21,30,50,97 --trials 40 --set stop.max_cycles=3000 --out runs/v-f
 	$(BIN)/epuck-sim fit runs/v-f > docs/figures/v_f.txt

@@ -39,6 +39,7 @@ LONG_SWEEPS = (
     "consensus",
     "fault-detection",
     "embodiment",
+    "neighbour-change",
 )
 """What the names of sweeps begin with whose quick versions take minutes."""
 

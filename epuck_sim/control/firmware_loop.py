@@ -28,6 +28,7 @@ GROUP = np.dtype(
         ("parameters", np.intp),
         ("random", np.intp),
         ("serving", np.intp),
+        ("present", np.intp),
     ]
 )
 """Record of a group, `e_group` of the header: sizes, and addresses of its arrays."""
@@ -35,6 +36,7 @@ GROUP = np.dtype(
 TYPES = dict.fromkeys(("step_ms", "distance_mm", "camera", "pulses", "messages"), np.int64) | {
     "infrared": np.float64,
     "new_picture": np.bool_,
+    "present": np.bool_,
 }
 """Type of each array of sensors."""
 

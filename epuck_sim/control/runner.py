@@ -42,6 +42,8 @@ class SensorArrays(NamedTuple):
     """(robots,)"""
     messages: IntArray
     """(robots, MAX_MESSAGES)"""
+    present: BoolArray
+    """(robots,) no field of `Sensors`: whether a robot is in the arena; the controllers of others do not run."""
 
     def of(self, rows: slice, pixels: int) -> "SensorArrays":
         """Return views of these rows, those of robots whose cameras have `pixels` pixels.
@@ -59,6 +61,7 @@ class SensorArrays(NamedTuple):
             self.new_picture[rows],
             self.pulses[rows],
             self.messages[rows],
+            self.present[rows],
         )
 
 
@@ -99,6 +102,8 @@ def _step_all(address: int) -> None:
     arrays = value_at(address)  # noqa: F821 see `bind`
     senses, memory, actuators = arrays.senses, arrays.memory, arrays.actuators
     for robot in range(len(memory)):
+        if not senses.present[robot]:
+            continue
         arrays.serving[0] = robot
         sensors = Sensors(
             int(senses.step_ms[robot]),

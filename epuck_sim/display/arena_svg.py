@@ -34,7 +34,8 @@ def draw_arena(arena: Arena, poses: FloatArray, radius_cm: float, ring_on: BoolA
 
     Args:
         arena: The arena.
-        poses: (n, 3) cm, cm, rad: x, y and heading of robots or agents; headings may be NaN.
+        poses: (n, 3) cm, cm, rad: x, y and heading of robots or agents; headings may be NaN, and
+            places of those that are not drawn.
         radius_cm: Radius of their discs.
         ring_on: (n,) whether each ring is lit.
     """
@@ -53,6 +54,8 @@ def draw_arena(arena: Arena, poses: FloatArray, radius_cm: float, ring_on: BoolA
         points = " ".join(f"{_text(x)},{_text(height - middle - y)}" for x, y in corners.tolist())
         parts.append(element("polygon", points=points, fill=OBSTACLE))
     for number, ((x, y, heading), is_lit) in enumerate(zip(poses.tolist(), ring_on.tolist(), strict=True)):
+        if math.isnan(x):  # it is not in the arena
+            continue
         label = str(number) if len(poses) < MOST_NUMBERED else ""
         parts.append(_draw_robot(label, (x, height - middle - y), heading, radius_cm, font, is_lit=is_lit))
     return element(

@@ -34,6 +34,8 @@ class Bodies(NamedTuple):
     """(1,) a record, see `chipmunk.CALLS`."""
     pointers: IntArray
     """(robots, 2) addresses of each robot's `cpBody` and `cpShape`."""
+    present: BoolArray
+    """(robots,) whether each robot is in the arena; others are parked outside, at rest, see `attendance`."""
     is_candidate: BoolArray
     """(robots,) whether a robot may touch something in this control step."""
     reached: IntArray

@@ -45,10 +45,14 @@ def find_contact_candidates(bodies: Bodies, time_s: float) -> None:
     reach_cm = _TOUCH_CM + 2.0 * path_cm
     # robots of further cells may be within reach, too; and movables may push robots that are far from each other
     if reach_cm > min(cells.width_cm, cells.height_cm) or len(bodies.movables) > 0:
-        bodies.is_candidate[:] = True
+        for robot in range(len(poses)):
+            bodies.is_candidate[robot] = bodies.present[robot]
         return
     found = 0
     for robot in range(len(poses)):
+        if not bodies.present[robot]:
+            bodies.is_candidate[robot] = False
+            continue
         meets = _meets_wall(bodies, robot, time_s) or _is_near_obstacle(bodies, robot, _WALL_TOUCH_CM + path_cm)
         bodies.is_candidate[robot] = meets or (bodies.touch and _meets_robot(bodies, robot, time_s, reach_cm))
         if bodies.is_candidate[robot]:

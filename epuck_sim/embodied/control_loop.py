@@ -11,9 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
+from epuck_sim.embodied.attendance import AbsentSwarm, blank, rest
 from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
 from epuck_sim.embodied.chipmunk import move_bodies
+from epuck_sim.embodied.coming_and_going import absent_group
 from epuck_sim.embodied.differential_drive import apply_commands
 from epuck_sim.embodied.faults import Faults
 from epuck_sim.embodied.faulty_swarm import (
@@ -80,7 +82,8 @@ class ControlLoop(NamedTuple):
     calls: IntArray
     """(calls, 2) addresses of functions, and of what they take: all groups sense, then all controllers run."""
     late_calls: IntArray
-    """(calls, 2) the same, for what follows when commands have been carried out; none without faults."""
+    """(calls, 2) the same, for what follows when commands have been carried out; none without faults, and robots that
+    come and go."""
     clocks: RobotClocks
     stoppages: Stoppages
     drive: Drive
@@ -104,15 +107,16 @@ def make_control_loop(
         variation: How robots differ.
         variation_streams: (robots, 4) random streams.
     """
-    groups = len(scenario.robots)
+    faulty, changing = bool(scenario.faults), scenario.members_change
+    calls = len(scenario.robots) * (2 + 2 * faulty + changing) + faulty
     timing, clock_rate = scenario.timing, variation.clock_rate
     rates = clock_rate if scenario.spread.clock_rate > 0 else clock_rate[:0]
     return ControlLoop(
         step=step,
         physics_steps=timing.physics_hz // timing.control_hz,
         bodies=bodies,
-        calls=np.zeros((4 * groups + 1 if scenario.faults else 2 * groups, 2), np.int64),
-        late_calls=np.zeros((1 if scenario.faults else 0, 2), np.int64),
+        calls=np.zeros((calls, 2), np.int64),
+        late_calls=np.zeros((faulty + changing, 2), np.int64),
         clocks=RobotClocks(timing.step_ms * rates, swarm.sensors.step_ms),
         stoppages=begin_stoppages(scenario.stuck, variation_streams, variation.wheel_gain),
         drive=Drive(
@@ -255,8 +259,26 @@ def _sense_of(group: GroupSensing) -> Callable[[int], None]:
     return _SENSE[type(group.receiver)]
 
 
-def _plan(loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> Calls:
-    """Return what a control step calls, besides controllers; faults: those of the scenario, if it has any."""
+def _plan(
+    loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None, absent: AbsentSwarm | None
+) -> Calls:
+    """Return what a control step calls, besides controllers.
+
+    Args:
+        loop: The loop.
+        groups: All groups.
+        faults: Those of the scenario, if it has any.
+        absent: Robots that are not in the arena, if robots come and go.
+    """
+    calls = _plan_all_present(loop, groups, faults)
+    if absent is not None:
+        calls.before_controllers.extend(Call(blank, absent_group(group)) for group in groups)
+        calls.late.append(Call(rest, absent))
+    return calls
+
+
+def _plan_all_present(loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> Calls:
+    """Return what a control step calls if all robots are in the arena."""
     if faults is None:
         sensing = [GroupSensing(loop.step, group.sensing, group.receiver) for group in groups]
         return Calls([Call(_sense_of(each), each) for each in sensing], [], [])
@@ -286,17 +308,28 @@ def _plan(loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults |
 class InterpretedLoop:
     """`_take_steps` of a loop as a function of its other arguments, as plain Python."""
 
-    def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
-        self._loop, self._faults = loop, faults
-        self.call_controllers(groups)
+    def __init__(
+        self,
+        loop: ControlLoop,
+        groups: Sequence[RobotGroupState],
+        faults: Faults | None,
+        absent: AbsentSwarm | None,
+    ) -> None:
+        self._faults, self._absent = faults, absent
+        self.begin(loop, groups)
         for function in self._before:  # now, so that compiling it belongs to no trial's time
             function(0)
         move_bodies(loop.bodies, 0)
-        self._take_steps = bind(_take_steps, value_at=lambda _: loop, run_calls=self.run_calls)
+        self._take_steps = bind(_take_steps, value_at=lambda _: self._loop, run_calls=self.run_calls)
+
+    def begin(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
+        """Take this loop of these groups from the next step on."""
+        self._loop = loop
+        self.call_controllers(groups)
 
     def call_controllers(self, groups: Sequence[RobotGroupState]) -> None:
         """Call what runs on the robots of these groups from the next step on."""
-        plan = _plan(self._loop, groups, self._faults)
+        plan = _plan(self._loop, groups, self._faults, self._absent)
         self._before, after, self._late = ([_interpreted(call) for call in calls] for calls in plan)
         controllers = [lambda _, runner=group.runner: runner.step_all(runner.address) for group in groups]
         self._early = [*self._before, *controllers, *after]
@@ -319,8 +352,19 @@ def _interpreted(call: Call) -> Callable[[int], None]:
 class CompiledLoop:
     """`_take_steps` of a loop as a function of its other arguments, compiled."""
 
-    def __init__(self, loop: ControlLoop, groups: Sequence[RobotGroupState], faults: Faults | None) -> None:
-        self._loop, self._faults = loop, faults
+    def __init__(
+        self,
+        loop: ControlLoop,
+        groups: Sequence[RobotGroupState],
+        faults: Faults | None,
+        absent: AbsentSwarm | None,
+    ) -> None:
+        self._faults, self._absent = faults, absent
+        self.begin(loop, groups)
+
+    def begin(self, loop: ControlLoop, groups: Sequence[RobotGroupState]) -> None:
+        """Take this loop of these groups from the next step on."""
+        self._loop = loop
         self._take_steps = compiled_for(_take_steps, loop)
         self._owner, self._address = hold(loop)
         self.call_controllers(groups)
@@ -328,7 +372,7 @@ class CompiledLoop:
     def call_controllers(self, groups: Sequence[RobotGroupState]) -> None:
         """Call what runs on the robots of these groups from the next step on."""
         self._owners: list[object] = []
-        plan = _plan(self._loop, groups, self._faults)
+        plan = _plan(self._loop, groups, self._faults, self._absent)
         before, after, late = ([self._addresses(call) for call in calls] for calls in plan)
         controllers = [(group.runner.step_address, group.runner.address) for group in groups]
         self._loop.calls[:] = [*before, *controllers, *after]

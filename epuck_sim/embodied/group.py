@@ -32,6 +32,8 @@ class SwarmArrays(NamedTuple):
     arena: Arena
     poses: FloatArray
     """(robots, 3) cm, cm, rad: x, y, heading."""
+    shown_poses: FloatArray
+    """(robots, 3) what steps show; the same array as `poses` unless robots come and go."""
     velocities: FloatArray
     """(robots, 3) cm/s, cm/s, rad/s: what the bodies move with."""
     wheels_cm_s: FloatArray
@@ -62,6 +64,7 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
     return SwarmArrays(
         arena=arena,
         poses=world.poses,
+        shown_poses=world.poses.copy() if scenario.members_change else world.poses,
         velocities=world.velocities,
         wheels_cm_s=np.zeros((robots, 2)),
         turns_rad=np.zeros(robots),
@@ -77,6 +80,7 @@ def make_swarm_arrays(scenario: EmbodiedScenario, arena: Arena, world: World) ->
             new_picture=np.ones(robots, np.bool_),
             pulses=np.zeros(robots, np.int64),
             messages=np.zeros((robots, MAX_MESSAGES), np.int64),
+            present=world.bodies.present,
         ),
         actuators=np.zeros(robots, ACTUATORS),
         infrared_noise=np.zeros((NOISE_STEPS, robots, SENSORS)),
@@ -126,6 +130,7 @@ def restart_swarm_arrays(swarm: SwarmArrays, step_ms: int) -> None:
         array[:] = 0
     swarm.sensors.step_ms[:] = step_ms
     swarm.sensors.new_picture[:] = True
+    swarm.sensors.present[:] = True
 
 
 def make_group(
@@ -197,6 +202,24 @@ def restart_group(group: RobotGroupState) -> None:
     group.runner.start()
     for name, value in group.first_memory.items():
         group.runner.memory[name] = value
+
+
+def start_again(group: RobotGroupState, row: int) -> None:
+    """Start the controller of one robot of a group with the scenario's memory; it keeps its parameters.
+
+    Raises:
+        RobotError: A controller raises.
+    """
+    arrays = group.runner.arrays
+    changed = [array.view(np.ndarray) for array in (arrays.memory, arrays.actuators, arrays.random)]
+    before = [array.copy() for array in changed]
+    group.runner.start()
+    for array, old in zip(changed, before, strict=True):
+        started = array[row].copy()
+        array[:] = old
+        array[row] = started
+    for name, value in group.first_memory.items():
+        arrays.memory.view(np.ndarray)[name][row] = np.broadcast_to(value, len(arrays.memory))[row]
 
 
 def set_parameters(group: RobotGroupState, values: Mapping[str, Value]) -> None:

@@ -57,6 +57,12 @@ class Movables:
         self.addresses = np.zeros(len(self._start), np.int64)
         self.drive_addresses = np.array([_address(drive) for drive in self._drives], np.int64)
 
+    def move_to(self, arena: Arena) -> None:
+        """Have the movables be among the circles of another arena, where they are now."""
+        circles = arena.circles[arena.first_movable :]
+        circles[:] = self._circles
+        self._circles = circles
+
     def enter(self, space: pymunk.Space) -> None:
         """Put movables at rest where they begin, and all joints, as new ones: old ones know their last impulses."""
         self._circles[:] = self._start

@@ -26,8 +26,7 @@ HEADINGS = ("robot", "x [cm]", "y [cm]", "heading [rad]", "nearest [mm]", "camer
 def show_simulation(scenario: EmbodiedScenario, seed: int, step: "Step") -> str:
     """Return the arena with the robots at a step as HTML; before the first step, where they were placed."""
     when = f"step {step.number}, {step.time_s:.1f} s" if step.number >= 0 else "before its first step"
-    arena = scenario.arena.build().with_movables_at(step.movables)
-    drawn = draw_arena(arena, step.poses, epuck.RADIUS_CM, step.ring_on)
+    drawn = draw_arena(step.arena, step.poses, epuck.RADIUS_CM, step.ring_on)
     return to_html(element("p", element("b", scenario.name), f", seed {seed}: {when}"), drawn)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arena import Arena, clearance_cm
 from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.attendance import parked_poses
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robots import RobotGroup
@@ -37,7 +38,7 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
         sequence: The seed sequence from which placements are drawn.
 
     Returns:
-        (robots, 3) cm, cm, rad: x, y, heading.
+        (robots, 3) cm, cm, rad: x, y, heading; those that are not present are parked outside.
 
     Raises:
         ScenarioError: Robots do not fit, overlap, or stand in a wall or an obstacle.
@@ -47,9 +48,30 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     groups: list[FloatArray] = [np.empty((0, 3)) for _ in scenario.robots]
     for placement, place in (("poses", _at_given_poses), ("grid", _on_grid), ("random", _at_random)):
         for number, group in enumerate(scenario.robots):
-            if group.placement == placement:
+            if group.present and group.placement == placement:
                 groups[number] = place(group, f"{scenario.name}: robots.{number}", arena, np.vstack(groups), random)
+    firsts = np.cumsum([0, *(group.count for group in scenario.robots)]).tolist()
+    for number, group in enumerate(scenario.robots):
+        if not group.present:
+            groups[number] = parked_poses(np.arange(firsts[number], firsts[number + 1]))
     return np.vstack(groups)
+
+
+def place_anew(arena: Arena, placed: FloatArray, random: np.random.Generator) -> tuple[float, float, float] | None:
+    """Return a random pose of a robot away from walls, obstacles, movables and other robots; None if none is found.
+
+    Args:
+        arena: The arena, with its movables where they are.
+        placed: (robots, 3) cm, cm, rad: poses of the others.
+        random: Draws the pose.
+    """
+    place = _draw_free(arena, _TakenPlaces(placed), random)
+    return None if place is None else (*place, 2 * math.pi * random.random())
+
+
+def is_free(arena: Arena, placed: FloatArray, x: float, y: float) -> bool:
+    """Return whether a robot at (x, y) overlaps no robot that is placed, no wall, no obstacle and no movable."""
+    return _TakenPlaces(placed).is_free(x, y) and _is_clear(arena, x, y)
 
 
 def _at_given_poses(
@@ -103,22 +125,28 @@ def _at_random(
     """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
     poses = []
     taken = _TakenPlaces(placed)
-    width, height = arena.width_cm - 2 * epuck.RADIUS_CM, arena.height_cm - 2 * epuck.RADIUS_CM
     for robot in range(group.count):
-        for _ in range(MAX_DRAWS):
-            x = epuck.RADIUS_CM + width * random.random()
-            y = epuck.RADIUS_CM + height * random.random()
-            if taken.is_free(x, y) and _is_clear(arena, x, y):
-                break
-        else:
+        place = _draw_free(arena, taken, random)
+        if place is None:
             raise ScenarioError(
                 f"{key}.count: is {group.count}; no free place was found for robot {robot} in "
                 f"{MAX_DRAWS} draws: random placement fills at most about half of the floor; give fewer robots, a "
                 "larger arena, or poses"
             )
-        taken.add(x, y)
-        poses.append((x, y, 2 * math.pi * random.random()))
+        taken.add(*place)
+        poses.append((*place, 2 * math.pi * random.random()))
     return np.array(poses)
+
+
+def _draw_free(arena: Arena, taken: "_TakenPlaces", random: np.random.Generator) -> tuple[float, float] | None:
+    """Return a random place where a robot touches nothing; None if none is found."""
+    width, height = arena.width_cm - 2 * epuck.RADIUS_CM, arena.height_cm - 2 * epuck.RADIUS_CM
+    for _ in range(MAX_DRAWS):
+        x = epuck.RADIUS_CM + width * random.random()
+        y = epuck.RADIUS_CM + height * random.random()
+        if taken.is_free(x, y) and _is_clear(arena, x, y):
+            return x, y
+    return None
 
 
 class _TakenPlaces:

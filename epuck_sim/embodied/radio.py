@@ -92,6 +92,11 @@ def restart_radio(radio: Radio) -> None:
     radio.counts_on_way[:] = 0
 
 
+def forget_pulses(radio: Radio, row: int) -> None:
+    """Have nothing be on its way to a robot of the group."""
+    radio.counts_on_way[:, row] = 0
+
+
 @jit
 def receive_pulses(radio: Radio, poses: FloatArray, ring_on: BoolArray, first_robot: int, step: int) -> None:
     """Send the pulses of the last control step on their way, and deliver those that arrive in this one.

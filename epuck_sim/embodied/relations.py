@@ -143,6 +143,12 @@ class Relations:
         self._contacts: _Finder | None = None
         self._last: dict[str, tuple[int, IntArray]] = {}
 
+    def change_arena(self, swarm: SwarmArrays) -> None:
+        """Search among other walls and obstacles from now on; swarm: the robots' arrays with them."""
+        self._swarm = swarm
+        self._sightings = self._contacts = None
+        self._last.clear()
+
     def restart(self) -> None:
         """Forget what was found in steps of an earlier trial."""
         self._last.clear()
@@ -159,8 +165,12 @@ class Relations:
         return self._once(
             "sightings",
             step,
-            lambda: np.concatenate([_NOTHING, *(finder.find() for finder in finders)]),
+            lambda: self._of_present(np.concatenate([_NOTHING, *(finder.find() for finder in finders)])),
         )
+
+    def _of_present(self, sightings: IntArray) -> IntArray:
+        """Return sightings without those of robots that look from where they are parked."""
+        return sightings[self._swarm.sensors.present[sightings[:, 0]]]
 
     def contacts(self, step: int) -> IntArray:
         """Return (contacts, 2) robot, and the robot that it touches in the present step, or -1: no robot, but a thing.

@@ -5,7 +5,7 @@ bodies' velocities at the beginning of each control step, and changes made by co
 robot that pushes one that holds still moves both at half its speed. Where there are movables, forces count: `movables`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,10 +66,9 @@ class World:
             drive_force_n: Largest force of wheels where there are movables, N.
         """
         root = friction**0.5  # pymunk multiplies the friction of the two that touch
+        self._friction = root
         self._ground = pymunk.Body(body_type=pymunk.Body.STATIC)
-        self._fixed = _walls(self._ground, arena) + _obstacles(self._ground, arena)
-        for shape in self._fixed:
-            shape.friction = root
+        self._fixed = self._surfaces(arena)
         own = pymunk.ShapeFilter(group=0 if touch else _ROBOTS)  # shapes of one group do not touch each other
         self._space = pymunk.Space()
         self._discs = [_disc(root, own) for _ in poses]  # in the space while they may touch something
@@ -96,6 +95,7 @@ class World:
             step_s=1.0 / physics_hz,
             calls=_calls(self._batches),
             pointers=np.array([[_pointer(body._body), _pointer(disc._shape)] for body, disc in self._discs]),
+            present=np.ones(len(poses), np.bool_),
             is_candidate=np.zeros(len(poses), np.bool_),
             reached=np.zeros(len(poses), np.int64),
             is_in_space=np.zeros(len(poses), np.bool_),
@@ -119,6 +119,48 @@ class World:
         self.poses[:] = poses
         self.velocities[:] = 0.0
         sort_into_cells(self.poses, self.bodies.cells)
+
+    def change_arena(self, arena: Arena) -> None:
+        """Put other walls and obstacles around all bodies where they are; makes `bodies` anew.
+
+        arena: The new arena, with as many movables; where these are now is written to it.
+        """
+        for shape in self._fixed:
+            if lib.cpShapeGetSpace(shape._shape) != ffi.NULL:
+                lib.cpSpaceRemoveShape(self._space._space, shape._shape)
+        self._fixed = self._surfaces(arena)
+        for shape in self._fixed:
+            lib.cpSpaceAddShape(self._space._space, shape._shape)
+        self._movables.move_to(arena)
+        batch = self._batches["circles"] = _Batch(BodyFields.POSITION, arena.circles)
+        self.bodies.calls["circles"], self.bodies.calls["circles_index"] = batch.pointer, batch.index_pointer
+        self.bodies = self.bodies._replace(
+            width_cm=arena.width_cm,
+            height_cm=arena.height_cm,
+            circles=arena.circles,
+            edges=arena.edges,
+            cells=make_cell_list(arena.width_cm, arena.height_cm, len(self.poses)),
+        )
+        sort_into_cells(self.poses, self.bodies.cells)
+
+    def move(self, robot: int, pose: Sequence[float]) -> None:
+        """Put a robot at rest elsewhere, as one that has touched nothing yet; pose: x, y in cm and heading in rad."""
+        body, disc = self._discs[robot]
+        if self.bodies.is_in_space[robot]:
+            lib.cpSpaceRemoveShape(self._space._space, disc._shape)
+            lib.cpSpaceRemoveBody(self._space._space, body._body)
+            self.bodies.is_in_space[robot] = False
+        _forget_motion(body._body)
+        self.poses[robot] = pose
+        self.velocities[robot] = 0.0
+        sort_into_cells(self.poses, self.bodies.cells)
+
+    def _surfaces(self, arena: Arena) -> list[pymunk.Shape]:
+        """Return the shapes of walls and obstacles."""
+        shapes = _walls(self._ground, arena) + _obstacles(self._ground, arena)
+        for shape in shapes:
+            shape.friction = self._friction
+        return shapes
 
     def _empty_space(self) -> None:
         """Take everything out of the space: pymunk takes the bodies away from the shapes that it finds at its end."""

@@ -11,9 +11,12 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.runner import RobotError
+from epuck_sim.embodied.arena_change import check_bodies_outside, in_arena
+from epuck_sim.embodied.coming_and_going import absent_swarm, put_in, show_present, take_out
 from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.control_loop import CompiledLoop, InterpretedLoop, make_control_loop, restart_loop
 from epuck_sim.embodied.fault_events import take_events
@@ -36,9 +39,11 @@ from epuck_sim.embodied.schedule import carry_out, timed_entries
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
 from epuck_sim.errors import ControllerError
+from epuck_sim.scenario.arena_changes import arena_after
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.robot_schedule import RobotScheduleEntry
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
 
@@ -106,6 +111,7 @@ class Simulation:
             touch=scenario.contact.robots,
             drive_force_n=scenario.contact.drive_force_n,
         )
+        self._first_arena = arena
         self._swarm = make_swarm_arrays(scenario, arena, self._world)
         self._randomness = Randomness(scenario)
         self._groups = self._make_groups()
@@ -115,8 +121,9 @@ class Simulation:
             *(self._randomness.variation, self._randomness.variation_streams),
         )
         self._faults = make_faults(scenario) if scenario.faults else None
-        interpreted = InterpretedLoop(self._loop, self._groups, self._faults) if interpret else None
-        self._take_steps = interpreted or CompiledLoop(self._loop, self._groups, self._faults)
+        absent = absent_swarm(self._swarm) if scenario.members_change else None
+        interpreted = InterpretedLoop(self._loop, self._groups, self._faults, absent) if interpret else None
+        self._take_steps = interpreted or CompiledLoop(self._loop, self._groups, self._faults, absent)
         self.commands = Commands(self._loop, self._groups, interpreted)
         self.external_wheels = self.commands.arrays.wheel_robots
         self.external_rings = self.commands.arrays.ring_robots
@@ -171,6 +178,8 @@ class Simulation:
         self._timed.restart()
         self._replaced_at: int | None = None
         self._step[0] = -1
+        if self._swarm.arena is not self._first_arena:
+            self._change_arena(self._first_arena)
         self._world.place(poses)
         restart_swarm_arrays(self._swarm, self._step_ms)
         self._randomness.restart(seed)
@@ -185,6 +194,8 @@ class Simulation:
             except RobotError as error:
                 raise self._located(error, group.robots.start) from error
             self.period_ms[group.robots] = group.period_ms
+        if scenario.members_change:
+            take_out(np.flatnonzero(~np.array(scenario.present)).tolist(), self._world, self._swarm, self._groups)
 
     def _find_short_rows(self) -> list[tuple[IntArray, IntArray]]:
         """Return, for each group with fewer pixels than others, the rows that are shown and those of its cameras."""
@@ -256,7 +267,7 @@ class Simulation:
             if self._faults is not None:
                 self.events += take_events(self._faults, self._step_ms)
             if self.steps == end or (until_lit is not None and self._swarm.ring_commands[until_lit]):
-                return self._last_step()
+                return self.last_step
 
     def command(
         self,
@@ -325,8 +336,33 @@ class Simulation:
         time_ms = self.steps * self._step_ms
         sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
         section = self.scenario.schedule[entry]
+        origin = f"{self.scenario.name}: schedule.{entry}, at {time_ms / 1000:g} s, seed {self.seed}"
+        take_out(section.remove, self._world, self._swarm, self._groups)
+        if section.arena_values():
+            arena = arena_after(self.scenario, entry).build()
+            self._change_arena(arena)
+            check_bodies_outside(arena, self._world.poses, self._swarm.sensors.present, origin)
+        self._add(section, np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry, Part.PLACEMENT)), origin)
         carry_out(section, self._groups, self._faults, self._set_parameters, sequence, time_ms)
         self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{entry}", section.what))
+
+    def _add(self, section: RobotScheduleEntry, sequence: np.random.SeedSequence, origin: str) -> None:
+        """Put the robots of an entry into the arena."""
+        try:
+            put_in(section, self._world, self._swarm, self._groups, sequence, origin)
+        except RobotError as error:
+            raise ControllerError(f"{origin}: {error}") from error
+
+    def _change_arena(self, arena: Arena) -> None:
+        """Have all move and sense in another arena, with the same movables, from the next step on."""
+        world = self._world
+        world.change_arena(arena)
+        self._swarm = self._swarm._replace(arena=arena, cells=world.bodies.cells)
+        self._groups[:] = [in_arena(group, arena, world.bodies.cells) for group in self._groups]
+        self._loop = self._loop._replace(bodies=world.bodies)
+        self._take_steps.begin(self._loop, self._groups)
+        self._relations.change_arena(self._swarm)
+        self._show()
 
     @property
     def controllers(self) -> list[Controller]:
@@ -392,10 +428,13 @@ class Simulation:
         """Return how a copy is made, by `copy` and `pickle`: from a snapshot."""
         return _from_snapshot, (type(self), self.snapshot(), self._interpret)
 
-    def _last_step(self) -> Step:
-        """Return the step that was taken last."""
+    @property
+    def last_step(self) -> Step:
+        """The step that was taken last; before the first one, number -1: where robots are placed, with their phases."""
         for shown, camera in self._short_rows:
             shown[:] = camera
+        if self._swarm.shown_poses is not self._swarm.poses:
+            show_present(self._swarm)
         number = int(self._step[0])
         return Step(number, number * self._step_ms / 1000, *self._shown)
 
@@ -420,7 +459,7 @@ class Simulation:
         """Return the arena with the robots as they are now, for notebooks."""
         from epuck_sim.embodied.notebook import show_simulation  # noqa: PLC0415 is for notebooks alone
 
-        return show_simulation(self.scenario, self.seed, self._last_step())
+        return show_simulation(self.scenario, self.seed, self.last_step)
 
     def _location(self, robot: int) -> str:
         """Return where a controller failed, for an error."""

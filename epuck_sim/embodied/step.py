@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.group import SwarmArrays
 from epuck_sim.embodied.memory import memory_field
@@ -40,6 +41,10 @@ class Step(NamedTuple):
     """(robots,): whether the ring is commanded to be lit; the reference's commands count as its firings."""
     movables: FloatArray
     """(movables, 2) cm: x, y of the arena's movables at this instant."""
+    present: BoolArray
+    """(robots,): whether each robot is in the arena; poses and phases of others are NaN, and they sense nothing."""
+    arena: Arena
+    """Walls and obstacles at this instant, and the movables: another one after the schedule has changed it."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
     relations: Relations
@@ -47,9 +52,10 @@ class Step(NamedTuple):
 
     @property
     def phase_ms(self) -> FloatArray:
-        """(robots,) ms: the oscillators' phases; NaN for robots whose memory has no phase."""
+        """(robots,) ms: the oscillators' phases; NaN for robots whose memory has no phase, or that are not present."""
         groups = [memory_field(memory, "phase_ms", np.nan) for memory in self.memories]
-        return groups[0] if len(groups) == 1 else np.concatenate(groups)  # a concatenation takes as long as all else
+        phases = groups[0] if len(groups) == 1 else np.concatenate(groups)  # a concatenation takes as long as all else
+        return phases if self.present.all() else np.where(self.present, phases, np.nan)
 
     @property
     def flash_seen(self) -> BoolArray:
@@ -84,7 +90,7 @@ class Step(NamedTuple):
 def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tuple[Any, ...]:
     """Return the arrays of every `Step` of a simulation, in order, as views that refuse to be written to."""
     return (
-        _read_only(swarm.poses),
+        _read_only(swarm.shown_poses),
         _read_only(swarm.sensors.infrared),
         _read_only(swarm.sensors.distance_mm),
         _read_only(swarm.sensors.camera),
@@ -92,6 +98,8 @@ def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tu
         _read_only(swarm.ring_on),
         _read_only(swarm.ring_commands),
         _read_only(swarm.arena.circles[swarm.arena.first_movable :, :2]),
+        _read_only(swarm.sensors.present),
+        swarm.arena,
         tuple(map(_read_only, memories)),
     )
 

@@ -14,6 +14,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.environments.rewards import REWARDS, Situation, SituationFunction
 from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.arena_changes import arena_entries
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.util.messages import comma_list, did_you_mean
 from epuck_sim.util.seeds import trial_seed
@@ -41,6 +42,11 @@ class SwarmBatch:
             if not isinstance(value, int) or value < 1:
                 raise ValueError(f"{name} is {value!r}; allowed: whole numbers from 1")
         first = Simulation(scenario)
+        if first.scenario.members_change or arena_entries(first.scenario):
+            raise ScenarioError(
+                f"{first.scenario.name}: robots come or go, or walls move; allowed in environments: neither, as "
+                "observations and rewards take the robots and the arena to be those of the start"
+            )
         self.simulations = [first, *(Simulation(first.scenario) for _ in range(swarms - 1))]
         self.spaces = AgentSpaces(first, discrete=discrete)
         self._oscillators_exist = not np.isnan(first.period_ms).all()

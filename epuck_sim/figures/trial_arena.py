@@ -77,6 +77,8 @@ def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: sl
     ):
         axes.plot(path[:, 1], path[:, 2], color=colour, linewidth=0.8, alpha=0.6)
         x, y = recorded.positions[rows, number][-1]
+        if math.isnan(x):  # the robot is not in the arena
+            continue
         heading = recorded.headings[rows, number][-1]
         face = RED if recorded.ring_on[rows, number][-1] else DARK
         axes.add_patch(Circle((x, y), radius_cm, facecolor=face, edgecolor=colour, linewidth=1.5, zorder=3))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.instruments.population import positions_at, sides_cm
+from epuck_sim.instruments.population import positions_at, sides_at
 
 
 class MeanSquaredDisplacement:
@@ -41,7 +41,6 @@ class NearWalls:
     def __init__(self, simulation: Any, *, within_cm: float = 5.0) -> None:
         self._simulation = simulation
         self._within_cm = within_cm
-        self._sides = np.array(sides_cm(simulation))
         self._near, self._seen = 0, 0
 
     @staticmethod
@@ -53,7 +52,7 @@ class NearWalls:
     def cycle(self, event: Any, _: Any) -> None:
         """Count who is near a wall."""
         positions = positions_at(self._simulation, event)
-        distances = np.minimum(positions, self._sides - positions).min(axis=1)
+        distances = np.minimum(positions, sides_at(self._simulation, event) - positions).min(axis=1)
         self._near += int(np.count_nonzero(distances <= self._within_cm))
         self._seen += len(positions)
 

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.scenario.arena_changes import largest_cm
 
 
 def phases_at(simulation: Any, event: Any) -> FloatArray:
@@ -23,9 +24,14 @@ def positions_at(simulation: Any, event: Any) -> FloatArray:
     return positions
 
 
+def sides_at(simulation: Any, event: Any) -> tuple[float, ...]:
+    """Return the side of the arena or space along each dimension at an event."""
+    return (event.arena.width_cm, event.arena.height_cm) if hasattr(event, "arena") else sides_cm(simulation)
+
+
 def sides_cm(simulation: Any) -> tuple[float, ...]:
-    """Return the side of the arena or space along each dimension."""
+    """Return the side of the arena, at its largest, or space along each dimension."""
     scenario = simulation.scenario
     if hasattr(scenario, "arena"):
-        return float(scenario.arena.width_cm), float(scenario.arena.height_cm)
+        return largest_cm(scenario)
     return (float(scenario.space.side_cm),) * int(scenario.space.dimensions)

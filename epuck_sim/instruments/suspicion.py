@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.cell_list import make_cell_list
 from epuck_sim.embodied.visibility import find_sightings, view_of
@@ -28,8 +29,7 @@ class _Suspicion:
     def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
         scenario, robots = simulation.scenario, len(simulation.period_ms)
         self._simulation = simulation
-        self._arena = scenario.arena.build()
-        self._cells = make_cell_list(self._arena.width_cm, self._arena.height_cm, robots)
+        self._arena: Arena | None = None  # for which the cell list is
         counts = [group.count for group in scenario.robots]
         firsts = np.cumsum([0, *counts[:-1]]).tolist()
         self._groups = list(zip(map(view_of, scenario.robots), firsts, counts, strict=True))
@@ -51,7 +51,9 @@ class _Suspicion:
         """Have each robot watch those in its view."""
         self._note_faults()
         poses = step.poses.copy()[None]
-        arena = self._arena.with_movables_at(step.movables)
+        arena = step.arena
+        if arena is not self._arena:
+            self._arena, self._cells = arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1])
         for view, first, count in self._groups:
             _, observers, seen = find_sightings(poses, arena, self._cells, view, first, count).T
             self._dark_s[observers, seen] += self._step_s

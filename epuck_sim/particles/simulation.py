@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
 from epuck_sim.particles.cascade import CYCLES, FIRINGS, INSTANTS, PULSES, SYNCHRONISED, make_instant
 from epuck_sim.particles.curve_compilation import make_response
@@ -111,6 +112,11 @@ class ParticleSimulation:
         """
         why = "a ParticleSimulation needs model: particles; use Simulation"
         loaded = require_model(load_scenario(scenario), ParticleScenario, why)
+        if loaded.start.like is not None:
+            raise ScenarioError(
+                f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; give a "
+                "ParticleSimulation start_like(robots, seed) as start"
+            )
         self.scenario = loaded
         self.seed = seed_of_trial(loaded, seed)
         position_seed, phase_seed, motion_seed = np.random.SeedSequence(self.seed).spawn(3)

@@ -52,18 +52,23 @@ def read_links(entities: Entities, scenario: Scenario, positions: Float32Array, 
     Raises:
         ValueError: Some rows are missing.
     """
-    middles = positions.astype(np.float64)
+    middles = _far_if_absent(positions.astype(np.float64))
     if isinstance(scenario, ParticleScenario):
         side_cm = scenario.space.side_cm if scenario.space.boundary == "cyclic" else np.inf
         sightings = np.empty((0, 4), np.int64)
         contacts, points = np.empty((0, 3), np.int64), np.empty((0, 2))
         pulses = _read_arrows(entities, LINKS, middles, middles, side_cm)
     else:
-        cameras = middles + epuck.CAMERA_FORWARD_CM * unit_vectors(headings)
+        cameras = _far_if_absent(middles + epuck.CAMERA_FORWARD_CM * unit_vectors(headings))
         sightings = _read_arrows(entities, SIGHTINGS, cameras, middles, np.inf)
         contacts, points = _read_contacts(entities, middles)
         pulses = np.empty((0, 4), np.int64)
     return Links(sightings, contacts, points, pulses)
+
+
+def _far_if_absent(places: FloatArray) -> FloatArray:
+    """Return (rows, count, 2) cm with those of robots that are not in the arena, which are NaN, infinitely far away."""
+    return np.nan_to_num(places, nan=np.inf)
 
 
 def _read_arrows(entities: Entities, entity: str, tails: FloatArray, heads: FloatArray, cycle_cm: float) -> IntArray:

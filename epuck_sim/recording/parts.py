@@ -96,5 +96,5 @@ def layout_of(scenario: Scenario, level: Level, memory: Sequence[str] = ()) -> r
         level: How much is recorded.
         memory: Fields of the controllers' MEMORY that are recorded.
     """
-    arena = population_of(scenario).arena
-    return parts_of(scenario).layout(level, arena.width_cm, arena.height_cm, memory, scenario.has_events)
+    width_cm, height_cm = population_of(scenario).largest_cm
+    return parts_of(scenario).layout(level, width_cm, height_cm, memory, scenario.has_events)

@@ -9,6 +9,7 @@ from epuck_sim import epuck
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import RecordingError
+from epuck_sim.scenario.arena_changes import arena_entries, largest_cm
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
 
@@ -40,7 +41,11 @@ class Population(NamedTuple):
     radius_cm: float
     """Radius of the disc that is drawn for each, cm."""
     arena: Arena
-    """Arena of the robots; for agents their square, the base of their cube, or a segment of height 0."""
+    """Arena of the robots at the start; for agents their square, the base of their cube, or a segment of height 0."""
+    largest_cm: tuple[float, float]
+    """Largest width and height that the arena has."""
+    arena_changes: bool
+    """Whether its walls or obstacles may change."""
     is_cyclic: bool
     """Whether the space is cyclic."""
     period_ms: FloatArray
@@ -62,6 +67,8 @@ def robot_population(scenario: EmbodiedScenario) -> Population:
         size=scenario.robot_count,
         radius_cm=epuck.RADIUS_CM,
         arena=scenario.arena.build(),
+        largest_cm=largest_cm(scenario),
+        arena_changes=bool(arena_entries(scenario)),
         is_cyclic=False,
         period_ms=np.repeat(periods, [group.count for group in scenario.robots]),
         reference=scenario.stop.reference_robot,
@@ -78,12 +85,15 @@ def agent_population(scenario: ParticleScenario) -> Population:
             f"{scenario.name}: clocks.period_s is {period_s:g}, which is too short for a recording, whose times are "
             f"whole nanoseconds; allowed: {SHORTEST_S:g} or longer"
         )
+    height_cm = side_cm if scenario.space.dimensions > 1 else 0.0
     return Population(
         noun="agent",
         moment="moment",
         size=scenario.agents.count,
         radius_cm=side_cm / SIDE_IN_RADII,
-        arena=make_arena(side_cm, side_cm if scenario.space.dimensions > 1 else 0.0, (), ()),
+        arena=make_arena(side_cm, height_cm, (), ()),
+        largest_cm=(side_cm, height_cm),
+        arena_changes=False,
         is_cyclic=scenario.space.boundary == "cyclic",
         period_ms=np.full(scenario.agents.count, 1000 * period_s),
         reference=scenario.stop.reference,

@@ -20,6 +20,8 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import LINKED, Links, read_links
 from epuck_sim.recording.parts import layout_of, population_of
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
+from epuck_sim.scenario.arena_changes import arena_after, arena_entries
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -97,8 +99,19 @@ class Recorded(NamedTuple):
         return self._linked("pulses", "particles")
 
     def arena_at(self, row: int) -> Arena:
-        """Return the arena with its movables where they are in a row."""
-        return population_of(self.scenario).arena.with_movables_at(self.movables[row])
+        """Return the arena with its walls, and with its movables where they are, in a row."""
+        stand = [arena for time_s, arena in self.arenas if time_s <= self.time_s[row]]
+        return stand[-1].with_movables_at(self.movables[row])
+
+    @property
+    def arenas(self) -> list[tuple[float, Arena]]:
+        """Times from which on walls and obstacles stand, and the arena with them; its movables are elsewhere."""
+        found = [(0.0, population_of(self.scenario).arena)]
+        if isinstance(self.scenario, EmbodiedScenario):
+            arenas = {f"schedule.{entry}": arena_after(self.scenario, entry) for entry in arena_entries(self.scenario)}
+            sources = [(time_s, text.partition(":")[0]) for time_s, text in self.events]
+            found += [(time_s, arenas[source].build()) for time_s, source in sources if source in arenas]
+        return found
 
     def _repr_html_(self) -> str:
         """Return the last moment at which most rings were lit, and what is recorded, for notebooks."""

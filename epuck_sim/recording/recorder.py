@@ -12,7 +12,7 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.recording.chunks import static_chunk, strict_mode
-from epuck_sim.recording.layers.arena import arena_entities, static_arena_entities
+from epuck_sim.recording.layers.arena import arena_entities, changing_walls, static_arena_entities
 from epuck_sim.recording.layers.events import EventLog
 from epuck_sim.recording.layers.memory import MemorySeries
 from epuck_sim.recording.layers.time_series import static_time_series, time_series
@@ -60,9 +60,9 @@ def record(
     """
     scenario = load_scenario(scenario)  # with every default written out
     parts = parts_of(scenario)
-    arena = parts.population(scenario).arena
     memory = tuple(dict.fromkeys(memory))
-    layout = layout_file(level, arena.width_cm, arena.height_cm, parts.layout, memory, scenario.has_events)
+    width_cm, height_cm = parts.population(scenario).largest_cm
+    layout = layout_file(level, width_cm, height_cm, parts.layout, memory, scenario.has_events)
     with rrd_file(Path(path), recording_id(scenario, seed, level, memory), layout) as write:
         recorder = Recorder(scenario, seed, level, BUFFER_S, write, memory)
         yield recorder
@@ -132,6 +132,8 @@ class Recorder:
         self._write(time_series(batch, self._population, self._threshold, self._level))
         if self._level is not Level.SUMMARY:
             self._write(arena_entities(batch, self._population.radius_cm))
+            if self._population.arena_changes:
+                self._write(changing_walls(batch))
         if self._layers is not None:
             self._write(self._layers.chunks(batch))
 

@@ -11,6 +11,9 @@ from epuck_sim.util.messages import comma_list, did_you_mean
 Values = dict[str, Any]
 """Values of axes of a sweep, by dotted key."""
 
+Law = Literal["Weibull", "gamma", "log-normal"]
+"""A distribution of T_sync."""
+
 
 class _Check(ConfigModel):
     """A test of a claim: it has one of three predictions about an effect."""
@@ -80,6 +83,53 @@ class RateCheck(_SweepCheck):
     along: str
 
 
+class SuperiorityCheck(_SweepCheck):
+    """Of the probability that a trial at the second of two places takes longer than one at the first."""
+
+    test: Literal["superiority"]
+    between: tuple[Values, Values]
+
+
+class TrendCheck(_SweepCheck):
+    """Of the rank correlation of trials with an axis."""
+
+    test: Literal["rank_trend"]
+    along: str
+
+    @model_validator(mode="after")
+    def _is_a_correlation(self) -> "TrendCheck":
+        if not all(-1 < each < 1 for each in (self.above, self.below, *(self.within or ())) if each is not None):
+            raise ValueError("a correlation lies between -1 and 1")
+        return self
+
+
+class LikelierCheck(_SweepCheck):
+    """Of how much likelier a distribution makes trials than another, in nats a trial."""
+
+    test: Literal["likelier"]
+    law: Law
+    than: Law
+
+
+class PlaceCheck(_SweepCheck):
+    """Of the exponent of the power of an axis that a place of curves follows: a minimum, a peak or the fast regime."""
+
+    test: Literal["place_exponent"]
+    place: Literal["V_m", "T_m", "V_p", "T_p", "V_f"]
+    along: str
+    """Speed, the axis of the curves."""
+    over: str
+    """Axis in which the curves differ."""
+
+
+class CollapseCheck(_SweepCheck):
+    """Of how far curves of T_sync are apart over the measure `of`, over how far they are apart along an axis."""
+
+    test: Literal["collapse"]
+    along: str
+    of: str
+
+
 class FormulaCheck(_Check):
     """Of a number that follows from the thesis's equations."""
 
@@ -93,8 +143,20 @@ class FormulaCheck(_Check):
         return self
 
 
-SweepCheck = RatioCheck | RiseCheck | LevelCheck | ShareCheck | PowerCheck | RateCheck
+SweepCheck = (
+    RatioCheck
+    | RiseCheck
+    | LevelCheck
+    | ShareCheck
+    | PowerCheck
+    | RateCheck
+    | SuperiorityCheck
+    | TrendCheck
+    | LikelierCheck
+    | PlaceCheck
+    | CollapseCheck
+)
 Check = Annotated[SweepCheck | FormulaCheck, Field(discriminator="test")]
 
-TESTS = ("ratio", "largest_rise", "level", "share", "power_exponent", "exponential_rate", "formula")
+TESTS = tuple(each.model_fields["test"].annotation.__args__[0] for each in (*SweepCheck.__args__, FormulaCheck))
 """Names of all tests."""

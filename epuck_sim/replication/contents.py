@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from epuck_sim.replication.checks import FormulaCheck
 from epuck_sim.replication.claims import Claim, Claims
+from epuck_sim.replication.cost import Cost, estimate_cost
 from epuck_sim.replication.evaluation import Finding, run_check
-from epuck_sim.replication.sweeps import Version, sweep_folder
+from epuck_sim.replication.sweeps import Version, sweep_folder, sweep_scenario
 from epuck_sim.replication.verdicts import Answer, answer
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import Status, read_status
@@ -26,6 +27,8 @@ class Contents(NamedTuple):
     """How far each sweep is that was asked."""
     limits: dict[str, int]
     """Limit of cycles of each."""
+    costs: dict[str, Cost]
+    """What the full version of each would cost; empty if this is the full version."""
     notes: tuple[str, ...]
     """What the thesis contradicts itself in, misprints, and takes for findings."""
 
@@ -52,8 +55,13 @@ def read_contents(claims: Claims, chosen: Sequence[Claim], folder: Path, version
         answer(asked),
         {name: read_status(each) for name, each in folders.items()},
         {name: read_points(each)[0].scenario.stop.max_cycles for name, each in folders.items()},
+        {} if version == Version.FULL else {name: _cost(claims, name, folders[name]) for name in names},
         claims.notes,
     )
+
+
+def _cost(claims: Claims, name: str, folder: Path) -> Cost:
+    return estimate_cost(read_points(folder), read_status(folder).wall_s, sweep_scenario(claims, name, Version.FULL))
 
 
 def check_claim(claim: Claim, folder: Path, version: Version) -> list[Finding]:

@@ -81,23 +81,26 @@ def exponential_rate(x: FloatArray, samples: Sequence[Measured]) -> Effect:
     return _slope(np.asarray(x, float), samples)
 
 
-def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
-    """Return the slope of log means over x by weighted least squares.
+def weighted_slope(x: FloatArray, logs: FloatArray, errors: FloatArray) -> tuple[float, float]:
+    """Return the slope of logarithms over x by weighted least squares, and its error; all are (S,).
 
     Where points scatter about the line by more than their errors, its error is larger by as much.
     """
-    means = _means(samples)
-    if len(means) < MIN_POINTS or not _have_logs(means) or min(each.error for each in means) == 0:
-        return student(math.nan, 0.0, 0)
-    logs = np.log([each.mean for each in means])
-    weights = np.array([(each.mean / each.error) ** 2 for each in means])
+    weights = 1 / errors**2
     away = x - np.average(x, weights=weights)
     spread = float(weights @ away**2)
     slope = float(weights @ (away * logs)) / spread
     deviations = logs - np.average(logs, weights=weights) - slope * away
-    freedom = len(means) - 2
-    misfit = float(weights @ deviations**2) / freedom
-    return student(slope, math.sqrt(max(misfit, 1.0) / spread), freedom)
+    misfit = float(weights @ deviations**2) / (len(x) - 2)
+    return slope, math.sqrt(max(misfit, 1.0) / spread)
+
+
+def _slope(x: FloatArray, samples: Sequence[Measured]) -> Effect:
+    means = _means(samples)
+    if len(means) < MIN_POINTS or not _have_logs(means) or min(each.error for each in means) == 0:
+        return student(math.nan, 0.0, 0)
+    errors = np.array([each.error / each.mean for each in means])
+    return student(*weighted_slope(x, np.log([each.mean for each in means]), errors), len(means) - 2)
 
 
 def _means(samples: Sequence[Measured]) -> list[MeanError]:

@@ -4,8 +4,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import numpy as np
 from scipy.special import bdtr, bdtrc, stdtr
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.statistics.estimate import MIN_TRIALS, Estimate, without_interval
 from epuck_sim.statistics.mean import MeanError, mean_and_error, student_quantile
 from epuck_sim.statistics.measured import Measured, cut
@@ -41,6 +43,12 @@ def exponentiate(effect: Effect) -> Effect:
         lambda threshold: effect.p_above(math.log(threshold)),
         lambda threshold: effect.p_below(math.log(threshold)),
     )
+
+
+def resampled(value: float, values: FloatArray, freedom: float) -> Effect:
+    """Return a value whose error is the standard deviation of its resamples, (B,), of which some may be NaN."""
+    known = values[np.isfinite(values)]
+    return student(value, float(known.std(ddof=1)) if len(known) > 1 else 0.0, freedom)
 
 
 def share_effect(successes: int, trials: int) -> Effect:

@@ -1,33 +1,41 @@
 """From stored trials to the effect of each check of a claim."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.interface import Value
 from epuck_sim.replication.checks import (
     Check,
+    CollapseCheck,
     FormulaCheck,
     LevelCheck,
+    LikelierCheck,
+    PlaceCheck,
     PowerCheck,
     RateCheck,
     RatioCheck,
     RiseCheck,
     ShareCheck,
+    SuperiorityCheck,
     SweepCheck,
+    TrendCheck,
     Values,
 )
 from epuck_sim.replication.criteria import exponential_rate, largest_rise, level, power_exponent, ratio, share
+from epuck_sim.replication.distributions import likelier, rank_trend, superiority
 from epuck_sim.replication.effects import Effect, restrict
 from epuck_sim.replication.formulas import FORMULAS
+from epuck_sim.replication.places import Drawn, collapse, find_place, place_exponent
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.points import Point
-from epuck_sim.statistics.curves import group_by_other_axes
+from epuck_sim.statistics.curves import estimate_curve, group_by_other_axes
 from epuck_sim.statistics.estimate import without_interval
-from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.measured import Measured, measure, measure_t_sync
 from epuck_sim.util.messages import short_repr
 
 REDUCTIONS: dict[str, Callable[[Sequence[float]], float]] = {
@@ -71,7 +79,7 @@ def run_check(check: Check, points: Sequence[PointTrials]) -> Finding:
     counts = [len(each.values) for each in samples]
     censored = max(each.censored for each in samples)
     by_key = {point.key: sample for point, sample in zip(used, samples, strict=True)}
-    return Finding(check, _find_effect(check, used, by_key), (min(counts), max(counts)), censored)
+    return Finding(check, EFFECTS[type(check)](check, used, by_key), (min(counts), max(counts)), censored)
 
 
 def chosen_points(check: SweepCheck, points: Sequence[AnyPoint]) -> list[AnyPoint]:
@@ -80,10 +88,12 @@ def chosen_points(check: SweepCheck, points: Sequence[AnyPoint]) -> list[AnyPoin
     Raises:
         EpuckSimError: There is none, or more than one where there must be one.
     """
-    places = check.between if isinstance(check, RatioCheck) else ({},)
+    places = check.between if isinstance(check, RatioCheck | SuperiorityCheck) else ({},)
     used = [each for place in places for each in points_at({**check.where, **place}, points)]
     if isinstance(check, LevelCheck | ShareCheck) and len(used) > 1:
         raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; {check.test} is of one")
+    if isinstance(check, SuperiorityCheck) and len(used) != 2:
+        raise EpuckSimError(f"where {_in_text(check.where)}: {len(used)} points; superiority is of one at each place")
     return used
 
 
@@ -99,29 +109,81 @@ def points_at(values: Values, points: Sequence[AnyPoint]) -> list[AnyPoint]:
     return found
 
 
-def _find_effect(check: SweepCheck, points: Sequence[PointTrials], samples: dict[str, Measured]) -> Effect:
-    if isinstance(check, RatioCheck):
-        first, second = (points_at({**check.where, **place}, points) for place in check.between)
-        if len(first) != len(second):
-            raise EpuckSimError(f"between {_in_text(check.between[0])} and {_in_text(check.between[1])}: no pairs")
-        return ratio([(samples[a.key], samples[b.key]) for a, b in zip(first, second, strict=True)])
-    if isinstance(check, RiseCheck):
-        curves = [group for _, group in group_by_other_axes(points, check.along)]
-        return largest_rise([[samples[point.key] for point in curve] for curve in curves])
-    if isinstance(check, PowerCheck | RateCheck):
+Points: TypeAlias = Sequence[PointTrials]
+Samples: TypeAlias = dict[str, Measured]
+
+
+def _superiority(check: SuperiorityCheck, points: Points, samples: Samples) -> Effect:
+    ((first, second),) = _pairs(check, points, samples)
+    return superiority(first, second)
+
+
+def _largest_rise(check: RiseCheck, points: Points, samples: Samples) -> Effect:
+    curves = [group for _, group in group_by_other_axes(points, check.along)]
+    return largest_rise([[samples[point.key] for point in curve] for curve in curves])
+
+
+def _along_axis(test: Callable[[FloatArray, Sequence[Measured]], Effect]) -> Callable[..., Effect]:
+    def find(check: PowerCheck | RateCheck | TrendCheck, points: Points, samples: Samples) -> Effect:
         ordered = sorted(points, key=lambda point: float(point.axes[check.along]))
         x = np.array([float(point.axes[check.along]) for point in ordered])
-        fit = power_exponent if isinstance(check, PowerCheck) else exponential_rate
-        return fit(x, [samples[point.key] for point in ordered])
-    (sample,) = samples.values()
-    return share(sample) if isinstance(check, ShareCheck) else level(sample)
+        return test(x, [samples[point.key] for point in ordered])
+
+    return find
+
+
+def _pairs(check: RatioCheck | SuperiorityCheck, points: Points, samples: Samples) -> list[tuple[Measured, Measured]]:
+    first, second = (points_at({**check.where, **place}, points) for place in check.between)
+    if len(first) != len(second):
+        raise EpuckSimError(f"between {_in_text(check.between[0])} and {_in_text(check.between[1])}: no pairs")
+    return [(samples[a.key], samples[b.key]) for a, b in zip(first, second, strict=True)]
+
+
+def _place_exponent(check: PlaceCheck, points: Points, _: Samples) -> Effect:
+    groups = [group for _, group in group_by_other_axes(points, check.along)]
+    places = [find_place(estimate_curve(group, check.along, {}), check.place) for group in groups]
+    x = np.array([float(group[0].axes[check.over]) for group in groups])
+    return place_exponent(x, places, _fewest(points))
+
+
+def _collapse(check: CollapseCheck, points: Points, _: Samples) -> Effect:
+    drawn = []
+    for _, group in group_by_other_axes(points, check.along):
+        instead = estimate_curve([_reduced(point, "mean") for point in group], check.along, {})
+        drawn.append(Drawn(estimate_curve([point._replace(of=None) for point in group], check.along, {}), instead))
+    return collapse(drawn, _fewest(points))
+
+
+def _fewest(points: Points) -> int:
+    return min(len(point.times) for point in points)
+
+
+EFFECTS: dict[type, Callable[..., Effect]] = {
+    LevelCheck: lambda _, __, samples: level(*samples.values()),
+    ShareCheck: lambda _, __, samples: share(*samples.values()),
+    RatioCheck: lambda *given: ratio(_pairs(*given)),
+    RiseCheck: _largest_rise,
+    PowerCheck: _along_axis(power_exponent),
+    RateCheck: _along_axis(exponential_rate),
+    TrendCheck: _along_axis(rank_trend),
+    SuperiorityCheck: _superiority,
+    LikelierCheck: lambda check, _, samples: likelier(list(samples.values()), check.law, check.than),
+    PlaceCheck: _place_exponent,
+    CollapseCheck: _collapse,
+}
+"""What each test finds: of a check, the points that it uses, and their samples by key."""
 
 
 def _measure(point: PointTrials, check: SweepCheck) -> Measured:
-    if check.take is not None:
-        reduced: tuple[Value, ...] = tuple(_reduce(value, check.take) for value in point.measured)
-        point = point._replace(measured=reduced)
-    return measure(point)
+    if isinstance(check, CollapseCheck):
+        return measure_t_sync(point)
+    return measure(point if check.take is None else _reduced(point, check.take))
+
+
+def _reduced(point: PointTrials, take: str) -> PointTrials:
+    """Return the trials of a point with one value for each of their series."""
+    reduced: tuple[Value, ...] = tuple(_reduce(value, take) for value in point.measured)
+    return point._replace(measured=reduced)
 
 
 def _reduce(value: Value, take: str) -> Value:

@@ -5,7 +5,9 @@ from collections.abc import Iterator, Mapping
 
 from epuck_sim.display.numbers import in_words
 from epuck_sim.replication.checks import FormulaCheck
+from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.contents import Contents
+from epuck_sim.replication.cost import Cost
 from epuck_sim.replication.document import Block, Cell, Code, Heading, Link, Picture, Rows, paragraph
 from epuck_sim.replication.sweeps import Version, sweep_folder
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict
@@ -94,7 +96,18 @@ def _show_claim(contents: Contents, answer: Answer, pictures: Mapping[str, str])
         yield Picture(pictures[claim.id], f"Claim {claim.id}: the curves that its tests look at")
     if claim.otherwise:
         yield paragraph(f"What would change this: {claim.otherwise}")
-    yield paragraph("Command: ", _command(contents, claim.id))
+    yield paragraph("Command: ", _command(contents, claim.id), _full_version(contents, claim))
+
+
+def _full_version(contents: Contents, claim: Claim) -> str:
+    cost = contents.costs.get(claim.sweep or "")
+    return "" if cost is None else f"; the full version takes {_in_time(cost)} of one core."
+
+
+def _in_time(cost: Cost) -> str:
+    """Return how long a sweep takes, as a range if it depends on trials that are censored."""
+    least, most = in_words(cost.least), in_words(cost.most)
+    return least if least == most else f"{least} to {most}"
 
 
 def _check_row(judged: Judged) -> list[Cell]:
@@ -134,12 +147,30 @@ def _sweeps(contents: Contents) -> Iterator[Block]:
             str(len(status.failed)),
             str(contents.limits[name]),
             in_words(status.wall_s),
+            _in_time(contents.costs[name]) if name in contents.costs else "",
             Code(f"epuck-sim summarize {sweep_folder(contents.folder, name, contents.version)}"),
         ]
         for name, status in contents.sweeps.items()
     ]
     yield Rows(
-        ["sweep", "points", "trials", "censored", "failed", "limit of cycles", "time of trials", "numbers"], rows
+        [
+            "sweep",
+            "points",
+            "trials",
+            "censored",
+            "failed",
+            "limit of cycles",
+            "time of trials",
+            "of the full version",
+            "numbers",
+        ],
+        rows,
     )
     total = in_words(sum(status.wall_s for status in contents.sweeps.values()))
     yield paragraph(f"The times of trials are sums over all workers: {total} in all.")
+    if contents.costs:
+        least, most = (sum(each) for each in zip(*contents.costs.values(), strict=True))
+        yield paragraph(
+            f"The full version would take {_in_time(Cost(least, most))} of one core: the lower end if trials that are "
+            "censored here end soon after, the upper one if they reach the limit of the full version."
+        )

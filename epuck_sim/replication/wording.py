@@ -2,7 +2,21 @@
 
 from epuck_sim.display.numbers import format_estimate
 from epuck_sim.figures.labels import format_axis_values, key_name
-from epuck_sim.replication.checks import Check, FormulaCheck, PowerCheck, RateCheck, RatioCheck, RiseCheck, ShareCheck
+from epuck_sim.replication.checks import (
+    Check,
+    CollapseCheck,
+    FormulaCheck,
+    LevelCheck,
+    LikelierCheck,
+    PlaceCheck,
+    PowerCheck,
+    RateCheck,
+    RatioCheck,
+    RiseCheck,
+    ShareCheck,
+    SuperiorityCheck,
+    TrendCheck,
+)
 from epuck_sim.replication.effects import Effect
 from epuck_sim.statistics.summary import finite_or_none
 
@@ -15,18 +29,28 @@ def describe_check(check: Check) -> str:
     if isinstance(check, FormulaCheck):
         return check.number.replace("_", " ")
     what = " ".join(filter(None, [check.take, check.of or "T_sync"]))
-    if isinstance(check, RatioCheck):
+    if isinstance(check, RatioCheck | SuperiorityCheck):
         first, second = (format_axis_values({**check.where, **place}) for place in check.between)
-        return f"{what} where {second}, over that where {first}"
-    if isinstance(check, ShareCheck):
-        what = f"share {check.of or 'synchronised'}"
-    elif isinstance(check, RiseCheck):
-        what = f"largest rise of {what} with {key_name(check.along)}"
-    elif isinstance(check, PowerCheck):
-        what = f"power of {key_name(check.along)} in {what}"
-    elif isinstance(check, RateCheck):
-        what = f"c of exp(c {key_name(check.along)}) in {what}"
-    return f"{what} where {format_axis_values(check.where)}" if check.where else what
+        if isinstance(check, RatioCheck):
+            return f"{what} where {second}, over that where {first}"
+        return f"chance that {what} is larger where {second} than where {first}"
+    axes = {key: key_name(getattr(check, key)) for key in ("along", "over") if hasattr(check, key)}
+    name = NAMES[type(check)].format(check=check, what=what, measure=check.of or "synchronised", **axes)
+    return f"{name} where {format_axis_values(check.where)}" if check.where else name
+
+
+NAMES: dict[type[Check], str] = {
+    LevelCheck: "{what}",
+    ShareCheck: "share {measure}",
+    RiseCheck: "largest rise of {what} with {along}",
+    PowerCheck: "power of {along} in {what}",
+    RateCheck: "c of exp(c {along}) in {what}",
+    TrendCheck: "rank correlation of {what} with {along}",
+    LikelierCheck: "nats a trial by which {check.law} distributions make {what} likelier than {check.than} ones",
+    PlaceCheck: "power of {over} in {check.place}",
+    CollapseCheck: "distance of curves of T_sync over {measure}, relative to that over {along}",
+}
+"""What tests of one place look at."""
 
 
 def describe_prediction(check: Check) -> str:

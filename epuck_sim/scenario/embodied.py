@@ -15,6 +15,7 @@ from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.controllers import check_oscillators, resolve_axes, resolve_group
 from epuck_sim.scenario.faults import AnyFault, check_faults
+from epuck_sim.scenario.measures import check_measures_of_present
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_schedule import RobotScheduleEntry, check_schedule, check_scheduled_controllers
 from epuck_sim.scenario.robots import RobotGroup
@@ -164,7 +165,12 @@ class EmbodiedScenario(Scenario):
                     f"{self.timing.control_hz}"
                 )
         check_faults(self.faults, self.robots)
-        check_schedule(self.schedule, self.robots, self.faults)
+        check_schedule(self.schedule, self.robots, self.faults, self.stop.reference_robot)
+        if not self.present[self.stop.reference_robot]:
+            raise ValueError(
+                f"stop.reference_robot is {self.stop.reference_robot}, which is not present at the start; allowed: a "
+                "robot of a group with present: true, as its firings are counted"
+            )
         floor = self.arena.width_cm * self.arena.height_cm
         bodies = self.robot_count * math.pi * epuck.RADIUS_CM**2
         densest = math.pi / math.sqrt(12)  # of equal discs in the plane
@@ -179,6 +185,16 @@ class EmbodiedScenario(Scenario):
     def robot_count(self) -> int:
         """Robots in all groups."""
         return sum(group.count for group in self.robots)
+
+    @property
+    def present(self) -> list[bool]:
+        """Whether each robot is in the arena at the start."""
+        return [group.present for group in self.robots for _ in range(group.count)]
+
+    @property
+    def members_change(self) -> bool:
+        """Whether robots come and go."""
+        return any(entry.remove or entry.add for entry in self.schedule) or not all(self.present)
 
     @property
     def population(self) -> int:
@@ -237,6 +253,15 @@ class EmbodiedScenario(Scenario):
         )
         check_oscillators(self.faults, robots, swept, origin)
         check_scheduled_controllers(self.schedule, robots, swept, self.timing.step_ms, origin)
+        if any(entry.arena_values() for entry in self.schedule) and not any(
+            f"{key}.".startswith(("arena.", "robots.")) and key.count(".") < 3 for key in swept
+        ):
+            from epuck_sim.scenario.arena_changes import check_arenas  # noqa: PLC0415 knows this module
+
+            check_arenas(self, f"{origin}: schedule")
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
         resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
-        return super(EmbodiedScenario, resolved).resolved(origin, folder)
+        resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
+        if self.members_change:
+            check_measures_of_present(resolved.measures, origin)
+        return resolved

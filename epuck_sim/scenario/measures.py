@@ -95,6 +95,21 @@ def resolve_measures(scenario: Any, origin: str, folder: Path | None) -> tuple[M
     return tuple(resolved.values())
 
 
+OF_PRESENT = ("order_parameter", "threshold_cycles", "stays_above", "below_threshold", "moved")
+"""Shipped measures that count those robots alone that are in the arena."""
+
+
+def check_measures_of_present(measures: Sequence[MeasureSection], origin: str) -> None:
+    """Raise ScenarioError for shipped measures that take all robots to be in the arena throughout a trial."""
+    for number, section in enumerate(measures):
+        measure = section.find()
+        if not measure.sources and section.measure not in OF_PRESENT:
+            raise ScenarioError(
+                f"{origin}: measures.{number}: {section.measure} takes all robots to be in the arena, and some come or "
+                f"go; allowed: {', '.join(OF_PRESENT)}, and measures of your own"
+            )
+
+
 def check_condition(name: str, measures: Sequence[MeasureSection], event_method: str, origin: str) -> None:
     """Check that a measure that a condition is on can be looked at while a trial runs.
 

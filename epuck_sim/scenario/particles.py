@@ -197,7 +197,7 @@ Vectors = tuple[tuple[Number, ...], ...]
 class StartSection(ConfigModel):
     """Phases, positions and headings at the start of a trial; positions and headings are random unless given."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings")
+    later_keys: ClassVar[tuple[str, ...]] = ("positions_cm", "headings", "like")
 
     phases: Annotated[Literal["random", "synchronised"] | tuple[float, ...], PlainValidator(_check_phases)] = "random"
     """`random`: uniform over the period; `synchronised`: all 0; or a list with a phase, 0 to 1, for each agent."""
@@ -207,6 +207,9 @@ class StartSection(ConfigModel):
     """One row for each agent, with a coordinate for each dimension."""
     headings: Vectors | None = None
     """One row for each agent: a vector in the direction of its motion, of any length above 0."""
+    like: str | None = None
+    """Instead of the others, a scenario of robots, by its name or file: each trial starts with the phases, positions
+    and headings of that scenario's trial with the same seed."""
 
     def check_fits(self, agents: int, dimensions: int, side_cm: float) -> None:
         """Raise ValueError if what is given does not fit the agents and their space."""
@@ -223,6 +226,12 @@ class StartSection(ConfigModel):
                     raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: 0 to {side_cm:g}, space.side_cm")
                 if name == "headings" and not any(row):
                     raise ValueError(f"start.{name}.{number} is {list(row)}; allowed: a vector that is not 0")
+
+    @model_validator(mode="after")
+    def _check_like(self) -> "StartSection":
+        if self.like is not None and self != StartSection.model_construct(like=self.like):
+            raise ValueError(f"like is {self.like!r}; leave out all other keys of start, which it decides")
+        return self
 
     @model_validator(mode="after")
     def _check_displacement(self) -> "StartSection":
@@ -337,11 +346,16 @@ class ParticleScenario(Scenario):
             from epuck_sim.scenario.agent_changes import check_changes  # noqa: PLC0415 it imports this module
 
             check_changes(self.model_copy(update={"response": response}), f"{origin}: schedule")
+        start = self.start
+        if start.like is not None:
+            from epuck_sim.scenario.like_robots import resolve_like  # noqa: PLC0415 it imports this module
+
+            start = resolve_like(self, f"{origin}: start.like", folder)
         sweep = self.sweep and self.sweep.mapped(lambda key, value: _resolve_axis(key, value, origin, folder))
         resolved = super().resolved(origin, folder)
-        if response is self.response and sweep is None:  # a copy would take a tenth of the time of a short trial
-            return resolved
-        return resolved.model_copy(update={"response": response, "sweep": sweep})
+        if response is self.response and start is self.start and sweep is None:
+            return resolved  # a copy would take a tenth of the time of a short trial
+        return resolved.model_copy(update={"response": response, "start": start, "sweep": sweep})
 
 
 def resolve_response(response: ResponseSection, origin: str, folder: Path | None = None) -> ResponseSection:

@@ -75,10 +75,12 @@ class InfraredSection(ConfigModel):
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal")
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal", "present")
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
+    present: bool = True
+    """Whether its robots are in the arena at the start; else the schedule adds them."""
     placement: Literal["random", "grid", "poses"] = "random"
     """`random`: anywhere without overlap; `grid`: on points 10 cm apart (thesis 4.3.1); `poses`: as in `poses`."""
     poses: tuple[tuple[Number, Number, Number], ...] | None = None

@@ -78,6 +78,7 @@ class TestRobot:
             new_picture=np.ones(1, np.bool_),
             pulses=np.zeros(1, np.int64),
             messages=np.zeros((1, MAX_MESSAGES), np.int64),
+            present=np.ones(1, np.bool_),
         )
         self._actuators = np.zeros(1, ACTUATORS)
         streams = robot_streams(np.random.SeedSequence(seed), 1)

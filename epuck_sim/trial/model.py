@@ -76,6 +76,10 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
 
     if interpret:
         check_interpretable(scenario)
+    if scenario.start.like is not None:
+        from epuck_sim.trial.like_robots import with_start
+
+        scenario = with_start(scenario, seed)
     return ParticleSimulation(scenario, seed)
 
 

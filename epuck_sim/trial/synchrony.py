@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError
@@ -22,7 +22,7 @@ class SynchronyWatch:
     A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. Robots that are
     no oscillators do not count; if the reference is none, nothing is measured and every 5 s count as a cycle. One
     oscillator alone is never synchronised. Once the swarm is synchronised it counts as such, whatever it does in the
-    further cycles.
+    further cycles. Robots that are not in the arena do not count either.
     """
 
     cycles: int
@@ -42,6 +42,7 @@ class SynchronyWatch:
         self._max_cycles = stop.max_cycles
         self._further_cycles = stop.further_cycles
         self._reference = stop.reference_robot
+        self._members_change = simulation.scenario.members_change
         self._oscillators = ~np.isnan(simulation.period_ms)
         self._periods = simulation.period_ms[self._oscillators]
         self._measures = bool(self._oscillators[self._reference])
@@ -80,18 +81,31 @@ class SynchronyWatch:
         phase = float(phases[self._reference])
         if self._lit_phase is None or phase < self._lit_phase:
             self.cycles += 1
-            if not np.isfinite(phases[self._oscillators]).all():
+            counted = self._oscillators & step.present
+            if not np.isfinite(phases[counted]).all():
                 raise ControllerError(f"step {step.number}: an oscillator's phase is not a number: {phases.tolist()}")
             self.order_parameter = r = float(self.measure(phases))
-            if self._synchrony is None and r >= self._threshold and len(self._periods) > 1:
+            if self._synchrony is None and r >= self._threshold and counted.sum() > 1:
                 self._synchrony = Firing(self.cycles, r)
         self._lit_phase = phase
 
     def measure(self, phase_ms: FloatArray) -> FloatArray:
-        """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none."""
+        """Return (...) the order parameter of the oscillators at (..., robots) phases; NaN where there are none.
+
+        Where robots come and go, those whose phases are NaN are not counted.
+        """
         if not len(self._periods):
             return np.full(phase_ms.shape[:-1], np.nan)
-        return self._metric(np.ascontiguousarray(phase_ms[..., self._oscillators]), self._periods)
+        phases = np.ascontiguousarray(phase_ms[..., self._oscillators])
+        if not self._members_change:
+            return self._metric(phases, self._periods)
+        rows = phases.reshape(-1, len(self._periods))
+        found = [self._measure_present(row, ~np.isnan(row)) for row in rows]
+        return np.reshape(found, phase_ms.shape[:-1])
+
+    def _measure_present(self, phases: FloatArray, present: BoolArray) -> float:
+        """Return the order parameter of some of (oscillators,) phases."""
+        return float(self._metric(phases[present], self._periods[present])) if present.any() else math.nan
 
     @property
     def time_s(self) -> float:

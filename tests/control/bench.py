@@ -59,6 +59,7 @@ class Bench:
             np.ones(robots, np.bool_),
             np.zeros(robots, np.int64),
             np.zeros((robots, MAX_MESSAGES), np.int64),
+            np.ones(robots, np.bool_),
         )
         self.actuators = np.zeros(robots, ACTUATORS)
         self.streams = robot_streams(np.random.SeedSequence(seed), robots)

@@ -62,7 +62,7 @@ def test_scheduled_faults_begin_and_end():
     for _ in range(30):
         next(simulation)
         simulation.command(ring_on=True)
-        lit.append(simulation._last_step().ring_on.copy())
+        lit.append(simulation.last_step.ring_on.copy())
     assert np.all(lit, axis=0).tolist() == [True, False]
     np.testing.assert_array_equal(np.array(lit)[:, 1], [not 5 <= step < 15 for step in range(30)])
 

@@ -6,7 +6,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 from epuck_sim.environments import parallel_env, vector_env
-from epuck_sim.errors import ControllerError
+from epuck_sim.errors import ControllerError, ScenarioError
 
 SWARM = {"name": "free", "robots": [{"count": 3, "controller": "external"}, {"count": 2}]}
 
@@ -101,3 +101,16 @@ def test_an_error_of_a_controller_in_a_thread_reaches_the_caller(tmp_path):
         batch.step(np.zeros((3, 3)))
     with pytest.raises(ControllerError, match=r"robot 1, step 4.*late.py"):
         batch.step(np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"schedule": [{"at_s": 1, "remove": [1]}]},
+        {"schedule": [{"at_s": 1, "set": {"arena.width_cm": 90}}]},
+        {"robots": [*SWARM["robots"], {"count": 1, "present": False}]},
+    ],
+)
+def test_swarms_and_arenas_that_change_are_refused(changes):
+    with pytest.raises(ScenarioError, match="robots come or go, or walls move; allowed in environments: neither"):
+        vector_env({**SWARM, **changes}, 2)

@@ -134,6 +134,18 @@ def test_the_spanning_time_is_when_the_links_so_far_connect_all(sections, watch,
     assert value == expected
 
 
+def test_cones_of_emission_and_of_vision_change_as_many_links():
+    hardly_coupled = {**LIVELY, "response": {"coupling": 1e-9}}
+    rates = []
+    for kind in ("cone_of_vision", "cone_of_emission"):
+        _, series = run(
+            "neighbour_change", **{**hardly_coupled, "neighbourhood": {**LIVELY["neighbourhood"], "kind": kind}}
+        )
+        rates.append(series)
+    assert rates[0] == rates[1]
+    assert max(rates[0][1:]) > 0
+
+
 def test_a_lone_link_of_resting_agents_never_ends():
     sections = {**AGENTS, "agents": {"count": 15, "speed_cm_s": 0}}
     assert run("link_life", **sections)[1] is None

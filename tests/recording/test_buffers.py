@@ -1,5 +1,6 @@
 """A buffer holds what the steps held, whatever its capacity, and counts flashes as the watch counts firings."""
 
+from copy import copy
 from functools import cache
 from itertools import islice
 from types import SimpleNamespace
@@ -152,7 +153,7 @@ def test_levels_leave_out_what_they_say_and_nothing_else(name: str) -> None:
     }
     for level, absent in left_out.items():
         columns = joined(recorded(name, 7, level)[0])
-        for key in RowBatch._fields:
+        for key in set(RowBatch._fields) - {"arenas"}:  # which are as many objects as simulations
             expected = getattr(full, key)[:0] if key in absent else getattr(full, key)
             np.testing.assert_array_equal(getattr(columns, key), expected, err_msg=f"{level}: {key}")
 
@@ -166,11 +167,11 @@ def test_what_was_returned_is_not_written_to_again() -> None:
         buffer.append(step, watch)
         if buffer.is_full:
             columns = buffer.flush()
-            returned.append((columns, [column.copy() for column in columns]))
+            returned.append((columns, [copy(column) for column in columns]))
     assert len(returned) == 4
     for columns, copies in returned:
-        for key, column, copy in zip(RowBatch._fields, columns, copies, strict=True):
-            np.testing.assert_array_equal(column, copy, err_msg=key)
+        for key, column, kept in zip(RowBatch._fields, columns, copies, strict=True):
+            np.testing.assert_array_equal(column, kept, err_msg=key)
 
 
 def test_a_buffer_is_full_at_its_capacity_and_empty_after_a_flush() -> None:
@@ -257,7 +258,18 @@ def test_flashes_and_firings_of_made_up_steps(story: tuple[BoolArray, FloatArray
     buffer, batches, firings = RobotBuffer(scenario, Level.SUMMARY, size), [], []
     for number, (ring_on, phase_ms) in enumerate(zip(rings, phases, strict=True)):
         memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
-        step = Step(number, number / 10, *[np.empty(0)] * 5, ring_on, ring_on, np.empty((0, 2)), (memory,), None)
+        step = Step(
+            number,
+            number / 10,
+            *[np.empty(0)] * 5,
+            ring_on,
+            ring_on,
+            np.empty((0, 2)),
+            np.ones(len(ring_on), bool),
+            None,
+            (memory,),
+            None,
+        )
         cycles = watch.cycles
         watch.look(step)
         buffer.append(step, watch)

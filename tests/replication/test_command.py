@@ -195,3 +195,35 @@ def test_a_value_of_a_series_stands_for_a_trial(tmp_path) -> None:
     page = (tmp_path / "out/replication.md").read_text()
     for take, values in (("largest", map(max, series)), ("first", [values[0] for values in series])):
         assert f"| {take} order\\_parameter where ε = 0.4, V = 1 cm/s | {np.mean(list(values)):.4g} " in page
+
+
+def test_each_test_is_named_on_the_page_with_what_it_finds(tmp_path) -> None:
+    keys = {**SWEEP["keys"], "neighbourhood": {"k": 1}, "measures": ["neighbour_change"]}
+    sweep = {**SWEEP, "keys": keys, "quick": {"trials": 20, "stop": {"max_cycles": 5000}}}
+    checks = [
+        {"test": "superiority", "between": FASTER["between"], "where": {SPEED: 1}, "below": 0.5},
+        {"test": "rank_trend", "along": SPEED, "where": {"response.coupling": 0.4}, "below": 0},
+        {"test": "likelier", "law": "Weibull", "than": "log-normal", "above": 0},
+        {"test": "collapse", "along": SPEED, "of": "neighbour_change", "below": 0.5},
+        {"test": "place_exponent", "place": "V_p", "along": SPEED, "over": "response.coupling", "above": 0},
+    ]
+    file = write_claims(tmp_path, [claim("A1", *checks)], sweep)
+    assert call("replicate", "--claims", file, "--out", tmp_path / "out", "--workers", 1).exit_code == 0
+    section = (tmp_path / "out/replication.md").read_text().split("## A1\n")[1].split("\n## ")[0]
+    found = dict(re.findall(r"^\| (?!test|---)([^|]*) \| (\S+)[^|]* \| ", section, re.MULTILINE))
+    assert list(found) == [
+        "chance that T\\_sync is larger where V = 1 cm/s, ε = 0.4 than where V = 1 cm/s, ε = 0.05",
+        "rank correlation of T\\_sync with V where ε = 0.4",
+        "nats a trial by which Weibull distributions make T\\_sync likelier than log-normal ones",
+        "distance of curves of T\\_sync over neighbour\\_change, relative to that over V",
+        "power of ε in V\\_p",
+    ]
+    assert found.popitem()[1] == "-"  # three speeds have no peak
+    assert all(np.isfinite(float(value)) for value in found.values())
+
+
+def test_one_trial_is_compared_with_one(tmp_path) -> None:
+    check = {"test": "superiority", "between": FASTER["between"], "below": 0.5}
+    file = write_claims(tmp_path, [claim("A1", check)])
+    told = refused("replicate", "--claims", file, "--out", tmp_path / "out")
+    assert told == "error: claim A1: where all points: 6 points; superiority is of one at each place\n"

@@ -40,7 +40,7 @@ def test_every_test_finds_its_points(version: Version) -> None:
 def test_all_72_claims_are_there_and_each_is_asked_or_says_why_not() -> None:
     assert [claim.id for claim in CLAIMS.claims] == [f"R{number}" for number in range(1, 73)]
     assert all(bool(claim.checks) != bool(claim.not_asked) for claim in CLAIMS.claims)
-    assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 25
+    assert sum(bool(claim.checks) for claim in CLAIMS.claims) >= 55
 
 
 @pytest.mark.parametrize("version", Version)
@@ -58,4 +58,4 @@ def test_thresholds_of_ratios_are_positive() -> None:
 
 def test_sweeps_have_a_seed_that_the_docs_did_not_use() -> None:
     for version in Version:
-        assert all(scenario.seed == 19 for scenario in needed_sweeps(CLAIMS, CLAIMS.claims, version).values())
+        assert all(scenario.seed in (19, 20, 21) for scenario in needed_sweeps(CLAIMS, CLAIMS.claims, version).values())

@@ -87,7 +87,22 @@ def step(number, rings, phase_ms):
     memory = np.array([(phase,) for phase in phase_ms], [("phase_ms", float)])
     nothing = np.empty(0)
     lit = np.array(rings, bool)
-    return Step(number, 0.0, nothing, nothing, nothing, nothing, nothing, lit, lit, nothing, (memory,), None)
+    return Step(
+        number,
+        0.0,
+        nothing,
+        nothing,
+        nothing,
+        nothing,
+        nothing,
+        lit,
+        lit,
+        nothing,
+        np.ones(len(lit), bool),
+        None,
+        (memory,),
+        None,
+    )
 
 
 def shown(watched, rings, phase_ms=(0, 0)):

@@ -67,6 +67,7 @@ typedef struct {
     const char *parameters;
     uint64_t *random;
     volatile int64_t *serving; /* the robot whose step is running; -1 if none is */
+    const uint8_t *present;    /* whether each robot is in the arena; last, as libraries of before know nothing of it */
 } e_group;
 
 static _Thread_local const e_group *e_swarm;
@@ -234,6 +235,9 @@ E_EXPORTED void e_start_all(const e_group *swarm) {
 
 E_EXPORTED void e_step_all(const e_group *swarm) {
     for (int64_t robot = 0; robot < swarm->robots; robot++) {
+        if (!swarm->present[robot]) {
+            continue;
+        }
         e_enter(swarm, robot);
         step();
     }

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import Picture
@@ -44,14 +45,21 @@ class ArenaView:
         self._movables = arena.circles[arena.first_movable :, :2]
         self._renderer = Renderer(section, camera, arena, seed=0)
 
-    def draw(self, poses: FloatArray, ring_on: BoolArray, movables: FloatArray | None = None) -> Picture:
+    def draw(
+        self,
+        poses: FloatArray,
+        ring_on: BoolArray,
+        movables: FloatArray | None = None,
+        arena: Arena | None = None,
+    ) -> Picture:
         """Return (height, width, 3) the picture of robots in red, green and blue from 0 to 255.
 
         Args:
             poses: (robots, 3) cm, cm, rad: x, y, heading.
             ring_on: (robots,) whether each ring is lit.
             movables: (movables, 2) cm: where the arena's movables are, as steps have it; by default where they begin.
+            arena: Walls and obstacles, as steps have it; by default those of the start.
         """
         places = self._movables if movables is None else np.asarray(movables)
-        sample = ExposureSample(np.asarray(poses), np.asarray(ring_on), places)
+        sample = ExposureSample(np.asarray(poses), np.asarray(ring_on), places, arena)
         return self._renderer.render([sample], room_is_lit=True)

@@ -1,5 +1,6 @@
 """Films trials into files: a recorded trial, or one while it runs."""
 
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.camera_model import overhead_camera
@@ -55,7 +57,7 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
     """
     with _film(Path(path), _require_rings(scenario, scenario.name), seed) as observe:
         yield lambda step, state: observe(
-            *(step.time_s, step.poses, step.ring_on, step.movables), (state.cycles, state.order_parameter)
+            *(step.time_s, step.poses, step.ring_on, step.movables, step.arena), (state.cycles, state.order_parameter)
         )
 
 
@@ -80,12 +82,14 @@ def film_recording(
         raise FilmError(f"{recording}: holds no poses; record the trial again with --record-level poses or full")
     scenario = _override_camera(recorded_scenario, overrides, str(recording))
     arrays = recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, recorded.movables
+    begin_s, arenas = zip(*recorded.arenas, strict=True)
     moments = zip(*arrays, _states(recorded), strict=True)
     with _film(path, scenario, recorded.seed, lens) as observe:
         for time_s, positions, headings, ring_on, places, state in progress(
             moments, float(recorded.time_s.max(initial=0))
         ):
-            observe(float(time_s), np.column_stack([positions, headings]), ring_on, places, state)
+            arena = arenas[bisect_right(begin_s, time_s) - 1]
+            observe(float(time_s), np.column_stack([positions, headings]), ring_on, places, arena, state)
 
 
 def _states(recorded: Recorded) -> Iterator[_State]:
@@ -116,8 +120,10 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
 @contextmanager
 def _film(
     path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None
-) -> Iterator[Callable[[float, FloatArray, BoolArray, FloatArray, _State], None]]:
-    """Yield a function that films a control step: time, (robots, 3) poses, rings that are on, (movables, 2) cm, state.
+) -> Iterator[Callable[[float, FloatArray, BoolArray, FloatArray, Arena, _State], None]]:
+    """Yield a function that films a control step.
+
+    It takes the time, (robots, 3) poses, rings that are on, (movables, 2) cm, the arena, and the state.
 
     Films of a lit room, which are for people, have a caption.
     """
@@ -135,9 +141,11 @@ def _film(
         captions = Captions(section.lit_start_s)
         finished = captions.write if section.light == "lit" else lambda frame: frame
 
-        def observe(time_s: float, poses: FloatArray, ring_on: BoolArray, movables: FloatArray, state: _State) -> None:
+        def observe(
+            time_s: float, poses: FloatArray, ring_on: BoolArray, movables: FloatArray, arena: Arena, state: _State
+        ) -> None:
             captions.add(time_s, *state)
-            for frame in camera.observe(time_s, poses, ring_on, movables):
+            for frame in camera.observe(time_s, poses, ring_on, movables, arena):
                 writer.write(finished(frame))
 
         yield observe

@@ -31,6 +31,8 @@ class ExposureSample(NamedTuple):
     """(robots,) which rings are on."""
     movables: FloatArray = np.empty((0, 2))
     """(movables, 2) cm: where the arena's movables are."""
+    arena: Arena | None = None
+    """Walls and obstacles; by default those that the renderer was made with."""
 
 
 class Renderer:
@@ -47,7 +49,6 @@ class Renderer:
         """
         self._camera = camera
         self._light = section.gain * section.exposure_ms / NOMINAL_EXPOSURE_MS
-        self._arena = arena
         self._led_points = section.led_points
         self._gloss = section.gloss
         self._ambient = section.ambient
@@ -57,6 +58,7 @@ class Renderer:
         self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
         self._movable_cm = arena.circles[arena.first_movable :, 2]
         self._room = render_room(self._floor_cm, camera.position_cm, arena)
+        self._arena = self._first_arena = arena
         self._random = np.random.default_rng(seed)
         self._noise = np.zeros(3 * camera.width_px * camera.height_px + NOISE_OFFSETS, np.int16)
         if section.noise_levels > 0:
@@ -83,11 +85,11 @@ class Renderer:
     def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
-        lit = np.concatenate([sample.poses[sample.ring_on] for sample in samples])
+        lit = _in_arena(np.concatenate([sample.poses[sample.ring_on] for sample in samples]))
         light = self._light / len(samples)
         self._add_rings(image, lit, light)
         if self._gloss:
-            self._add_rings(image, mirror_images(lit, self._arena), self._gloss * light)
+            self._add_rings(image, mirror_images(lit, samples[0].arena or self._first_arena), self._gloss * light)
         return image
 
     def _add_rings(self, image: Float32Array, poses: FloatArray, light: float) -> None:
@@ -104,15 +106,21 @@ class Renderer:
         camera = self._camera
         scene = np.zeros(self._room.shape, np.float32)
         for sample in samples:
+            self._enter_room(sample.arena or self._first_arena)
             image = self._room.copy()
             for place, radius in zip(sample.movables, self._movable_cm, strict=True):
                 draw_circle(image, self._floor_cm, place, radius)
-            poses = farthest_first(sample.poses, camera.position_cm)
+            poses = farthest_first(_in_arena(sample.poses), camera.position_cm)
             boxes = bounding_boxes(camera, poses[:, :2], epuck.RADIUS_CM, (0.0, epuck.HEIGHT_CM))
             draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes)
             scene += image
         scene /= len(samples)
         return scene
+
+    def _enter_room(self, arena: Arena) -> None:
+        """Have the room be the one around an arena."""
+        if arena is not self._arena:
+            self._arena, self._room = arena, render_room(self._floor_cm, self._camera.position_cm, arena)
 
     def _through_lens(self, image: Float32Array) -> Float32Array:
         """Return (rows, columns) an image blurred and dimmed by the lens."""
@@ -134,6 +142,11 @@ class Renderer:
         rows, columns = self._room.shape
         first = self._random.integers(NOISE_OFFSETS)
         return self._noise[first : first + rows * columns * 3].reshape(rows, columns, 3)
+
+
+def _in_arena(poses: FloatArray) -> FloatArray:
+    """Return those of (n, 3) poses that are not NaN."""
+    return poses[~np.isnan(poses[:, 0])]
 
 
 def dimming(width_px: int, height_px: int, vignetting: float) -> Float32Array:

@@ -37,6 +37,7 @@ class _State(NamedTuple):
     poses: FloatArray
     ring_on: BoolArray
     movables: FloatArray
+    arena: Arena | None
 
 
 class VirtualCamera:
@@ -67,7 +68,12 @@ class VirtualCamera:
         self._frames = 0
 
     def observe(
-        self, time_s: float, poses: FloatArray, ring_on: BoolArray, movables: FloatArray = NO_MOVABLES
+        self,
+        time_s: float,
+        poses: FloatArray,
+        ring_on: BoolArray,
+        movables: FloatArray = NO_MOVABLES,
+        arena: Arena | None = None,
     ) -> Iterator[Frame]:
         """Add a control step; yield the frames whose exposures have ended by then.
 
@@ -76,11 +82,13 @@ class VirtualCamera:
             poses: (robots, 3) cm, cm, rad: x, y, heading; headings may be wrapped. Robots move evenly between steps.
             ring_on: (robots,) which rings are on from now until the next step.
             movables: (movables, 2) cm: where the arena's movables are; they move evenly, too.
+            arena: Walls and obstacles from now until the next step; by default those of the start.
         """
         if not self._states:
             self._offset_s = self._section.lit_start_s - time_s
-        arrays = np.array(poses, float), np.array(ring_on, bool), np.array(movables, float)
-        self._states.append(_State(self._offset_s + time_s, *arrays))
+        poses, ring_on = np.array(poses, float), np.array(ring_on, bool)
+        arrays = poses, ring_on & ~np.isnan(poses[:, 0]), np.array(movables, float)
+        self._states.append(_State(self._offset_s + time_s, *arrays, arena))
         return self._frames_begun_by(self._states[-1].time_s - self._exposure_s)
 
     def finish(self) -> Iterator[Frame]:
@@ -106,13 +114,13 @@ class VirtualCamera:
         begun = bisect_right(self._states, time_s + TIME_TOLERANCE_S, key=lambda state: state.time_s)
         if begun == 0:
             first = self._states[0]
-            return ExposureSample(first.poses, np.zeros_like(first.ring_on), first.movables)
+            return ExposureSample(first.poses, np.zeros_like(first.ring_on), first.movables, first.arena)
         last = self._states[begun - 1]
         if begun == len(self._states):
-            return ExposureSample(last.poses, last.ring_on, last.movables)
+            return ExposureSample(last.poses, last.ring_on, last.movables, last.arena)
         following = self._states[begun]
         share = (time_s - last.time_s) / (following.time_s - last.time_s)
         change = following.poses - last.poses
         change[:, 2] = (change[:, 2] + math.pi) % math.tau - math.pi  # the shorter way round
         pushed = last.movables + share * (following.movables - last.movables)
-        return ExposureSample(last.poses + share * change, last.ring_on, pushed)
+        return ExposureSample(last.poses + share * change, last.ring_on, pushed, last.arena)

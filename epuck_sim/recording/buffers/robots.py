@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arena import Arena
 from epuck_sim.embodied.infrared import SENSORS
 from epuck_sim.embodied.step import Step
 from epuck_sim.recording.buffers.row_batch import RowBatch
@@ -51,6 +52,7 @@ class RobotBuffer:
         }
         self._filled = [(name, array) for name, array in self._arrays.items() if len(array)]
         self._firings: list[tuple[int, float]] = []
+        self._arenas: list[tuple[int, Arena]] = []
 
     @property
     def is_full(self) -> bool:
@@ -63,6 +65,8 @@ class RobotBuffer:
         row = self.row_count
         for name, array in self._filled:
             array[row] = getattr(step, name)
+        if not row or step.arena is not self._arenas[-1][1]:
+            self._arenas.append((row, step.arena))
         if watch.cycles > self._cycles:
             self._cycles = watch.cycles
             if watch.order_parameter is not None:
@@ -86,6 +90,7 @@ class RobotBuffer:
             flashes=np.column_stack([rows, robots, counts[rows, robots]]),
             firings=firings[:, 0].astype(np.int64),
             firing_order=firings[:, 1],
+            arenas=tuple(self._arenas),
             **arrays,
         )
         self._next_step += self.row_count

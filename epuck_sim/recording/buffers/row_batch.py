@@ -1,10 +1,12 @@
 """Some consecutive rows of a trial, column by column."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.infrared import SENSORS
 
@@ -39,6 +41,9 @@ class RowBatch(NamedTuple):
     """(rows, robots, 8) mm: infrared distances."""
     movables: FloatArray = np.empty((0, 0, 2))
     """(rows, movables, 2) cm: where the arena's movables are; no rows without any."""
+    arenas: Sequence[tuple[int, Arena]] = ()
+    """Of robots, rows from which on walls and obstacles stand, and the arena with them; the first row is 0. Movables
+    are elsewhere."""
     wheels_cm_s: FloatArray = np.empty((0, 0, 2))
     """(rows, robots, 2) cm/s: left and right wheel, as commanded."""
     links: IntArray = np.empty((0, 4), np.int64)

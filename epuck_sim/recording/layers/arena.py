@@ -61,19 +61,18 @@ ARROW_RADIUS = 0.25 / 3.7
 
 
 def static_arena_entities(population: Population) -> Iterator[Chunk]:
-    """Yield walls and obstacles, the appearance of movables, and the appearance of robots or agents."""
+    """Yield walls and obstacles that stay, the appearance of movables, and the appearance of robots or agents."""
     arena = population.arena
-    width, height = arena.width_cm, arena.height_cm
+    _, height = population.largest_cm
     yield static_chunk(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
-    outline = [(0, 0), (width, 0), (width, height), (0, height), (0, 0)]
-    yield static_chunk(WALLS, rr.LineStrips2D([outline], colors=GREY))
-    angles = np.linspace(0, 2 * math.pi, CIRCLE_CORNERS + 1)
-    rounds = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in arena.circles[: arena.first_movable]]
-    outlines = [np.column_stack(each) for each in rounds] + [
-        np.vstack([corners, corners[:1]]) for corners in arena.polygons
-    ]
-    if outlines:
-        yield static_chunk(OBSTACLES, rr.LineStrips2D(outlines, colors=GREY))
+    if population.arena_changes:
+        for entity in (WALLS, OBSTACLES):
+            yield static_chunk(entity, rr.LineStrips2D.from_fields(colors=GREY))
+    else:
+        outlines = _obstacle_outlines(arena)
+        yield static_chunk(WALLS, rr.LineStrips2D([_wall_outline(arena)], colors=GREY))
+        if outlines:
+            yield static_chunk(OBSTACLES, rr.LineStrips2D(outlines, colors=GREY))
     if len(arena.movables):
         radii = arena.circles[arena.first_movable :, 2]
         yield static_chunk(MOVABLES, rr.Points2D.from_fields(radii=radii, colors=GREY, draw_order=15))
@@ -85,6 +84,34 @@ def static_arena_entities(population: Population) -> Iterator[Chunk]:
     yield static_chunk(ROBOTS, discs)
     arrows = rr.Arrows2D.from_fields(colors=WHITE, radii=ARROW_RADIUS * population.radius_cm, draw_order=30)
     yield static_chunk(HEADINGS, arrows)
+
+
+def changing_walls(batch: RowBatch) -> Iterator[Chunk]:
+    """Yield walls and obstacles in these rows."""
+    time_ns = batch.time_ns[[row for row, _ in batch.arenas]]
+    arenas = [arena for _, arena in batch.arenas]
+    obstacles = [_obstacle_outlines(arena) for arena in arenas]
+    everything = [outline for outlines in obstacles for outline in outlines]
+    for entity, strips, counts in (
+        (WALLS, list(map(_wall_outline, arenas)), [1] * len(arenas)),
+        (OBSTACLES, everything, list(map(len, obstacles))),
+    ):
+        yield temporal_chunk(entity, time_ns, *rr.LineStrips2D.columns(strips=strips).partition(counts))
+
+
+def _wall_outline(arena: Arena) -> FloatArray:
+    """Return (5, 2) cm: the corners of the floor, and the first one again."""
+    width, height = arena.width_cm, arena.height_cm
+    return np.array([(0, 0), (width, 0), (width, height), (0, height), (0, 0)])
+
+
+def _obstacle_outlines(arena: Arena) -> list[FloatArray]:
+    """Return the outline of each obstacle, (corners, 2) cm, whose last corner is its first one."""
+    angles = np.linspace(0, 2 * math.pi, CIRCLE_CORNERS + 1)
+    rounds = [(x + r * np.cos(angles), y + r * np.sin(angles)) for x, y, r in arena.circles[: arena.first_movable]]
+    return [np.column_stack(each) for each in rounds] + [
+        np.vstack([corners, corners[:1]]) for corners in arena.polygons
+    ]
 
 
 def arena_entities(batch: RowBatch, radius_cm: float) -> Iterator[Chunk]:

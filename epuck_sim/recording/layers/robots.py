@@ -11,7 +11,8 @@ from rerun.chunk import Chunk
 from epuck_sim import epuck
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.attendance import parked
+from epuck_sim.embodied.cell_list import CellList, make_cell_list
 from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.embodied.visibility import View, find_sightings, view_of
@@ -58,8 +59,6 @@ class RobotLayers:
     def __init__(self, scenario: EmbodiedScenario, population: Population) -> None:
         """Compile what finds sightings and contacts, before any clock runs."""
         self._scenario, self._population = scenario, population
-        self._arena = arena = population.arena
-        self._cells = make_cell_list(arena.width_cm, arena.height_cm, scenario.robot_count)
         self._groups: list[tuple[int, int, View | None, Outline]] = []
         """For each group: number of its first robot, number of its robots, what they see with, and its outline."""
         first = 0
@@ -72,8 +71,12 @@ class RobotLayers:
         self._encircled = np.flatnonzero(self._circles_cm)
         self._space_time = SpaceTime(scenario)
         alone = np.zeros((1, 1, 3))
-        find_sightings(alone, arena, self._cells, self._groups[0][2], 0, 1)
-        find_contacts(alone, arena, self._cells)
+        cells = self._cells(population.arena)
+        find_sightings(alone, population.arena, cells, self._groups[0][2], 0, 1)
+        find_contacts(alone, population.arena, cells)
+
+    def _cells(self, arena: Arena) -> CellList:
+        return make_cell_list(arena.width_cm, arena.height_cm, self._population.size)
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of overlays, pictures and wheel speeds."""
@@ -100,7 +103,7 @@ class RobotLayers:
     def _overlays(self, batch: RowBatch) -> Iterator[Chunk]:
         """Yield fields of view, sightings and contacts at these steps."""
         poses, time_ns = batch.poses, batch.time_ns
-        yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(poses)))
+        yield temporal_chunk(VIEWS, time_ns, *strip_columns(self._views(batch)))
         if len(self._encircled) > 0:
             yield ranges(poses[:, self._encircled, :2], batch)
         yield self._sightings(batch)
@@ -110,23 +113,29 @@ class RobotLayers:
 
     def _moments(self, batch: RowBatch) -> Iterator[tuple[int, FloatArray, Arena]]:
         """Yield the first of some steps, their (steps, robots, 3) poses, and the arena, in which nothing moves then."""
-        if not len(batch.movables):
-            yield 0, batch.poses, self._arena
-        for step, places in enumerate(batch.movables):
-            yield step, batch.poses[step : step + 1], self._arena.with_movables_at(places)
+        for steps, arena in _stretches(batch):
+            poses = parked(batch.poses[steps])
+            if not len(batch.movables):
+                yield steps.start, poses, arena
+            for step, places in enumerate(batch.movables[steps]):
+                yield steps.start + step, poses[step : step + 1], arena.with_movables_at(places)
 
     def _contacts(self, batch: RowBatch) -> tuple[IntArray, FloatArray]:
         """Return the contacts at these steps as `find_contacts` does."""
         found, points = [], []
         for first_step, poses, arena in self._moments(batch):
-            contacts, places = find_contacts(poses, arena, self._cells)
+            contacts, places = find_contacts(poses, arena, self._cells(arena))
             contacts[:, 0] += first_step
             found.append(contacts)
             points.append(places)
         return np.concatenate(found), np.concatenate(points)
 
-    def _views(self, poses: FloatArray) -> FloatArray:
+    def _views(self, batch: RowBatch) -> FloatArray:
         """Return (steps, robots, 3, 2) cm: left end, apex and right end of each view or cone, within the walls."""
+        return np.concatenate([self._views_in(arena, batch.poses[steps]) for steps, arena in _stretches(batch)])
+
+    def _views_in(self, arena: Arena, poses: FloatArray) -> FloatArray:
+        """Return `_views` of (steps, robots, 3) poses in one arena."""
         views = np.empty((*poses.shape[:2], 3, 2))
         for first, robots, _, (forward_cm, longest_cm, half_angle_rad) in self._groups:
             x, y, heading = poses[:, first : first + robots].transpose(2, 0, 1)
@@ -134,7 +143,7 @@ class RobotLayers:
             views[:, first : first + robots, 1] = eye
             for place, side in ((0, 1), (2, -1)):
                 rays = unit_vectors(heading + side * half_angle_rad)
-                views[:, first : first + robots, place] = ray_ends(eye, rays, longest_cm, self._arena)
+                views[:, first : first + robots, place] = ray_ends(eye, rays, longest_cm, arena)
         return views
 
     def _sightings(self, batch: RowBatch) -> Chunk:
@@ -142,16 +151,26 @@ class RobotLayers:
         poses = batch.poses
         groups = []
         for first_step, some, arena in self._moments(batch):
+            cells = self._cells(arena)
             for first, robots, view, _ in self._groups:
-                groups.append(find_sightings(some, arena, self._cells, view, first, robots))
+                groups.append(find_sightings(some, arena, cells, view, first, robots))
                 groups[-1][:, 0] += first_step
         found = np.concatenate(groups)
+        found = found[~np.isnan(poses[found[:, 0], found[:, 1], 0])]  # who is parked outside sees nobody
+        found = found[~np.isnan(poses[found[:, 0], found[:, 2], 0])]
         steps, observers, seen = found[np.argsort(found[:, 0], kind="stable")].T
         forward_cm = self._forward_cm[observers, None]
         origins = poses[steps, observers, :2] + forward_cm * unit_vectors(poses[steps, observers, 2])
         lit = batch.ring_before[steps, seen].astype(np.uint16)
         arrows = rr.Arrows2D.columns(origins=origins, vectors=poses[steps, seen, :2] - origins, class_ids=lit)
         return temporal_chunk(SIGHTINGS, batch.time_ns, *arrows.partition(np.bincount(steps, minlength=len(poses))))
+
+
+def _stretches(batch: RowBatch) -> Iterator[tuple[slice, Arena]]:
+    """Yield the steps in which the same walls and obstacles stand, and an arena with them."""
+    ends = [row for row, _ in batch.arenas[1:]] + [len(batch.poses)]
+    for (first, arena), end in zip(batch.arenas, ends, strict=True):
+        yield slice(first, end), arena
 
 
 def _outline(group: RobotGroup) -> Outline:
