@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from epuck_sim import Simulation
 from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.render.virtual_camera import VirtualCamera
+from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.spread import SynchronyDetector, is_synchronised
 from epuck_sim.runs.reader import PointTrials, read_points
@@ -38,7 +39,8 @@ def film(task: tuple[Scenario, int]) -> float:
     simulation = Simulation(scenario, seed)
     arena = scenario.arena
     camera = VirtualCamera(scenario.overhead, arena.build(), seed)
-    counter = RingCounter(overhead_camera(scenario.overhead, arena.width_cm, arena.height_cm))
+    floor_cm = arena.width_cm, arena.height_cm
+    counter = RingCounter(Geometry(overhead_camera(scenario.overhead, *floor_cm), floor_cm, "the scenario", True))
     (period_s,) = set(simulation.period_ms / 1000)
     start_s = scenario.overhead.lit_start_s
     detector = SynchronyDetector(period_s, start_s)

@@ -25,6 +25,7 @@ from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.render.film_trial import film_trial
 from epuck_sim.overhead.render.virtual_camera import VirtualCamera
+from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.period_estimation import estimate_flash_s, spread_at_s, spread_threshold_s
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.ring_detection import RingFinder
@@ -106,7 +107,9 @@ def agree(trial: int) -> list[float]:
     scenario = load_scenario("thesis", [f"robots.0.parameters.speed_cm_s={speed}"])
     simulation = Simulation(scenario, trial_seed(MASTER_SEED, trial))
     watch = SynchronyWatch(simulation)
-    counter = RingCounter(overhead_camera(scenario.overhead, scenario.arena.width_cm, scenario.arena.height_cm))
+    floor_cm = scenario.arena.width_cm, scenario.arena.height_cm
+    camera = overhead_camera(scenario.overhead, *floor_cm)
+    counter = RingCounter(Geometry(camera, floor_cm, "the scenario", True))
     detector = SynchronyDetector(PERIOD_S, 0.0)
     evaluations = []
     t_sync = None

@@ -1,5 +1,6 @@
 """The commands of the camera above the arena: `film` a recorded trial, `track` the flashes in any film."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -8,6 +9,9 @@ import typer
 from epuck_sim.cli.errors import exit_on_error, reject_first
 
 films = typer.Typer()
+
+INPUT, GEOMETRY, DECISION, OUTPUT = "Film", "Geometry", "Decision", "Output"
+"""Headings, in the help, of the options of `track`."""
 
 
 @films.command()
@@ -20,13 +24,16 @@ def film(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Change the camera: overhead.light=lit"),
     ] = None,
+    lens: Annotated[
+        Path | None, typer.Option(metavar="FILE.json", help="Film through this lens, written by `calibrate`.")
+    ] = None,
 ) -> None:
     """Film a recorded trial with the webcam above the arena: lit rings in the dark, or everything in a lit room."""
     with exit_on_error():
         from epuck_sim.cli.progress import progress_bar
         from epuck_sim.overhead.render.film_trial import film_recording
 
-        film_recording(recording, overrides or (), to, progress_bar("filming"))
+        film_recording(recording, overrides or (), to, progress_bar("filming"), lens)
 
 
 @films.command()
@@ -35,7 +42,28 @@ def track(
         str | None, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")
     ] = None,
     camera: Annotated[
-        int | None, typer.Option(min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.")
+        int | None,
+        typer.Option(
+            min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=INPUT
+        ),
+    ] = None,
+    start: Annotated[
+        float,
+        typer.Option(
+            "--start-s", min=0, help="Leave out what is before this time on the film's clock.", rich_help_panel=INPUT
+        ),
+    ] = 0.0,
+    end: Annotated[
+        float | None,
+        typer.Option(
+            "--end-s", min=0, help="Leave out what is after this time on the film's clock.", rich_help_panel=INPUT
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.", rich_help_panel=INPUT
+        ),
     ] = None,
     arena: Annotated[
         str | None,
@@ -43,42 +71,7 @@ def track(
             "--arena-cm",
             metavar="SIDE|WIDTHxHEIGHT",
             help="Size of the floor; by default as the film describes it, or 60.",
-        ),
-    ] = None,
-    period: Annotated[
-        float | None,
-        typer.Option(
-            "--period-s",
-            min=0.1,
-            max=86_400,
-            help="Period of the oscillators; by default as the film describes it, or estimated.",
-        ),
-    ] = None,
-    threshold: Annotated[
-        float | None,
-        typer.Option(
-            "--threshold-ms",
-            min=1,
-            max=86_400_000,
-            help="Synchrony: standard deviation of the flashes within a period; by default about 130 for 5 s.",
-        ),
-    ] = None,
-    order: Annotated[
-        float | None,
-        typer.Option(
-            "--order-parameter",
-            min=0.5,
-            max=1,
-            help="Derive the threshold from this order parameter, instead of --threshold-ms.",
-        ),
-    ] = None,
-    robots: Annotated[
-        int | None, typer.Option(min=1, help="Number of robots; track warns if it sees more or fewer.")
-    ] = None,
-    corners: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,X,Y,X,Y,X,Y", help="The floor's four corners, in any order, in pixels from the upper left."
+            rich_help_panel=GEOMETRY,
         ),
     ] = None,
     height: Annotated[
@@ -88,19 +81,87 @@ def track(
             min=10,
             max=100_000,
             help="Height of the camera above the floor; by default 110 for a side of 60.",
+            rich_help_panel=GEOMETRY,
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+    corners: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,X,Y,X,Y,X,Y",
+            help="The floor's four corners, in any order, in pixels from the upper left.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    lens: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY
+        ),
+    ] = None,
+    period: Annotated[
+        float | None,
+        typer.Option(
+            "--period-s",
+            min=0.1,
+            max=86_400,
+            help="Period of the oscillators; by default as the film describes it, or estimated.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    robots: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of robots; no T_sync is given if the flashes do not add up to it.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            "--threshold-ms",
+            min=1,
+            max=86_400_000,
+            help="Synchrony: standard deviation of the flashes within a period; by default about 130 for 5 s.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    order: Annotated[
+        float | None,
+        typer.Option(
+            "--order-parameter",
+            min=0.5,
+            max=1,
+            help="Derive the threshold from this order parameter, instead of --threshold-ms.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.", rich_help_panel=OUTPUT)] = False,
     plot: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.png", help="Draw the histogram over time; its table is written beside it as .csv."),
+        typer.Option(
+            metavar="FILE.png",
+            help="Draw the histogram over time; its table is written beside it as .csv.",
+            rich_help_panel=OUTPUT,
+        ),
     ] = None,
     rings: Annotated[
-        Path | None, typer.Option(metavar="FILE.csv", help="Write the position and size of every ring in every frame.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv", help="Write the position and size of every ring in every frame.", rich_help_panel=OUTPUT
+        ),
+    ] = None,
+    flashes: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="Write when, how long and where each flash was.", rich_help_panel=OUTPUT),
     ] = None,
     annotate: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.mp4", help="Write the film with the rings found and the histogram drawn."),
+        typer.Option(
+            metavar="FILE.mp4",
+            help="Write the film with the rings found and the histogram drawn.",
+            rich_help_panel=OUTPUT,
+        ),
     ] = None,
 ) -> None:
     """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
@@ -108,6 +169,11 @@ def track(
         reject_first(
             ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
             (threshold is not None and order is not None, "--threshold-ms and --order-parameter exclude each other"),
+            (end is not None and end <= start, "--end-s is not after --start-s"),
+            (
+                camera is not None and any((lens, start, end, fps)),
+                "--camera excludes --lens, --start-s, --end-s, --fps",
+            ),
             (
                 camera is not None and period is None,
                 "--camera needs --period-s, because the period cannot be estimated while the camera films",
@@ -117,7 +183,13 @@ def track(
         from epuck_sim.cli.progress import print_stderr, progress_bar
         from epuck_sim.cli.track_tables import print_track, print_track_json
         from epuck_sim.overhead.track.film_calibration import TrackOptions
-        from epuck_sim.overhead.track.track_film import annotate_film, snapshot, track_camera, track_film
+        from epuck_sim.overhead.track.track_film import (
+            annotate_film,
+            save_flashes,
+            snapshot,
+            track_camera,
+            track_film,
+        )
 
         options = TrackOptions(
             arena_cm=None if arena is None else parse_arena(arena),
@@ -127,19 +199,52 @@ def track(
             robots=robots,
             threshold_ms=threshold,
             order_parameter=order,
+            start_s=start,
+            end_s=math.inf if end is None else end,
+            fps=fps,
         )
-        check_outputs(film, plot, rings, annotate)
+        check_outputs(film, plot, {"--rings": rings, "--flashes": flashes}, annotate)
         if camera is not None and period is not None:
             tracked = track_camera(camera, options, period, rings, annotate, progress_bar("tracking"))
         else:
             assert film is not None  # otherwise it was refused above
-            tracked = track_film(film, options, rings, progress_bar("tracking"))
-        for warning in tracked.warnings:
+            tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
+        untold = tracked.reasons if tracked.confidence == "none" else ()
+        for warning in (*untold, *tracked.warnings):
             print_stderr(f"warning: {warning}")
         (print_track_json if as_json else print_track)(tracked)
+        if flashes is not None:
+            save_flashes(flashes, tracked)
         if annotate is not None and camera is None:
             annotate_film(tracked, annotate, progress_bar("annotating"))
         if plot is not None:
             from epuck_sim.figures.film_tracking import save_track_figure
 
             save_track_figure(plot, tracked, snapshot(tracked) if camera is None else None)
+
+
+@films.command()
+def calibrate(
+    film: Annotated[str, typer.Argument(metavar="FILM", help="A film or numbered pictures of a board that is moved.")],
+    to: Annotated[Path, typer.Argument(metavar="FILE.json", help="The lens, for `track --lens` and `film --lens`.")],
+    board: Annotated[
+        str, typer.Option(metavar="COLUMNSxROWS", help="Number of squares across and down the board.")
+    ] = "9x6",
+    charuco: Annotated[
+        bool, typer.Option("--charuco", help="A ChArUco board (dictionary 5X5_100) instead of a checkerboard.")
+    ] = False,
+    fisheye: Annotated[bool, typer.Option("--fisheye", help="A fisheye lens, wider than about 120 degrees.")] = False,
+) -> None:
+    """Calibrate the lens of a camera from a film of a checkerboard or ChArUco board."""
+    with exit_on_error():
+        from epuck_sim.cli.parsing import parse_board
+        from epuck_sim.cli.progress import progress_bar
+        from epuck_sim.overhead.film.reader import open_film
+        from epuck_sim.overhead.lens_file import Board, calibrate_lens, find_views, save_lens
+
+        squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
+        with open_film(film) as reader:
+            views = find_views(progress_bar("calibrating")(reader.frames(), reader.duration_s), squares)
+            lens = calibrate_lens(film, views, (reader.width_px, reader.height_px), fisheye)
+        save_lens(to, lens)
+        typer.echo(f"{to}: focal length {lens.focal_px:.1f} px, from {lens.views} views, error {lens.error_px:.2f} px")

@@ -2,12 +2,13 @@
 
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from epuck_sim.errors import FilmError
 from epuck_sim.util.atomic_write import check_target
 
-NUMBER = r"\s*([0-9]*\.?[0-9]+)\s*"
+NUMBER = r"\s*(-?[0-9]*\.?[0-9]+)\s*"
 
 
 def parse_arena(text: str) -> tuple[float, float]:
@@ -36,20 +37,36 @@ def parse_corners(text: str) -> tuple[tuple[float, float], ...]:
     return tuple(zip(values[::2], values[1::2], strict=True))
 
 
-def check_outputs(film: str | None, plot: Path | None, rings: Path | None, annotate: Path | None) -> None:
+def parse_board(text: str) -> tuple[int, int]:
+    """Return the squares across and down a board given as COLUMNSxROWS; raises FilmError for anything else.
+
+    >>> parse_board("9x6")
+    (9, 6)
+    """
+    match = re.fullmatch(r"([0-9]+)x([0-9]+)", text)
+    squares = tuple(map(int, match.groups())) if match else ()
+    if len(squares) != 2 or not all(4 <= number <= 40 for number in squares):
+        raise FilmError(f"--board is {text}; allowed: squares across and down, each 4 to 40, such as 9x6")
+    return squares[0], squares[1]
+
+
+def check_outputs(
+    film: str | None, plot: Path | None, tables: Mapping[str, Path | None], annotate: Path | None
+) -> None:
     """Check before a film is read, which takes a while, that the outputs of `track` can be written.
 
     Args:
         film: The film to track; None for a camera.
         plot: The figure; its table is written beside it.
-        rings: The table of rings.
+        tables: Tables by their options.
         annotate: The annotated film.
 
     Raises:
         FilmError: A name has the wrong ending, is given twice, or is the film's.
         EpuckSimError: A file cannot be written (see `check_target`).
     """
-    given = (("--plot", plot, ".png"), ("--rings", rings, ".csv"), ("--annotate", annotate, ".mp4"))
+    csv_files = [(option, path, ".csv") for option, path in tables.items()]
+    given = (("--plot", plot, ".png"), *csv_files, ("--annotate", annotate, ".mp4"))
     owners = {} if film is None else {os.path.realpath(film): "the film"}
     for option, path, ending in given:
         if path is None:

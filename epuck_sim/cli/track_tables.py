@@ -33,11 +33,16 @@ def _lines(track: Track) -> Iterator[tuple[str, str]]:
     yield "flash", f"{track.flash_ms:.0f} ms"
     yield "robots seen", f"{track.robots_seen} at once, {track.flashes_per_period:.1f} flashes per period"
     yield "threshold", f"{track.threshold_ms:.0f} ms{_if_estimated(track, 'threshold_ms')}"
-    if track.t_sync_s is None:
-        yield "T_sync", "never"
+    if track.t_sync_s is not None:
+        yield "T_sync", f"{track.t_sync_s:.1f} s, {track.t_sync_periods:.1f} periods"
+        yield "cycles until then", f"{track.t_sync_cycles:.1f} flashes per robot"
     else:
-        yield "T_sync", f"{track.t_sync_cycles:.1f} cycles, {track.t_sync_s:.1f} s"
-        yield "flashes until then", f"{track.t_sync_flashes:.1f} per robot"
+        yield "T_sync", "cannot be told" if track.confidence == "none" else "never"
+    if track.t_sync_onsets_s is not None:
+        yield "by onsets", f"{track.t_sync_onsets_s:.1f} s, {track.t_sync_onsets_periods:.1f} periods"
+    for reason in track.reasons:
+        yield "because", reason
+    yield "confidence", track.confidence
 
 
 def _if_estimated(track: Track, name: str) -> str:

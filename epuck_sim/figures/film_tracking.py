@@ -20,7 +20,7 @@ from epuck_sim.overhead.track.result import Snapshot, Track
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, frame_ends
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
-COLUMNS = ("time_s", "cycles", "count", "spread_ms")
+COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
 
 ACROSS = 4
@@ -61,7 +61,7 @@ def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None)
 
 def _rows(track: Track) -> Iterator[list[Any]]:
     for each in track.evaluations:
-        values = (each.time_s, track.cycles_at(each.time_s), each.rings, 1000 * each.spread_s)
+        values = (each.time_s, track.periods_at(each.time_s), each.rings, 1000 * each.spread_s)
         yield [*map(rounded, values)]
 
 
@@ -90,8 +90,8 @@ def _draw_picture(page: SubFigure, track: Track, snapshot: Snapshot) -> None:
         panel.add_patch(Circle((column, row), radius, fill=False, color=FOUND, linewidth=2))
     panel.set(xticks=[], yticks=[])
     rings = len(snapshot.rings_px)
-    cycles = track.cycles_at(snapshot.time_s)
-    panel.set_title(f"{cycles:.1f} cycles: {rings} {'ring' if rings == 1 else 'rings'}", fontsize="medium")
+    periods = track.periods_at(snapshot.time_s)
+    panel.set_title(f"{periods:.1f} periods: {rings} {'ring' if rings == 1 else 'rings'}", fontsize="medium")
 
 
 def _draw_snapshots(page: SubFigure, track: Track) -> None:
@@ -101,7 +101,7 @@ def _draw_snapshots(page: SubFigure, track: Track) -> None:
     for panels, tracked_frames in zip(grid, choose_moments(track), strict=True):
         for panel, (now_s, evaluation) in zip(panels, tracked_frames, strict=False):
             _draw_snapshot(panel, track, now_s, evaluation)
-            title = f"({next(letters)}) {round(track.cycles_at(now_s), 2):g} cycles"
+            title = f"({next(letters)}) {round(track.periods_at(now_s), 2):g} periods"
             panel.set_title(title, fontsize="small", loc="left", pad=3)
         for unused in panels[len(tracked_frames) :]:
             unused.set_axis_off()
@@ -141,7 +141,7 @@ def _fill_counts(panel: Axes, times: FloatArray, counts: IntArray, end: float) -
 
 
 def _draw_counts(panel: Axes, track: Track) -> None:
-    times = track.cycles_at(track.times_s)
+    times = track.periods_at(track.times_s)
     _fill_counts(panel, times, track.counts, times[-1])
     panel.set(ylabel="lit rings", ylim=(0, 1.1 * _max_count(track)), xlim=(times[0], times[-1]))
     panel.yaxis.set_major_locator(MaxNLocator(4, integer=True))
@@ -150,7 +150,7 @@ def _draw_counts(panel: Axes, track: Track) -> None:
 
 def _draw_spreads(panel: Axes, track: Track) -> None:
     """Draw a dot for each evaluation; an empty one if too much of its period was not seen."""
-    modes = track.cycles_at(np.array([each.time_s for each in track.evaluations]))
+    modes = track.periods_at(np.array([each.time_s for each in track.evaluations]))
     spreads_ms = 1000 * np.array([each.spread_s for each in track.evaluations])
     is_seen = np.array([each.coverage >= MIN_COVERAGE for each in track.evaluations], bool)
     panel.plot(modes, spreads_ms, color="0.75", linewidth=0.8, zorder=1)
@@ -161,14 +161,14 @@ def _draw_spreads(panel: Axes, track: Track) -> None:
     limit_ms = track.threshold_ms
     panel.axhline(limit_ms, color=LIMIT, linestyle="--", linewidth=1, label=f"threshold: {limit_ms:.0f} ms")
     _mark_synchrony(panel, track)
-    panel.set(xlabel=f"cycles of {track.period_s:.4g} s", ylabel="spread [ms]")
+    panel.set(xlabel=f"periods of {track.period_s:.4g} s", ylabel="spread [ms]")
     make_logarithmic(panel, "y")
 
 
 def _mark_synchrony(panel: Axes, track: Track) -> None:
-    if track.t_sync_cycles is not None:
-        cycles = track.t_sync_cycles
-        panel.axvline(cycles, color=SYNC, linewidth=1.2, zorder=0.5, label=f"T_sync: {cycles:.1f} cycles")
+    if track.t_sync_periods is not None:
+        periods = track.t_sync_periods
+        panel.axvline(periods, color=SYNC, linewidth=1.2, zorder=0.5, label=f"T_sync: {periods:.1f} periods")
 
 
 def choose_moments(track: Track) -> list[list[tuple[float, Evaluation | None]]]:

@@ -34,29 +34,46 @@ LOOKING_DOWN = np.diag([1.0, -1.0, -1.0])
 """Rotation from the arena's frame into that of a camera looking straight down (x right, y down, z ahead)."""
 
 
+class Lens(NamedTuple):
+    """Where a camera's picture shows a direction: OpenCV's camera matrix and distortion, of a usual or fisheye lens."""
+
+    focal_px: float
+    """Focal length across the picture."""
+    focal_down_px: float
+    """Focal length down the picture; the same where pixels are square."""
+    middle_px: tuple[float, float]
+    """Column and row that the optical axis meets."""
+    coefficients: tuple[float, ...]
+    """OpenCV's distortion coefficients: k1, k2, p1, p2, k3 of its usual model, or k1 to k4 of its fisheye model."""
+    is_fisheye: bool = False
+
+    @property
+    def matrix(self) -> FloatArray:
+        """OpenCV's (3, 3) camera matrix."""
+        column, row = self.middle_px
+        return np.array([[self.focal_px, 0, column], [0, self.focal_down_px, row], [0, 0, 1]])
+
+
+def simple_lens(width_px: int, height_px: int, focal_px: float, k1: float = 0.0) -> Lens:
+    """Return a lens with square pixels whose axis meets the middle of the picture; k1: its radial distortion."""
+    return Lens(focal_px, focal_px, ((width_px - 1) / 2, (height_px - 1) / 2), (k1, 0.0, 0.0, 0.0))
+
+
+def fisheye_lens(width_px: int, height_px: int, focal_px: float) -> Lens:
+    """Return an equidistant fisheye lens: pixels off the middle are proportional to angles off the axis."""
+    return Lens(focal_px, focal_px, ((width_px - 1) / 2, (height_px - 1) / 2), (0.0, 0.0, 0.0, 0.0), True)
+
+
 class CameraModel(NamedTuple):
-    """A pinhole camera with radial distortion, somewhere above the arena."""
+    """A camera somewhere above the arena."""
 
     width_px: int
     height_px: int
-    focal_px: float
-    k1: float
-    """Coefficient of the radial distortion; 0 for none."""
+    lens: Lens
     rotation: FloatArray
     """(3, 3) rotation from the arena's frame into the camera's."""
     position_cm: FloatArray
     """(3,) position of the pinhole in the arena's frame."""
-
-    @property
-    def _matrix(self) -> FloatArray:
-        """OpenCV's (3, 3) camera matrix: pixels are square, and the optical axis meets the middle of the picture."""
-        middle_column, middle_row = (self.width_px - 1) / 2, (self.height_px - 1) / 2
-        return np.array([[self.focal_px, 0, middle_column], [0, self.focal_px, middle_row], [0, 0, 1]])
-
-    @property
-    def _distortion(self) -> FloatArray:
-        """OpenCV's (4,) distortion coefficients: k1, then k2, p1 and p2, which are 0."""
-        return np.array([self.k1, 0.0, 0.0, 0.0])
 
     def project(self, points_cm: FloatArray) -> FloatArray:
         """Return the pixels that show points in front of the camera.
@@ -69,9 +86,9 @@ class CameraModel(NamedTuple):
         """
         rotation, _ = cv2.Rodrigues(self.rotation)
         shift = -self.rotation @ self.position_cm
-        pixels, _ = cv2.projectPoints(
-            np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3), rotation, shift, self._matrix, self._distortion
-        )
+        show = cv2.fisheye.projectPoints if self.lens.is_fisheye else cv2.projectPoints
+        points = np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3)
+        pixels, _ = show(points, rotation, shift, self.lens.matrix, np.array(self.lens.coefficients))
         return np.asarray(pixels, float).reshape(-1, 2)
 
     def back_project(self, pixels: FloatArray, z_cm: float) -> FloatArray:
@@ -85,12 +102,10 @@ class CameraModel(NamedTuple):
             (n, 2) cm: x and y of each. A pixel above the horizon shows no such point and gets the one behind the camera
             on the same line.
         """
-        straight = cv2.undistortPoints(
-            np.ascontiguousarray(pixels, float).reshape(-1, 1, 2),
-            self._matrix,
-            self._distortion,
-            criteria=UNDISTORT_CRITERIA,
-        ).reshape(-1, 2)
+        seen = np.ascontiguousarray(pixels, float).reshape(-1, 1, 2)
+        straighten = cv2.fisheye.undistortPoints if self.lens.is_fisheye else cv2.undistortPoints
+        coefficients = np.array(self.lens.coefficients)
+        straight = straighten(seen, self.lens.matrix, coefficients, criteria=UNDISTORT_CRITERIA).reshape(-1, 2)
         rays = np.column_stack([straight, np.ones(len(straight))]) @ self.rotation
         distance = (z_cm - self.position_cm[2]) / rays[:, 2]
         points: FloatArray = self.position_cm[:2] + distance[:, None] * rays[:, :2]
@@ -104,7 +119,7 @@ class CameraModel(NamedTuple):
 
 
 def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float) -> CameraModel:
-    """Return the camera of a scenario, which looks straight down at the middle of the arena.
+    """Return the camera of a scenario, which looks at the middle of the arena.
 
     Args:
         section: The section `overhead` of the scenario.
@@ -119,22 +134,44 @@ def overhead_camera(section: OverheadSection, width_cm: float, height_cm: float)
         raise EpuckSimError(
             f"overhead.height_cm is {above_cm:g}; allowed: more than {2 * WALL_HEIGHT_CM:g}, twice the walls' height"
         )
-    position = np.array([width_cm / 2, height_cm / 2, above_cm])
-    focal_px = _focal_px(section, width_cm, height_cm, above_cm)
-    k1 = section.distortion
-    corner = math.hypot(section.width_px, section.height_px) / 2 / focal_px
-    lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r
-    if k1 <= lowest:
-        raise EpuckSimError(
-            f"overhead.distortion is {k1:g}, which would fold the corners of a picture with this field of view; "
-            f"allowed: above {lowest:.3g}"
-        )
-    return CameraModel(section.width_px, section.height_px, focal_px, k1, LOOKING_DOWN, position)
+    rotation = _rotation(math.radians(section.tilt_deg), math.radians(section.turn_deg))
+    middle = np.array([width_cm / 2, height_cm / 2, 0.0])
+    lens = _lens(section, width_cm, height_cm, above_cm)
+    position = middle - above_cm / rotation[2, 2] * -rotation[2]
+    return CameraModel(section.width_px, section.height_px, lens, rotation, position)
 
 
-def _focal_px(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> float:
-    """Return the focal length in pixels: from the field of view if it is given, else so that floor and walls fit."""
+def _rotation(tilt: float, turn: float) -> FloatArray:
+    """Return the rotation of a camera that is turned about the vertical, and then tilted."""
+    if not tilt and not turn:
+        return LOOKING_DOWN  # without zeros that are negative
+    lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
+    spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
+    rotation: FloatArray = lean @ LOOKING_DOWN @ spin
+    return rotation
+
+
+def _lens(section: OverheadSection, width_cm: float, height_cm: float, above_cm: float) -> Lens:
+    """Return the lens whose field of view is the one given, or else just holds floor and walls from straight above.
+
+    Raises:
+        EpuckSimError: The distortion would fold the picture.
+    """
+    size = section.width_px, section.height_px
     if section.field_of_view_deg is not None:
-        return section.width_px / 2 / math.tan(math.radians(section.field_of_view_deg) / 2)
-    sides = ((section.width_px, width_cm), (section.height_px, height_cm))
-    return min(pixels * (above_cm - WALL_HEIGHT_CM) / (side_cm * MARGIN) for pixels, side_cm in sides)
+        focals_px = [section.width_px / 2 / math.tan(math.radians(section.field_of_view_deg) / 2)]
+    else:
+        sides = tuple(zip(size, (width_cm, height_cm), strict=True))
+        focals_px = [pixels * (above_cm - WALL_HEIGHT_CM) / (side_cm * MARGIN) for pixels, side_cm in sides]
+    if section.lens == "fisheye":
+        halves_px = zip((side_px / 2 for side_px in size), focals_px, strict=False)
+        return fisheye_lens(*size, min(half_px / math.atan(half_px / focal_px) for half_px, focal_px in halves_px))
+    focal_px = min(focals_px)
+    corner = math.hypot(*size) / 2 / focal_px
+    lowest = -1 / (3 * (1.5 * corner) ** 2)  # r + k1 r^3 turns back where it is 2/3 of r
+    if section.distortion <= lowest:
+        raise EpuckSimError(
+            f"overhead.distortion is {section.distortion:g}, which would fold the corners of a picture with this field "
+            f"of view; allowed: above {lowest:.3g}"
+        )
+    return simple_lens(*size, focal_px, section.distortion)

@@ -35,8 +35,22 @@ class OverheadSection(ConfigModel):
     """Brightness of the haze at a lit ring, relative to the ring."""
     vignetting: Annotated[Number, Field(ge=0, le=1)] = 0.3
     """Fraction of the light lost in the corners of the picture."""
+    lens: Literal["usual", "fisheye"] = "usual"
+    """`fisheye`: off the middle, pixels are proportional to angles, without further distortion."""
     distortion: Annotated[Number, Field(ge=-0.3, le=0.3)] = -0.05
     """Radial distortion, k1 of OpenCV's camera model; below 0 the picture bulges, as with a cheap lens."""
+    tilt_deg: Annotated[Number, Field(ge=0, le=60)] = 0.0
+    """Angle between the camera's axis and straight down; the camera stays aimed at the arena's middle."""
+    turn_deg: Annotated[Number, Field(ge=-180, le=180)] = 0.0
+    """Angle by which the camera is turned about the vertical."""
+    gain: Annotated[Number, Field(gt=0, le=100)] = 1.0
+    """Factor of the rings' light; automatic exposure in the dark burns them out, as 4 and more do."""
+    led_points: bool = False
+    """Whether a ring is seen as the eight points of its LEDs, as in a short exposure."""
+    gloss: Annotated[Number, Field(ge=0, le=1)] = 0.0
+    """Brightness of the walls' mirror images of rings, relative to the rings."""
+    ambient: Annotated[Number, Field(ge=0, le=1)] = 0.0
+    """Light in the dark room, relative to the lit one."""
     noise_levels: Annotated[Number, Field(ge=0, le=50)] = 2.0
     """Standard deviation of the noise of each colour of each pixel, in levels from 0 to 255."""
 

@@ -24,6 +24,14 @@ def test_the_options_of_run_stand_in_groups() -> None:
     assert told.index("--seed") < places[1] < told.index("--trace") < places[2] < told.index("--port")
 
 
+def test_the_options_of_track_stand_in_groups() -> None:
+    told = called("track", "--help")
+    places = [told.index(f" {heading} ─") for heading in ("Film", "Geometry", "Decision", "Output")]
+    assert places == sorted(places)
+    for option, before in (("--camera", 1), ("--end-s", 1), ("--lens", 2), ("--threshold-ms", 3), ("--json", 4)):
+        assert ([*places, len(told)][before - 1]) < told.index(option) < ([*places, len(told)][before])
+
+
 def test_no_example_in_the_help_of_run_is_cut_off() -> None:
     assert "…" not in called("run", "--help")
 

@@ -17,7 +17,7 @@ from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame
 from tests.overhead.track.films import TRACK
 
-NEVER = TRACK._replace(t_sync_s=None, t_sync_cycles=None, t_sync_flashes=None, estimated=())
+NEVER = TRACK._replace(t_sync_s=None, t_sync_periods=None, t_sync_cycles=None, estimated=())
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_table_has_all_results(capsys: pytest.CaptureFixture[str]) -> None:
     text = capsys.readouterr().out
     for words in (
         *("film.mp4", "240 at 29.97 per second", "from 2.0 s, for 8.0 s", "somewhere", "1 s, estimated", "100 ms"),
-        *("6 at once, 6.0 flashes per period", "32 ms ", "2.5 cycles, 2.5 s", "3.4 per robot"),
+        *("6 at once, 6.0 flashes per period", "32 ms ", "2.5 s, 2.5 periods", "3.4 flashes per robot"),
     ):
         assert words in text
     assert "32 ms, estimated" not in text

@@ -38,7 +38,7 @@ def make_track(cycles: int, narrow_from: int | None = None, seconds: float | Non
         start_s=START,
         threshold_ms=1000 * THRESHOLD,
         t_sync_s=None if at_s is None else at_s - START,
-        t_sync_cycles=None if at_s is None else (at_s - START) / PERIOD,
+        t_sync_periods=None if at_s is None else (at_s - START) / PERIOD,
     )
 
 
@@ -144,7 +144,7 @@ def test_the_panels_below_mark_synchrony_and_the_threshold(drawn):
         assert any(set(line.get_xdata()) == {cycles} for line in axes.get_lines())
     assert any(np.allclose(line.get_ydata(), 1000 * THRESHOLD) for line in detector.get_lines())
     legend = drawn.legends[0]
-    assert [text.get_text() for text in legend.get_texts()] == ["threshold: 126 ms", f"T_sync: {cycles:.1f} cycles"]
+    assert [text.get_text() for text in legend.get_texts()] == ["threshold: 126 ms", f"T_sync: {cycles:.1f} periods"]
 
 
 def test_a_gap_in_the_film_is_empty_in_the_figure_and_its_spread_is_an_empty_dot():
@@ -164,7 +164,7 @@ def test_a_picture_has_its_rings_circled_in_green():
     circles = [each for each in first.patches if isinstance(each, Circle)]
     assert [(*circle.center, circle.radius) for circle in circles] == [tuple(ring) for ring in PICTURE.rings_px]
     assert all(to_hex(circle.get_edgecolor()) == FOUND for circle in circles)
-    assert first.get_title() == "1.4 cycles: 2 rings"
+    assert first.get_title() == "1.4 periods: 2 rings"
 
 
 # --- files ------------------------------------------------------------------------------------------

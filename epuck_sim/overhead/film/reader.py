@@ -88,7 +88,8 @@ class Film:
         first = next(decoded, None)
         if first is None:
             raise FilmError(f"{name}: none of its pictures can be decoded: damaged or cut off; record or copy it again")
-        self.width_px, self.height_px = first.width, first.height
+        is_sideways = first.rotation % 180 != 0
+        self.width_px, self.height_px = (first.height, first.width) if is_sideways else (first.width, first.height)
         self._frames = self._read(first, decoded)
 
     def frames(self) -> Iterator[Frame]:
@@ -142,15 +143,16 @@ class Film:
         reformatter = VideoReformatter()  # shared by all frames: creating one takes longer than using it
         picture: VideoFrame | None = first
         while picture is not None:
-            if (picture.width, picture.height) != (self.width_px, self.height_px):
+            if (picture.width, picture.height) != (first.width, first.height):
                 raise FilmError(
-                    f"{self.name}: the size of its pictures changes from {self.width_px} x {self.height_px} to "
+                    f"{self.name}: the size of its pictures changes from {first.width} x {first.height} to "
                     f"{picture.width} x {picture.height} px after {self._clock.last_s:.3f} s; cut the film there"
                 )
             time_s = self._clock.time_s(self._stamp_s(picture))
             if time_s is not None:
                 pixels = reformatter.reformat(picture, format="rgb24").to_ndarray()
-                yield Frame(time_s, np.ascontiguousarray(pixels, np.uint8))
+                turned = np.rot90(pixels, round(first.rotation / 90))  # as players show it
+                yield Frame(time_s, np.ascontiguousarray(turned, np.uint8))
             lasted_s = picture.duration * picture.time_base if picture.duration and picture.time_base else 0
             picture = next(others, None)
         self._check_end(float(lasted_s))

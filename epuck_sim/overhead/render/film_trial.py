@@ -11,8 +11,10 @@ import numpy as np
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
+from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import ProgressWrapper
 from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.lens_file import read_lens
 from epuck_sim.overhead.render.caption import Captions
 from epuck_sim.overhead.render.virtual_camera import VirtualCamera
 from epuck_sim.recording.level import Level
@@ -59,7 +61,9 @@ def film_trial(path: Path | str, scenario: Scenario, seed: int) -> Iterator[Obse
         )
 
 
-def film_recording(recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper) -> None:
+def film_recording(
+    recording: Path, overrides: Sequence[str], path: Path, progress: ProgressWrapper, lens: Path | None = None
+) -> None:
     """Film a recorded trial with the overhead camera of its scenario.
 
     Args:
@@ -67,6 +71,7 @@ def film_recording(recording: Path, overrides: Sequence[str], path: Path, progre
         overrides: Changes to the camera, each `overhead.KEY=VALUE` as `--set` takes it.
         path: The film, whose name ends in .mp4.
         progress: Shows how far the film is.
+        lens: The file of a lens through which it is filmed.
 
     Raises:
         EpuckSimError: The recording cannot be filmed, an override is not of the camera, or the film cannot be written.
@@ -79,7 +84,7 @@ def film_recording(recording: Path, overrides: Sequence[str], path: Path, progre
     arrays = recorded.time_s, recorded.positions, recorded.headings, recorded.ring_on, recorded.movables
     begin_s, arenas = zip(*recorded.arenas, strict=True)
     moments = zip(*arrays, _states(recorded), strict=True)
-    with _film(path, scenario, recorded.seed) as observe:
+    with _film(path, scenario, recorded.seed, lens) as observe:
         for time_s, positions, headings, ring_on, places, state in progress(
             moments, float(recorded.time_s.max(initial=0))
         ):
@@ -114,7 +119,7 @@ def _override_camera(scenario: EmbodiedScenario, overrides: Sequence[str], sourc
 
 @contextmanager
 def _film(
-    path: Path, scenario: EmbodiedScenario, seed: int
+    path: Path, scenario: EmbodiedScenario, seed: int, lens: Path | None = None
 ) -> Iterator[Callable[[float, FloatArray, BoolArray, FloatArray, Arena, _State], None]]:
     """Yield a function that films a control step.
 
@@ -123,12 +128,16 @@ def _film(
     Films of a lit room, which are for people, have a caption.
     """
     section = scenario.overhead
+    size = section.width_px, section.height_px
     try:
-        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot)
+        model = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
+        if lens is not None:
+            model = model._replace(lens=read_lens(lens, size))
+        camera = VirtualCamera(section, scenario.arena.build(), seed, scenario.robot, model)
     except EpuckSimError as error:
         raise FilmError(f"{scenario.name}: {error}") from error
-    size = section.width_px, section.height_px
-    with film_file(path, *size, describe_film(scenario, seed), scenario.name) as writer:
+    described = describe_film(scenario, seed) | ({} if lens is None else {"overhead": None})
+    with film_file(path, *size, described, scenario.name) as writer:
         captions = Captions(section.lit_start_s)
         finished = captions.write if section.light == "lit" else lambda frame: frame
 

@@ -12,6 +12,7 @@ from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.render.bounding_boxes import bounding_boxes
+from epuck_sim.overhead.render.imperfections import add_points, mirror_images
 from epuck_sim.overhead.render.ring_light import COLOUR_LEVELS, NOMINAL_EXPOSURE_MS, add_rings, reach_cm
 from epuck_sim.overhead.render.room import draw_bodies, draw_circle, farthest_first, render_room
 from epuck_sim.scenario.overhead import OverheadSection
@@ -52,7 +53,10 @@ class Renderer:
         self._camera = camera
         self._body_cm = float(robot.radius_cm), float(robot.height_cm)
         self._ring_cm = float(robot.ring_radius_cm), float(robot.ring_height_cm)
-        self._light = section.exposure_ms / NOMINAL_EXPOSURE_MS
+        self._light = section.gain * section.exposure_ms / NOMINAL_EXPOSURE_MS
+        self._led_points = section.led_points
+        self._gloss = section.gloss
+        self._ambient = section.ambient
         self._bloom = section.bloom
         self._blur_px = section.blur_px
         self._floor_cm = camera.plane_map(0.0)
@@ -74,21 +78,35 @@ class Renderer:
         if room_is_lit:
             light, grey = self._through_lens(self._rings(samples)), self._through_lens(self._scene(samples))
             return self._develop([grey + levels * light for levels in COLOUR_LEVELS])
-        if any(sample.ring_on.any() for sample in samples):
+        if self._ambient or any(sample.ring_on.any() for sample in samples):
             light = self._through_lens(self._rings(samples))
-            return self._develop([levels * light for levels in COLOUR_LEVELS])
+            channels = [levels * light for levels in COLOUR_LEVELS]
+            if self._ambient:
+                grey = np.float32(self._ambient) * self._through_lens(self._scene(samples))
+                channels = [grey + channel for channel in channels]
+            return self._develop(channels)
         return np.clip(self._next_noise(), 0, 255).astype(np.uint8)
 
     def _rings(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the light of all rings."""
         image = np.zeros(self._room.shape, np.float32)
         lit = _in_arena(np.concatenate([sample.poses[sample.ring_on] for sample in samples]))
+        light = self._light / len(samples)
+        self._add_rings(image, lit, light)
+        if self._gloss:
+            self._add_rings(image, mirror_images(lit, samples[0].arena or self._first_arena), self._gloss * light)
+        return image
+
+    def _add_rings(self, image: Float32Array, poses: FloatArray, light: float) -> None:
+        """Add the light of rings at (n, 3) poses to an image, in place."""
+        if self._led_points:
+            add_points(image, self._camera, poses, light, self._ring_cm)
+            return
         reach = reach_cm(self._light, self._bloom)
         radius_cm, height_cm = self._ring_cm
-        boxes = bounding_boxes(self._camera, lit[:, :2], radius_cm + reach, (height_cm,))
-        light = self._light / len(samples)
-        add_rings(image, self._floor_cm, self._camera.position_cm, lit, boxes, light, self._bloom, reach, self._ring_cm)
-        return image
+        boxes = bounding_boxes(self._camera, poses[:, :2], radius_cm + reach, (height_cm,))
+        eye_cm = self._camera.position_cm
+        add_rings(image, self._floor_cm, eye_cm, poses, boxes, light, self._bloom, reach, self._ring_cm)
 
     def _scene(self, samples: Sequence[ExposureSample]) -> Float32Array:
         """Return (rows, columns) the levels of the lit room with the robots in it."""

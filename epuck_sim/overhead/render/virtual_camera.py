@@ -10,7 +10,7 @@ import numpy as np
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.overhead.camera_model import overhead_camera
+from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
 from epuck_sim.scenario.overhead import OverheadSection
@@ -48,7 +48,14 @@ class VirtualCamera:
     step has them, and all rings are off.
     """
 
-    def __init__(self, section: OverheadSection, arena: Arena, seed: int, robot: RobotKind = EPUCK) -> None:
+    def __init__(
+        self,
+        section: OverheadSection,
+        arena: Arena,
+        seed: int,
+        robot: RobotKind = EPUCK,
+        camera: CameraModel | None = None,
+    ) -> None:
         """Place the camera above an arena.
 
         Args:
@@ -56,11 +63,12 @@ class VirtualCamera:
             arena: The arena below the camera.
             seed: Seed of the noise.
             robot: What kind of robots are in it.
+            camera: Its geometry; by default that of the section.
 
         Raises:
             EpuckSimError: The camera cannot see the arena (see `overhead_camera`).
         """
-        camera = overhead_camera(section, arena.width_cm, arena.height_cm)
+        camera = camera or overhead_camera(section, arena.width_cm, arena.height_cm)
         self._renderer = Renderer(section, camera, arena, seed, robot)
         self._section = section
         self._exposure_s = section.exposure_ms / 1000

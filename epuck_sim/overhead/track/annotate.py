@@ -130,13 +130,13 @@ class Annotator:
 
     def _write(self, strip: Picture, now_s: float, count: int, t_sync_s: float | None) -> None:
         since_s = now_s - self._start_s
-        _write_text(strip, 0, self._line_px, f"{since_s:.1f} s = {since_s / self._period_s:.1f} cycles", WHITE, 0.0)
+        _write_text(strip, 0, self._line_px, f"{since_s:.1f} s = {since_s / self._period_s:.1f} periods", WHITE, 0.0)
         _write_text(strip, 1, self._line_px, "1 ring" if count == 1 else f"{count} rings", WHITE, 0.0)
         if self._spread_s is not None:
             _write_text(strip, 0, self._line_px, f"spread {1000 * self._spread_s:.0f} ms", WHITE, 1.0)
         if t_sync_s is not None:
-            cycles = (t_sync_s - self._start_s) / self._period_s
-            _write_text(strip, 1, self._line_px, f"synchronised at {cycles:.1f} cycles", CYAN, 1.0)
+            periods = (t_sync_s - self._start_s) / self._period_s
+            _write_text(strip, 1, self._line_px, f"synchronised at {periods:.1f} periods", CYAN, 1.0)
 
 
 def _counts_by_column(history: Sequence[tuple[float, int]], now_s: float, window_s: float, width: int) -> IntArray:

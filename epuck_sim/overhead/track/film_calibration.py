@@ -1,18 +1,24 @@
 """Determines which camera took a film: from the user's options, the film's own description, or its pictures."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, islice
 from typing import Annotated, Any, NamedTuple, Protocol, Self
 
+import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.camera_model import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, CameraModel, overhead_camera
+from epuck_sim.overhead.camera_model import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, Lens, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.calibration import camera_from_corners, camera_from_rings, measure_radius
+from epuck_sim.overhead.track.background import Background
+from epuck_sim.overhead.track.calibration import fit_camera
 from epuck_sim.overhead.track.floor_corners import find_corners
+from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
 from epuck_sim.overhead.track.ring_detection import is_lit
+from epuck_sim.overhead.track.ring_sizes import measure_rings
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
 
@@ -24,8 +30,8 @@ RINGS = "the size of the rings, as if the camera looked straight down at the are
 LIT_FRAMES = 30
 """Number of frames of a lit beginning in which the floor is searched; robots or a hand may hide its corners in some."""
 
-DARK_FRAMES = 30
-"""Number of frames in a batch from which rings are measured, until one batch has a ring; a flash has five frames."""
+STUDIED_FRAMES = 400
+"""Number of dark frames in which rings are studied; a swarm has then flashed a few times."""
 
 MIN_HEIGHT_CM = 10.0
 """Minimum height of a camera above the floor: twice the height of robots."""
@@ -40,6 +46,24 @@ class FrameSource(Protocol):
 
     def frames(self) -> Iterable[Frame]:
         """Return the frames."""
+
+
+class Excerpt:
+    """The part of a film that the options choose, at the times that they say."""
+
+    def __init__(self, source: FrameSource, options: "TrackOptions") -> None:
+        self.name, self.width_px, self.height_px = source.name, source.width_px, source.height_px
+        self._source, self._options = source, options
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames; those before the first one that counts are skipped, after the last none is read."""
+        fps = self._options.fps
+        for number, frame in enumerate(self._source.frames()):
+            time_s = number / fps if fps else frame.time_s
+            if time_s > self._options.end_s:
+                return
+            if time_s >= self._options.start_s:
+                yield Frame(time_s, frame.picture)
 
 
 class FilmMetadata(BaseModel):
@@ -77,6 +101,15 @@ class TrackOptions(NamedTuple):
     order_parameter: float | None = None
     """Order parameter of the firings at which the swarm counts as synchronised; used if `threshold_ms` is None."""
 
+    lens: Lens | None = None
+    """The lens, if it was calibrated."""
+    start_s: float = 0.0
+    """Time on the film's clock before which frames are left out."""
+    end_s: float = math.inf
+    """Time on the film's clock after which frames are left out."""
+    fps: float | None = None
+    """Frames per second, instead of the film's own time stamps."""
+
     def with_defaults(self, metadata: FilmMetadata) -> Self:
         """Return these options, completed from a film's metadata where they are None."""
         return self._replace(
@@ -99,32 +132,31 @@ class TrackOptions(NamedTuple):
         return spread_threshold_s(period_s, flash_s)
 
 
-def described_camera(source: FrameSource, options: TrackOptions, metadata: FilmMetadata) -> CameraModel | None:
-    """Return the camera in a film's metadata; None if there is none, or the user's options describe another one."""
+def described_geometry(source: FrameSource, options: TrackOptions, metadata: FilmMetadata) -> Geometry | None:
+    """Return the geometry in a film's metadata; None if there is none, or the user's options describe another one."""
     if metadata.overhead is None or metadata.arena_cm is None:
         return None
-    if options.corners_px or options.arena_cm or options.height_cm:
+    if options.corners_px or options.arena_cm or options.height_cm or options.lens:
         return None
     try:
         camera = overhead_camera(OverheadSection(**metadata.overhead), *metadata.arena_cm)
     except (EpuckSimError, ValidationError):  # written by another version
         return None
-    has_its_size = (camera.width_px, camera.height_px) == (source.width_px, source.height_px)
-    return camera if has_its_size else None  # the film was cropped or scaled
+    if (camera.width_px, camera.height_px) != (source.width_px, source.height_px):
+        return None  # the film was cropped or scaled
+    return Geometry(camera, metadata.arena_cm, DESCRIPTION, True)
 
 
-def calibrate(source: FrameSource, options: TrackOptions) -> tuple[CameraModel, str]:
+def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STUDIED_FRAMES) -> Geometry:
     """Determine the camera that took a film, reading no more frames than needed.
 
-    The camera follows from the corners in the options; or else from the floor's corners, if the film begins in the
-    light; or else from the size of the rings.
+    The place of the floor follows from the corners in the options; or else from the floor's corners, if the film begins
+    in the light; without them the camera is aimed at the arena's middle. Distortion and scale follow from the rings.
 
     Args:
         source: The film or camera; its next frames are read.
         options: What is known of it.
-
-    Returns:
-        The camera, and what it was determined from.
+        most_frames: Number of dark frames in which rings are studied, once there are any.
 
     Raises:
         FilmError: The options make no sense, or the film shows neither a floor nor a ring.
@@ -137,30 +169,37 @@ def calibrate(source: FrameSource, options: TrackOptions) -> tuple[CameraModel, 
             f"--arena-cm is {floor_cm[0]:g}x{floor_cm[1]:g}: a camera {above_cm:.3g} cm above it would be "
             f"among the robots; the unit is cm; give another height, {MIN_HEIGHT_CM:g} or more, by --height-cm"
         )
-    if options.corners_px is not None:
-        return camera_from_corners(options.corners_px, *size, *floor_cm, above_cm), CORNERS
     frames = iter(source.frames())
+    corners: FloatArray | None = None if options.corners_px is None else np.array(options.corners_px, float)
+    origin = CORNERS
+    if corners is None:
+        corners, origin, frames = _lit_corners(frames)
+    background = Background()
+    rings = measure_rings(frames if corners is None else islice(frames, most_frames), background, most_frames)
+    if corners is None and not rings.number:
+        raise FilmError(
+            f"{source.name}: no lit ring is seen; is it the right film, and is the exposure long enough? If there are "
+            "rings, give the floor's corners by --corners, which determine their size"
+        )
+    fitted = fit_camera(size, floor_cm, above_cm, rings, corners, options.lens)
+    return Geometry(
+        fitted.camera,
+        floor_cm,
+        origin,
+        corners is not None,
+        fitted.error_cm,
+        fitted.tilt_deg,
+        background.picture,
+        rings.light,
+    )
+
+
+def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, str, Iterator[Frame]]:
+    """Return the floor's corners in a lit beginning, if there is one; what they come from; and the frames after it."""
     for frame in islice(frames, LIT_FRAMES):
         if not is_lit(frame.picture):
-            frames = chain([frame], frames)
-            break
+            return None, RINGS, chain([frame], frames)
         corners = find_corners(frame.picture)
         if corners is not None:
-            return camera_from_corners(corners, *size, *floor_cm, above_cm), LIGHT
-    radius_px = _ring_radius_px(frames)
-    if radius_px is None:
-        raise FilmError(
-            f"{source.name}: no lit ring is seen; is it the right film, are the rings red, and is the exposure long "
-            "enough? If there are rings, give the floor's corners by --corners, which determine their size"
-        )
-    return camera_from_rings(radius_px, *size, *floor_cm, above_cm), RINGS
-
-
-def _ring_radius_px(frames: Iterator[Frame]) -> float | None:
-    """Return the radius of the first rings that can be measured; None if there are none."""
-    for first in frames:
-        batch = chain([first], islice(frames, DARK_FRAMES - 1))
-        radius_px = measure_radius(frame.picture for frame in batch)
-        if radius_px is not None:
-            return radius_px
-    return None
+            return corners, LIGHT, frames
+    return None, RINGS, frames

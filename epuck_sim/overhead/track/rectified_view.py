@@ -69,7 +69,7 @@ def rectified_view(camera: CameraModel) -> RectifiedView:
     above_cm = camera.position_cm[2] - epuck.RING_HEIGHT_CM
     low, high = _extent_cm(camera, above_cm)
     densest = math.sqrt(MAX_CELLS_PER_PIXEL * camera.width_px * camera.height_px / np.prod(high - low))
-    cells = min(max(round(min(camera.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
+    cells = min(max(round(min(camera.lens.focal_px / above_cm, densest) / COARSE_PER_CM), 1), MAX_FINE_CELLS)
     columns, rows = np.ceil((high - low) * COARSE_PER_CM).astype(int) * cells
     per_cm = cells * COARSE_PER_CM
     x, y = np.meshgrid(low[0] + np.arange(columns) / per_cm, low[1] + np.arange(rows) / per_cm)

@@ -7,8 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Frame
+from epuck_sim.overhead.track.background import Background
+from epuck_sim.overhead.track.flashes import Flash, FlashLinker
+from epuck_sim.overhead.track.geometry import Geometry
+from epuck_sim.overhead.track.light_meter import LightMeter
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder, is_lit
 from epuck_sim.overhead.track.spread import Evaluation, SynchronyDetector, is_synchronised
 
@@ -25,14 +28,15 @@ class RingCounter:
     """Beginning of the trial on the film's clock."""
     frames: int
     """Number of frames so far, including those in the light."""
-    camera: CameraModel
-    """The camera that took the film."""
+    outside: int
+    """Number of rings seen outside of the floor, in all frames of the trial: those of a neighbour, or mirror images."""
 
-    def __init__(self, camera: CameraModel) -> None:
-        self.camera = camera
-        self._finder = RingFinder(camera)
-        self._times = array("d")
-        self._counts = array("q")
+    def __init__(self, geometry: Geometry) -> None:
+        self.geometry = geometry
+        self._finder = RingFinder(geometry.camera, geometry.ring_light)
+        self._background = Background(geometry.background)
+        self._meter = LightMeter(geometry)
+        self._begin()
         self._was_lit = True
         self._has_begun = False
         self.start_s = 0.0
@@ -40,17 +44,46 @@ class RingCounter:
 
     def process(self, frame: Frame) -> list[Ring]:
         """Find the lit rings in the next frame, add their number to `counts`, and return them."""
-        rings = self._finder.find(frame.picture)
+        background = self._background.update(frame)
+        seen = self._finder.find(frame.picture, background)
+        rings = [ring for ring in seen if self.geometry.is_on_floor(ring.x_cm, ring.y_cm)]
         lit = is_lit(frame.picture)
+        if not self.frames:
+            self.start_s = frame.time_s
         if self._was_lit and not lit and not self._has_begun:
             self.start_s = frame.time_s
-            del self._times[:], self._counts[:]
+            self._begin()
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
         self._times.append(frame.time_s)
         self._counts.append(len(rings))
+        self._areas.append(self._meter.lit_px(frame.picture, background))
+        self._linker.add(frame.time_s, rings)
+        self.outside += len(seen) - len(rings)
         self.frames += 1
         return rings
+
+    def _begin(self) -> None:
+        """Forget what was before the trial."""
+        self._times, self._counts, self._areas = array("d"), array("q"), array("q")
+        self._linker = FlashLinker()
+        self.outside = 0
+
+    @property
+    def flashes(self) -> tuple[Flash, ...]:
+        """Flashes of the trial, in order of their onsets."""
+        return self._linker.flashes
+
+    def always_lit(self) -> list[Ring]:
+        """Return the rings on the floor that are part of the background: those that never went off."""
+        background = self._background.picture
+        rings = [] if background is None else self._finder.find(background)
+        return [ring for ring in rings if self.geometry.is_on_floor(ring.x_cm, ring.y_cm)]
+
+    @property
+    def areas_px(self) -> IntArray:
+        """(frames,) pixels of the floor that are lit, in each of the trial's frames."""
+        return np.array(self._areas, np.int64)
 
     @property
     def times_s(self) -> FloatArray:
@@ -78,7 +111,11 @@ class TrackedFrame(NamedTuple):
 
 
 def track_frames(
-    frames: Iterable[Frame], counter: RingCounter, period_s: float, threshold_s: Callable[[], float]
+    frames: Iterable[Frame],
+    counter: RingCounter,
+    period_s: float,
+    threshold_s: Callable[[], float],
+    steady: Sequence[Flash] = (),
 ) -> Iterator[TrackedFrame]:
     """Process frames one by one as they are asked for.
 
@@ -88,6 +125,7 @@ def track_frames(
         period_s: Period of the oscillators.
         threshold_s: Returns the standard deviation of the histogram at which the swarm counts as synchronised, as far
             as it can be estimated by then.
+        steady: Rings that are known to be lit all the time; they do not count.
     """
     detector: SynchronyDetector | None = None
     t_sync_s = None
@@ -96,7 +134,8 @@ def track_frames(
         rings = counter.process(frame)
         if detector is None or counter.start_s != start_before_s:
             detector, t_sync_s = SynchronyDetector(period_s, counter.start_s), None
-        evaluation = detector.update(frame.time_s, len(rings))
+        lit_always = sum(flash.onset_s <= frame.time_s < flash.end_s for flash in steady)
+        evaluation = detector.update(frame.time_s, max(0, len(rings) - lit_always))
         if evaluation is not None and t_sync_s is None and is_synchronised(evaluation, threshold_s()):
             t_sync_s = evaluation.time_s
         yield TrackedFrame(frame, rings, counter.start_s, evaluation, t_sync_s)

@@ -1,10 +1,11 @@
 """Finds the lit rings in a picture of the overhead camera (thesis 4.3.1).
 
-The red light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
+The light is rectified to a view from straight above. A matched filter on a coarse grid finds candidates. From the
 brightest on, each candidate is a ring if a circle of the right size is lit nearly all round, is hollow, and does not
 overlap the rings found before: robots may touch, but not overlap.
 """
 
+import math
 from typing import NamedTuple
 
 import cv2
@@ -18,27 +19,34 @@ from epuck_sim.overhead.track.rectified_view import COARSE_PER_CM, Light, rectif
 from epuck_sim.overhead.track.ring_fit import Fit, fit_ring
 
 LIT_LEVEL = 40
-"""Median level of green from which the room is lit; noise in the dark is far below, and rings are red."""
+"""Median level of a picture's darkest colour from which the room is lit; noise in the dark is far below, and the haze
+of rings is coloured."""
 
 LIT_SAMPLES = 80
 """Number of pixels along the shorter side that are examined for whether the room is lit."""
 
-MIN_LEVEL_DARK = 40
-"""Minimum levels by which a ring in the dark is brighter than its inside."""
+MIN_LEVEL_DARK = 8
+"""Minimum levels by which a ring in the dark is brighter than its inside, at its eight points."""
+
+POINTS_SHARE = 0.25
+"""Minimum mean light along a ring, relative to that at its eight points: in a short exposure it is dark between."""
 
 MIN_LEVEL_LIT = 12
-"""Minimum levels by which a ring in a lit room is redder than its inside. Its core is nearly white there, and hardly
-red; averaged over a whole ring, noise of 10 levels gives less than 1."""
+"""Minimum levels by which a ring in a lit room is more coloured than its inside. Its core is nearly white there;
+averaged over a whole ring, noise of 10 levels gives less than 1."""
 
 CORE_CM = 1.0
-"""Width of gaps in the red that are filled in a lit room, where a ring is white with red on either side."""
+"""Width of gaps in the colour that are filled in a lit room, where a ring is white with colour on either side."""
 
-MIN_RELATIVE_LIGHT = 0.3
+MIN_RELATIVE_LIGHT = 0.25
 """Minimum light of a ring, relative to the brightest one. A ring lit for less of the exposure may be missed;
 reflections on walls and floor are weaker."""
 
 MIN_DISTANCE_CM = 0.88 * 2 * epuck.RADIUS_CM
 """Minimum distance of two rings' centres: robots touch at 2 radii, and the scale may be wrong by a tenth."""
+
+MAX_CANDIDATES = 200
+"""Largest number of candidates that are examined in a picture, the brightest ones."""
 
 FILTER_WIDTH_CM = 0.45
 """Standard deviation of the matched filter across the ring, which is about 1 cm thick when overexposed."""
@@ -50,26 +58,38 @@ MIN_RADIUS = 0.75
 """Minimum radius of a ring, relative to `epuck.RING_RADIUS_CM`: perspective and scale are estimates, and in a lit room
 a ring looks smaller, because its outer side is pale."""
 
-MAX_RADIUS = 1.15
+MAX_RADIUS = 1.2
 """Maximum radius of a ring, relative to `epuck.RING_RADIUS_CM`."""
 
 MAX_RELATIVE_RADIUS = 1.12
 """Maximum radius of a ring, relative to the mean of those found before. Faint rings look slightly larger; what six lit
 rings enclose is larger by a sixth."""
 
+MAX_FLATTENING = 0.25
+"""Maximum flattening of a ring, relative to its radius: the lens and the tilt are estimates, too."""
+
 MAX_MISFIT_CM = 0.2
 """Maximum root mean square distance of the light's inner edge from the circle; 0.04 cm in usual pictures."""
 
 MIN_COVERED = 0.85
-"""Minimum fraction of the directions in which a ring is lit. Around an unlit robot that touches six lit ones, it is
-less than two thirds."""
+"""Minimum fraction of the directions in which a ring is lit."""
 
-MAX_INSIDE_LIGHT = 0.5
-"""Maximum light within half a ring's radius, relative to the light on the ring."""
+MAX_INSIDE = 0.9
+"""Maximum light within half a ring's radius, relative to the light on the ring; a webcam burns rings out."""
+
+MAX_BEYOND = 0.85
+"""Maximum light outside of a ring, relative to that on it. Around an unlit robot, be it in a lit room or
+between six lit ones, light grows outwards."""
+
+MAX_BEYOND_LIT = 1.5
+"""The same in a lit room, where the haze of a ring is coloured and its core is pale; grey things have no colour."""
+
+MEAN = np.full((1, 3), 1 / 3)
+"""Weights of red, green and blue in the light of rings in the dark."""
 
 
 class Ring(NamedTuple):
-    """Centre and radius of a lit ring: in cm in the arena's frame, and in px (column, row) in the picture."""
+    """Centre and radius of a lit ring: in cm in the arena's frame, and in px (column, row)."""
 
     x_cm: float
     y_cm: float
@@ -77,71 +97,92 @@ class Ring(NamedTuple):
     x_px: float
     y_px: float
     radius_px: float
+    light: float = 0.0
+    """Levels by which the ring is brighter than its inside."""
 
 
 def is_lit(picture: Picture) -> bool:
     """Return whether the room's lights are on, judged by the picture's middle; the table around may be black."""
     rows, columns, _ = picture.shape
     step = max(min(rows, columns) // LIT_SAMPLES, 1)
-    middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step, 1]
-    return float(np.median(middle)) >= LIT_LEVEL
+    middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
+    return float(np.median(middle.min(axis=2))) >= LIT_LEVEL
 
 
 def ring_light(picture: Picture, lit: bool) -> Light:
-    """Return (height_px, width_px) the light of rings: red, or in a lit room the excess of red over grey."""
-    red = cv2.extractChannel(picture, 0)
+    """Return (height_px, width_px) the light of rings: the mean of the colours, or in a lit room their difference.
+
+    A ring that burns out in one colour still has its shape in the others. In a lit room, grey things are no rings.
+    """
     if lit:
-        red = cv2.subtract(red, cv2.max(cv2.extractChannel(picture, 1), cv2.extractChannel(picture, 2)))
-    return np.asarray(red, np.uint8)
+        colours = cv2.split(picture)
+        most, least = (combine(combine(*colours[:2]), colours[2]) for combine in (cv2.max, cv2.min))
+        return np.asarray(cv2.subtract(most, least), np.uint8)
+    return np.asarray(cv2.transform(picture, MEAN), np.uint8)
 
 
 class RingFinder:
     """Finds rings in the pictures of one camera."""
 
-    def __init__(self, camera: CameraModel) -> None:
-        self._camera = camera
-        self._view = rectified_view(camera)
+    def __init__(self, camera: CameraModel, usual_light: float = 0.0) -> None:
+        """Prepare what all pictures share.
+
+        Args:
+            camera: The camera.
+            usual_light: Levels by which rings in the dark are brighter than their inside, if it is known.
+        """
+        self.camera = camera
+        self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
+        self.view = rectified_view(camera)
         self._filter = _matched_filter()
 
-    def find(self, picture: Picture) -> list[Ring]:
-        """Return the lit rings in a picture, from left to right.
+    def find(self, picture: Picture, background: Picture | None = None) -> list[Ring]:
+        """Return the lit rings in a picture, from left to right; see `fits`."""
+        return self._rings(self.fits(picture, background))
+
+    def fits(self, picture: Picture, background: Picture | None = None) -> list[Fit]:
+        """Return circles fitted to the lit rings in a picture, in its rectified view, brightest first.
 
         Args:
             picture: (height_px, width_px, 3) levels.
+            background: The same without rings, in the dark.
 
         Raises:
             ValueError: The picture's size is not the camera's.
         """
-        camera = self._camera
+        camera = self.camera
         if picture.shape != (camera.height_px, camera.width_px, 3):
             raise ValueError(f"a picture of {picture.shape}; allowed: {(camera.height_px, camera.width_px, 3)}")
         lit = is_lit(picture)
-        least = float(MIN_LEVEL_LIT if lit else MIN_LEVEL_DARK)
-        light = ring_light(picture, lit)
+        least = float(MIN_LEVEL_LIT) if lit else self._least_dark
+        lit_only = picture if background is None or lit else np.asarray(cv2.subtract(picture, background), np.uint8)
+        light = ring_light(lit_only, lit)
         if cv2.minMaxLoc(light)[1] < least:
             return []
-        view = self._view.sample(light)
+        view = self.view.sample(light)
         if lit:
-            view = self._view.close_gaps(view, CORE_CM)
-        response = np.asarray(cv2.filter2D(self._view.downsample(view), cv2.CV_32F, self._filter), np.float32)
-        least = max(least, MIN_RELATIVE_LIGHT * float(response.max()))
-        cells = self._view.cells_per_cm
+            view = self.view.close_gaps(view, CORE_CM)
+        response = np.asarray(cv2.filter2D(self.view.downsample(view), cv2.CV_32F, self._filter), np.float32)
+        bright = float(response.max())
+        mean_least = max(least if lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * bright)
+        cells = self.view.cells_per_cm
         coarse = cells // COARSE_PER_CM
-        candidates = _candidates(response, least) * coarse + (coarse - 1) / 2
-        return self._rings(_select_rings(view, cells, candidates, least))
+        candidates = _candidates(response, mean_least) * coarse + (coarse - 1) / 2
+        most_beyond = MAX_BEYOND_LIT if lit else MAX_BEYOND
+        return _select_rings(view, cells, candidates, max(least, mean_least), most_beyond)
 
     def _rings(self, fits: list[Fit]) -> list[Ring]:
         """Return fits as rings, with their places in the arena and in the picture, from left to right."""
         if not fits:
             return []
-        centres = np.array([(*self._view.position_cm(fit.column, fit.row), epuck.RING_HEIGHT_CM) for fit in fits])
+        centres = np.array([(*self.view.position_cm(fit.column, fit.row), epuck.RING_HEIGHT_CM) for fit in fits])
         around = np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
         radii = np.array([fit.radius_cm for fit in fits])
-        pixels = self._camera.project((centres[:, None] + radii[:, None, None] * around).reshape(-1, 3)).reshape(
+        pixels = self.camera.project((centres[:, None] + radii[:, None, None] * around).reshape(-1, 3)).reshape(
             -1, 5, 2
         )
         radii_px = np.linalg.norm(pixels[:, 1:] - pixels[:, :1], axis=2).mean(axis=1)
-        table = np.column_stack([centres[:, :2], radii, pixels[:, 0], radii_px])
+        table = np.column_stack([centres[:, :2], radii, pixels[:, 0], radii_px, [fit.light for fit in fits]])
         return [Ring(*row) for row in table[np.lexsort((table[:, 4], table[:, 3]))].tolist()]
 
 
@@ -160,27 +201,31 @@ def _candidates(response: Float32Array, least: float) -> FloatArray:
     size = 2 * COARSE_PER_CM + 1
     highest = np.asarray(cv2.dilate(response, np.ones((size, size), np.uint8)))
     rows, columns = np.nonzero((response >= highest) & (response >= least))
-    order = np.argsort(-response[rows, columns], kind="stable")
+    order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
     return np.column_stack([columns[order], rows[order]]).astype(float)
 
 
-def _select_rings(view: Light, cells_per_cm: int, candidates: FloatArray, least: float) -> list[Fit]:
+def _select_rings(
+    view: Light, cells_per_cm: int, candidates: FloatArray, least: float, most_beyond: float
+) -> list[Fit]:
     """Return the rings among (n, 2) candidates, cells of the view that are examined in this order."""
     fits: list[Fit] = []
     for column, row in candidates:
         if _is_free(column, row, fits, cells_per_cm):
             fit = fit_ring(view, cells_per_cm, column, row, least)
-            if fit is not None and _is_ring(fit) and _is_new(fit, fits, cells_per_cm):
+            if fit is not None and _is_ring(fit, most_beyond) and _is_new(fit, fits, cells_per_cm):
                 fits.append(fit)
     return fits
 
 
-def _is_ring(fit: Fit) -> bool:
+def _is_ring(fit: Fit, most_beyond: float) -> bool:
     """Return whether a fit is round, hollow and whole."""
     return bool(
         MIN_RADIUS <= fit.radius_cm / epuck.RING_RADIUS_CM <= MAX_RADIUS
         and fit.misfit_cm <= MAX_MISFIT_CM
-        and fit.inside_light <= MAX_INSIDE_LIGHT
+        and math.hypot(*fit.flattening) <= MAX_FLATTENING
+        and fit.inside <= MAX_INSIDE
+        and fit.beyond <= most_beyond
         and fit.covered.mean() >= MIN_COVERED
     )
 

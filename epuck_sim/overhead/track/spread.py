@@ -9,8 +9,8 @@ so a mode is a run of frames with one count, and its time is the middle of the r
 the window would lie half a flash too early. Of equal modes less than half a period apart, the earlier one counts. Two
 clusters of equal size are evaluated once or twice a cycle, and their spread is about a quarter of a period.
 
-As in the thesis, a small spread is the only criterion: every robot flashes once a period, so that a window around some
-of them contains all others, too. This fails only where rings are hidden.
+As in the thesis, a small spread is the criterion: every robot flashes once a period, so that a window around some of
+them contains all others, too. This fails only where rings are hidden, and where a robot flashes alone (`MIN_RINGS`).
 """
 
 from bisect import bisect_left, bisect_right
@@ -29,6 +29,9 @@ takes twice as long in the dark; what was lit in a longer gap is unknown."""
 MIN_COVERAGE = 0.95
 """Minimum fraction of the period that must have been seen before a spread proves synchrony: no flash of 0.075 periods
 (thesis 4.2.1) can hide in the rest."""
+
+MIN_RINGS = 2
+"""Minimum number of rings lit at the mode of a synchronised swarm: a lone flash is narrow, but in step with nobody."""
 
 
 class Evaluation(NamedTuple):
@@ -164,8 +167,9 @@ def weighted_spread(values: FloatArray, weights: FloatArray) -> float:
 
 
 def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
-    """Return whether the spread is at most the threshold in a period with enough coverage."""
-    return evaluation.spread_s <= threshold_s and evaluation.coverage >= MIN_COVERAGE
+    """Return whether the spread is at most the threshold, in a period with enough coverage, by more than one ring."""
+    is_narrow = evaluation.spread_s <= threshold_s and evaluation.coverage >= MIN_COVERAGE
+    return is_narrow and evaluation.rings >= MIN_RINGS
 
 
 def first_synchronised(evaluations: Iterable[Evaluation], threshold_s: float) -> float | None:

@@ -15,14 +15,16 @@ from epuck_sim.overhead.film.frame import Frame, ProgressWrapper
 from epuck_sim.overhead.film.live_camera import LiveCamera
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.lens_file import read_lens
 from epuck_sim.overhead.track.annotate import Annotator
 from epuck_sim.overhead.track.film_calibration import (
-    DESCRIPTION,
+    Excerpt,
     TrackOptions,
     calibrate,
-    described_camera,
+    described_geometry,
     parse_metadata,
 )
+from epuck_sim.overhead.track.onsets import order_over_time
 from epuck_sim.overhead.track.result import Snapshot, Track, analyse, current_threshold_s
 from epuck_sim.overhead.track.ring_counter import RingCounter, TrackedFrame, track_frames
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
@@ -32,7 +34,13 @@ HEAD_FRAMES = 90
 """Number of frames kept while a live camera is calibrated, so that their flashes count: 6 s at 15 frames per second."""
 
 
-def track_film(name: str, options: TrackOptions, rings: Path | None, progress: ProgressWrapper) -> Track:
+LIVE_FRAMES = 30
+"""Number of dark frames in which rings are studied while a live camera waits."""
+
+
+def track_film(
+    name: str, options: TrackOptions, rings: Path | None, progress: ProgressWrapper, lens: Path | None = None
+) -> Track:
     """Track a film.
 
     Args:
@@ -40,6 +48,7 @@ def track_film(name: str, options: TrackOptions, rings: Path | None, progress: P
         options: What is known of the film.
         rings: A CSV table to write with all rings in all frames.
         progress: Shows how far the film has been read.
+        lens: The file of a calibrated lens.
 
     Raises:
         FilmError: The film cannot be read, or shows no swarm.
@@ -47,27 +56,40 @@ def track_film(name: str, options: TrackOptions, rings: Path | None, progress: P
     """
     with open_film(name) as film:
         metadata = parse_metadata(film.description)
-        camera, calibration = described_camera(film, options, metadata), DESCRIPTION
+        if lens is not None:
+            options = options._replace(lens=read_lens(lens, (film.width_px, film.height_px)))
+        described = described_geometry(film, options, metadata)
         options = options.with_defaults(metadata)
-        if camera is None:
-            camera, calibration = calibrate(film, options)
-    counter = RingCounter(camera)
+        geometry = described or calibrate(Excerpt(film, options), options)
+    counter = RingCounter(geometry)
     with open_film(name) as film, ring_table(rings) as write_rings:
-        for frame in progress(film.frames(), film.duration_s):
+        for frame in progress(Excerpt(film, options).frames(), film.duration_s):
             write_rings(frame, counter.process(frame))
-        return analyse(name, counter, calibration, options, tuple(film.warnings))
+        return analyse(name, counter, options, tuple(film.warnings))
+
+
+def save_flashes(path: Path, track: Track) -> None:
+    """Write a CSV table with a row for each flash: when, how long and where, and the order parameter around it."""
+    order, _ = order_over_time(np.array([flash.onset_s for flash in track.flashes]), track.period_s)
+    with atomic_write(path) as part, part.open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["onset_s", "duration_s", "x_cm", "y_cm", "light", "order_parameter"])
+        for flash, around in zip(track.flashes, order, strict=True):
+            times_s = f"{flash.onset_s:.6f}", f"{flash.end_s - flash.onset_s:.6f}"
+            writer.writerow([*times_s, *(f"{value:.6g}" for value in (*flash[2:], around))])
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
     """Read a tracked film again, and write it with the rings found and the histogram drawn; raises as `film_file`."""
-    camera = track.camera
+    camera = track.geometry.camera
     with (
         open_film(track.film) as film,
         annotated_film(path, camera.width_px, camera.height_px, track.period_s) as write,
     ):
-        frames = progress(film.frames(), film.duration_s)
-        for tracked in track_frames(frames, RingCounter(camera), track.period_s, lambda: track.threshold_ms / 1000):
-            write(tracked)
+        frames = progress(Excerpt(film, track.options).frames(), film.duration_s)
+        counter, threshold_s = RingCounter(track.geometry), track.threshold_ms / 1000
+        for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, track.steady):
+            write(tracked if track.confidence != "none" else tracked._replace(t_sync_s=None))
 
 
 def snapshot(track: Track) -> Snapshot:
@@ -75,9 +97,13 @@ def snapshot(track: Track) -> Snapshot:
     at_s = math.inf if track.t_sync_s is None else track.start_s + track.t_sync_s
     begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
     with open_film(track.film) as film:
-        frame = next(frame for frame in film.frames() if frame.time_s >= begins_s)
-    rings = RingFinder(track.camera).find(frame.picture)
-    return Snapshot(frame.time_s, frame.picture, np.array([ring[3:] for ring in rings]).reshape(-1, 3))
+        frames = Excerpt(film, track.options).frames()
+        frame = next(frame for frame in frames if frame.time_s >= begins_s)
+    geometry = track.geometry
+    finder = RingFinder(geometry.camera, geometry.ring_light)
+    seen = finder.find(frame.picture, geometry.background)
+    rings = [ring for ring in seen if geometry.is_on_floor(ring.x_cm, ring.y_cm)]
+    return Snapshot(frame.time_s, frame.picture, np.array([ring[3:6] for ring in rings]).reshape(-1, 3))
 
 
 def track_camera(
@@ -108,8 +134,8 @@ def track_camera(
     warnings: list[str] = []
     with LiveCamera(number) as live:
         head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
-        camera, calibration = calibrate(_KeepingFrames(live, head), options)
-        counter = RingCounter(camera)
+        geometry = calibrate(_KeepingFrames(live, head), options, LIVE_FRAMES)
+        camera, counter = geometry.camera, RingCounter(geometry)
         frames = progress(_until_unplugged(chain(head, live.frames()), warnings), None)
         with (
             ring_table(rings) as write_rings,
@@ -125,7 +151,7 @@ def track_camera(
                         break
             except KeyboardInterrupt:
                 pass  # the frames until then are analysed
-            return analyse(live.name, counter, calibration, options, tuple(warnings))
+            return analyse(live.name, counter, options, tuple(warnings))
 
 
 class _KeepingFrames:

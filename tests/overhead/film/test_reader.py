@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import struct
 import weakref
 from fractions import Fraction
 
@@ -12,8 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.timestamps import FilmClock
+from epuck_sim.overhead.film.writer import film_file
 from tests.overhead.film import small_films as kit
 from tests.overhead.film.small_films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
 
@@ -307,3 +310,29 @@ def test_pictures_are_not_kept(tmp_path):
             alive.append(sum(picture() is not None for picture in references))
 
     assert max(alive) <= 2
+
+
+@pytest.mark.parametrize(
+    ("matrix", "quarters"),
+    [((0, 1, -1, 0), -1), ((-1, 0, 0, -1), 2), ((0, -1, 1, 0), 1)],
+    ids=["clockwise", "upside down", "counterclockwise"],
+)
+def test_films_are_turned_as_players_turn_them(tmp_path, matrix, quarters) -> None:
+    path = tmp_path / "turned.mp4"
+    picture = np.zeros((64, 96, 3), np.uint8)
+    picture[:32, :32] = 200
+    picture[32:, :32] = 90
+    with film_file(path, 96, 64, {}) as writer:
+        writer.write(Frame(0.0, picture))
+    upright, turned = (
+        struct.pack(">9i", a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30)
+        for a, b, c, d in ((1, 0, 0, 1), matrix)
+    )
+    whole = path.read_bytes()
+    at = whole.index(upright, whole.index(b"tkhd"))
+    path.write_bytes(whole[:at] + turned + whole[at + len(upright) :])
+    with open_film(str(path)) as film:
+        (frame,) = film.frames()
+        expected = np.rot90(picture, quarters)
+        assert (film.height_px, film.width_px) == frame.picture.shape[:2] == expected.shape[:2]
+        assert np.abs(frame.picture.astype(int) - expected).mean() < 8

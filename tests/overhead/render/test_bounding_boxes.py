@@ -6,14 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel
+from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, simple_lens
 from epuck_sim.overhead.render.bounding_boxes import bounding_boxes
 
 
 @given(st.floats(4, 56), st.floats(4, 56), st.sampled_from([-0.1, 0.0, 0.1]), st.floats(0, 0.1))
 def test_bounding_boxes_contain_every_pixel_of_a_body(x: float, y: float, k1: float, tilt: float) -> None:
     rotation, _ = cv2.Rodrigues(np.array([tilt, 0.5 * tilt, 0]))
-    camera = CameraModel(160, 160, 180.0, k1, rotation @ LOOKING_DOWN, np.array([30.0, 30.0, 110.0]))
+    camera = CameraModel(
+        160, 160, simple_lens(160, 160, 180.0, k1), rotation @ LOOKING_DOWN, np.array([30.0, 30.0, 110.0])
+    )
     inside = np.zeros((160, 160), bool)
     for height in (0.0, epuck.HEIGHT_CM):
         shown = camera.plane_map(height)

@@ -8,7 +8,7 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel
+from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, simple_lens
 from epuck_sim.overhead.render.renderer import Renderer, dimming
 from epuck_sim.overhead.render.ring_light import (
     COLOUR_LEVELS,
@@ -190,7 +190,9 @@ def test_same_seed_same_pictures() -> None:
 
 def test_tilted_camera_renders_rings_where_its_model_projects_them() -> None:
     rotation, _ = cv2.Rodrigues(np.array([0.1, -0.05, 0.2]))
-    camera = CameraModel(480, 480, 700.0, -0.05, rotation @ LOOKING_DOWN, np.array([25.0, 33.0, 110.0]))
+    camera = CameraModel(
+        480, 480, simple_lens(480, 480, 700.0, -0.05), rotation @ LOOKING_DOWN, np.array([25.0, 33.0, 110.0])
+    )
     renderer = Renderer(OverheadSection(**CLEAN), camera, make_arena(60, 60, [], []), 0)
     picture = renderer.render(standing((35, 28, 0)), room_is_lit=False)
     assert np.hypot(*(ring_centroid(picture, camera) - (35, 28))) < 0.06

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, WALL_HEIGHT_CM, CameraModel, overhead_camera
+from epuck_sim.overhead.camera_model import LOOKING_DOWN, WALL_HEIGHT_CM, CameraModel, overhead_camera, simple_lens
 from epuck_sim.overhead.track.ring_detection import RingFinder
 from epuck_sim.scenario.overhead import OverheadSection
 
@@ -46,19 +46,17 @@ def tilted_camera(tilt_deg=10.0, turn_deg=20.0, k1=0.0):
     rotation = lean @ LOOKING_DOWN @ spin
     ahead = rotation[2]  # the optical axis in the arena's frame
     position = np.array([30.0, 30.0, 0.0]) - ahead * 110.0 / -ahead[2]
-    return CameraModel(640, 480, 540.0, k1, rotation, position)
+    return CameraModel(640, 480, simple_lens(640, 480, 540.0, k1), rotation, position)
 
 
 def once_per_camera(function):
     """Cache a function of a camera model, which is not hashable."""
 
     @lru_cache
-    def cached(width_px, height_px, focal_px, k1, rotation, position):
-        return function(
-            CameraModel(width_px, height_px, focal_px, k1, np.reshape(rotation, (3, 3)), np.array(position))
-        )
+    def cached(width_px, height_px, lens, rotation, position):
+        return function(CameraModel(width_px, height_px, lens, np.reshape(rotation, (3, 3)), np.array(position)))
 
-    return lambda camera: cached(*camera[:4], tuple(camera.rotation.ravel()), tuple(camera.position_cm))
+    return lambda camera: cached(*camera[:3], tuple(camera.rotation.ravel()), tuple(camera.position_cm))
 
 
 finder_for = once_per_camera(RingFinder)
@@ -111,7 +109,9 @@ def ring_picture(camera, centres_cm, look=USUAL, seed=0, share=None, room=0.0):
 
 def room_picture(camera, robots_cm=(), noise=2.0, seed=0):
     """Return a picture of a 60 x 60 cm arena, its table and robots in the light: pixels are means of 2 x 2 points."""
-    dense = camera._replace(width_px=2 * camera.width_px, height_px=2 * camera.height_px, focal_px=2 * camera.focal_px)
+    size = 2 * camera.width_px, 2 * camera.height_px
+    lens = simple_lens(*size, 2 * camera.lens.focal_px, camera.lens.coefficients[0])
+    dense = CameraModel(*size, lens, camera.rotation, camera.position_cm)
     floor, rise = dense.plane_map(0.0), WALL_HEIGHT_CM / camera.position_cm[2]
     top = floor + rise * (camera.position_cm[:2] - floor)  # a line of sight is straight
     grey = np.full(floor.shape[:2], 30.0)

@@ -16,6 +16,8 @@ from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
+from epuck_sim.overhead.track.film_calibration import TrackOptions
+from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.scenario.overhead import OverheadSection
@@ -53,6 +55,11 @@ def make_camera(**settings: Any) -> CameraModel:
     return overhead_camera(OverheadSection(**SMALL | settings), 60, 60)
 
 
+def make_geometry(**settings: Any) -> Geometry:
+    """Return the geometry of `shoot`, as a description gives it."""
+    return Geometry(make_camera(**settings), (60.0, 60.0), "somewhere", True)
+
+
 TRACK = Track(
     film="film.mp4",
     frames=240,
@@ -64,16 +71,26 @@ TRACK = Track(
     flash_ms=100.0,
     threshold_ms=31.8,
     estimated=("period_s",),
+    rings_outside=0,
+    always_lit=0,
+    position_error_mm=None,
     robots_seen=6,
     flashes_per_period=6.04,
     t_sync_s=2.55,
-    t_sync_cycles=2.55,
-    t_sync_flashes=3.44,
+    t_sync_periods=2.55,
+    t_sync_cycles=3.44,
+    t_sync_onsets_s=2.5,
+    t_sync_onsets_periods=2.5,
+    confidence="high",
+    reasons=(),
     warnings=("odd",),
     times_s=np.arange(240) / 29.97,
     counts=np.zeros(240, np.int64),
     evaluations=(),
-    camera=make_camera(),
+    flashes=(),
+    steady=(),
+    geometry=make_geometry(),
+    options=TrackOptions(),
 )
 """The result of tracking some film, for tests of how results are shown."""
 
@@ -134,19 +151,28 @@ def read_rings(path: Path) -> list[dict[str, float]]:
 
 
 class Coded:
-    """A substitute for `RingFinder` that reads the number of rings from a picture's first pixel."""
+    """A substitute for `RingFinder` that reads the number of rings from a picture's first pixel.
 
-    def __init__(self, _: CameraModel) -> None:
-        pass
+    The ring that went on first goes off first, and each that goes on is at another place.
+    """
 
-    def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:
-        return [Ring(1, 1, 3.5, 10, 10, 5)] * int(picture[0, 0, 2])
+    def __init__(self, *_: object) -> None:
+        self._lit: list[int] = []
+        self._next = 0
+
+    def find(self, picture: npt.NDArray[np.uint8], _: object = None) -> list[Ring]:
+        count = int(picture[0, 0, 2])
+        self._lit = self._lit[max(0, len(self._lit) - count) :]
+        while len(self._lit) < count:
+            self._lit.append(self._next)
+            self._next += 1
+        return [Ring(1 + 5 * (place % 11), 1 + 5 * (place // 11 % 11), 3.5, 10, 10, 5) for place in self._lit]
 
 
 def coded(times_s: Iterable[float], counts: Iterable[int], is_lit: Iterable[bool]) -> Iterator[Frame]:
     """Yield frames for `Coded`."""
     for time_s, count, lit in zip(times_s, counts, is_lit, strict=True):
         picture = np.zeros((16, 16, 3), np.uint8)
-        picture[..., 1] = 200 * lit
+        picture[:] = 200 * lit
         picture[0, 0, 2] = count
         yield Frame(float(time_s), picture)

@@ -7,14 +7,18 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
-from epuck_sim.overhead.track.calibration import MAX_RINGS, camera_from_corners, camera_from_rings, measure_radius
+from epuck_sim.overhead.camera_model import (
+    LOOKING_DOWN,
+    CameraModel,
+    fisheye_lens,
+    overhead_camera,
+    simple_lens,
+)
+from epuck_sim.overhead.track.calibration import expected_rings, fit_camera
 from epuck_sim.overhead.track.floor_corners import find_corners
+from epuck_sim.overhead.track.ring_sizes import SeenRings
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.track.drawn_rings import (
-    APART_CM,
-    CLEAN,
-    USUAL,
     finder_for,
     matched,
     ring_picture,
@@ -24,8 +28,14 @@ from tests.overhead.track.drawn_rings import (
     tilted_camera,
 )
 
+NO_RINGS = SeenRings(np.empty((0, 2)), np.empty(0), np.empty((0, 2)))
 FLOOR = np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float)
 AT_RINGS = np.array([(x, y, epuck.RING_HEIGHT_CM) for x in (4.0, 30.0, 56.0) for y in (4.0, 30.0, 56.0)])
+
+
+def camera_from_corners(corners, width_px, height_px, width_cm, height_cm, above_cm):
+    """Return the camera that follows from corners alone."""
+    return fit_camera((width_px, height_px), (width_cm, height_cm), above_cm, NO_RINGS, corners).camera
 
 
 def worst_cm(found: CameraModel, true: CameraModel):
@@ -54,7 +64,7 @@ def test_pixels_show_the_points_that_are_seen_there(degrees, k1):
 def test_finds_a_camera_that_looks_straight_down(size):
     camera = straight_camera(*size, k1=0.0)
     found = camera_from_corners(camera.project(FLOOR), *size, 60, 60, 110.0)
-    assert found.focal_px == pytest.approx(camera.focal_px, rel=1e-6)
+    assert found.lens.focal_px == pytest.approx(camera.lens.focal_px, rel=1e-6)
     np.testing.assert_allclose(found.position_cm, camera.position_cm, atol=0.05)  # askew by nothing: hard to tell
     assert worst_cm(found, camera) < 0.01
 
@@ -64,7 +74,7 @@ def test_finds_a_camera_that_looks_straight_down(size):
 def test_finds_a_camera_that_looks_askew(tilt, turn):
     camera = tilted_camera(tilt, turn)
     found = camera_from_corners(camera.project(FLOOR), 640, 480, 60, 60, 110.0)
-    assert found.focal_px == pytest.approx(camera.focal_px, rel=1e-4)
+    assert found.lens.focal_px == pytest.approx(camera.lens.focal_px, rel=1e-4)
     np.testing.assert_allclose(found.position_cm, camera.position_cm, atol=0.05)
     np.testing.assert_allclose(found.rotation, camera.rotation, atol=1e-3)
     assert worst_cm(found, camera) < 0.01
@@ -93,7 +103,7 @@ def test_an_arena_that_is_no_square():
     camera = straight_camera(640, 480, k1=0.0, side_cm=90.0)
     seen = camera.project(np.array([(15, 20, 0), (75, 20, 0), (75, 60, 0), (15, 60, 0)], float))
     found = camera_from_corners(seen, 640, 480, 60.0, 40.0, 165.0)
-    assert found.focal_px == pytest.approx(camera.focal_px, rel=1e-5)
+    assert found.lens.focal_px == pytest.approx(camera.lens.focal_px, rel=1e-5)
     (there,) = found.back_project(camera.project(np.array([(20.0, 50.0, 4.0)])), 4.0)
     np.testing.assert_allclose(there, (5.0, 30.0), atol=0.01)
 
@@ -102,8 +112,8 @@ def test_an_arena_that_is_no_square():
     ([(10, 10), (400, 10), (150, 150), (10, 400)], "no.*convex quadrilateral"),
     ([(10, 10), (400, 10), (400, 400), (10, 10)], "convex quadrilateral"),
     ([(10, 10), (200, 200), (400, 400), (100, 300)], "convex quadrilateral"),
-    ([(10, 10), (480, 10), (400, 400), (10, 400)], "480,10.*outside of the picture.*0 to 479"),
-    ([(-1, 10), (400, 10), (400, 400), (10, 400)], "-1,10.*outside"),
+    ([(10, 10), (980, 10), (400, 400), (10, 400)], "980,10.*far outside of the picture of 480 x 480 px"),
+    ([(-500, 10), (400, 10), (400, 400), (10, 400)], "-500,10.*far outside"),
     ([(10, 10), (40, 10), (40, 40), (10, 40)], "shortest side is 30 px.*at least 48"),
     ([(10, 10), (400, 10), (400, 400)], "four corners"),
     ([(10, 10), (400, 10), (400, 400), (10, math.nan)], "four corners"),
@@ -180,54 +190,56 @@ def test_finds_no_floor_where_there_is_none():
 # --- from rings -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("size", [(160, 160), (240, 240), (480, 480)])
-@pytest.mark.parametrize("look", [CLEAN, USUAL, USUAL._replace(noise=10.0, jpeg=True)])
-def test_measures_rings(size, look):
-    camera = straight_camera(*size, k1=0.0)
-    true = camera.focal_px * epuck.RING_RADIUS_CM / (camera.position_cm[2] - epuck.RING_HEIGHT_CM)
-    pictures = [ring_picture(camera, scattered(4, np.random.default_rng(seed)), look, seed) for seed in range(2)]
-    assert measure_radius(pictures) == pytest.approx(true, rel=0.02)
+def seen_by(camera, centres=AT_RINGS[:, :2]):
+    """Return rings as a camera shows them."""
+    places = camera.project(np.column_stack([centres, np.full(len(centres), epuck.RING_HEIGHT_CM)]))
+    return expected_rings(camera, places, epuck.RING_RADIUS_CM)
 
 
-def test_measures_only_whole_rings_that_touch_nothing():
-    camera = straight_camera()
-    pair = ring_picture(camera, [(20, 20), (20 + APART_CM, 20)])
-    disc = np.zeros((480, 480, 3), np.uint8)
-    cv2.circle(disc, (240, 240), 26, (255, 60, 60), -1)
-    arc = np.zeros((480, 480, 3), np.uint8)
-    cv2.ellipse(arc, (240, 240), (26, 26), 0, 0, 320, (255, 60, 60), 7)
-    lit = ring_picture(camera, [(20, 20)], room=140.0)
-    assert measure_radius([pair, disc, arc, lit, np.zeros((480, 480, 3), np.uint8)]) is None
-    assert measure_radius([]) is None
-    assert measure_radius([pair, ring_picture(camera, [(30, 30)])]) == pytest.approx(26.4, rel=0.02)
+def true_camera(lens, tilt_deg=0.0):
+    tilt = math.radians(tilt_deg)
+    rotation = cv2.Rodrigues(np.array([tilt, 0.5 * tilt, 0.0]))[0] @ LOOKING_DOWN
+    position = np.array([30.0, 30.0, 0.0]) + rotation[2] * 110.0 / rotation[2, 2]
+    return CameraModel(640, 480, lens, rotation, position)
 
 
-def test_measures_until_it_is_enough():
-    picture = ring_picture(straight_camera(240, 240), [(10, 10), (30, 30), (50, 10)])
-    pictures = iter([picture] * MAX_RINGS)
-    assert measure_radius(pictures) is not None
-    assert len(list(pictures)) == MAX_RINGS - MAX_RINGS / 3
+@pytest.mark.parametrize("tilt_deg", [0.0, 8.0, 25.0])
+@pytest.mark.parametrize("lens", [simple_lens(640, 480, 700.0, -0.2), simple_lens(640, 480, 700.0)])
+def test_size_and_shape_of_rings_tell_tilt_and_distortion(lens, tilt_deg):
+    camera = true_camera(lens, tilt_deg)
+    fitted = fit_camera((640, 480), (60, 60), 110.0, seen_by(camera))
+    assert worst_cm(fitted.camera, camera) < 0.2
+    assert fitted.tilt_deg == pytest.approx(math.degrees(math.acos(-camera.rotation[2, 2])), abs=0.5)
+    assert fitted.error_cm < 1.5
 
 
-def test_a_camera_from_rings_sees_rings_so_large():
-    camera = camera_from_rings([25.0, 26.0, 80.0], 640, 480, 60, 60, 110.0)
-    assert camera.project(np.array([(30.0, 30.0, 4.0), (33.5, 30.0, 4.0)])) == pytest.approx(
-        np.array([(319.5, 239.5), (345.5, 239.5)]), abs=1e-3
-    )
-    assert camera.position_cm.tolist() == [30.0, 30.0, 110.0]
-    assert camera_from_rings(26.0, 640, 480, 90, 60, 200.0).position_cm.tolist() == [45.0, 30.0, 200.0]
+def test_a_fisheye_is_told_from_a_usual_lens():
+    camera = true_camera(fisheye_lens(640, 480, 330.0))._replace(position_cm=np.array([30.0, 30.0, 40.0]))
+    fitted = fit_camera((640, 480), (60, 60), 40.0, seen_by(camera))
+    assert fitted.camera.lens.is_fisheye
+    assert worst_cm(fitted.camera, camera) < 0.1
+    usual = true_camera(simple_lens(640, 480, 700.0, -0.1))
+    assert not fit_camera((640, 480), (60, 60), 110.0, seen_by(usual)).camera.lens.is_fisheye
 
 
-@pytest.mark.parametrize("radii", [[], [0.0], [-3.0], [math.nan, 20.0]])
-def test_radii_that_cannot_be(radii):
-    with pytest.raises(FilmError, match=r"radii are .* px; allowed: one or more, above 0"):
-        camera_from_rings(radii, 480, 480, 60, 60, 110.0)
+def test_rings_tell_the_distortion_that_corners_alone_do_not():
+    camera = true_camera(simple_lens(640, 480, 700.0, -0.25), 5.0)
+    alone = camera_from_corners(camera.project(FLOOR), 640, 480, 60, 60, 110.0)
+    together = fit_camera((640, 480), (60, 60), 110.0, seen_by(camera), camera.project(FLOOR)).camera
+    assert worst_cm(alone, camera) > 0.3
+    assert worst_cm(together, camera) < 0.15
 
 
-def test_a_film_without_corners_is_counted_all_the_same():
-    camera = straight_camera()
-    centres = scattered(10, np.random.default_rng(5))
-    picture = ring_picture(camera, centres)
-    radius_px = measure_radius([picture])
-    rings = finder_for(camera_from_rings(radius_px, 480, 480, 60, 60, 110.0)).find(picture)
-    assert matched(rings, centres, within_cm=1.0) == len(rings) == 10
+def test_a_ring_that_is_none_does_little_harm():
+    camera = true_camera(simple_lens(640, 480, 700.0, -0.2))
+    seen = seen_by(camera)
+    radius = seen.radius_px.copy()
+    radius[4] *= 1.5
+    assert worst_cm(fit_camera((640, 480), (60, 60), 110.0, seen._replace(radius_px=radius)).camera, camera) < 0.3
+
+
+def test_a_few_rings_tell_the_scale_alone():
+    camera = true_camera(simple_lens(640, 480, 700.0, -0.2))
+    fitted = fit_camera((640, 480), (60, 60), 110.0, seen_by(camera, np.array([(30.0, 30.0), (20.0, 30.0)])))
+    assert fitted.camera.lens.coefficients[0] == fitted.tilt_deg == 0
+    assert fitted.camera.lens.focal_px == pytest.approx(700, rel=0.02)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.overhead.track.film_calibration import TrackOptions
@@ -11,7 +11,7 @@ from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
 from tests.overhead.score import Score, compare
 from tests.overhead.track.counts import counted, uneven
-from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, make_camera, shoot
+from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, make_geometry, shoot
 
 NOWHERE = np.empty((0, 2))
 
@@ -20,7 +20,7 @@ NOWHERE = np.empty((0, 2))
 def counter(monkeypatch: pytest.MonkeyPatch) -> RingCounter:
     """A counter whose rings are those coded into frames."""
     monkeypatch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
-    return RingCounter(make_camera())
+    return RingCounter(make_geometry()._replace(knows_floor=False))
 
 
 def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> RingCounter:
@@ -83,25 +83,27 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     is_lit[[number for number in flickers if number < len(times_s)]] ^= True
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
-        counter = RingCounter(make_camera())
+        counter = RingCounter(make_geometry()._replace(knows_floor=False))
         tracked_frames = list(track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s))
     if not counter.counts.any():
         return
-    track = analyse("film", counter, "", TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    track = analyse("film", counter, TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    assume(not track.steady)  # overlapping flashes may seem to be one ring that stays lit
     last = tracked_frames[-1]
 
     assert len(tracked_frames) == track.frames == len(times_s)
     assert last.start_s == track.start_s
     in_trial = [tracked for tracked in tracked_frames if tracked.frame.time_s >= track.start_s]
     assert [tracked.evaluation for tracked in in_trial if tracked.evaluation] == list(track.evaluations)
-    assert track.t_sync_s == (None if last.t_sync_s is None else last.t_sync_s - track.start_s)
+    if track.confidence != "none":
+        assert track.t_sync_s == (None if last.t_sync_s is None else last.t_sync_s - track.start_s)
     is_known = [tracked.t_sync_s is not None for tracked in in_trial]
     assert is_known == sorted(is_known)
 
 
 def test_synchrony_in_the_light_is_forgotten_in_the_dark(counter: RingCounter) -> None:
     times_s = np.arange(150) / 15
-    counts = counted(0.5 + np.arange(10), 0.1, times_s)
+    counts = counted(np.repeat(0.5 + np.arange(10), 2), 0.1, times_s)
     tracked_frames = list(track_frames(coded(times_s, counts, times_s < 5), counter, 1.0, lambda: 0.05))
     found = [tracked.t_sync_s for tracked in tracked_frames]
     assert found[74] == pytest.approx(0.5, abs=0.15)
@@ -120,7 +122,7 @@ def test_a_frame_is_processed_when_it_is_asked_for(counter: RingCounter) -> None
 def test_rings_are_found_where_robots_are(light: str) -> None:
     times_s = even(3.2)
     ring_on = in_step(times_s)
-    counter = RingCounter(make_camera())
+    counter = RingCounter(make_geometry()._replace(knows_floor=False))
     total = Score()
     for frame, on in zip(shoot(times_s, ring_on, light=light), ring_on, strict=True):
         rings = counter.process(frame)

@@ -248,6 +248,11 @@ def test_a_period_must_have_been_seen_nearly_whole():
     assert not is_synchronised(Evaluation(3.0, 9, 0.1, MIN_COVERAGE - 0.001), 0.125)
 
 
+def test_a_lone_flash_is_no_synchrony() -> None:
+    assert is_synchronised(Evaluation(3.0, 2, 0.1, 1.0), 0.125)
+    assert not is_synchronised(Evaluation(3.0, 1, 0.1, 1.0), 0.125)
+
+
 values = st.lists(st.tuples(st.floats(-1e3, 1e3), st.integers(0, 5)), min_size=1).filter(lambda v: any(w for _, w in v))
 
 

@@ -103,7 +103,8 @@ def test_options_override_the_film(named: str) -> None:
     track = track_film(named, TrackOptions(period_s=1.25, robots=3, threshold_ms=500.0), None, passed)
     assert (track.period_s, track.threshold_ms, track.estimated) == (1.25, 500.0, ())
     assert track.calibration == DESCRIPTION
-    assert track.warnings == ("6 rings were lit at once, but there are 3 robots: check --robots, or what else is red",)
+    assert track.reasons == ("6 rings were lit at once, but there are 3 robots: check --robots, or what else is lit",)
+    assert (track.t_sync_s, track.confidence) == (None, "none")
 
 
 def test_rings_are_listed_where_they_are(named: str, tmp_path: Path) -> None:

@@ -1,0 +1,123 @@
+"""Makes docs/figures/overhead_kinds.csv: the tracker on kinds of films by a renderer that it was not tuned on.
+
+Each film shows ten robots that flash at random times and, from the fourth of seven periods on, together. It is tracked
+twice: told corners, height, period and number of robots, where positions are compared with the true ones; and told
+nothing but the size of the arena and the camera's height. OpenCV's HoughCircles, told the radius of the rings, is the
+yardstick. With a number as its argument it makes that many films of each kind instead of 20; names of kinds after it
+choose these.
+"""
+
+import csv
+import sys
+import tempfile
+from functools import reduce
+from operator import add
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.errors import FilmError
+from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.track.film_calibration import TrackOptions
+from epuck_sim.overhead.track.track_film import track_film
+from tests.overhead.hough import hough_rings
+from tests.overhead.score import Score, compare
+from tests.overhead.track.films import passed, read_rings
+from tests.overhead.webcam import KINDS, LED_CIRCLE_CM, LED_HEIGHT_CM, shoot, swarm
+
+FILMS = 20
+NOWHERE = np.empty((0, 2))
+SCALE = 0.6
+"""Size of the pictures, relative to those of the kinds, which are 480 pixels high: most are 288 x 288."""
+
+CYCLES, TOGETHER_FROM, PERIOD_S = 7, 3, 2.0
+TRUE_PERIODS = TOGETHER_FROM + 0.5 + 0.075 / 2
+WITHIN_PERIODS = 0.25
+HEADER = [
+    *("kind", "films", "rings", "found_percent", "right_percent", "rms_mm", "worst_mm", "t_sync_error_periods"),
+    *("told_right", "told_refused", "told_wrong", "alone_right", "alone_refused", "alone_wrong"),
+    *("hough_found_percent", "hough_right_percent", "hough_rms_mm"),
+]
+
+
+class Examined(NamedTuple):
+    """How well a film was tracked."""
+
+    rings: Score
+    hough: Score
+    told: int
+    """Verdict about T_sync: 0 if it is right, 1 if the tracker says that it cannot tell, 2 if it is wrong."""
+    error_periods: float
+    """Error of T_sync, in periods; NaN if there is none."""
+    alone: int
+
+
+def verdict(film: Path, options: TrackOptions, rings: Path | None) -> tuple[int, float]:
+    """Return the verdict about T_sync, and its error in periods."""
+    try:
+        track = track_film(str(film), options, rings, passed)
+    except FilmError:
+        return 1, np.nan
+    if track.t_sync_s is None:
+        return 1 if track.confidence == "none" else 2, np.nan
+    error_periods = track.t_sync_s / PERIOD_S - TRUE_PERIODS
+    return 0 if abs(error_periods) <= WITHIN_PERIODS else 2, error_periods
+
+
+def examine(kind: str, seed: int, folder: Path) -> Examined:
+    """Return how well the rings of a film are found, and the verdicts about its T_sync."""
+    camera = KINDS[kind].scaled(SCALE)
+    px_per_cm = camera.focal_px / (camera.above_cm - LED_HEIGHT_CM)
+    robots = swarm(10, CYCLES, TOGETHER_FROM, seed, period_s=PERIOD_S)
+    film, table = folder / "film.mp4", folder / "rings.csv"
+    truth, hough = [], Score()
+    with film_file(film, *camera.size_px, {}) as writer:
+        for frame, lit_cm in shoot(camera, robots, frames_per_s=12.0):
+            writer.write(frame)
+            truth.append((frame.time_s, lit_cm))
+            crests_cm = np.column_stack([lit_cm, np.full(len(lit_cm), LED_HEIGHT_CM)])
+            at_px = camera.project(crests_cm, robots.arena_cm) if len(lit_cm) else NOWHERE
+            circles = hough_rings(frame.picture, LED_CIRCLE_CM * px_per_cm)
+            hough += compare(circles / px_per_cm, at_px / px_per_cm, NOWHERE)
+    alone = TrackOptions(robots.arena_cm, camera.above_cm)
+    corners = tuple((float(x), float(y)) for x, y in camera.floor_px(robots.arena_cm))
+    table.unlink(missing_ok=True)
+    told, error_periods = verdict(film, alone._replace(corners_px=corners, period_s=PERIOD_S, robots=10), table)
+    rows = read_rings(table) if table.exists() else []
+    score = Score()
+    for time_s, lit_cm in truth:
+        reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
+        score += compare(np.array(reported).reshape(-1, 2), lit_cm, NOWHERE)
+    return Examined(score, hough, told, error_periods, verdict(film, alone, None)[0])
+
+
+def row_of(kind: str, films: list[Examined]) -> list:
+    """Return the row of a kind."""
+    total, hough = (reduce(add, scores) for scores in zip(*(film[:2] for film in films), strict=True))
+    errors = np.abs([film.error_periods for film in films])
+    verdicts = [[film[place] for film in films].count(which) for place in (2, 4) for which in range(3)]
+    return [
+        *(kind, len(films), total.found + total.missed, f"{100 * total.recall:.1f}", f"{100 * total.precision:.1f}"),
+        *(f"{10 * total.rms_cm:.2f}", f"{10 * total.worst_cm:.1f}"),
+        "" if np.isnan(errors).all() else f"{np.nanmax(errors):.3f}",
+        *verdicts,
+        *(f"{100 * hough.recall:.1f}", f"{100 * hough.precision:.1f}", f"{10 * hough.rms_cm:.2f}"),
+    ]
+
+
+def main(films: int, kinds: list[str]) -> None:
+    """Write the table, a row as soon as its kind is done."""
+    with Path(__file__).with_name("overhead_kinds.csv").open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(HEADER)
+        for kind in kinds:
+            with tempfile.TemporaryDirectory() as folder:
+                row = row_of(kind, [examine(kind, seed, Path(folder)) for seed in range(films)])
+            writer.writerow(row)
+            file.flush()
+            print(*row, sep=", ", flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else FILMS, sys.argv[2:] or list(KINDS))

@@ -1,0 +1,113 @@
+"""Links the rings of consecutive frames to flashes: where, from when and until when a ring was lit."""
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.overhead.track.ring_detection import Ring
+
+REACH_CM = 2.5
+"""Largest distance of a ring from its place in the frame before; less than the radius of a robot."""
+
+MAX_MISSED = 2
+"""Number of frames in a row in which a lit ring may be missed."""
+
+
+class Flash(NamedTuple):
+    """A ring that was lit, from the first frame that shows it until the first that does not."""
+
+    onset_s: float
+    end_s: float
+    x_cm: float
+    """Mean place in the arena's frame."""
+    y_cm: float
+    light: float
+    """Largest levels by which the ring was brighter than its inside."""
+
+
+class _Lit:
+    """A ring that is lit."""
+
+    def __init__(self, time_s: float, ring: Ring) -> None:
+        self.onset_s, self.end_s = time_s, math.nan
+        self.ring = ring
+        self.light = ring.light
+        self.sum_x, self.sum_y, self.frames, self.missed = ring.x_cm, ring.y_cm, 1, 0
+
+    def see(self, ring: Ring) -> None:
+        self.ring = ring
+        self.light = max(self.light, ring.light)
+        self.sum_x, self.sum_y, self.frames, self.missed = (
+            self.sum_x + ring.x_cm,
+            self.sum_y + ring.y_cm,
+            self.frames + 1,
+            0,
+        )
+        self.end_s = math.nan
+
+    def miss(self, time_s: float) -> None:
+        self.end_s = time_s if math.isnan(self.end_s) else self.end_s
+        self.missed += 1
+
+    def flash(self, now_s: float) -> Flash:
+        end_s = now_s if math.isnan(self.end_s) else self.end_s
+        return Flash(self.onset_s, end_s, self.sum_x / self.frames, self.sum_y / self.frames, self.light)
+
+
+class FlashLinker:
+    """Links rings frame by frame."""
+
+    def __init__(self) -> None:
+        self._ended: list[Flash] = []
+        self._lit: list[_Lit] = []
+        self._now_s = 0.0
+
+    def add(self, time_s: float, rings: Sequence[Ring]) -> None:
+        """Add the rings of the next frame: each continues the nearest flash, or begins one."""
+        self._now_s = time_s
+        pairs = sorted(
+            (math.dist(ring[:2], lit.ring[:2]), place, index)
+            for place, lit in enumerate(self._lit)
+            for index, ring in enumerate(rings)
+        )
+        seen: dict[int, int] = {}
+        for distance, place, index in pairs:
+            if distance <= REACH_CM and place not in seen and index not in seen.values():
+                seen[place] = index
+        for place, lit in enumerate(self._lit):
+            if place in seen:
+                lit.see(rings[seen[place]])
+            else:
+                lit.miss(time_s)
+        self._ended += [lit.flash(time_s) for lit in self._lit if lit.missed > MAX_MISSED]
+        new = set(range(len(rings))) - set(seen.values())
+        self._lit = [lit for lit in self._lit if lit.missed <= MAX_MISSED]
+        self._lit += [_Lit(time_s, rings[index]) for index in sorted(new)]
+
+    @property
+    def flashes(self) -> tuple[Flash, ...]:
+        """Flashes so far, in order of their onsets; those that go on end with the last frame."""
+        return tuple(sorted(self._ended + [lit.flash(self._now_s) for lit in self._lit]))
+
+
+def count_lit(flashes: Iterable[Flash], times_s: FloatArray) -> IntArray:
+    """Return (n,) how many of some flashes are lit at (n,) times, ascending."""
+    change = np.zeros(len(times_s) + 1, np.int64)
+    for flash in flashes:
+        first, end = np.searchsorted(times_s, (flash.onset_s, flash.end_s))
+        is_last = end == len(times_s) - 1 and flash.end_s == times_s[-1]
+        change[first] += 1
+        change[end + is_last] -= 1
+    return np.cumsum(change)[:-1]
+
+
+def count_places(places_cm: Iterable[tuple[float, float]]) -> int:
+    """Return the number of places that are farther apart than a ring moves between frames."""
+    apart: list[tuple[float, float]] = []
+    for place in places_cm:
+        if all(math.dist(place, other) > REACH_CM for other in apart):
+            apart.append(place)
+    return len(apart)

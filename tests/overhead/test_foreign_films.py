@@ -1,0 +1,85 @@
+"""The tracker on films by another renderer: what it finds, where, and when it says that it cannot tell."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.track.film_calibration import TrackOptions
+from epuck_sim.overhead.track.result import Track
+from epuck_sim.overhead.track.track_film import track_film
+from tests.overhead.score import Score, compare
+from tests.overhead.track.films import passed, read_rings
+from tests.overhead.webcam import GOOD, KINDS, Extra, Swarm, Webcam, shoot, swarm
+
+NOWHERE = np.empty((0, 2))
+
+
+class Tracked:
+    """A film that was tracked, and what is true of it."""
+
+    def __init__(self, folder: Path, camera: Webcam, filmed: Swarm, *, corners: bool = True, **more) -> None:
+        known = {name: more.pop(name) for name in list(more) if name in TrackOptions._fields}
+        camera = camera.scaled(0.6)
+        film, table = folder / "film.mp4", folder / "rings.csv"
+        truth = []
+        with film_file(film, *camera.size_px, {}) as writer:
+            for frame, lit_cm in shoot(camera, filmed, **more):
+                writer.write(frame)
+                truth.append((frame.time_s, lit_cm))
+        floor = tuple((float(x), float(y)) for x, y in camera.floor_px(filmed.arena_cm)) if corners else None
+        options = TrackOptions(filmed.arena_cm, camera.above_cm, floor)._replace(**known)
+        self.track: Track = track_film(str(film), options, table, passed)
+        rows = read_rings(table)
+        self.score = Score()
+        for time_s, lit_cm in truth:
+            reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
+            self.score += compare(np.array(reported).reshape(-1, 2), lit_cm, NOWHERE)
+
+
+@pytest.mark.parametrize(
+    "kind", ["points", "burnt out, white", "orange", "fisheye", "flickering room", "typical webcam"]
+)
+def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
+    robots = swarm(6, 4, 2, seed=1, period_s=2.0)
+    tracked = Tracked(tmp_path, KINDS[kind], robots, period_s=2.0, robots=6, frames_per_s=12.0)
+    assert tracked.score.found + tracked.score.missed > 20
+    assert tracked.score.recall >= 0.95
+    assert tracked.score.precision >= 0.99
+    assert tracked.score.rms_cm <= 0.4
+    assert tracked.track.reasons == ()
+    assert tracked.track.t_sync_periods == pytest.approx(2.55, abs=0.25)
+
+
+def test_what_is_outside_of_the_floor_and_what_never_goes_off_are_left_out(tmp_path: Path) -> None:
+    camera = GOOD._replace(focal_px=640.0, size_px=(640, 480))
+    robots = swarm(5, 5, 2, seed=2, period_s=2.0)
+    neighbour = Extra((68.0, 30.0), tuple(0.3 + 2.3 * np.arange(5)), 0.3)
+    free = max(
+        ((x, y) for x in (10.0, 30.0, 50.0) for y in (10.0, 30.0, 50.0)),
+        key=lambda place: np.hypot(*(robots.homes_cm - place).T).min(),
+    )
+    extras = (neighbour, Extra(free))
+    tracked = Tracked(tmp_path, camera, robots, period_s=2.0, robots=5, frames_per_s=12.0, extras=extras).track
+    assert tracked.rings_outside > 10
+    assert tracked.always_lit == 1
+    assert tracked.t_sync_periods == pytest.approx(2.55, abs=0.25)
+    assert tracked.confidence == "low"
+    assert any("outside of the floor" in warning for warning in tracked.warnings)
+    assert any("stayed lit" in warning for warning in tracked.warnings)
+
+
+def test_groups_that_flash_in_turn_are_not_taken_for_one(tmp_path: Path) -> None:
+    robots = swarm(6, 7, 0, seed=3, period_s=2.0, groups=2, swing_cm=0.3)
+    tracked = Tracked(tmp_path, GOOD, robots, frames_per_s=12.0).track
+    assert tracked.t_sync_s is None
+    if tracked.period_s < 1.5:
+        assert any("half of the period fits as well" in reason for reason in tracked.reasons)
+
+
+def test_a_wrong_number_of_robots_gives_no_answer(tmp_path: Path) -> None:
+    robots = swarm(4, 4, 1, seed=4, period_s=2.0)
+    tracked = Tracked(tmp_path, GOOD, robots, period_s=2.0, robots=9, frames_per_s=12.0).track
+    assert (tracked.t_sync_s, tracked.confidence) == (None, "none")
+    assert any("9 robots" in reason for reason in tracked.reasons)

@@ -1,0 +1,251 @@
+"""Films of swarms by another renderer than the package's, which the tracker was not tuned on.
+
+A ring is eight points of light and a faint band, splatted at the pixels where OpenCV's camera shows them, spread by the
+lens as narrow, wide and very wide blurs, multiplied by an exposure and clipped by the sensor. It shares no code with
+`epuck_sim.overhead.render`: no pixel-wise geometry, no model of a ring's cross-section.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from epuck_sim.overhead.film.frame import Frame
+
+LEDS = 8
+LED_CIRCLE_CM = 3.5
+LED_HEIGHT_CM = 4.0
+ROBOT_CM = 3.7
+RED = (1.0, 0.13, 0.08)
+
+
+class Webcam(NamedTuple):
+    """A webcam, the room and the walls; the defaults are a good film of a dark room."""
+
+    size_px: tuple[int, int] = (480, 480)
+    above_cm: float = 110.0
+    focal_px: float = 800.0
+    tilt_deg: float = 0.0
+    turn_deg: float = 0.0
+    k1: float = 0.0
+    is_fisheye: bool = False  # equidistant
+    exposure: float = 1.0  # 1: red is just saturated on the LEDs
+    colour: tuple[float, float, float] = RED
+    band: float = 0.45  # light between the LEDs
+    glare: float = 0.05
+    gloss: float = 0.0  # of the walls
+    room: float = 0.0  # level of the floor
+    flicker: float = 0.0
+    noise: float = 2.0
+    quality: int = 80  # of the JPEG pictures that a webcam sends
+
+    def scaled(self, factor):
+        """Return the same camera with fewer or more pixels."""
+        width, height = (round(side * factor / 2) * 2 for side in self.size_px)
+        return self._replace(size_px=(width, height), focal_px=self.focal_px * width / self.size_px[0])
+
+    @property
+    def matrix(self):
+        width, height = self.size_px
+        return np.array([[self.focal_px, 0, (width - 1) / 2], [0, self.focal_px, (height - 1) / 2], [0, 0, 1]])
+
+    def pose(self, arena_cm):
+        """Return OpenCV's rotation and shift of a camera aimed at the arena's middle; y is up in the picture."""
+        tilt, turn = math.radians(self.tilt_deg), math.radians(self.turn_deg)
+        down = np.diag([1.0, -1.0, -1.0])
+        lean = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
+        spin = np.array([[math.cos(turn), -math.sin(turn), 0], [math.sin(turn), math.cos(turn), 0], [0, 0, 1]])
+        rotation = lean @ down @ spin
+        eye = np.array([arena_cm[0] / 2, arena_cm[1] / 2, 0.0]) + rotation[2] * self.above_cm / rotation[2, 2]
+        return cv2.Rodrigues(rotation)[0], -rotation @ eye
+
+    def project(self, points_cm, arena_cm):
+        """Return (n, 2) px: where (n, 3) points are seen."""
+        points = np.ascontiguousarray(points_cm, float).reshape(-1, 1, 3)
+        turn, shift = self.pose(arena_cm)
+        if self.is_fisheye:
+            seen, _ = cv2.fisheye.projectPoints(points, turn, shift, self.matrix, np.zeros(4))
+        else:
+            seen, _ = cv2.projectPoints(points, turn, shift, self.matrix, np.array([self.k1, 0.0, 0.0, 0.0]))
+        return seen.reshape(-1, 2)
+
+    def floor_px(self, arena_cm):
+        """Return (4, 2) px: the floor's corners."""
+        (width, height) = arena_cm
+        return self.project([(0, 0, 0), (width, 0, 0), (width, height, 0), (0, height, 0)], arena_cm)
+
+
+class Swarm(NamedTuple):
+    """Robots that wiggle about their places and flash on schedule."""
+
+    arena_cm: tuple[float, float]
+    homes_cm: np.ndarray  # (n, 2)
+    swing_cm: float
+    onsets_s: np.ndarray  # (cycles, n)
+    flash_s: float
+    period_s: float
+    seed: int = 0
+
+    def places_cm(self, time_s):
+        """Return (n, 2) cm and (n,) headings at a time."""
+        generator = np.random.default_rng(self.seed)
+        phase, rate = generator.uniform(0, math.tau, (2, len(self.homes_cm))), generator.uniform(0.3, 1.0, (2, 1))
+        swing = self.swing_cm * np.sin(phase + rate * time_s)
+        return self.homes_cm + swing.T, phase[0] + 0.4 * time_s
+
+    def is_lit(self, time_s):
+        """Return (n,) whether each ring is on."""
+        since = time_s - self.onsets_s
+        return ((since >= 0) & (since < self.flash_s)).any(axis=0)
+
+
+def swarm(robots, cycles, together_from, seed, *, period_s=2.5, arena_cm=(60.0, 60.0), swing_cm=1.0, groups=1):
+    """Return robots that flash at random phases and, from cycle `together_from` on, together: in one group or more."""
+    generator = np.random.default_rng(seed)
+    homes = scattered(robots, 2 * ROBOT_CM + 2.9 * swing_cm, arena_cm, ROBOT_CM + swing_cm, generator)
+    random = generator.uniform(-0.3, 0.3, robots)  # no robot alone in a period where phases jump
+    random[:2] = -0.3, 0.3  # never in step by chance
+    spread = np.where(np.arange(cycles)[:, None] < together_from, random, 0.01 * random)
+    group = (np.arange(robots) % groups) / groups
+    onsets = period_s * (np.arange(cycles)[:, None] + 0.5 + spread + group)
+    return Swarm(arena_cm, homes, swing_cm, onsets, 0.075 * period_s, period_s, seed)
+
+
+def scattered(robots, apart_cm, arena_cm, from_wall_cm, generator):
+    """Return (robots, 2) cm at random, at least `apart_cm` from each other."""
+    while True:
+        placed = []
+        for _ in range(4000):
+            place = generator.uniform(from_wall_cm, np.array(arena_cm) - from_wall_cm)
+            if all(np.hypot(*(place - other)) >= apart_cm for other in placed):
+                placed.append(place)
+            if len(placed) == robots:
+                return np.array(placed)
+
+
+class Extra(NamedTuple):
+    """Light that is no robot's of the arena: a ring at a place, on at given times or always."""
+
+    place_cm: tuple[float, float]
+    onsets_s: tuple[float, ...] = ()
+    flash_s: float = math.inf
+
+
+def picture(camera, lit_cm, headings, arena_cm, generator, dark_cm=()):
+    """Return (rows, columns, 3) levels: rings lit at (n, 2) cm, and robots that are seen in the light of the room."""
+    width, height = camera.size_px
+    lit_cm = np.reshape(lit_cm, (-1, 2))
+    levels = np.zeros((height, width, 3), np.float32)
+    if camera.room:
+        brightness = camera.room * (1 + camera.flicker * math.sin(generator.uniform(0, math.tau)))
+        levels += 0.3 * brightness
+        cv2.fillPoly(levels, [np.round(camera.floor_px(arena_cm)).astype(np.int32)], (brightness,) * 3)
+        for place in np.reshape(dark_cm, (-1, 2)):
+            circle = np.arange(24) * math.tau / 24
+            rim = np.column_stack([np.cos(circle), np.sin(circle)]) * ROBOT_CM + place
+            body = np.column_stack([rim, np.full(24, LED_HEIGHT_CM)])
+            cv2.fillPoly(levels, [np.round(camera.project(body, arena_cm)).astype(np.int32)], (0.45 * brightness,) * 3)
+    if len(lit_cm):
+        levels += _light(camera, lit_cm, headings, arena_cm)[..., None] * np.array(camera.colour, np.float32)
+    levels += camera.noise * generator.standard_normal(levels.shape, np.float32)
+    shot = np.clip(np.round(levels), 0, 255).astype(np.uint8)
+    sent = cv2.imencode(".jpg", shot[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, camera.quality])[1]
+    return np.ascontiguousarray(cv2.imdecode(sent, cv2.IMREAD_COLOR)[..., ::-1])
+
+
+def _light(camera, lit_cm, headings, arena_cm):
+    """Return (rows, columns) light of rings and of their images in the walls, as levels of red."""
+    sources = [(place, heading, 1.0) for place, heading in zip(lit_cm, headings, strict=True)]
+    if camera.gloss:
+        for axis in (0, 1):
+            for wall in (0.0, arena_cm[axis]):
+                for place, heading in zip(lit_cm, headings, strict=True):
+                    image = np.array(place)
+                    image[axis] = 2 * wall - place[axis]
+                    if abs(image[axis] - wall) < 12.0:
+                        sources.append((image, -heading, camera.gloss))
+    width, height = camera.size_px
+    points, band = (np.zeros((height, width), np.float32) for _ in range(2))
+    for place, heading, strength in sources:
+        for target, many, share in ((points, LEDS, 1.0), (band, 72, camera.band)):
+            angle = heading + np.arange(many) * math.tau / many
+            rim = np.column_stack([place[0] + LED_CIRCLE_CM * np.cos(angle), place[1] + LED_CIRCLE_CM * np.sin(angle)])
+            seen = camera.project(np.column_stack([rim, np.full(many, LED_HEIGHT_CM)]), arena_cm)
+            _splat(target, seen, strength * share / many)
+    px_per_cm = camera.focal_px / (camera.above_cm - LED_HEIGHT_CM)
+    narrow, wide = 0.26 * px_per_cm, 0.55 * px_per_cm
+    circle_px = math.tau * LED_CIRCLE_CM * px_per_cm
+    light = 2.1 * math.tau * narrow**2 * LEDS / 2 * cv2.GaussianBlur(points, (0, 0), narrow)
+    light += circle_px * math.sqrt(math.tau) * narrow * cv2.GaussianBlur(band, (0, 0), narrow)
+    both = points + band
+    light += camera.glare * circle_px * math.sqrt(math.tau) * wide * cv2.GaussianBlur(both, (0, 0), 2 * wide)
+    small = cv2.resize(both, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
+    far = cv2.resize(cv2.GaussianBlur(small, (0, 0), wide), (width, height))
+    light += camera.glare * circle_px * wide * far
+    return 260.0 * camera.exposure * light
+
+
+def _splat(target, seen, amount):
+    """Add light at (n, 2) px, shared among the four pixels around each point."""
+    rows, columns = target.shape
+    whole = np.floor(seen).astype(int)
+    part = seen - whole
+    for right in (0, 1):
+        for below in (0, 1):
+            column, row = whole[:, 0] + right, whole[:, 1] + below
+            share = np.abs(1 - right - part[:, 0]) * np.abs(1 - below - part[:, 1])
+            is_in = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+            np.add.at(target, (row[is_in], column[is_in]), amount * share[is_in])
+
+
+def shoot(camera, robots, frames_per_s=15.0, extras=(), dropped=0.0):
+    """Yield each frame with what is true of it: (n, 2) cm lit inside the arena."""
+    generator = np.random.default_rng(robots.seed)
+    end_s = float(robots.onsets_s.max()) + 2 * robots.flash_s
+    for number in range(round(end_s * frames_per_s)):
+        time_s = number / frames_per_s
+        places, headings = robots.places_cm(time_s)
+        lit = robots.is_lit(time_s)
+        others = [extra.place_cm for extra in extras if _is_on(extra, time_s)]
+        shown = np.vstack([places[lit], np.reshape(others, (-1, 2))])
+        turned = np.append(headings[lit], np.zeros(len(others)))
+        shot = picture(camera, shown, turned, robots.arena_cm, generator, places)
+        if generator.random() >= dropped:
+            yield Frame(time_s, shot), places[lit]
+
+
+def _is_on(extra, time_s):
+    return not extra.onsets_s or any(0 <= time_s - onset < extra.flash_s for onset in extra.onsets_s)
+
+
+def frames_of(shots) -> Iterator[Frame]:
+    """Yield the frames without their truth."""
+    for frame, _ in shots:
+        yield frame
+
+
+GOOD = Webcam()
+POINTS = Webcam(exposure=0.45, band=0.0, glare=0.01, noise=3.0)
+PINK = Webcam(exposure=4.0, glare=0.25)
+WHITE = Webcam(exposure=9.0, glare=0.25, noise=4.0)
+KINDS = {
+    "good": GOOD,
+    "points": POINTS,
+    "burnt out, pink": PINK,
+    "burnt out, white": WHITE,
+    "orange": Webcam(colour=(1.0, 0.5, 0.06), exposure=1.6),
+    "glossy walls": Webcam(focal_px=680.0, gloss=0.5, exposure=1.5),
+    "fisheye": Webcam(above_cm=38.0, focal_px=320.0, is_fisheye=True),
+    "barrel": Webcam(focal_px=820.0, k1=-0.3),
+    "tilted": Webcam(size_px=(640, 480), focal_px=660.0, tilt_deg=25.0, turn_deg=15.0),
+    "dim room": Webcam(room=25.0, noise=4.0),
+    "bright room": Webcam(room=140.0, noise=3.0, exposure=2.5),
+    "flickering room": Webcam(room=25.0, flicker=0.3),
+    "grey film": Webcam(colour=(0.5, 0.5, 0.5)),
+    "harsh": Webcam(noise=8.0, quality=25),
+    "typical webcam": Webcam(
+        (640, 480), 110.0, 640.0, 8.0, 6.0, -0.12, exposure=4.0, glare=0.2, gloss=0.3, noise=4.0, quality=50
+    ),
+}
