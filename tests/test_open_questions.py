@@ -58,3 +58,17 @@ def test_kilobots_whose_messages_reach_7_cm_are_sooner_in_step_if_they_are_fast(
 
     assert None not in cycles(1.0)
     assert cycles(0.1) == [None] * 3
+
+
+def test_robots_that_turn_every_second_are_sooner_in_step_than_those_that_go_straight():
+    def cycles(persistence: float) -> float:
+        walk = {"run_s": 1.0, "persistence": persistence, "speed_cm_s": 0.4}
+        robots = [{"count": 10, "controller": "walking_firefly", "parameters": walk}]
+        simulation = Simulation(load_scenario({"robots": robots}), seed=0)
+        found = []
+        for seed in range(20):
+            simulation.reset(seed)
+            found.append(run_trial(simulation).t_sync_cycles)
+        return float(np.mean(found))
+
+    assert cycles(0.0) < 0.75 * cycles(1.0)

@@ -46,7 +46,7 @@ def test_sweeps_and_statistics_need_none_of_them(folder: Path, command: str) -> 
         (("export", "runs", "--to", "trials.csv"), "pyarrow", "table"),
         (("run", "pair", "--trace", "trace.parquet"), "pyarrow", "table"),
         (("run", "pair", "--record", "pair.rrd"), "rerun-sdk", "view"),
-        (("run", "pair", "--film", "pair.mp4"), "av", "film"),
+        (("run", "pair", "--film", "pair.mp4"), "opencv-python-headless", "film"),
         (("run", "pair", "--live"), "rerun-sdk", "view"),
         (("track", "film.mp4"), "opencv-python-headless", "film"),
     ],
