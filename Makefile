@@ -62,6 +62,12 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/epuck-sim run switching --quick --out runs/switching
 	$(BIN)/epuck-sim plot runs/switching --of order_parameter --to runs/switching.png
 	cp runs/switching.png docs/figures/
+	set -e; for sweep in consensus consensus-robots fault-detection; do \
+	    $(BIN)/epuck-sim run $$sweep --quick --out runs/$$sweep-quick; \
+	done
+	$(BIN)/epuck-sim plot runs/consensus-quick --of consensus --to docs/figures/consensus.png
+	$(BIN)/epuck-sim plot runs/consensus-robots-quick --of consensus --to docs/figures/consensus-robots.png
+	$(BIN)/epuck-sim plot runs/fault-detection-quick --of false_alarms --to docs/figures/fault-detection.png
 	$(BIN)/epuck-sim run fig-4-7 --out runs/fig-4-7
 	$(BIN)/python docs/figures/fig_4_7.py runs/fig-4-7
 	$(BIN)/epuck-sim run pushing-synchrony --quick --out runs/pushing-synchrony-quick
