@@ -9,7 +9,7 @@ from epuck_sim.scenario.scenario import Scenario
 
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
-    "width_cm": ("L", "cm"),
+    "arena.width_cm": ("L", "cm"),
     "side_cm": ("L", "cm"),
     "dimensions": ("dimensions", ""),
     "count": ("N", ""),
@@ -18,7 +18,7 @@ SYMBOLS = {
     "curve": ("Ψ", ""),
     "early_slope": ("early slope", ""),
     "reorient_on": ("reorienting on", ""),
-    "kind": ("neighbourhood", ""),
+    "neighbourhood.kind": ("neighbourhood", ""),
     "walk.kind": ("walk", ""),
     "run_s": ("run", "s"),
     "persistence": ("g", ""),
@@ -30,9 +30,9 @@ SYMBOLS = {
     "speed_per_run": ("speed per run", ""),
     "coupling": ("ε", ""),
     "refractory": ("D", ""),
-    "radius_cm": ("R", "cm"),
+    "neighbourhood.radius_cm": ("R", "cm"),
     "angle_deg": ("θ", "°"),
-    "k": ("K", ""),
+    "neighbourhood.k": ("K", ""),
     "central_pixels": ("pixels", ""),
 }
 """Symbol in the thesis or the field, and unit, by the last two parts of a key, or by the last one."""
@@ -106,11 +106,13 @@ def format_axis_values(values: Mapping[str, Any], among: Collection[str] = ()) -
     'reorienting on = emitting and receiving, R = none'
     >>> format_axis_values({"neighbourhood": {"kind": "range", "radius_cm": 25}})
     'neighbourhood = range, R = 25 cm'
+    >>> format_axis_values({"arena.obstacles.0.width_cm": 2, "robots.0.signal": {"kind": "cone", "range_cm": 85}})
+    'arena.obstacles.0.width_cm = 2, robots.0.signal = cone, range_cm = 85'
     """
     units = {key: unit_of(key) for key in values}
     spaced = {key: unit if unit == "°" else f" {unit}" for key, unit in units.items()}
     names = {key: key_name(key, (*values, *among)) for key in values}
-    return ", ".join(f"{names[key]} = {_format_value(value, spaced[key])}" for key, value in values.items())
+    return ", ".join(f"{names[key]} = {_format_value(key, value, spaced[key])}" for key, value in values.items())
 
 
 def distinguishing_labels(rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
@@ -122,10 +124,10 @@ def distinguishing_labels(rows: Sequence[Mapping[str, Any]], among: Collection[s
     return [format_axis_values(row, among) for row in distinguishing_axes(rows)]
 
 
-def _format_value(value: Any, unit: str) -> str:
+def _format_value(key: str, value: Any, unit: str) -> str:
     if isinstance(value, Mapping):  # a whole section: its kind, and what goes with it
-        details = {key: detail for key, detail in value.items() if key != "kind"}
-        return ", ".join(filter(None, [str(value.get("kind", "")), format_axis_values(details)]))
+        details = format_axis_values({f"{key}.{name}": detail for name, detail in value.items() if name != "kind"})
+        return ", ".join(filter(None, [str(value.get("kind", "")), details.replace(f"{key}.", "")]))
     if isinstance(value, list | tuple):
         return " and ".join(map(str, value)) or "nothing"
     return "none" if value is None else f"{value}{unit}".rstrip()
