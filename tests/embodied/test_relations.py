@@ -37,7 +37,7 @@ def test_the_sightings_of_a_step_are_the_lit_ones_in_view() -> None:
     for step in islice(Simulation(CROWD, 1), 200):
         expected = []
         for first, group in zip((0, 8), CROWD.robots, strict=True):
-            found = find_sightings(step.poses[None], arena, cells, build_camera(group.camera), first, 8)
+            found = find_sightings(step.poses[None], arena, cells, build_camera(group.camera, CROWD.robot), first, 8)
             expected += [[looks, seen] for _, looks, seen in found.tolist() if lit[seen]]
         assert step.sightings.tolist() == expected
         total += len(expected)
@@ -55,7 +55,7 @@ def test_the_contacts_of_a_step_are_those_of_its_poses() -> None:
     cells = make_cell_list(arena.width_cm, arena.height_cm, 16)
     total = 0
     for step in islice(Simulation(CROWD, 1), 200):
-        found, points = find_contacts(step.poses[None], arena, cells)
+        found, points = find_contacts(step.poses[None], arena, cells, CROWD.robot.radius_cm)
         assert step.contacts.tolist() == found[:, 1:].tolist()
         for (_, robot, other), point in zip(found, points, strict=True):
             if other >= 0:
