@@ -45,7 +45,8 @@ def fingerprint(scenario, seed=7, interpret=False, steps=None):
     simulation = Simulation(scenario, seed, interpret=interpret)
     hashed = hashlib.sha256()
     for step in steps_of(simulation, steps or (300 if scenario in LONG else 60)):
-        for array in (np.array([step.number, step.time_s]), *step[2:-2], *step.memories):
+        arrays = [value for value in step if isinstance(value, np.ndarray)]
+        for array in (np.array([step.number, step.time_s]), *arrays, *step.memories):
             hashed.update(f"{array.shape} {array.dtype.str}".encode() + array.tobytes())
     return hashed.hexdigest()
 
