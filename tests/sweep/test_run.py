@@ -145,7 +145,7 @@ def test_ctrl_c_ends_cleanly_and_says_how_to_go_on(tmp_path, uninterrupted, sign
         os.killpg(run.pid, sign)  # a terminal sends it to all processes
     else:
         run.send_signal(sign)
-    out, err = run.communicate(timeout=20)
+    out, err = run.communicate(timeout=60)
     assert run.returncode == 130
     assert f"go on with: epuck-sim run {folder}/" in err
     assert "Traceback" not in out + err
