@@ -1,5 +1,6 @@
 """How far robots and agents get, how long they keep their way, and how often they are near walls."""
 
+import math
 from collections import deque
 from types import SimpleNamespace
 from typing import Any
@@ -144,8 +145,8 @@ def correlation_time(correlation: FloatArray, interval_s: float) -> float | None
     if not len(correlation) or correlation[0] <= 0:
         return None
     share = correlation / correlation[0]
-    (below,) = np.nonzero(share <= 1 / np.e)
+    (below,) = np.nonzero(share <= 1 / math.e)
     if not len(below):
         return None
     lag = int(below[0])
-    return float(interval_s * (lag - 1 + (share[lag - 1] - 1 / np.e) / (share[lag - 1] - share[lag])))
+    return float(interval_s * (lag - 1 + (share[lag - 1] - 1 / math.e) / (share[lag - 1] - share[lag])))
