@@ -356,7 +356,7 @@ def test_two_groups_of_robots_are_told_apart_on_the_axis_and_in_the_legend() -> 
     assert figure.axes[0].get_xlabel() == "V of robots.0 [cm/s]"
     assert legend_texts(figure)[:2] == ["V of robots.1 = 1 cm/s", "V of robots.1 = 2 cm/s"]
     assert axis_label(other) == "V of robots.1 [cm/s]"
-    assert key_name("arena.width_cm", ["arena.obstacles.0.width_cm"]) == "L of arena"
+    assert key_name("arena.width_cm", ["arena.obstacles.0.width_cm"]) == "L"  # a box has a width, and no L
     assert key_name("a.b.count", ["a.b.parameters.count"]) == "a.b.count"
 
 
