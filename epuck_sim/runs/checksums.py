@@ -3,10 +3,14 @@
 import marshal
 import sqlite3
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 CHECKSUM = "checksum"
 """Column that holds the checksum of a row's other columns, and of their names."""
+
+KEYS = {"points": ("key",), "trials": ("point", "trial")}
+"""Columns that tell the rows of each table apart."""
 
 MARSHAL_VERSION = 2
 """Format in which values are summed: the first with floats in binary, without references, and never changed again."""
@@ -22,15 +26,18 @@ def quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def sign(connection: sqlite3.Connection, table: str) -> None:
-    """Store the checksums of all rows of a table."""
-    connection.execute(signing(connection, table, "true"))
+def sign(connection: sqlite3.Connection, table: str, which: str = "true", values: Sequence[Any] = ()) -> None:
+    """Store the checksums of those rows of a table for which a condition, with its values, holds.
 
-
-def signing(connection: sqlite3.Connection, table: str, which: str) -> str:
-    """Return the statement that stores the checksums of those rows of a table for which a condition holds."""
-    connection.create_function("row_sum", -1, lambda *row: _row_sum(row), deterministic=True)
-    return f"UPDATE {table} SET {CHECKSUM} = row_sum({_terms(connection, table)}) WHERE {which}"
+    SQLite calls no function of ours for it: Ctrl-C in one would be lost.
+    """
+    keys = KEYS[table]
+    found = connection.execute(
+        f"SELECT {', '.join(keys)}, {_terms(connection, table)} FROM {table} WHERE {which}", values
+    )
+    sums = [(_row_sum(row[len(keys) :]), *row[: len(keys)]) for row in found]
+    is_row = " AND ".join(f"{key} = ?" for key in keys)
+    connection.executemany(f"UPDATE {table} SET {CHECKSUM} = ? WHERE {is_row}", sums)
 
 
 def find_damaged_row(connection: sqlite3.Connection, table: str) -> str | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.checksums import CHECKSUM, columns_of, find_damaged_row, quoted, sign, signing
+from epuck_sim.runs.checksums import CHECKSUM, columns_of, find_damaged_row, quoted, sign
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
@@ -101,7 +101,7 @@ def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ..
         sign(connection, "points")
         connection.commit()
         yield connection
-        connection.execute(signing(connection, "trials", f"{CHECKSUM} IS NULL"))
+        sign(connection, "trials", f"{CHECKSUM} IS NULL")
         connection.commit()
 
 

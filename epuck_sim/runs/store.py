@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.checksums import quoted, sign, signing
+from epuck_sim.runs.checksums import quoted, sign
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
     DATABASE,
@@ -86,7 +86,6 @@ class Store:
                 sign(self._connection, "points")
             self._resources = stack.pop_all()
         self.share = share or WHOLE
-        self._signing = signing(self._connection, "trials", "point = ? AND trial = ?")
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
@@ -155,7 +154,8 @@ class Store:
             self._sign(outcome)
 
     def _sign(self, outcome: Outcome) -> None:
-        self._connection.execute(self._signing, (self._points[outcome.point].key, outcome.trial))
+        row = self._points[outcome.point].key, outcome.trial
+        sign(self._connection, "trials", "point = ? AND trial = ?", row)
 
     def __enter__(self) -> Self:
         return self
