@@ -26,18 +26,24 @@ def quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def sign(connection: sqlite3.Connection, table: str, which: str = "true", values: Sequence[Any] = ()) -> None:
-    """Store the checksums of those rows of a table for which a condition, with its values, holds.
+class Signer:
+    """Stores the checksums of rows of a table, of the columns that it has when this is made.
 
     SQLite calls no function of ours for it: Ctrl-C in one would be lost.
     """
-    keys = KEYS[table]
-    found = connection.execute(
-        f"SELECT {', '.join(keys)}, {_terms(connection, table)} FROM {table} WHERE {which}", values
-    )
-    sums = [(_row_sum(row[len(keys) :]), *row[: len(keys)]) for row in found]
-    is_row = " AND ".join(f"{key} = ?" for key in keys)
-    connection.executemany(f"UPDATE {table} SET {CHECKSUM} = ? WHERE {is_row}", sums)
+
+    def __init__(self, connection: sqlite3.Connection, table: str) -> None:
+        keys = KEYS[table]
+        self._connection, self._keys = connection, len(keys)
+        self._select = f"SELECT {', '.join(keys)}, {_terms(connection, table)} FROM {table} WHERE "
+        self._update = f"UPDATE {table} SET {CHECKSUM} = ? WHERE {' AND '.join(f'{key} = ?' for key in keys)}"
+
+    def sign(self, which: str = "true", values: Sequence[Any] = ()) -> None:
+        """Store the checksums of those rows for which a condition, with its values, holds."""
+        found = self._connection.execute(self._select + which, values)
+        # one row after the other: a folder may have millions, and the keys by which they are found stay as they are
+        sums = ((_row_sum(row[self._keys :]), *row[: self._keys]) for row in found)
+        self._connection.executemany(self._update, sums)
 
 
 def find_damaged_row(connection: sqlite3.Connection, table: str) -> str | None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.checksums import CHECKSUM, columns_of, find_damaged_row, quoted, sign
+from epuck_sim.runs.checksums import CHECKSUM, Signer, columns_of, find_damaged_row, quoted
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
@@ -98,10 +98,10 @@ def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ..
         connection.execute(TRIALS.format(axes=columns, provenance=provenance))
         add_later_columns(connection)
         connection.executemany(ENTER_POINT, points)
-        sign(connection, "points")
+        Signer(connection, "points").sign()
         connection.commit()
         yield connection
-        sign(connection, "trials", f"{CHECKSUM} IS NULL")
+        Signer(connection, "trials").sign(f"{CHECKSUM} IS NULL")
         connection.commit()
 
 
@@ -112,7 +112,7 @@ def add_later_columns(connection: sqlite3.Connection) -> None:
         for name in missing:
             connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
         if missing:
-            sign(connection, table)
+            Signer(connection, table).sign()
     connection.execute(f"PRAGMA user_version = {FORMAT}")
 
 

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.checksums import quoted, sign
+from epuck_sim.runs.checksums import Signer, quoted
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
     DATABASE,
@@ -83,9 +83,10 @@ class Store:
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
                 self._connection.execute("UPDATE points SET share = ?", (str(share) if share else None,))
-                sign(self._connection, "points")
+                Signer(self._connection, "points").sign()
             self._resources = stack.pop_all()
         self.share = share or WHOLE
+        self._signer = Signer(self._connection, "trials")
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
         self._insert = (
@@ -155,7 +156,7 @@ class Store:
 
     def _sign(self, outcome: Outcome) -> None:
         row = self._points[outcome.point].key, outcome.trial
-        sign(self._connection, "trials", "point = ? AND trial = ?", row)
+        self._signer.sign("point = ? AND trial = ?", row)
 
     def __enter__(self) -> Self:
         return self

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.runs.checksums import sign
+from epuck_sim.runs.checksums import Signer
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.runs.records import Outcome
@@ -169,7 +169,7 @@ def edit(folder: Path, statement: str, *values: Any) -> None:
     with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
         connection.execute(statement, values)
         for table in ("points", "trials"):
-            sign(connection, table)
+            Signer(connection, table).sign()
 
 
 def make_older(folder: Path, **dropped: Sequence[str]) -> None:
