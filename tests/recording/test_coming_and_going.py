@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from epuck_sim import Simulation, Trace, film_trial, load_scenario, read_recording, record, run_trial
+from epuck_sim import Simulation, Trace, load_scenario, read_recording, run_trial
 from epuck_sim.figures.trial_page import draw_page
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.render.film_trial import film_recording
+from tests.recording.filmed import films_of, record_and_film
 
 SCENARIO = {
     "robots": [
@@ -28,8 +27,7 @@ def trial(tmp_path_factory):
     def look(step, _):
         seen.append((step.present.copy(), step.phase_ms, step.contacts.tolist(), step.sightings.tolist()))
 
-    with record(folder / "t.rrd", scenario, 1) as recorder, film_trial(folder / "t.mp4", scenario, 1) as camera:
-        run_trial(Simulation(scenario, 1), [recorder, camera, look])
+    record_and_film(folder, scenario, look)
     return folder, seen
 
 
@@ -56,11 +54,7 @@ def test_a_recording_holds_who_was_there(trial):
 
 def test_films_of_a_trial_and_of_its_recording_show_who_is_there(trial):
     folder, _ = trial
-    film_recording(folder / "t.rrd", [], folder / "again.mp4", lambda rows, _: rows)
-    films = []
-    for name in ("t.mp4", "again.mp4"):
-        with open_film(str(folder / name)) as film:
-            films.append([frame.picture.copy() for frame in film.frames()])
+    films = films_of(folder)
     assert len(films[0]) == len(films[1]) > 10
     differences = [np.abs(one.astype(int) - other).max() for one, other in zip(*films, strict=True)]
     assert max(differences) < 60  # poses are in single precision, and films are compressed
