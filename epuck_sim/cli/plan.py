@@ -1,5 +1,6 @@
 """The command `plan`: how long a sweep will take, and how many trials show a difference."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ from epuck_sim.cli.scenarios import AxesOption, QuickOption, SetOption, TrialsOp
 
 if TYPE_CHECKING:  # or --help would wait for numpy
     from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.scenario.points import Point
 
 plans = typer.Typer()
 
@@ -107,24 +109,39 @@ def _duration_of_scenario(
     budget_s: float,
     workers: int,
 ) -> "Duration":
-    import numpy as np
-
-    from epuck_sim.cli.plan_tables import Duration
     from epuck_sim.scenario.loader import load_scenario
     from epuck_sim.scenario.points import points
-    from epuck_sim.statistics.estimate import Estimate
-    from epuck_sim.statistics.mean import estimate_mean
-    from epuck_sim.statistics.measured import Measured
     from epuck_sim.sweep.checks import check_sweep
-    from epuck_sim.sweep.pilot import time_trials
 
     loaded = load_scenario(sweep, settings or (), axes or (), quick=quick)
     with prefix_scenario(sweep):
         found = points(loaded)
         check_sweep(found)
-        timed = time_trials(found, budget_s)
+        return estimate_duration(found, trials or loaded.trials, budget_s, workers)
+
+
+def estimate_duration(found: "Sequence[Point]", wanted: int, budget_s: float, workers: int) -> "Duration":
+    """Return how long a sweep will take, from some trials that are run now.
+
+    Args:
+        found: The points of the sweep.
+        wanted: Number of trials at each.
+        budget_s: Wall time to time trials for.
+        workers: Number of worker processes.
+
+    Raises:
+        ScenarioError: A trial fails.
+    """
+    import numpy as np
+
+    from epuck_sim.cli.plan_tables import Duration
+    from epuck_sim.statistics.estimate import Estimate
+    from epuck_sim.statistics.mean import estimate_mean
+    from epuck_sim.statistics.measured import Measured
+    from epuck_sim.sweep.pilot import time_trials
+
+    timed = time_trials(found, budget_s)
     times = np.array([each.wall_s for each in timed])
-    wanted = trials or loaded.trials
     count = wanted * len(found)
     estimate = estimate_mean(Measured(times, np.ones(len(times), bool), float("inf"), 0))
     compute = Estimate(*(count * each for each in estimate))

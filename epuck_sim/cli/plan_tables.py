@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from epuck_sim.cli.sweep_size import counted
 from epuck_sim.cli.tables import WIDE
 from epuck_sim.display.numbers import in_digits, in_words
 from epuck_sim.figures.labels import axis_labels, quantity_label
@@ -92,13 +93,20 @@ def _print_duration(name: str, duration: Duration) -> None:
     if not duration.timed:
         print(f"{total}: {duration.left} are left; none has been timed.")
         return
+    computing, source = describe_computing(duration)
+    print(f"{total}: {duration.left} are left: {computing}.")
+    print(f"{source}.")
+
+
+def describe_computing(duration: Duration) -> tuple[str, str]:
+    """Return how long the trials that are left take, and from how many that follows."""
     compute, wall = (
         _in_words(Estimate(*(each / share for each in duration.compute_s)), duration.is_cut)
         for share in (1, duration.workers)
     )
-    print(f"{total}: {duration.left} are left: {compute} of computing, {wall} with {duration.workers} workers.")
     cut = "; the last was cut, so that it is more" if duration.is_cut else ""
-    print(f"That follows from {duration.timed} trials{cut}.")
+    follows = f"That follows from {counted(duration.timed, 'trial')}{cut}"
+    return f"{compute} of computing, {wall} with {counted(duration.workers, 'worker')}", follows
 
 
 def _in_words(estimate: Estimate, is_cut: bool) -> str:

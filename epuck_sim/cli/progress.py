@@ -1,8 +1,10 @@
 """Progress on stderr while trials, sweeps and films last."""
 
 import sys
+import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from types import TracebackType
 from typing import Self
@@ -20,6 +22,9 @@ REFRESH_S = 0.2
 
 LINE_S = 10.0
 """Seconds between two lines in a log."""
+
+SLOW_S = 10.0
+"""Seconds after which a word is said of what has no progress to show."""
 
 
 class _ProgressLine:
@@ -118,6 +123,18 @@ class SweepProgressBar(_ProgressLine):
 def print_stderr(line: str) -> None:
     """Print a line on stderr, at once."""
     print(line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def word_if_slow(doing: str) -> Iterator[Callable[[], None]]:
+    """Say on stderr what is being done if it takes long; yield what is called when it is over before the block is."""
+    timer = threading.Timer(SLOW_S, print_stderr, (f"{doing} takes a while; Ctrl-C ends it",))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield timer.cancel
+    finally:
+        timer.cancel()
 
 
 def progress_bar(doing: str) -> ProgressWrapper:

@@ -168,6 +168,7 @@ def run(
         )
         from epuck_sim.cli.conflicts import find_conflicts
         from epuck_sim.cli.observers import LiveView, RunOptions
+        from epuck_sim.cli.progress import word_if_slow
         from epuck_sim.cli.trials import run_one, run_some, sweep_into
         from epuck_sim.runs.share import Share
         from epuck_sim.scenario.loader import find_scenario, load_scenario
@@ -187,7 +188,7 @@ def run(
             ),
             *find_conflicts(options, folder),
         )
-        with print_warnings():
+        with word_if_slow(f"reading {scenario}"), print_warnings():
             loaded = load_scenario(
                 scenario, settings or (), axes or (), measures=measures or (), controller=controller, quick=quick
             )

@@ -81,18 +81,44 @@ def check(
     axes: AxesOption = None,
     controller: ControllerOption = None,
     quick: QuickOption = False,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            "--time",
+            metavar="SECONDS",
+            min=0.1,
+            max=3600,
+            help="Run some trials for so long, and say how long all of them will take.",
+        ),
+    ] = None,
 ) -> None:
-    """Validate SCENARIO, with every point of its sweep, and print it with every default written out."""
+    """Validate SCENARIO, with every point of its sweep, and print it with every default written out.
+
+    Comments at its end say how many points and trials it has, and what they take.
+    """
     with exit_on_error():
+        from epuck_sim.cli.progress import word_if_slow
+        from epuck_sim.cli.sweep_size import describe_size
         from epuck_sim.scenario.loader import load_scenario, write_scenario
         from epuck_sim.scenario.points import points
         from epuck_sim.sweep.checks import check_sweep
 
-        with print_warnings():
-            loaded = load_scenario(scenario, settings or (), axes or (), controller=controller, quick=quick)
-        with prefix_scenario(scenario):
-            check_sweep(points(loaded))
-        sys.stdout.write(write_scenario(loaded))
+        with word_if_slow(f"checking {scenario}"):
+            with print_warnings():
+                loaded = load_scenario(scenario, settings or (), axes or (), controller=controller, quick=quick)
+            with prefix_scenario(scenario):
+                found = points(loaded)
+                check_sweep(found)
+            text = write_scenario(loaded)
+        notes = [describe_size(found)]
+        if seconds is not None:
+            from epuck_sim.cli.plan import estimate_duration
+            from epuck_sim.cli.plan_tables import describe_computing
+            from epuck_sim.sweep.executors import available_cores
+
+            with prefix_scenario(scenario):
+                notes.extend(describe_computing(estimate_duration(found, loaded.trials, seconds, available_cores())))
+        sys.stdout.write(text + "".join(f"# {note}\n" for note in notes))
 
 
 @scenarios.command("list")

@@ -1,30 +1,36 @@
 """What `epuck-sim run` does: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
 
 from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import typer
 
 from epuck_sim.cli.errors import prefix_scenario
 from epuck_sim.cli.observers import RunOptions, open_observers
-from epuck_sim.cli.progress import SweepProgressBar, TrialProgress, print_stderr
+from epuck_sim.cli.progress import SweepProgressBar, TrialProgress, print_stderr, word_if_slow
 from epuck_sim.cli.status_tables import print_status
+from epuck_sim.cli.sweep_size import describe_size
 from epuck_sim.cli.tables import print_trial_json, print_trials
 from epuck_sim.errors import ScenarioError
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep.executors import dask_pool, local_pool
+from epuck_sim.sweep.checks import check_memory
+from epuck_sim.sweep.executors import available_cores, dask_pool, local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.observer import Observer
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.provenance import format_versions, versions
 from epuck_sim.util.seeds import trial_seed
+
+LARGE = 1000
+"""Population from which on a trial takes long to set up even if everything is compiled."""
 
 
 def run_some(origin: str, scenario: Scenario, options: RunOptions) -> None:
@@ -88,7 +94,9 @@ def _run_trial(
     progress: TrialProgress,
 ) -> TrialResult:
     """Run one trial; its simulation is gone when this returns, as Ctrl-C may be lost while pymunk frees a space."""
-    simulation = simulate(scenario, seed, interpret=options.interpret)
+    setting_up = f"setting up a trial with a population of {scenario.population:,}"
+    with word_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
+        simulation = simulate(scenario, seed, interpret=options.interpret)
     if options.live is not None:
         from epuck_sim.embodied.controller_files import ControllerFiles  # numba takes a while
         from epuck_sim.embodied.simulation import Simulation
@@ -106,7 +114,14 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
     open_pool = partial(local_pool, options.workers) if options.dask is None else partial(dask_pool, options.dask)
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
-            run_sweep(scenario, folder, open_pool, bar, interpret=options.interpret, share=options.share)
+            with word_if_slow(f"checking every point of {scenario.name}") as over:
+
+                def begin(found: Sequence[Point]) -> None:
+                    over()
+                    _begin_sweep(found, options)
+
+                more: dict[str, Any] = {"interpret": options.interpret, "share": options.share, "begin": begin}
+                run_sweep(scenario, folder, open_pool, bar, **more)
         except KeyboardInterrupt:
             progress = bar.progress
             # the last progress may lack a trial that was just stored
@@ -118,6 +133,13 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
     if status.failed:
         print_stderr(f"{len(status.failed)} trials failed; run again to retry them: {again}")
         raise typer.Exit(1)
+
+
+def _begin_sweep(found: Sequence[Point], options: RunOptions) -> None:
+    """Say how large a sweep is; raise ScenarioError if its trials need more memory than this machine has."""
+    if options.dask is None:
+        check_memory(found, options.workers or available_cores())
+    print_stderr(f"{found[0].scenario.name}: {describe_size(found)}")
 
 
 def _command_to_go_on(folder: Path, options: RunOptions) -> str:

@@ -1,6 +1,7 @@
 """Placement of robots at the start: at given poses, on the grid of the physical experiments, or at random."""
 
 import math
+from collections.abc import Iterable
 from itertools import product
 from typing import NamedTuple
 
@@ -41,16 +42,15 @@ def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -
     """
     floor = Floor(scenario.arena.build(), scenario.robot.radius_cm)
     random = np.random.default_rng(sequence)
-    groups: list[FloatArray] = [np.empty((0, 3)) for _ in scenario.robots]
+    taken = _TakenPlaces(floor.touch_cm)
+    poses = parked_poses(np.arange(scenario.robot_count))
+    firsts = np.cumsum([0, *(group.count for group in scenario.robots)]).tolist()
     for placement, place in (("poses", _at_given_poses), ("grid", _on_grid), ("random", _at_random)):
         for number, group in enumerate(scenario.robots):
             if group.present and group.placement == placement:
-                groups[number] = place(group, f"{scenario.name}: robots.{number}", floor, np.vstack(groups), random)
-    firsts = np.cumsum([0, *(group.count for group in scenario.robots)]).tolist()
-    for number, group in enumerate(scenario.robots):
-        if not group.present:
-            groups[number] = parked_poses(np.arange(firsts[number], firsts[number + 1]))
-    return np.vstack(groups)
+                found = place(group, f"{scenario.name}: robots.{number}", floor, taken, random)
+                poses[firsts[number] : firsts[number + 1]] = found
+    return poses
 
 
 class Floor(NamedTuple):
@@ -87,38 +87,43 @@ class Floor(NamedTuple):
 
     def draw_pose(self, placed: FloatArray, random: np.random.Generator) -> tuple[float, float, float] | None:
         """Return a random pose at which a robot touches nothing, (robots, 3) poses of others; None if none is found."""
-        place = self.draw_place(_TakenPlaces(placed, self.touch_cm), random)
+        taken = _TakenPlaces(self.touch_cm)
+        for x, y, _ in placed.tolist():
+            taken.add(x, y)
+        place = self.draw_place(taken, random)
         return None if place is None else (*place, 2 * math.pi * random.random())
 
 
 def _at_given_poses(
-    group: RobotGroup, key: str, floor: Floor, placed: FloatArray, _: np.random.Generator
+    group: RobotGroup, key: str, floor: Floor, taken: "_TakenPlaces", _: np.random.Generator
 ) -> FloatArray:
     """Return the poses that the scenario gives; raise ScenarioError if one is not free."""
     poses = np.array(group.poses, float)
-    for number, (x, y, _heading) in enumerate(poses):
+    for number, (x, y, _heading) in enumerate(poses.tolist()):
         gap = clearance_cm(floor.arena, x, y) - floor.radius_cm
         if gap < -_TOLERANCE_CM:
             raise ScenarioError(
                 f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
                 f"allowed: at least {floor.radius_cm:g} cm away from them"
             )
-        others = np.vstack([placed, poses[:number]])
-        distances = np.hypot(others[:, 0] - x, others[:, 1] - y)
-        if distances.size and distances.min() < floor.touch_cm - _TOLERANCE_CM:
-            other = others[distances.argmin()]
+        others = taken.around(x, y)
+        other = min(others, key=lambda place: math.dist(place, (x, y)), default=None)
+        if other is not None and math.dist(other, (x, y)) < floor.touch_cm - _TOLERANCE_CM:
             raise ScenarioError(
                 f"{key}.poses.{number}: is [{x:g}, {y:g}] and overlaps the robot at [{other[0]:g}, {other[1]:g}]; "
                 f"allowed: at least {floor.touch_cm:g} cm between centres"
             )
+        taken.add(x, y)
     return poses
 
 
-def _on_grid(group: RobotGroup, key: str, floor: Floor, placed: FloatArray, random: np.random.Generator) -> FloatArray:
+def _on_grid(
+    group: RobotGroup, key: str, floor: Floor, taken: "_TakenPlaces", random: np.random.Generator
+) -> FloatArray:
     """Return free points of a grid of 10 cm, as far from the walls or farther, with headings in steps of 45 degrees."""
     xs, ys = (_grid_line(length) for length in (floor.arena.width_cm, floor.arena.height_cm))
     points = np.array([(x, y) for y in ys for x in xs])
-    free = np.array([floor.is_free(placed, x, y) for x, y in points])
+    free = np.array([taken.is_free(x, y) and floor.is_clear(x, y) for x, y in points.tolist()])
     if free.sum() < group.count:
         raise ScenarioError(
             f"{key}.count: is {group.count}; allowed: up to {free.sum()}, the free points of the grid of "
@@ -126,6 +131,8 @@ def _on_grid(group: RobotGroup, key: str, floor: Floor, placed: FloatArray, rand
         )
     chosen = random.choice(points[free], group.count, replace=False)
     headings = random.integers(GRID_HEADINGS, size=group.count) * (2 * math.pi / GRID_HEADINGS)
+    for x, y in chosen.tolist():
+        taken.add(x, y)
     return np.column_stack([chosen, headings])
 
 
@@ -137,11 +144,10 @@ def _grid_line(length_cm: float) -> FloatArray:
 
 
 def _at_random(
-    group: RobotGroup, key: str, floor: Floor, placed: FloatArray, random: np.random.Generator
+    group: RobotGroup, key: str, floor: Floor, taken: "_TakenPlaces", random: np.random.Generator
 ) -> FloatArray:
     """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
     poses = []
-    taken = _TakenPlaces(placed, floor.touch_cm)
     for robot in range(group.count):
         place = floor.draw_place(taken, random)
         if place is None:
@@ -158,24 +164,29 @@ def _at_random(
 class _TakenPlaces:
     """Places of robots in square cells, which are faster to search than one array: most are far away."""
 
-    def __init__(self, placed: FloatArray, touch_cm: float) -> None:
-        """Take the places of (robots, 3) poses; touch_cm: distance of the centres of two robots that touch."""
+    def __init__(self, touch_cm: float) -> None:
+        """Take no place yet; touch_cm: distance of the centres of two robots that touch."""
         self._touch_cm = touch_cm
         self._cell_cm = 1.01 * touch_cm  # who touches a robot is in its cell or in one of the eight around it
         self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
-        for x, y, _ in placed.tolist():
-            self.add(x, y)
 
     def add(self, x: float, y: float) -> None:
         """Take a place."""
         self._cells.setdefault((int(x / self._cell_cm), int(y / self._cell_cm)), []).append((x, y))
 
+    def around(self, x: float, y: float) -> list[tuple[float, float]]:
+        """Return the places, in cells around (x, y), of all robots that touch one there, and of some that do not."""
+        return [place for cell in self._cells_around(x, y) for place in self._cells.get(cell, ())]
+
     def is_free(self, x: float, y: float) -> bool:
         """Return whether a robot at (x, y) touches none of those whose places are taken."""
-        column, row = int(x / self._cell_cm), int(y / self._cell_cm)
-        for cell in product((column - 1, column, column + 1), (row - 1, row, row + 1)):
+        for cell in self._cells_around(x, y):
             for other_x, other_y in self._cells.get(cell, ()):
                 dx, dy = other_x - x, other_y - y
                 if dx * dx + dy * dy < self._touch_cm**2:
                     return False
         return True
+
+    def _cells_around(self, x: float, y: float) -> Iterable[tuple[int, int]]:
+        column, row = int(x / self._cell_cm), int(y / self._cell_cm)
+        return product((column - 1, column, column + 1), (row - 1, row, row + 1))

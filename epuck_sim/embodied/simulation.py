@@ -38,7 +38,7 @@ from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.schedule import carry_out, timed_entries
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
-from epuck_sim.errors import ControllerError
+from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -46,6 +46,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.robot_schedule import RobotScheduleEntry
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.util.memory import lack_of_memory
 
 
 class Simulation:
@@ -94,13 +95,16 @@ class Simulation:
             interpret: Run controllers as plain Python instead of compiled, with the same outcome.
 
         Raises:
-            ScenarioError: The scenario or the seed is not allowed, or the robots do not fit into the arena.
+            ScenarioError: The scenario or the seed is not allowed, or the robots fit neither into the arena nor into
+                the memory of this machine.
             ControllerError: A controller cannot be compiled, or raises at its start.
         """
         self.scenario = scenario = require_model(
             load_scenario(scenario), EmbodiedScenario, "a Simulation needs model: embodied; use ParticleSimulation"
         )
         seed = seed_of_trial(scenario, seed)
+        if lack := lack_of_memory(scenario.memory_bytes):
+            raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
         robots, arena = scenario.robot_count, scenario.arena.build()
         self.step_s = scenario.timing.step_ms / 1000
         self._step_ms = scenario.timing.step_ms

@@ -66,6 +66,11 @@ class Scenario(ConfigModel):
         raise NotImplementedError
 
     @property
+    def memory_bytes(self) -> int:
+        """Estimate of the memory that a trial takes, besides that of the program; 0 where it is negligible."""
+        return 0
+
+    @property
     def controllers(self) -> tuple[str, ...]:
         """Controller of each group; empty for a model without controllers."""
         return ()

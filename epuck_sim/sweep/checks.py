@@ -6,12 +6,23 @@ from epuck_sim.errors import EpuckSimError, ScenarioError
 from epuck_sim.scenario.figure_axes import check_figure_axes
 from epuck_sim.scenario.points import Point, describe_axes
 from epuck_sim.trial import model
+from epuck_sim.util.memory import available_bytes, in_bytes, lack_of_memory
 
 
 def check_sweep(points: Sequence[Point]) -> None:
     """Raise ScenarioError for a sweep that cannot be run, or cannot be drawn as its section `figure` says."""
     _check_figure(points)
     _check_room(points)
+
+
+def check_memory(points: Iterable[Point], workers: int) -> None:
+    """Raise ScenarioError for a sweep whose trials need more memory on this machine than there is."""
+    largest = max(point.scenario.memory_bytes for point in points)
+    if lack := lack_of_memory(workers * largest):
+        raise ScenarioError(
+            f"a trial on each of {workers} workers {lack}; "
+            f"{in_bytes(largest)} each: give --workers {max(1, available_bytes() // largest)}, or smaller swarms"
+        )
 
 
 def _check_figure(points: Sequence[Point]) -> None:

@@ -25,6 +25,7 @@ def run_sweep(
     *,
     interpret: bool = False,
     share: Share | None = None,
+    begin: Callable[[Sequence[Point]], None] = lambda _: None,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
@@ -35,6 +36,7 @@ def run_sweep(
         observer: Called with the progress before the first trial and after each.
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
+        begin: Called with all points once they are checked, before the folder is opened.
 
     Returns:
         How far the sweep is at the end.
@@ -49,6 +51,7 @@ def run_sweep(
         check_interpretable(loaded)
     all_points = points(loaded)
     check_sweep(all_points)
+    begin(all_points)
     with Store(Path(folder), loaded, all_points, share) as store:
         finished = store.finished()
         ours = store.share

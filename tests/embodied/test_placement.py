@@ -278,3 +278,15 @@ def test_what_no_controller_of_a_sweep_remembers_is_refused() -> None:
     sweep = {"grid": {"robots.0.controller": ["oscillator", "firefly"]}}
     with pytest.raises(ScenarioError, match=r"robots.0.memory: .*'wait'"):
         points({"robots": [{"memory": {"wait": 1}}], "sweep": sweep})
+
+
+def test_twice_the_groups_take_little_more_than_twice_the_time_to_place():
+    def place_s(groups):
+        scenario = load_scenario({"arena": {"width_cm": 2000, "height_cm": 2000}, "robots": [{"count": 1}] * groups})
+        begin = time.process_time()
+        place_robots(scenario, np.random.SeedSequence(0))
+        return time.process_time() - begin
+
+    place_s(10)
+    ratios = [place_s(1600) / place_s(200) for _ in range(3)]
+    assert min(ratios) < 24  # 8 if each group costs the same, 64 if each looks at all before it

@@ -25,7 +25,11 @@ from epuck_sim.scenario.overrides import apply_override
 from epuck_sim.scenario.scenario import Scenario, require_model
 from epuck_sim.scenario.validation import validate
 from epuck_sim.trial.observer import Observer
+from epuck_sim.util.memory import lack_of_memory
 from epuck_sim.util.provenance import versions
+
+PIXEL_BYTES, FILM_BYTES = 110, 200_000_000
+"""Memory of encoder and camera for each pixel of a picture, and besides, as measured with 1 to 16 million pixels."""
 
 _State = tuple[int, float | None]
 """Cycles of the reference so far, and the order parameter at its last firing; None before the first."""
@@ -129,6 +133,8 @@ def _film(
     """
     section = scenario.overhead
     size = section.width_px, section.height_px
+    if lack := lack_of_memory(FILM_BYTES + PIXEL_BYTES * size[0] * size[1]):
+        raise FilmError(f"{scenario.name}: a film of {size[0]} x {size[1]} pixels {lack}; give fewer pixels")
     try:
         model = overhead_camera(section, scenario.arena.width_cm, scenario.arena.height_cm)
         if lens is not None:

@@ -1,0 +1,122 @@
+"""Claims about the memory that is available, what is refused for lack of it, and how good the estimates are."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import FilmError, ScenarioError
+from epuck_sim.overhead.render.film_trial import film_trial
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.sweep.checks import check_memory
+from epuck_sim.util import memory
+from epuck_sim.util.memory import available_bytes, in_bytes, lack_of_memory
+
+LARGE = {"arena": {"width_cm": 3000, "height_cm": 3000}, "robots": [{"count": 20_000, "camera": {"pixels": 400}}]}
+TOO_LARGE = 1.4  # an estimate that is off by more than this factor misleads
+
+
+@pytest.fixture
+def little(monkeypatch) -> int:
+    """Return how much memory a machine has left that has little of it."""
+    monkeypatch.setattr(memory, "available_bytes", lambda: 70_000_000)
+    return 70_000_000
+
+
+def test_what_is_available_is_less_than_the_machine_has() -> None:
+    assert 0 < available_bytes() < 10**14
+
+
+def cgroup(folder: Path, *, version: int, limit: str, usage: int, droppable: int) -> None:
+    names = {2: ("memory.max", "memory.current", "inactive_file")}
+    first = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+    limit_file, usage_file, key = names.get(version, first)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / limit_file).write_text(f"{limit}\n")
+    (folder / usage_file).write_text(f"{usage}\n")
+    (folder / "memory.stat").write_text(f"anon 5\n{key} {droppable}\n")
+
+
+@pytest.mark.parametrize(("version", "line"), [(2, "0::/job/step"), (1, "7:memory:/job/step")])
+def test_a_control_group_and_those_around_it_limit_what_is_available(tmp_path, version: int, line: str) -> None:
+    root = tmp_path / ("" if version == 2 else "memory")
+    cgroup(root / "job", version=version, limit="5000", usage=3000, droppable=500)
+    cgroup(root / "job" / "step", version=version, limit="max", usage=3000, droppable=500)
+    assert list(memory._of_cgroups(tmp_path, f"3:cpu:/other\n{line}\n")) == [2500]
+    cgroup(root / "job" / "step", version=version, limit="4000", usage=3000, droppable=0)
+    assert sorted(memory._of_cgroups(tmp_path, line)) == [1000, 2500]
+
+
+def test_a_limit_on_addresses_limits_what_is_available() -> None:
+    code = (
+        "import resource; from epuck_sim.util.memory import available_bytes; "
+        "resource.setrlimit(resource.RLIMIT_AS, (2 * 10**9,) * 2); print(available_bytes())"
+    )
+    available = int(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+    assert 10**9 < available < 2 * 10**9
+
+
+def test_both_numbers_are_given_of_what_needs_more_than_there_is(little: int) -> None:
+    assert lack_of_memory(little) is None
+    assert lack_of_memory(9 * little) == "needs about 630 MB of memory, and 70 MB are available here"
+
+
+def test_a_trial_is_refused_before_it_takes_memory(little: int) -> None:
+    scenario = load_scenario(LARGE)
+    assert scenario.memory_bytes > little
+    with pytest.raises(
+        ScenarioError, match=r"a trial needs about 160 MB of memory, and 70 MB are available here; give"
+    ):
+        Simulation(scenario)
+
+
+@pytest.mark.usefixtures("little")
+def test_a_film_is_refused_before_it_takes_memory(tmp_path) -> None:
+    scenario = load_scenario({"overhead": {"width_px": 7680, "height_px": 7680}})
+    with (
+        pytest.raises(FilmError, match=r"a film of 7680 x 7680 pixels needs about 6.7 GB of memory, and 70 MB are"),
+        film_trial(tmp_path / "film.mp4", scenario, 0),
+    ):
+        pass
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_sweep_is_refused_whose_workers_need_more_together(monkeypatch) -> None:
+    found = points(load_scenario(LARGE, axes=["robots.0.camera.pixels=1,400"]))
+    for module in ("epuck_sim.util.memory", "epuck_sim.sweep.checks"):
+        monkeypatch.setattr(f"{module}.available_bytes", lambda: 500_000_000)
+    check_memory(found, 3)
+    with pytest.raises(ScenarioError, match=r"4 workers needs about 640 MB of memory, and 500 MB .* give --workers 3"):
+        check_memory(found, 4)
+
+
+@pytest.mark.parametrize("camera", [{"pixels": 1000}, {"pixels": 400, "frames_per_s": 8}])
+def test_a_trial_takes_the_memory_that_is_estimated(camera: dict) -> None:
+    code = f"""
+import resource
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.scenario.loader import load_scenario
+def most():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+def take(scenario):
+    simulation = Simulation(scenario)
+    next(simulation), next(simulation)
+    return simulation
+small = {{"robots": [{{"camera": {camera}}}]}}
+take(load_scenario(small))
+before = most()
+large = load_scenario({LARGE!r} | {{"robots": [{{"count": 20_000, "camera": {camera}}}]}})
+kept = take(large)
+print((most() - before) / large.memory_bytes)
+"""
+    ratio = float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+    assert 1 / TOO_LARGE < ratio < TOO_LARGE
+
+
+def test_sizes_are_given_in_the_largest_unit_of_which_there_is_one() -> None:
+    assert [in_bytes(count) for count in (145, 145_000, 999_999, 1_000_000, 123_456_789)] == [
+        *("0.14 kB", "145 kB", "1000 kB", "1 MB", "123 MB"),
+    ]
