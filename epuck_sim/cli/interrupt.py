@@ -24,6 +24,12 @@ GRACE_S = 2.0
 AGAIN_S = 0.05
 """Time in seconds after which KeyboardInterrupt is raised again where Python has dropped it."""
 
+INSISTENT = 3
+"""Number of requests within `INSIST_S` at which the process ends whatever it does: a controller may catch them all."""
+
+INSIST_S = 3.0
+"""Time in seconds within which requests count as insistent."""
+
 EXIT_CODE = 130
 """Exit code of a command that was interrupted."""
 
@@ -31,8 +37,9 @@ EXIT_CODE = 130
 def end_on_request() -> None:
     """Have `REQUESTS` raise KeyboardInterrupt in the main thread, and end the process if it does not react.
 
-    Where compiled code runs, SIGTERM and SIGHUP end the process after `GRACE_S`, and so does a second Ctrl-C. Signals
-    that the process was started to ignore, as under nohup, stay ignored.
+    Where compiled code runs, SIGTERM and SIGHUP end the process after `GRACE_S`, and so does a second Ctrl-C. The third
+    request within `INSIST_S` ends it wherever it is. Signals that the process was started to ignore, as under nohup,
+    stay ignored.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -73,23 +80,32 @@ class _Watchdog:
             sys.__unraisablehook__(dropped)
 
     def watch(self) -> None:
-        """End the process when the main thread has not reacted to a signal."""
+        """End the process when the main thread has not reacted to a signal, or has and goes on at the third one."""
         read_s, unheard = time.monotonic(), 0
+        asked_s: list[float] = []
         while numbers := os.read(self._reader, 64):
             requests = [number for number in numbers if number in REQUESTS]
             since_s, read_s = read_s, time.monotonic()  # these signals came after the last ones were read
+            asked_s = [moment for moment in asked_s if moment > read_s - INSIST_S] + [read_s] * len(requests)
+            if len(asked_s) >= INSISTENT:
+                _end("ended at the third request")
             while self._reacted_s < since_s and not unheard and time.monotonic() < read_s + GRACE_S:
                 time.sleep(0.02)
             unheard = 0 if self._reacted_s >= since_s else unheard + len(requests)
             if unheard > 1 or (unheard and requests != [signal.SIGINT]):
-                try:
-                    restore_terminal()
-                    remove_unfinished()
-                    _say("ended in the middle of compiled code")
-                finally:
-                    os._exit(EXIT_CODE)
+                _end("ended in the middle of compiled code")
             if unheard:
                 _say("compiled code does not react to Ctrl-C; press it again to end at once")
+
+
+def _end(why: str) -> None:
+    """End the process without the main thread."""
+    try:
+        restore_terminal()
+        remove_unfinished()
+        _say(why)
+    finally:
+        os._exit(EXIT_CODE)
 
 
 def _say(line: str) -> None:

@@ -15,6 +15,7 @@ from multiprocessing import forkserver, resource_tracker
 from typing import NamedTuple
 
 from epuck_sim.errors import ClusterError
+from epuck_sim.sweep.temporary_folders import mark_temporary_folder, remove_stale_folders
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables that limit a library to one thread, so that workers do not compete for cores."""
@@ -61,9 +62,12 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
     context.set_forkserver_preload(PRELOADED)
     others = set(multiprocessing.active_children())
     with _environment(dict.fromkeys(ONE_THREAD, "1")):
-        resource_tracker.ensure_running()  # later it would unblock the signal
-        with _block_sigint():
+        with _blocked(signal.SIGHUP):  # it ignores other signals by itself, and ends when no process needs it any more
+            resource_tracker.ensure_running()  # later it would unblock SIGINT
+        remove_stale_folders()
+        with _blocked(signal.SIGINT):
             forkserver.ensure_running()
+        mark_temporary_folder()
         # Ctrl-C while the server still loads would close what workers are about to open: wait until it has forked once
         probe = context.Process(target=_return_at_once)
         probe.start()
@@ -83,9 +87,9 @@ def local_pool(workers: int | None = None) -> Iterator[Pool]:
 
 
 @contextmanager
-def _block_sigint() -> Iterator[None]:
-    """Leave Ctrl-C to this process: processes started in the block, and their children, do not receive it."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+def _blocked(number: signal.Signals) -> Iterator[None]:
+    """Leave a signal to this process: processes started in the block, and their children, do not receive it."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {number})
     try:
         yield
     finally:

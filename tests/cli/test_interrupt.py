@@ -104,6 +104,54 @@ def test_an_interpreted_controller_in_an_endless_loop_is_interrupted_by_one_ctrl
     assert (process.returncode, stderr) == (130, "interrupted\n")
 
 
+IMPORTS = {
+    "loops": "while True:\n    pass\n",
+    "sleeps": "import time\ntime.sleep(600)\n",
+    "matches": "import re\nre.match('(a*)*b', 'a' * 40)\n",
+}
+"""Ends of controllers' files that keep their import from ending, by what they do."""
+
+DEAF = """
+import time
+while True:
+    try:
+        time.sleep(600)
+    except BaseException:
+        print('caught', flush=True)
+"""
+"""One that goes on whatever is raised."""
+
+
+def importing(folder: Path, end: str) -> subprocess.Popen:
+    """Start the command with a controller whose import does not end, and wait until it is there."""
+    (folder / "endless.py").write_text(f"{ENDLESS}\nprint('importing', flush=True)\n{end}")
+    process = start([*COMMAND, "run", "pair", "--controller", folder / "endless.py"], mark=folder.name)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "importing\n"
+    time.sleep(0.2)
+    return process
+
+
+@pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("does", IMPORTS)
+def test_one_request_ends_an_import_that_never_does(tmp_path, does: str, request_) -> None:
+    process = importing(tmp_path, IMPORTS[does])
+    os.kill(process.pid, request_)
+    _, stderr = process.communicate(timeout=20)
+    assert (process.returncode, stderr) == (130, "interrupted\n")
+
+
+def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> None:
+    process = importing(tmp_path, DEAF)
+    assert process.stdout is not None
+    for _ in range(2):
+        os.kill(process.pid, signal.SIGINT)
+        assert process.stdout.readline() == "caught\n"
+    os.kill(process.pid, signal.SIGINT)
+    _, stderr = process.communicate(timeout=20)
+    assert (process.returncode, stderr) == (130, "ended at the third request\n")
+
+
 @pytest.mark.parametrize("request_", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_workers_in_an_endless_loop_end_with_the_command(scene, request_) -> None:
     process = running(scene, "--out", "run", "--trials", "4", "--workers", "2")

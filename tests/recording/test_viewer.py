@@ -32,7 +32,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer import process, viewer
-from epuck_sim.recording.viewer.process import NO_GRAPHICS, free_port, in_background, run_rerun
+from epuck_sim.recording.viewer.process import NO_GRAPHICS, check_port, free_port, in_background, run_rerun
 from epuck_sim.recording.viewer.viewer import (
     MESSAGE_COLUMNS,
     MESSAGE_GREY,
@@ -464,6 +464,11 @@ def test_a_browser_finds_the_viewer_on_this_machine_only(tmp_path) -> None:
         assert not server.has_ended
         assert listening(processes_marked(str(tmp_path))) == {("127.0.0.1", port), ("127.0.0.1", intake)}
         assert os.getpgrp() not in map(os.getpgid, processes_marked(str(tmp_path)))  # Ctrl-C in a terminal reaches us
+
+
+def test_a_port_at_which_browsers_open_no_page_is_refused() -> None:
+    with pytest.raises(RecordingError, match=r"^port 6000 cannot be used: browsers open no pages there; .* --port$"):
+        check_port(6000)
 
 
 def test_a_port_is_free_again_when_the_block_ends() -> None:
