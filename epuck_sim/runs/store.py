@@ -101,12 +101,13 @@ class Store:
         """
         with sqlite_errors(self._path):
             wanted = _FINISHED if measures_in(self._connection) else _STORED
-            return FinishedTrials(self._connection.execute(f"SELECT number, trial {wanted}"))
+            return FinishedTrials.read(self._connection, wanted)
 
     def censored(self) -> int | None:
         """Return how many finished trials were not synchronised; None if none of them has a T_sync."""
         with sqlite_errors(self._path):
-            (count,) = self._connection.execute(f"SELECT sum(censored) {_FINISHED}").fetchone()
+            wanted = _FINISHED if measures_in(self._connection) else _STORED
+            (count,) = self._connection.execute(f"SELECT sum(censored) {wanted}").fetchone()
         return None if count is None else int(count)
 
     def add(self, outcome: Outcome) -> bool:

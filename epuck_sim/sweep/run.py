@@ -1,10 +1,11 @@
 """A sweep from its scenario to its run folder: the trials that are missing are run, and stored as they end."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from epuck_sim.runs.finished import FinishedTrials
 from epuck_sim.runs.records import Outcome, SweepProgress, Task
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Store
@@ -77,7 +78,7 @@ def _censored(before: int | None, outcome: Outcome) -> int | None:
 
 
 def missing_tasks(
-    points: Sequence[Point], finished: Set[tuple[int, int]], interpret: bool, share: Share = WHOLE
+    points: Sequence[Point], finished: FinishedTrials, interpret: bool, share: Share = WHOLE
 ) -> Iterator[Task]:
     """Yield the trials that have no result yet, trial 0 of all points first.
 
@@ -85,29 +86,32 @@ def missing_tasks(
 
     Args:
         points: All points of the sweep.
-        finished: Numbers of point and trial of the trials that have a result.
+        finished: The trials that have a result.
         interpret: Run controllers as plain Python.
         share: Share of the trials that are wanted.
     """
-    wanted = [share.trials(point.number, point.scenario.trials) for point in points]
-    for turn in range(max(map(len, wanted))):
-        for point, trials in zip(points, wanted, strict=True):
+    wanted = [(point, share.trials(point.number, point.scenario.trials)) for point in points]
+    firsts = [next(finished.missing(point.number, trials), None) for point, trials in wanted]
+    left = [one for one, first in zip(wanted, firsts, strict=True) if first is not None]
+    begin = min((first for first in firsts if first is not None), default=0)
+    for turn in range(begin, max((len(trials) for _, trials in left), default=0)):
+        for point, trials in left:
             if turn < len(trials) and (point.number, trials[turn]) not in finished:
                 yield _task(point, trials[turn], interpret)
 
 
 def first_of_each_kind(
-    points: Sequence[Point], finished: Set[tuple[int, int]], interpret: bool, share: Share = WHOLE
+    points: Sequence[Point], finished: FinishedTrials, interpret: bool, share: Share = WHOLE
 ) -> list[Task]:
     """Return a missing trial of a share for each kind of scenario that is compiled by itself."""
     kinds: dict[tuple[str, ...], Task] = {}
     for point in points:
         if point.scenario.compiled in kinds:
             continue
-        for trial in share.trials(point.number, point.scenario.trials):
-            if (point.number, trial) not in finished:
-                kinds[point.scenario.compiled] = _task(point, trial, interpret)
-                break
+        trials = share.trials(point.number, point.scenario.trials)
+        first = next(finished.missing(point.number, trials), None)
+        if first is not None:
+            kinds[point.scenario.compiled] = _task(point, trials[first], interpret)
     return list(kinds.values())
 
 
