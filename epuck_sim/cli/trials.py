@@ -106,7 +106,15 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
     open_pool = partial(local_pool, options.workers) if options.dask is None else partial(dask_pool, options.dask)
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
-            run_sweep(scenario, folder, open_pool, bar, interpret=options.interpret, share=options.share)
+            run_sweep(
+                scenario,
+                folder,
+                open_pool,
+                bar,
+                interpret=options.interpret,
+                share=options.share,
+                durable=options.durable,
+            )
         except KeyboardInterrupt:
             progress = bar.progress
             # the last progress may lack a trial that was just stored
@@ -121,7 +129,8 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
 
 
 def _command_to_go_on(folder: Path, options: RunOptions) -> str:
-    given = {"--workers": options.workers, "--dask": options.dask, "--interpret": "" if options.interpret else None}
+    flags = {"--interpret": options.interpret, "--durable": options.durable}
+    given = {"--workers": options.workers, "--dask": options.dask, **{name: "" for name in flags if flags[name]}}
     words = [f"{name} {value}".rstrip() for name, value in given.items() if value is not None]
     return " ".join([f"epuck-sim run {folder}/", *words])
 

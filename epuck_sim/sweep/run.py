@@ -26,6 +26,7 @@ def run_sweep(
     *,
     interpret: bool = False,
     share: Share | None = None,
+    durable: bool = False,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
@@ -36,6 +37,7 @@ def run_sweep(
         observer: Called with the progress before the first trial and after each.
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
+        durable: Whether trials that the progress counts as stored survive a power cut.
 
     Returns:
         How far the sweep is at the end.
@@ -50,7 +52,7 @@ def run_sweep(
         check_interpretable(loaded)
     all_points = points(loaded)
     check_sweep(all_points)
-    with Store(Path(folder), loaded, all_points, share) as store:
+    with Store(Path(folder), loaded, all_points, share, durable=durable) as store:
         finished = store.finished()
         ours = store.share
         total = sum(len(ours.trials(point.number, point.scenario.trials)) for point in all_points)
@@ -58,16 +60,16 @@ def run_sweep(
         observer(progress)
         queue = TaskQueue(missing_tasks(all_points, finished, interpret, ours), max(0, total - len(finished)))
         kinds = first_of_each_kind(all_points, finished, interpret, ours)
-        with closing(schedule(queue, kinds, open_pool)) as outcomes:
-            for outcome in outcomes:
-                is_stored = store.add(outcome)
-                progress = progress._replace(
-                    stored=progress.stored + is_stored,
-                    censored=_censored(progress.censored, outcome),
-                    failed=progress.failed + (not is_stored),
-                    ended=progress.ended + 1,
-                )
-                observer(progress)
+        with closing(schedule(queue, kinds, open_pool)) as chunks:
+            for outcomes in chunks:
+                for outcome, is_stored in zip(outcomes, store.add_all(outcomes), strict=True):
+                    progress = progress._replace(
+                        stored=progress.stored + is_stored,
+                        censored=_censored(progress.censored, outcome),
+                        failed=progress.failed + (not is_stored),
+                        ended=progress.ended + 1,
+                    )
+                    observer(progress)
     return progress
 
 

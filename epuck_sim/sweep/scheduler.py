@@ -72,8 +72,8 @@ class ChunkSizer:
         return max(1, min(math.floor(by_time), math.ceil(waiting / (2 * slots))))
 
 
-def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[Outcome]:
-    """Yield the outcome of every task as it is known.
+def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[list[Outcome]]:
+    """Yield the outcomes of all tasks as they are known, those of a chunk together.
 
     When a worker dies, nobody knows at which trial. Tasks that were under way are handed over again, each by itself;
     those that are under way at a second death are run one at a time, and one that kills its worker even then has
@@ -99,7 +99,7 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
 
 def _run_parallel(
     pool: Pool, queue: TaskQueue, kinds: Sequence[Task], sizer: ChunkSizer
-) -> Generator[Outcome, None, list[Task]]:
+) -> Generator[list[Outcome], None, list[Task]]:
     """Yield outcomes until the queue is empty or a worker dies; return the tasks that were lost with it."""
     with suppress(*pool.deaths):  # if compiling kills the worker, trials will show which of them it is
         _result(pool.executor.submit(compile_ahead, kinds), pool)
@@ -121,11 +121,11 @@ def _run_parallel(
                 lost.extend(chunk)
                 continue
             sizer.note(outcomes)
-            yield from outcomes
+            yield outcomes
     return lost
 
 
-def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
+def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
     """Yield outcomes of `suspects` until none is left or one of them kills its worker."""
     while suspects:
         try:
@@ -134,9 +134,9 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
             return
         task = suspects.popleft()
         try:
-            yield from _result(future, pool)
+            yield _result(future, pool)
         except pool.deaths as death:
-            yield make_outcome(task, None, f"its worker died: {death}")
+            yield [make_outcome(task, None, f"its worker died: {death}")]
             return
 
 
