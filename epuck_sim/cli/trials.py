@@ -18,7 +18,8 @@ from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.sweep.executors import dask_pool, local_pool
+from epuck_sim.sweep.cluster import DaskCluster
+from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.observer import Observer
@@ -103,7 +104,7 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
     """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
     _note_other_versions(folder)
     again = _command_to_go_on(folder, options)
-    open_pool = partial(local_pool, options.workers) if options.dask is None else partial(dask_pool, options.dask)
+    open_pool = partial(local_pool, options.workers) if options.dask is None else DaskCluster(options.dask).open
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
             run_sweep(

@@ -1,7 +1,7 @@
 """The trials of a sweep that need not be run any more, at a byte for each."""
 
 import sqlite3
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Iterable, Iterator, Mapping, Set
 from typing import Self, cast
 
 import numpy as np
@@ -22,11 +22,17 @@ class FinishedTrials(Set[tuple[int, int]]):
         self._count = sum(marks.count(1) for marks in self._marks.values())
 
     @classmethod
-    def read(cls, connection: sqlite3.Connection, which: str) -> Self:
-        """Return the trials, joined with their points, that a part of a query names, from FROM on."""
+    def read(cls, connection: sqlite3.Connection, which: str, numbers: Mapping[str, int]) -> Self:
+        """Return the trials that a part of a query names, from FROM on.
+
+        Args:
+            connection: A connection to a database.
+            which: The part of a query.
+            numbers: Number of each point by its key.
+        """
         finished = cls()
-        for point, text in connection.execute(f"SELECT number, group_concat(trial) {which} GROUP BY point"):
-            finished._mark(point, read_numbers(text))
+        for key, text in connection.execute(f"SELECT point, group_concat(trial) {which} GROUP BY point"):
+            finished._mark(numbers[key], read_numbers(text))
         finished._count = sum(marks.count(1) for marks in finished._marks.values())
         return finished
 

@@ -41,8 +41,9 @@ from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.atomic_write import atomic_write, sync_folder
 from epuck_sim.util.provenance import PROVENANCE
 
-_STORED = "FROM trials JOIN points ON point = key WHERE error IS NULL"
-_FINISHED = f"{_STORED} AND NOT {UNMEASURED}"
+_STORED = "FROM trials WHERE error IS NULL"
+_FINISHED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND NOT {UNMEASURED}"
+_UNMEASURED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND {UNMEASURED}"
 
 
 class Store:
@@ -113,7 +114,7 @@ class Store:
         """
         with sqlite_errors(self._path):
             wanted = _FINISHED if self._measures else _STORED
-            return FinishedTrials.read(self._connection, wanted)
+            return FinishedTrials.read(self._connection, wanted, {point.key: point.number for point in self._points})
 
     def censored(self) -> int | None:
         """Return how many finished trials were not synchronised; None if none of them has a T_sync."""
@@ -153,7 +154,7 @@ class Store:
     def _without_measures(self, outcome: Outcome) -> StoredResult | None:
         """Return what is stored of a trial that has a result and lacks measures; None if it is not such a trial."""
         row = self._connection.execute(
-            f"SELECT {', '.join(StoredResult._fields)} {_STORED} AND {UNMEASURED} AND point = ? AND trial = ?",
+            f"SELECT {', '.join(StoredResult._fields)} {_UNMEASURED} AND point = ? AND trial = ?",
             (self._points[outcome.point].key, outcome.trial),
         ).fetchone()
         return row and StoredResult(*row)
