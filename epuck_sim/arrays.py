@@ -9,5 +9,6 @@ IntArray = npt.NDArray[np.int64]
 IndexArray = npt.NDArray[np.uint32]
 """Indices in compiled loops; unsigned, as compiled code tests a signed index for counting from the end."""
 BoolArray = npt.NDArray[np.bool_]
+ByteArray = npt.NDArray[np.uint8]
 StreamArray = npt.NDArray[np.uint64]
 """(n, 4) states of random number generators, one a row; see `util.rng`."""

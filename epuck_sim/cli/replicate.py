@@ -44,9 +44,10 @@ def replicate(
             return
         from epuck_sim.cli.replication import run_claims, write_answers
         from epuck_sim.replication.sweeps import Version
-        from epuck_sim.sweep.executors import dask_pool, local_pool
+        from epuck_sim.sweep.cluster import DaskCluster
+        from epuck_sim.sweep.executors import local_pool
 
-        open_pool = partial(local_pool, workers) if dask is None else partial(dask_pool, dask)
+        open_pool = partial(local_pool, workers) if dask is None else DaskCluster(dask).open
         version = Version.FULL if full else Version.QUICK
         failed = run_claims(known, chosen, out, version, open_pool)
         write_answers(known, chosen, out, version)

@@ -134,6 +134,14 @@ def run(
             rich_help_panel=SWEEPS,
         ),
     ] = None,
+    durable: Annotated[
+        bool,
+        typer.Option(
+            "--durable",
+            help="Wait for the disk whenever trials are stored: they survive a power cut, too.",
+            rich_help_panel=SWEEPS,
+        ),
+    ] = False,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Worker processes; all cores by default.", rich_help_panel=SWEEPS)
     ] = None,
@@ -176,7 +184,10 @@ def run(
         view = LiveView(speed or 1.0, (port or WEB_PORT) if web else None) if live else None
         options = RunOptions(as_json, trace, record, view, film, level or Level.FULL, interpret, workers, dask)
         options = options._replace(
-            memory=tuple(memory or ()), relations=relations, share=Share.parse(share) if share else None
+            memory=tuple(memory or ()),
+            relations=relations,
+            share=Share.parse(share) if share else None,
+            durable=durable,
         )
         one = point is not None or trial is not None
         file = find_scenario(scenario)

@@ -21,7 +21,8 @@ from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.checks import check_memory
-from epuck_sim.sweep.executors import available_cores, dask_pool, local_pool
+from epuck_sim.sweep.cluster import DaskCluster
+from epuck_sim.sweep.executors import available_cores, local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from epuck_sim.trial.observer import Observer
@@ -111,7 +112,7 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
     """Run a sweep into its folder, print how far it is, and end with exit code 1 if trials have failed."""
     _note_other_versions(folder)
     again = _command_to_go_on(folder, options)
-    open_pool = partial(local_pool, options.workers) if options.dask is None else partial(dask_pool, options.dask)
+    open_pool = partial(local_pool, options.workers) if options.dask is None else DaskCluster(options.dask).open
     with SweepProgressBar() as bar, prefix_scenario(origin):
         try:
             with word_if_slow(f"checking every point of {scenario.name}") as over:
@@ -120,8 +121,16 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
                     over()
                     _begin_sweep(found, options)
 
-                more: dict[str, Any] = {"interpret": options.interpret, "share": options.share, "begin": begin}
-                run_sweep(scenario, folder, open_pool, bar, **more)
+                run_sweep(
+                    scenario,
+                    folder,
+                    open_pool,
+                    bar,
+                    interpret=options.interpret,
+                    share=options.share,
+                    begin=begin,
+                    durable=options.durable,
+                )
         except KeyboardInterrupt:
             progress = bar.progress
             # the last progress may lack a trial that was just stored
@@ -143,7 +152,8 @@ def _begin_sweep(found: Sequence[Point], options: RunOptions) -> None:
 
 
 def _command_to_go_on(folder: Path, options: RunOptions) -> str:
-    given = {"--workers": options.workers, "--dask": options.dask, "--interpret": "" if options.interpret else None}
+    flags = {"--interpret": options.interpret, "--durable": options.durable}
+    given = {"--workers": options.workers, "--dask": options.dask, **{name: "" for name in flags if flags[name]}}
     words = [f"{name} {value}".rstrip() for name, value in given.items() if value is not None]
     return " ".join([f"epuck-sim run {folder}/", *words])
 

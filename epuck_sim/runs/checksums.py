@@ -61,9 +61,19 @@ def find_damaged_row(connection: sqlite3.Connection, table: str) -> str | None:
 
 
 def _terms(connection: sqlite3.Connection, table: str) -> str:
-    """Return what is summed, as SQL: the columns by name, for earlier folders have them in another order."""
-    names = sorted(set(columns_of(connection, table)) - {CHECKSUM})
-    return ", ".join([str(zlib.crc32("\n".join(names).encode())), *map(quoted, names)])
+    """Return what is summed, as SQL."""
+    names = summed_columns(connection, table)
+    return ", ".join([str(names_sum(names)), *map(quoted, names)])
+
+
+def summed_columns(connection: sqlite3.Connection, table: str) -> list[str]:
+    """Return the columns that are summed, by name, for earlier folders have them in another order."""
+    return sorted(set(columns_of(connection, table)) - {CHECKSUM})
+
+
+def names_sum(names: Sequence[str]) -> int:
+    """Return the number that stands for the names of the columns in each row's checksum."""
+    return zlib.crc32("\n".join(names).encode())
 
 
 def _row_sum(row: tuple[Any, ...]) -> int:

@@ -62,6 +62,16 @@ def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -
     return [StoredPoint(*row) for row in connection.execute(f"SELECT {columns} FROM points ORDER BY number")]
 
 
+def own_files(scenario: Scenario) -> tuple[str, ...]:
+    """Return what a scenario's trials call by name: controllers, a response curve and measures, with their digests.
+
+    Raises:
+        EpuckSimError: One of them is not there.
+    """
+    measures = (str(_measure(section)[1]["measure"]) for section in scenario.measures)
+    return (*map(_controller, scenario.controllers), *_own_curve(scenario), *measures)
+
+
 def _controller(name: str) -> str:
     return name if not is_file(name) else _with_digest(Path(name).name, find_controller(name).sources)
 

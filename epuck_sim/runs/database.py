@@ -22,6 +22,9 @@ APPLICATION_ID = int.from_bytes(b"epck")
 FORMAT = 2
 """Version of the tables (bytes 60 to 63); the first had no checksums, and is read, too."""
 
+LARGE = 32 * 2**20
+"""Bytes of a database from which on compiled code compares the checksums, which takes most of a second to load."""
+
 RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
 """Columns that hold fields of a TrialResult."""
 
@@ -165,17 +168,19 @@ def _state(path: Path) -> tuple[int, int, int]:
 def _quick_check(path: Path, has_checksums: bool) -> str:
     """Return "ok", or what SQLite finds damaged; it reads the whole file."""
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
+        connection.execute("BEGIN")
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-        return str(verdict) if verdict != "ok" else _check_rows(connection, has_checksums)
+        return str(verdict) if verdict != "ok" else _check_rows(connection, path, has_checksums)
 
 
-def _check_rows(connection: sqlite3.Connection, has_checksums: bool) -> str:
+def _check_rows(connection: sqlite3.Connection, path: Path, has_checksums: bool) -> str:
     """Return "ok", or what is missing or wrong in a database that SQLite finds undamaged."""
     for table in LATER_COLUMNS:
         if not columns_of(connection, table):
             return f"it has no table {table}"
         if has_column(connection, table, CHECKSUM):
-            if damage := find_damaged_row(connection, table):
+            is_whole = path.stat().st_size >= LARGE and _is_surely_whole(connection, path, table)
+            if not is_whole and (damage := find_damaged_row(connection, table)):
                 return damage
         elif has_checksums:
             return f"{table} has no checksums"
@@ -184,6 +189,13 @@ def _check_rows(connection: sqlite3.Connection, has_checksums: bool) -> str:
     if connection.execute(LOST_POINT).fetchone() is not None:
         return "it has trials of a point that is gone"
     return "ok"
+
+
+def _is_surely_whole(connection: sqlite3.Connection, path: Path, table: str) -> bool:
+    """Return whether compiled code finds that all rows have their checksums; False if it cannot tell."""
+    from epuck_sim.runs.large_check import has_all_checksums  # noqa: PLC0415 it loads numba, for large files alone
+
+    return has_all_checksums(connection, path, table)
 
 
 @contextmanager
@@ -199,14 +211,18 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[sqlite3.Connection]:
+def writing(path: Path, *, durable: bool) -> Iterator[sqlite3.Connection]:
     """Yield a connection to a database that was checked or made by this process.
 
     Each commit survives the death of the process. Afterwards only the one file is left, unless somebody is reading it.
+
+    Args:
+        path: The database.
+        durable: Whether each commit survives a power cut, too: it waits for the disk then.
     """
     with closing(_connect(path, "rw")) as connection:
         connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = NORMAL")
+        connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
         yield connection
         with suppress(sqlite3.OperationalError):
             connection.execute("PRAGMA journal_mode = DELETE")

@@ -3,15 +3,17 @@
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterator
+from array import array
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
+from epuck_sim.runs.columns import NULL, read_numbers
 from epuck_sim.runs.database import DATABASE, has_column, reading
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.schedule import TrialEvent
@@ -35,7 +37,7 @@ class PointTrials(NamedTuple):
     """(trials,) cycles at which each trial ended."""
     observed: BoolArray
     """(trials,) whether each trial was synchronised then; otherwise it is censored."""
-    seeds: tuple[int, ...]
+    seeds: Sequence[int]
     """(trials,) seed of each trial."""
     measured: tuple[Value, ...] = ()
     """(trials,) value in each trial of the measure that was asked for; empty if none was."""
@@ -122,24 +124,41 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
     with reading(database_of(folder)) as connection:
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
         values = _read_measured(connection, str(folder), of) if of is not None else {}
-        columns = f"cycles, censored, seed, {events_column(connection)}"
-        query = f"SELECT {columns} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
-        stored = {key: connection.execute(query, (key,)).fetchall() for key, *_ in found}
-    results = SweepTrials()
-    for key, number, axes, scenario in found:
-        ends, unsynchronised, seeds, events = zip(*stored[key], strict=True) if stored[key] else ((),) * 4
-        cycles, censored = (np.array(column, np.float64) for column in (ends, unsynchronised))  # NaN for null
-        try:
-            read = validate(json.loads(scenario), f"point {number}")
-        except ScenarioError as error:
-            raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
-        trials = seeds, tuple(values.get(key, ()))
-        has_t_sync = read.stop.order_parameter is not None and not np.isnan(censored).any()
-        changes = tuple(map(_read_events, events))
-        results.append(
-            PointTrials(number, key, json.loads(axes), read, cycles, censored == 0, *trials, of, changes, has_t_sync)
-        )
+        has_events = _any_events(connection)
+        results = SweepTrials()
+        for key, number, axes, scenario in found:
+            try:
+                read = validate(json.loads(scenario), f"point {number}")
+            except ScenarioError as error:
+                raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
+            cycles, censored, seeds = _read_ends(connection, key)
+            has_t_sync = read.stop.order_parameter is not None and not (censored == NULL).any()
+            events = _read_events(connection, key) if has_events else ((),) * len(seeds)
+            results.append(
+                PointTrials(
+                    number=number,
+                    key=key,
+                    axes=json.loads(axes),
+                    scenario=read,
+                    times=np.where(cycles == NULL, np.nan, cycles),
+                    observed=censored == 0,
+                    seeds=array("q", seeds.tobytes()),
+                    measured=tuple(values.get(key, ())),
+                    of=of,
+                    events=events,
+                    has_t_sync=has_t_sync,
+                )
+            )
     return results
+
+
+def _read_ends(connection: sqlite3.Connection, key: str) -> tuple[IntArray, IntArray, IntArray]:
+    """Return cycles, whether it is censored, and the seed of each trial of a point that has a result, in order."""
+    row = f"ifnull(cycles, {NULL}) || ',' || ifnull(censored, {NULL}) || ',' || seed"
+    stored = f"SELECT {row} AS row FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
+    (text,) = connection.execute(f"SELECT group_concat(row) FROM ({stored})", (key,)).fetchone()
+    cycles, censored, seeds = read_numbers(text).reshape(-1, 3).T
+    return cycles, censored, seeds
 
 
 def events_column(connection: sqlite3.Connection) -> str:
@@ -147,9 +166,20 @@ def events_column(connection: sqlite3.Connection) -> str:
     return "events" if has_column(connection, "trials", "events") else "NULL"
 
 
-def _read_events(text: str | None) -> tuple[TrialEvent, ...]:
-    events = [] if text is None else json.loads(text)
-    return tuple(TrialEvent(**{**event, "robots": tuple(event["robots"])}) for event in events)
+def _any_events(connection: sqlite3.Connection) -> bool:
+    """Return whether any trial has events."""
+    query = f"SELECT 1 FROM trials WHERE {events_column(connection)} IS NOT NULL LIMIT 1"
+    return connection.execute(query).fetchone() is not None
+
+
+def _read_events(connection: sqlite3.Connection, key: str) -> tuple[tuple[TrialEvent, ...], ...]:
+    """Return the events of each trial of a point that has a result."""
+    rows = connection.execute("SELECT events FROM trials WHERE point = ? AND error IS NULL ORDER BY trial", (key,))
+    return tuple(tuple(map(_event, json.loads(text or "[]"))) for (text,) in rows)
+
+
+def _event(stored: dict[str, Any]) -> TrialEvent:
+    return TrialEvent(**{**stored, "robots": tuple(stored["robots"])})
 
 
 def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> dict[str, list[Value]]:

@@ -69,34 +69,76 @@ def read_status(folder: Path) -> Status:
     Raises:
         StoreError: The folder is not a run folder, or its database is damaged.
     """
-    origin = ", ".join(PROVENANCE)
     with reading(database_of(folder)) as connection:
         share = read_share(connection)
         points = connection.execute("SELECT number, trials FROM points").fetchall()
         (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
-        stored, censored, wall_s = connection.execute(
-            "SELECT count(*), sum(censored), total(wall_s) FROM trials WHERE error IS NULL"
-        ).fetchone()
-        problem = "coalesce(error, measuring_error)" if has_column(connection, "trials", "measuring_error") else "error"
-        failed = connection.execute(
+        counts = _count(connection)
+        problem = _problem(connection)
+        # a query for none would look at all trials
+        failed = counts.problems and connection.execute(
             f"SELECT number, trial, seed, {problem} FROM trials JOIN points ON point = key "
             f"WHERE {problem} IS NOT NULL ORDER BY number, trial"
-        ).fetchall()
+        )
+        failures = [Failure(*row) for row in failed or ()]
         unmeasured = count_unmeasured(connection)
-        made = connection.execute(f"SELECT {origin}, count(*) FROM trials GROUP BY {origin}").fetchall()
+        versions = _count_by_origin(connection, counts)
     return Status(
         scenario=json.loads(scenario)["name"],
         points=len(points),
         trials=sum(len(share.trials(*point)) for point in points),
-        stored=stored,
-        censored=censored if stored else 0,
-        failed=[Failure(*row) for row in failed],
-        wall_s=wall_s,
-        versions=[TrialsByOrigin(*row) for row in made],
+        stored=counts.stored,
+        censored=counts.censored if counts.stored else 0,
+        failed=failures,
+        wall_s=counts.wall_s,
+        versions=versions,
         at_work=current_holder(folder),
         unmeasured=unmeasured,
         share=None if share == WHOLE else str(share),
     )
+
+
+class _Counts(NamedTuple):
+    """What one pass over all trials gives."""
+
+    first: tuple[str, ...]
+    """Versions and host that have made the first trial."""
+    trials: int
+    stored: int
+    censored: int | None
+    wall_s: float
+    problems: int
+    like_first: int
+
+
+_ORIGIN = ", ".join(PROVENANCE)
+_LIKE_FIRST = f"({_ORIGIN}) = ({', '.join('?' * len(PROVENANCE))})"
+
+
+def _problem(connection: sqlite3.Connection) -> str:
+    """Return why a trial has failed or could not be measured, as SQL; NULL of all others."""
+    return "coalesce(error, measuring_error)" if has_column(connection, "trials", "measuring_error") else "error"
+
+
+def _count(connection: sqlite3.Connection) -> _Counts:
+    first = connection.execute(f"SELECT {_ORIGIN} FROM trials LIMIT 1").fetchone() or ("",) * len(PROVENANCE)
+    counts = connection.execute(
+        "SELECT count(*), ifnull(sum(error IS NULL), 0), sum(censored), total(wall_s), "
+        f"ifnull(sum({_problem(connection)} IS NOT NULL), 0), ifnull(sum({_LIKE_FIRST}), 0) FROM trials",
+        first,
+    ).fetchone()
+    return _Counts(first, *counts)
+
+
+def _count_by_origin(connection: sqlite3.Connection, counts: _Counts) -> list[TrialsByOrigin]:
+    """Count trials by what made them; mostly all are like the first, and need not be sorted, which is slow."""
+    if not counts.trials:
+        return []
+    found = [TrialsByOrigin._make((*counts.first, counts.like_first))]
+    if counts.like_first < counts.trials:
+        query = f"SELECT {_ORIGIN}, count(*) FROM trials WHERE NOT {_LIKE_FIRST} GROUP BY {_ORIGIN}"
+        found += (TrialsByOrigin(*row) for row in connection.execute(query, counts.first))
+    return sorted(found)
 
 
 def count_unmeasured(connection: sqlite3.Connection) -> int:

@@ -38,17 +38,26 @@ from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.atomic_write import atomic_write, sync_folder
 from epuck_sim.util.provenance import PROVENANCE
 
-_STORED = "FROM trials JOIN points ON point = key WHERE error IS NULL"
-_FINISHED = f"{_STORED} AND NOT {UNMEASURED}"
+_STORED = "FROM trials WHERE error IS NULL"
+_FINISHED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND NOT {UNMEASURED}"
+_UNMEASURED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND {UNMEASURED}"
 
 
 class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
 
-    def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        scenario: Scenario,
+        points: Sequence[Point],
+        share: Share | None = None,
+        *,
+        durable: bool = False,
+    ) -> None:
         """Lock the folder, which is made if it does not exist, and enter the points that are new.
 
         Args:
@@ -56,6 +65,7 @@ class Store:
             scenario: What is run.
             points: All its points.
             share: Share of the trials that the folder is for; by default what it was for before, or the whole sweep.
+            durable: Whether what is stored survives a power cut; it waits for the disk each time then.
 
         Raises:
             StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
@@ -67,6 +77,8 @@ class Store:
             check_database(self._path)
         with ExitStack() as stack:
             stack.enter_context(acquire(folder))
+            if durable:
+                sync_folder(folder.parent)  # which may have got the folder just now
             if self._path.exists():
                 check_same_sweep(folder, _stored_points(self._path), rows)
                 share = _check_same_share(self._path, share)
@@ -77,7 +89,7 @@ class Store:
             with atomic_write(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
             stack.enter_context(sqlite_errors(self._path))
-            self._connection = stack.enter_context(writing(self._path))
+            self._connection = stack.enter_context(writing(self._path, durable=durable))
             with self._connection:
                 add_later_columns(self._connection)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
@@ -86,6 +98,7 @@ class Store:
                 Signer(self._connection, "points").sign()
             self._resources = stack.pop_all()
         self.share = share or WHOLE
+        self._measures = measures_in(self._connection)
         self._signer = Signer(self._connection, "trials")
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
@@ -100,42 +113,50 @@ class Store:
         Failed trials have no result; trials from before a measure was added do not have its value.
         """
         with sqlite_errors(self._path):
-            wanted = _FINISHED if measures_in(self._connection) else _STORED
-            return FinishedTrials(self._connection.execute(f"SELECT number, trial {wanted}"))
+            wanted = _FINISHED if self._measures else _STORED
+            return FinishedTrials.read(self._connection, wanted, {point.key: point.number for point in self._points})
 
     def censored(self) -> int | None:
         """Return how many finished trials were not synchronised; None if none of them has a T_sync."""
         with sqlite_errors(self._path):
-            (count,) = self._connection.execute(f"SELECT sum(censored) {_FINISHED}").fetchone()
+            wanted = _FINISHED if self._measures else _STORED
+            (count,) = self._connection.execute(f"SELECT sum(censored) {wanted}").fetchone()
         return None if count is None else int(count)
 
     def add(self, outcome: Outcome) -> bool:
-        """Store a trial; an earlier failure of it is replaced, an earlier result is kept and only measured.
+        """Store a trial as `add_all` does; return whether it has a result with all its measures now."""
+        return self.add_all([outcome])[0]
+
+    def add_all(self, outcomes: Sequence[Outcome]) -> list[bool]:
+        """Store trials, all or none; an earlier failure is replaced, an earlier result is kept and only measured.
 
         Returns:
-            Whether it has a result with all its measures now.
+            Whether each has a result with all its measures now.
         """
-        stored = self._without_measures(outcome)
+        with sqlite_errors(self._path), self._connection:
+            return [self._put(outcome) for outcome in outcomes]
+
+    def _put(self, outcome: Outcome) -> bool:
+        stored = self._without_measures(outcome) if self._measures else None
         if stored is None:
             self._enter(outcome)
+            self._sign(outcome)
             return outcome.result is not None
         error = outcome.error if outcome.result is None else difference(stored, outcome.result)
         measured = stored.measured if outcome.result is None or error else _measured(outcome.result)
-        with sqlite_errors(self._path), self._connection:
-            self._connection.execute(
-                "UPDATE trials SET measured = ?, measuring_error = ? WHERE point = ? AND trial = ?",
-                (measured, error, self._points[outcome.point].key, outcome.trial),
-            )
-            self._sign(outcome)
+        self._connection.execute(
+            "UPDATE trials SET measured = ?, measuring_error = ? WHERE point = ? AND trial = ?",
+            (measured, error, self._points[outcome.point].key, outcome.trial),
+        )
+        self._sign(outcome)
         return error is None
 
     def _without_measures(self, outcome: Outcome) -> StoredResult | None:
         """Return what is stored of a trial that has a result and lacks measures; None if it is not such a trial."""
-        with sqlite_errors(self._path):
-            row = self._connection.execute(
-                f"SELECT {', '.join(StoredResult._fields)} {_STORED} AND {UNMEASURED} AND number = ? AND trial = ?",
-                (outcome.point, outcome.trial),
-            ).fetchone()
+        row = self._connection.execute(
+            f"SELECT {', '.join(StoredResult._fields)} {_UNMEASURED} AND point = ? AND trial = ?",
+            (self._points[outcome.point].key, outcome.trial),
+        ).fetchone()
         return row and StoredResult(*row)
 
     def _enter(self, outcome: Outcome) -> None:
@@ -150,9 +171,7 @@ class Store:
             None if result is None else _measured(result),
             None if result is None else events_json(result),
         )
-        with sqlite_errors(self._path), self._connection:
-            self._connection.execute(self._insert, values)
-            self._sign(outcome)
+        self._connection.execute(self._insert, values)
 
     def _sign(self, outcome: Outcome) -> None:
         row = self._points[outcome.point].key, outcome.trial

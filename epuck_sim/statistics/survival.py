@@ -18,6 +18,7 @@ import numpy.typing as npt
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 
 _BLOCK_SIZE = 50_000  # trials drawn at once: a block of resamples fits the processor's cache
+_MANY_TRIALS = 10_000  # of more, in few kinds, numbers of each kind are drawn at once: as likely as trial by trial
 _HALF = 0.5 + 1e-12  # R is a product of rounded fractions: one that should be a half may lie above or below
 
 
@@ -80,10 +81,16 @@ def resample_counts(cells: IntArray, kinds: int, resamples: int, seed: int) -> I
         (b, m) counts; the b of all blocks add up to `resamples`.
     """
     random, n = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed))), len(cells)
-    for block in np.array_split(np.arange(resamples), max(1, resamples * n // _BLOCK_SIZE)):
-        drawn = cells[random.integers(n, size=(len(block), n))]
-        places = drawn + kinds * np.arange(len(block))[:, None]
-        yield np.bincount(places.ravel(), minlength=kinds * len(block)).reshape(-1, kinds)
+    draws_numbers = n > max(_MANY_TRIALS, 10 * kinds)
+    shares = np.bincount(cells, minlength=kinds) / n
+    drawn_at_once = kinds if draws_numbers else n
+    for block in np.array_split(np.arange(resamples), max(1, resamples * drawn_at_once // _BLOCK_SIZE)):
+        if draws_numbers:
+            yield random.multinomial(n, shares, size=len(block))
+        else:
+            drawn = cells[random.integers(n, size=(len(block), n))]
+            places = drawn + kinds * np.arange(len(block))[:, None]
+            yield np.bincount(places.ravel(), minlength=kinds * len(block)).reshape(-1, kinds)
 
 
 def resampled_curves(

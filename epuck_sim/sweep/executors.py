@@ -1,34 +1,19 @@
-"""Pools of workers: processes of this machine, or a Dask cluster; both are executors of concurrent.futures."""
+"""Pools of workers, which are executors of concurrent.futures: here, processes of this machine."""
 
-import asyncio
-import logging
 import multiprocessing
 import os
 import signal
-import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import forkserver, resource_tracker
 from typing import NamedTuple
 
-from epuck_sim.errors import ClusterError
 from epuck_sim.sweep.temporary_folders import mark_temporary_folder, remove_stale_folders
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables that limit a library to one thread, so that workers do not compete for cores."""
-
-CONNECT_S = 6
-"""Time in seconds within which a cluster must answer."""
-
-WORKERS_S = 3.0
-"""Time in seconds between two looks whether a cluster has workers at all."""
-
-COUNT_S = 1.0
-"""Shortest time in seconds between two counts of a cluster's workers."""
-
 
 PRELOADED = ["epuck_sim.sweep.worker", "epuck_sim.trial.embodied", "epuck_sim.trial.particles"]
 """Modules that the server from which local workers are forked has loaded, so that no worker loads them itself."""
@@ -42,6 +27,8 @@ class Pool(NamedTuple):
     """Returns the number of chunks to have under way."""
     deaths: tuple[type[Exception], ...]
     """Errors that a future raises if its worker has died."""
+    losses: tuple[type[Exception], ...] = ()
+    """Errors that a future, or `slots`, raises if all workers are gone at once, which no trial can have caused."""
 
 
 OpenPool = Callable[[], AbstractContextManager[Pool]]
@@ -130,66 +117,3 @@ def _environment(settings: dict[str, str]) -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-
-
-@contextmanager
-def dask_pool(address: str) -> Iterator[Pool]:
-    """Yield the pool of a Dask cluster.
-
-    Args:
-        address: Address of the scheduler, such as tcp://127.0.0.1:8786.
-
-    Raises:
-        ClusterError: Dask's package distributed is not installed, or the scheduler does not answer.
-    """
-    try:
-        from distributed import Client, KilledWorker, rpc  # noqa: PLC0415 an extra, and slow to import
-    except ImportError as error:
-        raise ClusterError("--dask needs the extra `cluster`: pip install 'epuck-sim[cluster]'") from error
-
-    async def ask() -> None:
-        async with rpc(address) as scheduler:
-            await scheduler.identity()
-
-    log = logging.getLogger("distributed")
-    level = log.level
-    log.setLevel(logging.CRITICAL)  # our messages say the same
-    try:
-        # another program may listen there, and keep a client waiting for ever
-        asyncio.run(asyncio.wait_for(ask(), CONNECT_S))
-        client = Client(address, timeout=CONNECT_S, set_as_default=False)
-    except Exception as error:  # of any kind, for any program may have answered
-        log.setLevel(level)
-        reason = str(error) or f"nothing within {CONNECT_S} s"
-        raise ClusterError(f"--dask {address}: no Dask scheduler answers there: {reason}") from error
-    counted_at, slots = -COUNT_S, 0
-
-    def count() -> int:
-        nonlocal counted_at, slots
-        if time.monotonic() - counted_at > COUNT_S:
-            slots = 2 * max(1, sum(client.nthreads().values()))
-            counted_at = time.monotonic()
-        return slots
-
-    over = threading.Event()
-    look = (lambda: len(client.nthreads()), address, over)
-    threading.Thread(target=_say_without_workers, args=look, daemon=True).start()
-    try:
-        with client:
-            yield Pool(client.get_executor(pure=False), count, (KilledWorker,))
-    finally:
-        over.set()
-        log.setLevel(level)
-
-
-def _say_without_workers(workers: Callable[[], int], address: str, over: threading.Event) -> None:
-    """Say on stderr that a cluster has no workers, once whenever it has lost or not yet got them."""
-    is_said = False
-    while not over.wait(WORKERS_S):
-        try:
-            is_empty = workers() == 0
-        except Exception:  # the client was closed, or has lost the scheduler: the run will say so
-            return
-        if is_empty and not is_said:
-            print(f"--dask {address}: the scheduler has no workers; waiting for them", file=sys.stderr, flush=True)
-        is_said = is_empty

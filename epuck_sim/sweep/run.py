@@ -1,10 +1,11 @@
 """A sweep from its scenario to its run folder: the trials that are missing are run, and stored as they end."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+from epuck_sim.runs.finished import FinishedTrials
 from epuck_sim.runs.records import Outcome, SweepProgress, Task
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Store
@@ -26,25 +27,30 @@ def run_sweep(
     interpret: bool = False,
     share: Share | None = None,
     begin: Callable[[Sequence[Point]], None] = lambda _: None,
+    durable: bool = False,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
-    Args:
-        scenario: A Scenario, or what `load_scenario` takes.
-        folder: The run folder, which is made if it does not exist.
-        open_pool: Opens a pool of workers, see `epuck_sim.sweep.executors`; processes on all cores by default.
-        observer: Called with the progress before the first trial and after each.
-        interpret: Run controllers as plain Python, with the same outcome.
-        share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
-        begin: Called with all points once they are checked, before the folder is opened.
+        Args:
+            scenario: A Scenario, or what `load_scenario` takes.
+            folder: The run folder, which is made if it does not exist.
+            open_pool: Opens a pool of workers, see `epuck_sim.sweep.executors`; processes on all cores by default.
+            observer: Called with the progress before the first trial and after each.
+            interpret: Run controllers as plain Python, with the same outcome.
+            share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
+    <<<<<<< HEAD
+            begin: Called with all points once they are checked, before the folder is opened.
+    =======
+            durable: Whether trials that the progress counts as stored survive a power cut.
+    >>>>>>> scale
 
-    Returns:
-        How far the sweep is at the end.
+        Returns:
+            How far the sweep is at the end.
 
-    Raises:
-        ScenarioError: A point cannot be run.
-        StoreError: The folder cannot be used.
-        ClusterError: There are no workers; the trials stored so far stay.
+        Raises:
+            ScenarioError: A point cannot be run.
+            StoreError: The folder cannot be used.
+            ClusterError: There are no workers; the trials stored so far stay.
     """
     loaded = load_scenario(scenario)
     if interpret:
@@ -52,7 +58,7 @@ def run_sweep(
     all_points = points(loaded)
     check_sweep(all_points)
     begin(all_points)
-    with Store(Path(folder), loaded, all_points, share) as store:
+    with Store(Path(folder), loaded, all_points, share, durable=durable) as store:
         finished = store.finished()
         ours = store.share
         total = sum(len(ours.trials(point.number, point.scenario.trials)) for point in all_points)
@@ -60,16 +66,16 @@ def run_sweep(
         observer(progress)
         queue = TaskQueue(missing_tasks(all_points, finished, interpret, ours), max(0, total - len(finished)))
         kinds = first_of_each_kind(all_points, finished, interpret, ours)
-        with closing(schedule(queue, kinds, open_pool)) as outcomes:
-            for outcome in outcomes:
-                is_stored = store.add(outcome)
-                progress = progress._replace(
-                    stored=progress.stored + is_stored,
-                    censored=_censored(progress.censored, outcome),
-                    failed=progress.failed + (not is_stored),
-                    ended=progress.ended + 1,
-                )
-                observer(progress)
+        with closing(schedule(queue, kinds, open_pool)) as chunks:
+            for outcomes in chunks:
+                for outcome, is_stored in zip(outcomes, store.add_all(outcomes), strict=True):
+                    progress = progress._replace(
+                        stored=progress.stored + is_stored,
+                        censored=_censored(progress.censored, outcome),
+                        failed=progress.failed + (not is_stored),
+                        ended=progress.ended + 1,
+                    )
+                    observer(progress)
     return progress
 
 
@@ -80,7 +86,7 @@ def _censored(before: int | None, outcome: Outcome) -> int | None:
 
 
 def missing_tasks(
-    points: Sequence[Point], finished: Set[tuple[int, int]], interpret: bool, share: Share = WHOLE
+    points: Sequence[Point], finished: FinishedTrials, interpret: bool, share: Share = WHOLE
 ) -> Iterator[Task]:
     """Yield the trials that have no result yet, trial 0 of all points first.
 
@@ -88,29 +94,32 @@ def missing_tasks(
 
     Args:
         points: All points of the sweep.
-        finished: Numbers of point and trial of the trials that have a result.
+        finished: The trials that have a result.
         interpret: Run controllers as plain Python.
         share: Share of the trials that are wanted.
     """
-    wanted = [share.trials(point.number, point.scenario.trials) for point in points]
-    for turn in range(max(map(len, wanted))):
-        for point, trials in zip(points, wanted, strict=True):
+    wanted = [(point, share.trials(point.number, point.scenario.trials)) for point in points]
+    firsts = [next(finished.missing(point.number, trials), None) for point, trials in wanted]
+    left = [one for one, first in zip(wanted, firsts, strict=True) if first is not None]
+    begin = min((first for first in firsts if first is not None), default=0)
+    for turn in range(begin, max((len(trials) for _, trials in left), default=0)):
+        for point, trials in left:
             if turn < len(trials) and (point.number, trials[turn]) not in finished:
                 yield _task(point, trials[turn], interpret)
 
 
 def first_of_each_kind(
-    points: Sequence[Point], finished: Set[tuple[int, int]], interpret: bool, share: Share = WHOLE
+    points: Sequence[Point], finished: FinishedTrials, interpret: bool, share: Share = WHOLE
 ) -> list[Task]:
     """Return a missing trial of a share for each kind of scenario that is compiled by itself."""
     kinds: dict[tuple[str, ...], Task] = {}
     for point in points:
         if point.scenario.compiled in kinds:
             continue
-        for trial in share.trials(point.number, point.scenario.trials):
-            if (point.number, trial) not in finished:
-                kinds[point.scenario.compiled] = _task(point, trial, interpret)
-                break
+        trials = share.trials(point.number, point.scenario.trials)
+        first = next(finished.missing(point.number, trials), None)
+        if first is not None:
+            kinds[point.scenario.compiled] = _task(point, trials[first], interpret)
     return list(kinds.values())
 
 

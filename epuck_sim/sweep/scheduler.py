@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import suppress
-from itertools import islice
+from itertools import chain, islice
 from typing import TypeVar
 
 from epuck_sim.errors import ClusterError
@@ -20,6 +20,10 @@ Result = TypeVar("Result")
 
 CHUNK_S = 0.5
 """Work in a chunk, in seconds: long compared with the milliseconds that handing it over costs, short in a run."""
+
+
+LOOK_S = 5.0
+"""Time in seconds after which, if no chunk has ended, it is asked whether there are workers at all."""
 
 
 class TaskQueue:
@@ -40,6 +44,11 @@ class TaskQueue:
         chunk = [self._returned.popleft()] if self._returned else list(islice(self._tasks, count))
         self._count = self._count - len(chunk) if chunk else 0
         return chunk
+
+    def put_back(self, tasks: Sequence[Task]) -> None:
+        """Take tasks back that were lost, but not with a worker of theirs."""
+        self._tasks = chain(tasks, self._tasks)
+        self._count += len(tasks)
 
     def give_back(self, tasks: Sequence[Task]) -> list[Task]:
         """Take tasks back that were lost with a worker, but return those that are lost for the second time."""
@@ -72,12 +81,12 @@ class ChunkSizer:
         return max(1, min(math.floor(by_time), math.ceil(waiting / (2 * slots))))
 
 
-def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[Outcome]:
-    """Yield the outcome of every task as it is known.
+def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[list[Outcome]]:
+    """Yield the outcomes of all tasks as they are known, those of a chunk together.
 
     When a worker dies, nobody knows at which trial. Tasks that were under way are handed over again, each by itself;
     those that are under way at a second death are run one at a time, and one that kills its worker even then has
-    failed. A broken pool is opened anew.
+    failed. A broken pool is opened anew. If all workers are lost at once, all that was under way is run again.
 
     Args:
         queue: The tasks.
@@ -99,33 +108,39 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
 
 def _run_parallel(
     pool: Pool, queue: TaskQueue, kinds: Sequence[Task], sizer: ChunkSizer
-) -> Generator[Outcome, None, list[Task]]:
+) -> Generator[list[Outcome], None, list[Task]]:
     """Yield outcomes until the queue is empty or a worker dies; return the tasks that were lost with it."""
-    with suppress(*pool.deaths):  # if compiling kills the worker, trials will show which of them it is
+    with suppress(*pool.deaths, *pool.losses):  # if compiling kills the worker, trials will show which of them it is
         _result(pool.executor.submit(compile_ahead, kinds), pool)
     running: dict[Future[list[Outcome]], list[Task]] = {}
     lost: list[Task] = []
-    while running or (queue and not lost):
-        while queue and not lost and len(running) < (slots := pool.slots()):
-            chunk = queue.take(sizer.chunk(len(queue), slots))
-            try:
-                running[pool.executor.submit(run_chunk, chunk)] = chunk
-            except BrokenExecutor:
-                lost.extend(chunk)
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            chunk = running.pop(future)
-            try:
-                outcomes = _result(future, pool)
-            except pool.deaths:
-                lost.extend(chunk)
-                continue
-            sizer.note(outcomes)
-            yield from outcomes
+    try:
+        while running or (queue and not lost):
+            while queue and not lost and len(running) < (slots := pool.slots()):
+                chunk = queue.take(sizer.chunk(len(queue), slots))
+                try:
+                    running[pool.executor.submit(run_chunk, chunk)] = chunk
+                except BrokenExecutor:
+                    lost.extend(chunk)
+            done, _ = wait(running, LOOK_S, return_when=FIRST_COMPLETED)
+            if not done:
+                pool.slots()  # tells if all workers are lost
+            for future in done:
+                try:
+                    outcomes = _result(future, pool)
+                except pool.deaths:
+                    lost.extend(running.pop(future))
+                    continue
+                del running[future]
+                sizer.note(outcomes)
+                yield outcomes
+    except pool.losses:
+        for chunk in running.values():
+            queue.put_back(chunk)
     return lost
 
 
-def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
+def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
     """Yield outcomes of `suspects` until none is left or one of them kills its worker."""
     while suspects:
         try:
@@ -134,16 +149,21 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[Outcome]:
             return
         task = suspects.popleft()
         try:
-            yield from _result(future, pool)
+            yield _result(future, pool)
+        except pool.losses:
+            suspects.appendleft(task)
+            return
         except pool.deaths as death:
-            yield make_outcome(task, None, f"its worker died: {death}")
+            yield [make_outcome(task, None, f"its worker died: {death}")]
             return
 
 
 def _result(future: Future[Result], pool: Pool) -> Result:
     try:
         return future.result()
-    except pool.deaths:
+    except ClusterError:
+        raise
+    except pool.deaths + pool.losses:
         raise
     except CancelledError as error:
         raise ClusterError("the cluster has given up this run, or is gone") from error

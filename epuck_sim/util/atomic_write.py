@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from epuck_sim.errors import EpuckSimError
@@ -55,6 +55,17 @@ def publish(part: Path, path: Path) -> None:
         with part.open("rb") as file:  # its contents reach the disk before its name, should the power fail
             os.fsync(file.fileno())
         part.replace(path)
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Have the names of the files in a folder reach the disk, where the system can do so."""
+    with suppress(OSError):
+        number = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
 
 
 def is_leftover(name: str, target: str) -> bool:

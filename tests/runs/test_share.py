@@ -54,3 +54,13 @@ def test_finished_trials_are_the_set_of_them(trials) -> None:
     assert finished == trials
     assert len(finished) == len(trials)
     assert (6, 0) not in finished
+
+
+@given(st.sets(st.tuples(st.integers(0, 2), st.integers(0, 20))), st.integers(1, 3), st.integers(0, 30))
+def test_missing_trials_are_those_wanted_that_are_not_finished(trials, of: int, count: int) -> None:
+    finished = FinishedTrials(trials)
+    for point in range(3):
+        for number in range(of):
+            wanted = Share(number + 1, of).trials(point, count)
+            missing = [wanted[place] for place in finished.missing(point, wanted)]
+            assert missing == [trial for trial in wanted if (point, trial) not in trials]

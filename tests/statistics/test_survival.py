@@ -12,7 +12,14 @@ from lifelines.utils import median_survival_times, restricted_mean_survival_time
 from scipy.optimize import curve_fit
 from scipy.stats import CensoredData, ecdf
 
-from epuck_sim.statistics.survival import kaplan_meier, make_curve, make_sample, median_time, restricted_means
+from epuck_sim.statistics.survival import (
+    kaplan_meier,
+    make_curve,
+    make_sample,
+    median_time,
+    resample_counts,
+    restricted_means,
+)
 from epuck_sim.statistics.weibull import Weibull, fit_weibull
 from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, confidence_interval, weibull_mean, weibull_resamples
 
@@ -524,3 +531,16 @@ def test_with_80_percent_censored_the_median_is_undetermined_and_with_95_the_mea
 def test_what_are_no_trials_is_refused_with_the_reason(statistic, times, observed, reason):
     with pytest.raises(ValueError, match=reason):
         statistic(times, observed)
+
+
+def test_resamples_of_very_many_trials_are_drawn_by_kind_and_vary_as_those_drawn_one_by_one():
+    cells = np.repeat([0, 1, 2], [20_000, 9_000, 1_000])
+    blocks = [*resample_counts(cells, 3, 4000, 1)]
+    counts = np.concatenate(blocks)
+    assert counts.shape == (4000, 3)
+    assert (counts.sum(axis=1) == len(cells)).all()
+    shares = np.bincount(cells) / len(cells)
+    variance = len(cells) * shares * (1 - shares)
+    np.testing.assert_allclose(counts.mean(axis=0), len(cells) * shares, atol=5 * math.sqrt(variance.max() / 4000))
+    np.testing.assert_allclose(counts.var(axis=0), variance, rtol=0.15)
+    np.testing.assert_array_equal(np.concatenate([*resample_counts(cells, 3, 4000, 1)]), counts)

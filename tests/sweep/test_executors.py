@@ -18,8 +18,9 @@ import pytest
 
 from epuck_sim.errors import ClusterError
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.sweep import executors
-from epuck_sim.sweep.executors import ONE_THREAD, dask_pool, local_pool
+from epuck_sim.sweep import cluster
+from epuck_sim.sweep.cluster import DaskCluster
+from epuck_sim.sweep.executors import ONE_THREAD, local_pool
 from epuck_sim.sweep.run import run_sweep
 from tests.processes import start, wait_until
 from tests.sweep.short_sweeps import begin, short_sweep, stored, table
@@ -117,7 +118,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_table_as_processes_here(tm
 
 
 def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(executors, "WORKERS_S", 0)
+    monkeypatch.setattr(cluster, "LOOK_S", 0)
     counts, over = iter([0, 0, 2, 2, 0, 0]), threading.Event()
 
     def workers() -> int:
@@ -126,12 +127,12 @@ def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypa
             over.set()
         return 1 if count is None else count
 
-    executors._say_without_workers(workers, "tcp://here", over)
+    cluster._say_without_workers(workers, "tcp://here", over)
     assert capsys.readouterr().err == "--dask tcp://here: the scheduler has no workers; waiting for them\n" * 2
 
 
 def test_a_cluster_without_workers_is_named_within_ten_seconds_and_waited_for(tmp_path) -> None:
-    assert executors.WORKERS_S < 10 - executors.CONNECT_S
+    assert cluster.LOOK_S < 10 - cluster.CONNECT_S
     path, folder, contact = short_sweep(tmp_path, 1), tmp_path / "run", tmp_path / "scheduler.json"
     here = ("--host", "127.0.0.1", "--no-dashboard")
     with ExitStack() as stack:
@@ -148,7 +149,7 @@ def test_a_cluster_without_workers_is_named_within_ten_seconds_and_waited_for(tm
 
 
 def test_a_scheduler_that_does_not_answer_is_named_within_ten_seconds(tmp_path) -> None:
-    assert executors.CONNECT_S < 10
+    assert cluster.CONNECT_S < 10
     path, folder = short_sweep(tmp_path), tmp_path / "run"
     run = begin(path, "--out", folder, "--dask", "tcp://127.0.0.1:9", folder=tmp_path)
     _, err = run.communicate(timeout=60)
@@ -180,11 +181,14 @@ def test_what_listens_but_is_no_scheduler_is_named_and_leaves_nothing_behind(gre
 
 @pytest.mark.parametrize("address", ["nonsense", "127.0.0.1", "ftp://x:1"])
 def test_what_is_no_address_is_refused(address: str) -> None:
-    with pytest.raises(ClusterError, match="no Dask scheduler answers there"), dask_pool(address):
+    with pytest.raises(ClusterError, match="no Dask scheduler answers there"), DaskCluster(address).open():
         pass
 
 
 def test_without_distributed_the_extra_is_named(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ClusterError, match=r"pip install 'epuck-sim\[cluster\]'"), dask_pool("tcp://127.0.0.1:9"):
+    with (
+        pytest.raises(ClusterError, match=r"pip install 'epuck-sim\[cluster\]'"),
+        DaskCluster("tcp://127.0.0.1:9").open(),
+    ):
         pass

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.runs.finished import FinishedTrials
 from epuck_sim.runs.records import SweepProgress
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -87,7 +88,7 @@ def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
 
 def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
     places = points(load_scenario(short_sweep(tmp_path, 3)))
-    tasks = [*missing_tasks(places, {(2, 0), (0, 2)}, interpret=False)]
+    tasks = [*missing_tasks(places, FinishedTrials({(2, 0), (0, 2)}), interpret=False)]
     assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
     assert len(tasks) == POINTS * 3 - 2
 
@@ -95,7 +96,8 @@ def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
 def test_no_seed_is_computed_before_its_trial_is_due(monkeypatch) -> None:
     computed = []
     monkeypatch.setattr(Point, "seed", lambda _, trial: computed.append(trial) or trial)
-    tasks = missing_tasks(points(load_scenario("thesis", ["trials=10000000"])), {(0, 0)}, interpret=False)
+    found = points(load_scenario("thesis", ["trials=10000000"]))
+    tasks = missing_tasks(found, FinishedTrials({(0, 0)}), interpret=False)
     assert next(tasks).trial == 1
     assert computed == [1]
 
@@ -104,7 +106,7 @@ def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> Non
     axes = ["robots.0.controller=firefly,oscillator,constant", "robots.0.count=2,3"]
     found = points(load_scenario({"trials": 2}, axes=axes))
     done = {(number, trial) for number in (0, 1, 2) for trial in range(2)} | {(4, 0)}
-    ahead = first_of_each_kind(found, done, interpret=False)
+    ahead = first_of_each_kind(found, FinishedTrials(done), interpret=False)
     assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
 
 
@@ -249,7 +251,7 @@ def test_a_second_command_on_the_folder_is_refused_while_the_first_is_at_work(tm
 
 
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
-    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 125))), set(), interpret=False)]
+    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 125))), FinishedTrials(), interpret=False)]
 
     def resident_kb() -> int:
         (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)

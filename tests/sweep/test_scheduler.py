@@ -2,6 +2,7 @@
 
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
+from itertools import chain
 from random import Random
 
 import pytest
@@ -64,7 +65,7 @@ def opened(deadly: set[int], slots: int, raises: Exception | None = None):
 
 @given(st.sets(st.integers(0, 59), max_size=12), st.integers(1, 9), st.integers(0, 60))
 def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(deadly, slots: int, count: int) -> None:
-    found = list(schedule(queue(count), [task(0)], opened(deadly, slots)))
+    found = list(chain.from_iterable(schedule(queue(count), [task(0)], opened(deadly, slots))))
     assert sorted(each.trial for each in found) == list(range(count))
     assert {each.trial for each in found if each.error} == {trial for trial in deadly if trial < count}
     assert all((each.result is None) == (each.error is not None) for each in found)
@@ -79,11 +80,12 @@ def test_tasks_are_made_when_they_are_handed_over_not_before() -> None:
             made.append(trial)
             yield task(trial)
 
-    outcomes = schedule(TaskQueue(tasks(), 10**7), [task(0)], opened(set(), 4))
+    chunks = schedule(TaskQueue(tasks(), 10**7), [task(0)], opened(set(), 4))
+    outcomes = chain.from_iterable(chunks)
     for count in range(1, 500):
         next(outcomes)
         assert len(made) - count <= 5 * 2 * CHUNK_S / 0.01  # chunks that are under way, of 0.01 s a trial
-    outcomes.close()
+    chunks.close()
 
 
 def test_a_queue_counts_what_waits_and_hands_out_what_was_lost_first_and_alone() -> None:
@@ -100,7 +102,7 @@ def test_a_queue_counts_what_waits_and_hands_out_what_was_lost_first_and_alone()
 
 def test_a_queue_with_fewer_tasks_than_announced_ends() -> None:
     waiting = TaskQueue([task(0)], 3)
-    assert [each.trial for each in schedule(waiting, [], opened(set(), 2))] == [0]
+    assert [each.trial for each in chain.from_iterable(schedule(waiting, [], opened(set(), 2)))] == [0]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,190 @@
+"""A Dask cluster as a pool of workers: it may lose and gain workers, and its scheduler may be started again."""
+
+import asyncio
+import logging
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, Executor, Future
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from epuck_sim.errors import ClusterError, EpuckSimError
+from epuck_sim.runs.compatibility import own_files
+from epuck_sim.runs.records import Task
+from epuck_sim.sweep.executors import Pool
+from epuck_sim.util.provenance import format_versions, host, versions
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+CONNECT_S = 6
+"""Time in seconds within which a cluster must answer."""
+
+LOOK_S = 3.0
+"""Time in seconds between two looks whether a cluster has workers at all, or whether its scheduler is back."""
+
+COUNT_S = 1.0
+"""Shortest time in seconds between two counts of a cluster's workers."""
+
+
+class SchedulerGoneError(Exception):
+    """Tells that the scheduler no longer answers."""
+
+
+class DaskCluster:
+    """The workers of a Dask scheduler."""
+
+    def __init__(self, address: str) -> None:
+        """Take an address, such as tcp://127.0.0.1:8786."""
+        self._address = address
+        self._has_answered = False
+
+    @contextmanager
+    def open(self) -> Iterator[Pool]:
+        """Yield the pool of the workers, whichever there are.
+
+        A scheduler that has answered before, and is gone, is waited for.
+
+        Raises:
+            ClusterError: Dask's package distributed is not installed, or the scheduler does not answer.
+        """
+        try:
+            from distributed import KilledWorker  # noqa: PLC0415 an extra, and slow to import
+        except ImportError as error:
+            raise ClusterError("--dask needs the extra `cluster`: pip install 'epuck-sim[cluster]'") from error
+        log = logging.getLogger("distributed")
+        level, over = log.level, threading.Event()
+        log.setLevel(logging.CRITICAL + 1)  # our messages say the same
+        try:
+            client = self._connect()
+            look = (lambda: len(client.nthreads()), self._address, over)
+            threading.Thread(target=_say_without_workers, args=look, daemon=True).start()
+            with client:
+                executor = SameVersionsExecutor(client.get_executor(pure=False))
+                yield Pool(executor, _slots(client), (KilledWorker,), (CancelledError, SchedulerGoneError))
+        finally:
+            over.set()
+            log.setLevel(level)
+
+    def _connect(self) -> "Client":
+        is_said = False
+        while True:
+            try:
+                client = _connect(self._address)
+            except ClusterError:
+                if not self._has_answered:
+                    raise
+                if not is_said:
+                    _say(self._address, "the scheduler is gone; waiting until it is started again, with workers")
+                is_said = True
+                time.sleep(LOOK_S)
+            else:
+                self._has_answered = True
+                return client
+
+
+def _connect(address: str) -> "Client":
+    from distributed import Client, rpc  # noqa: PLC0415 see `DaskCluster.open`
+
+    async def ask() -> None:
+        async with rpc(address) as scheduler:
+            await scheduler.identity()
+
+    try:
+        # another program may listen there, and keep a client waiting for ever
+        asyncio.run(asyncio.wait_for(ask(), CONNECT_S))
+        return Client(address, timeout=CONNECT_S, set_as_default=False)
+    except Exception as error:  # of any kind, for any program may have answered
+        reason = str(error) or f"nothing within {CONNECT_S} s"
+        raise ClusterError(f"--dask {address}: no Dask scheduler answers there: {reason}") from error
+
+
+def _slots(client: "Client") -> Callable[[], int]:
+    """Return what counts the chunks to have under way."""
+    counted_at, slots = -COUNT_S, 0
+
+    def count() -> int:
+        nonlocal counted_at, slots
+        if time.monotonic() - counted_at > COUNT_S:
+            try:
+                slots = 2 * max(1, sum(client.nthreads().values()))
+            except Exception as error:  # of any kind: the client was closed when it lost the scheduler
+                raise SchedulerGoneError from error
+            counted_at = time.monotonic()
+        return slots
+
+    return count
+
+
+class Asked(NamedTuple):
+    """What workers must have in common with the command, so that results are those of one program."""
+
+    versions: dict[str, str]
+    files: dict[tuple[str, ...], tuple[str, ...]]
+    """What `own_files` gives, by the names of what is compiled."""
+
+
+class SameVersionsExecutor(Executor):
+    """Hands work to workers that refuse it if they are not like this process."""
+
+    def __init__(self, executor: Executor) -> None:
+        """Take the executor that reaches the workers."""
+        self._executor = executor
+        self._files: dict[tuple[str, ...], tuple[str, ...]] = {}
+
+    def submit(self, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Future[Any]:  # type: ignore[override]
+        """Have a worker call a function with tasks; its future raises ClusterError if the worker refuses."""
+        used = {task.scenario.compiled: task.scenario for task in tasks}
+        for names in used.keys() - self._files.keys():
+            self._files[names] = own_files(used[names])
+        asked = Asked(versions(), {names: self._files[names] for names in used})
+        try:
+            return self._executor.submit(call_if_same, asked, function, tasks)
+        except Exception as error:  # of any kind: the client was closed when it lost the scheduler
+            gone: Future[Any] = Future()
+            gone.set_exception(SchedulerGoneError(str(error)))
+            return gone
+
+
+def call_if_same(asked: Asked, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Any:
+    """Call a function with tasks, on a worker.
+
+    Raises:
+        ClusterError: This worker has other versions, or other controllers, curves or measures.
+    """
+    ours = versions()
+    other = {name: value for name, value in ours.items() if value != asked.versions.get(name)}
+    if other:
+        wanted = {name: asked.versions.get(name, "none") for name in other}
+        raise ClusterError(
+            f"a worker on {host()} has {format_versions(other)}, this command has {format_versions(wanted)}; start "
+            "workers with the same versions"
+        )
+    for scenario in {task.scenario.compiled: task.scenario for task in tasks}.values():
+        try:
+            found = own_files(scenario)
+        except EpuckSimError as error:
+            raise ClusterError(f"a worker on {host()} cannot run trials: {error}") from error
+        for here, there in zip(found, asked.files[scenario.compiled], strict=True):
+            if here != there:
+                raise ClusterError(f"a worker on {host()} has {here}, this command {there}; give both the same")
+    return function(tasks)
+
+
+def _say(address: str, what: str) -> None:
+    print(f"--dask {address}: {what}", file=sys.stderr, flush=True)
+
+
+def _say_without_workers(workers: Callable[[], int], address: str, over: threading.Event) -> None:
+    """Say on stderr that a cluster has no workers, once whenever it has lost or not yet got them."""
+    is_said = False
+    while not over.wait(LOOK_S):
+        try:
+            is_empty = workers() == 0
+        except Exception:  # the client was closed, or has lost the scheduler
+            return
+        if is_empty and not is_said:
+            _say(address, "the scheduler has no workers; waiting for them")
+        is_said = is_empty

@@ -1,0 +1,88 @@
+"""Measures how many trials a second one parent can store: `python -m tests.benchmarks.parent_rate FOLDER`.
+
+Its 64 workers are simulated: they return at once. What would be their own work is done beforehand or left out; what the
+parent does for them is done and counted: making tasks, their bytes for the pipe, results from bytes, storing.
+"""
+
+import pickle
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from epuck_sim.runs.records import Outcome, Task
+from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.run import run_sweep
+from epuck_sim.sweep.worker import run_chunk
+from epuck_sim.trial.result import TrialResult
+from epuck_sim.util.provenance import host, versions
+from tests.benchmarks.big_folders import scenario_of
+
+WORKERS = 64
+
+TRIAL_S = (1.0, 0.1, 0.01, 0.001)
+"""Time that a trial is said to have taken, by which trials are put together in chunks of half a second."""
+
+TRIALS = 20_000
+
+
+class ReturnAtOnce(Executor):
+    """Returns results without simulating, and notes what only workers would have to do."""
+
+    def __init__(self, wall_s: float) -> None:
+        self._wall_s = wall_s
+        self.chunks: list[list[Task]] = []
+
+    def submit(self, function: Any, tasks: list[Task]) -> Future:
+        future: Future = Future()
+        pickle.dumps((function, tasks))
+        if function is run_chunk:
+            self.chunks.append(tasks)
+            future.set_result(pickle.loads(self.answer(tasks)))
+        else:
+            future.set_result(None)
+        return future
+
+    def answer(self, tasks: list[Task]) -> bytes:
+        made = {**versions(), "host": host()}
+        result = TrialResult("thesis", 1, 60, False, 60, 0.97, 3000, 300.0, self._wall_s)
+        return pickle.dumps([Outcome(task.point, task.trial, task.seed, result, None, made) for task in tasks])
+
+
+def measure(folder: Path, trial_s: float, *, durable: bool) -> tuple[float, float, float]:
+    """Return trials a second of the parent's CPU time, and of time on the wall, and trials in a chunk."""
+    executor = ReturnAtOnce(trial_s)
+
+    @contextmanager
+    def pool() -> Iterator[Pool]:
+        yield Pool(executor, lambda: 2 * WORKERS, ())
+
+    began, cpu = time.perf_counter(), time.process_time()
+    run_sweep(scenario_of(TRIALS), folder, pool, durable=durable)
+    wall_s, cpu_s = time.perf_counter() - began, time.process_time() - cpu
+    began, cpu = time.perf_counter(), time.process_time()
+    for tasks in executor.chunks:
+        executor.answer(tasks)
+    wall_s -= time.perf_counter() - began
+    cpu_s -= time.process_time() - cpu
+    return TRIALS / cpu_s, TRIALS / wall_s, TRIALS / len(executor.chunks)
+
+
+def main() -> None:
+    """Measure, and print a line for each length of trials."""
+    for durable in (False, True):
+        for trial_s in TRIAL_S:
+            folder = Path(sys.argv[1]) / f"{trial_s}-{durable}"
+            by_cpu, by_wall, chunk = measure(folder, trial_s, durable=durable)
+            print(
+                f"{trial_s} s a trial, durable {durable}: {chunk:.1f} trials a chunk, "
+                f"{by_cpu:,.0f} trials a CPU second, {by_wall:,.0f} a second on the wall",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

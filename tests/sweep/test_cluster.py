@@ -1,0 +1,186 @@
+"""A Dask cluster: schedulers that are started again, workers that are not like the command, dask-jobqueue's lines."""
+
+import re
+import socket
+import sys
+from concurrent.futures import CancelledError, Executor, Future
+from contextlib import ExitStack, contextmanager
+from itertools import chain
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.errors import ClusterError
+from epuck_sim.runs.records import Task
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.sweep import cluster
+from epuck_sim.sweep.cluster import SameVersionsExecutor, SchedulerGoneError
+from epuck_sim.sweep.executors import Pool
+from epuck_sim.sweep.scheduler import TaskQueue, schedule
+from epuck_sim.sweep.worker import make_outcome, run_chunk
+from tests.processes import start, wait_until
+from tests.sweep.short_sweeps import begin, short_sweep, stored
+from tests.sweep.test_executors import cluster_process
+from tests.sweep.test_scheduler import outcomes_of_length, task
+
+DOCS = Path(__file__).parents[2] / "docs" / "clusters.md"
+
+HERE = ("--host", "127.0.0.1", "--no-dashboard")
+
+OWN = """
+PARAMETERS = {}
+MEMORY = {}
+
+
+def start(memory, parameters, random):
+    pass
+
+
+def step(sensors, memory, actuators, parameters, random):
+    pass
+"""
+
+JOBQUEUE = '''
+"""Stands in for dask-jobqueue: its SLURMCluster starts two local processes, however many are asked for."""
+from distributed import LocalCluster
+
+
+class SLURMCluster(LocalCluster):
+    def __init__(self, cores, processes, memory, walltime):
+        assert cores == processes and memory and walltime
+        super().__init__(n_workers=0, threads_per_worker=1, dashboard_address=None)
+
+    def scale(self, count):
+        assert count == 64
+        super().scale(2)
+'''
+
+
+class Local(Executor):
+    """Calls what it is given at once, in this process."""
+
+    def submit(self, function, *arguments) -> Future:
+        future: Future = Future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def answer(_: list[Task]) -> str:
+    return "done"
+
+
+def test_a_worker_with_another_version_is_refused_in_words(monkeypatch) -> None:
+    executor = SameVersionsExecutor(Local())
+    assert executor.submit(answer, [task(0)]).result() == "done"
+    real = cluster.versions()
+    asked = iter([real, {**real, "numba": "0.1", "python": "3.99.0"}])
+    monkeypatch.setattr(cluster, "versions", lambda: next(asked))
+    message = f"has numba 0.1, python 3.99.0, this command has numba {real['numba']}, python {real['python']}"
+    with pytest.raises(ClusterError, match=re.escape(message)):
+        executor.submit(answer, [task(0)]).result()
+
+
+def test_a_worker_with_another_controller_is_refused_in_words(tmp_path) -> None:
+    path = tmp_path / "own.py"
+    path.write_text(OWN)
+    scenario = load_scenario({"robots": [{"controller": str(path)}]})
+    given = [Task(0, 0, 1, scenario, False)]
+    executor = SameVersionsExecutor(Local())
+    assert executor.submit(answer, given).result() == "done"
+    path.write_text(path.read_text().replace("pass", "actuators.ring_on = True"))
+    with pytest.raises(ClusterError, match=r"has own\.py with digest \w{12}, this command own\.py with digest \w{12}"):
+        executor.submit(answer, given).result()
+    path.unlink()
+    with pytest.raises(ClusterError, match="cannot run trials: no controller file"):
+        executor.submit(answer, given).result()
+
+
+def test_a_client_that_is_closed_counts_as_a_lost_scheduler() -> None:
+    class Closed(Executor):
+        def submit(self, *_) -> Future:
+            raise OSError("closed")
+
+    with pytest.raises(SchedulerGoneError, match="closed"):
+        SameVersionsExecutor(Closed()).submit(answer, [task(0)]).result()
+
+
+@pytest.mark.parametrize("loss", [CancelledError, SchedulerGoneError])
+def test_what_was_under_way_when_all_workers_were_lost_is_run_again_and_blamed_for_nothing(loss) -> None:
+    opened, asked = [], []
+
+    class Lost(Executor):
+        def submit(self, function, tasks) -> Future:
+            future: Future = Future()
+            if function is run_chunk:
+                asked.append([each.trial for each in tasks])
+            if len(opened) < 4 and len(asked) % 3 == 0:
+                future.set_exception(loss())
+            else:
+                future.set_result([make_outcome(each, *outcomes_of_length(0.1, 1)[0][3:5]) for each in tasks])
+            return future
+
+    @contextmanager
+    def open_pool():
+        opened.append(1)
+        yield Pool(Lost(), lambda: 4, (), (CancelledError, SchedulerGoneError))
+
+    queue = TaskQueue((task(trial) for trial in range(30)), 30)
+    outcomes = [*chain.from_iterable(schedule(queue, [task(0)], open_pool))]
+    assert sorted(outcome.trial for outcome in outcomes) == list(range(30))
+    assert len(opened) == 4
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return server.getsockname()[1]
+
+
+def test_a_sweep_outlives_a_scheduler_that_is_started_again_and_workers_that_change(tmp_path) -> None:
+    path, folder, port = short_sweep(tmp_path, 60), tmp_path / "run", str(free_port())
+    address = f"tcp://127.0.0.1:{port}"
+
+    def begin_cluster(stack: ExitStack):
+        scheduler = cluster_process(stack, "scheduler", *HERE, "--port", port, folder=tmp_path)
+        worker = cluster_process(stack, "worker", address, *HERE, "--nthreads", "1", "--no-nanny", folder=tmp_path)
+        wait_until(lambda: is_listening(int(port)))
+        return scheduler, worker
+
+    with ExitStack() as stack:
+        scheduler, worker = begin_cluster(stack)
+        run = begin(path, "--out", folder, "--dask", address, folder=tmp_path)
+        wait_until(lambda: stored(folder) >= 20)
+        scheduler.kill()
+        worker.kill()
+        assert run.stderr is not None
+        said = f"--dask {address}: the scheduler is gone; waiting until it is started again, with workers\n"
+        assert said in iter(run.stderr.readline, "")
+        assert stored(folder) < 8 * 60
+        begin_cluster(stack)
+        _, err = run.communicate(timeout=120)
+        assert run.returncode == 0, err
+    assert stored(folder) == 8 * 60
+
+
+def is_listening(port: int) -> bool:
+    with socket.socket() as client:
+        return client.connect_ex(("127.0.0.1", port)) == 0
+
+
+def test_the_lines_for_dask_jobqueue_give_workers_to_a_sweep(tmp_path) -> None:
+    """They run with a local cluster that stands in for SLURM."""
+    blocks = re.findall(r"```text\n(.*?)```", DOCS.read_text(), re.DOTALL)
+    (block,) = (text for text in blocks if "SLURMCluster" in text)
+    (tmp_path / "dask_jobqueue.py").write_text(JOBQUEUE)
+    (tmp_path / "cluster.py").write_text(f"if __name__ == '__main__':\n{re.sub('^', '    ', block, flags=re.M)}")
+    keeper = start([sys.executable, tmp_path / "cluster.py"], cwd=tmp_path, stdin=-1)
+    assert keeper.stdout is not None
+    address = keeper.stdout.readline().strip()
+    assert address.startswith("tcp://"), keeper.stderr and keeper.stderr.read()
+    run = begin(short_sweep(tmp_path, 2), "--out", tmp_path / "run", "--dask", address, folder=tmp_path)
+    _, err = run.communicate(timeout=120)
+    assert run.returncode == 0, err
+    assert stored(tmp_path / "run") == 16
+    keeper.communicate("\n", timeout=60)
