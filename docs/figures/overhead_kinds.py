@@ -4,7 +4,8 @@ Each film shows ten robots that flash at random times and, from the fourth of se
 twice: told corners, height, period and number of robots, where positions are compared with the true ones; and told
 nothing but the size of the arena and the camera's height. OpenCV's HoughCircles, told the radius of the rings, is the
 yardstick. With a number as its argument it makes that many films of each kind instead of 20; names of kinds after it
-choose these.
+choose these. Films are made in turn, one of each kind and then the next of each, and each goes to overhead_films.csv at
+once: those that are there are not made again, and the table is of all of them. To repeat films, delete their rows.
 """
 
 import csv
@@ -34,9 +35,18 @@ SCALE = 0.6
 CYCLES, TOGETHER_FROM, PERIOD_S = 7, 3, 2.0
 TRUE_PERIODS = TOGETHER_FROM + 0.5 + 0.075 / 2
 WITHIN_PERIODS = 0.25
+FILMS_CSV, KINDS_CSV = (Path(__file__).with_name(f"overhead_{what}.csv") for what in ("films", "kinds"))
 HEADER = [
-    *("kind", "films", "rings", "found_percent", "right_percent", "rms_mm", "worst_mm", "t_sync_error_periods"),
-    *("told_right", "told_refused", "told_wrong", "alone_right", "alone_refused", "alone_wrong"),
+    *("kind", "films", "rings", "found_percent", "right_percent", "worst_found_percent", "rms_mm", "worst_mm"),
+    *(
+        "t_sync_error_periods",
+        "told_right",
+        "told_refused",
+        "told_wrong",
+        "alone_right",
+        "alone_refused",
+        "alone_wrong",
+    ),
     *("hough_found_percent", "hough_right_percent", "hough_rms_mm"),
 ]
 
@@ -44,13 +54,30 @@ HEADER = [
 class Examined(NamedTuple):
     """How well a film was tracked."""
 
-    rings: Score
-    hough: Score
+    kind: str
+    seed: int
     told: int
     """Verdict about T_sync: 0 if it is right, 1 if the tracker says that it cannot tell, 2 if it is wrong."""
-    error_periods: float
-    """Error of T_sync, in periods; NaN if there is none."""
     alone: int
+    error_periods: float
+    """Error of T_sync where the tracker is told all, in periods; NaN if there is none."""
+    rings: Score
+    hough: Score
+
+    def row(self) -> list[object]:
+        """Return a row of overhead_films.csv."""
+        return [*self[:4], f"{self.error_periods:.4f}", *_rounded(self.rings), *_rounded(self.hough)]
+
+
+def _rounded(score: Score) -> list[object]:
+    return [*score[:3], f"{score.worst_cm:.4f}", f"{score.squares_cm2:.5f}"]
+
+
+def examined_of(row: list[str]) -> Examined:
+    """Return the film of a row of overhead_films.csv."""
+    counts = len(Score._fields)
+    rings, hough = (Score(*map(int, part[:3]), *map(float, part[3:])) for part in (row[5 : 5 + counts], row[-counts:]))
+    return Examined(row[0], *map(int, row[1:4]), float(row[4]), rings, hough)
 
 
 def verdict(film: Path, options: TrackOptions, rings: Path | None) -> tuple[int, float]:
@@ -89,16 +116,17 @@ def examine(kind: str, seed: int, folder: Path) -> Examined:
     for time_s, lit_cm in truth:
         reported = [(row["x_cm"], row["y_cm"]) for row in rows if abs(row["time_s"] - time_s) < 2e-3]
         score += compare(np.array(reported).reshape(-1, 2), lit_cm, NOWHERE)
-    return Examined(score, hough, told, error_periods, verdict(film, alone, None)[0])
+    return Examined(kind, seed, told, verdict(film, alone, None)[0], error_periods, score, hough)
 
 
-def row_of(kind: str, films: list[Examined]) -> list:
+def row_of(kind: str, films: list[Examined]) -> list[object]:
     """Return the row of a kind."""
-    total, hough = (reduce(add, scores) for scores in zip(*(film[:2] for film in films), strict=True))
+    total, hough = (reduce(add, scores) for scores in zip(*((film.rings, film.hough) for film in films), strict=True))
     errors = np.abs([film.error_periods for film in films])
-    verdicts = [[film[place] for film in films].count(which) for place in (2, 4) for which in range(3)]
+    verdicts = [[film[place] for film in films].count(which) for place in (2, 3) for which in range(3)]
     return [
         *(kind, len(films), total.found + total.missed, f"{100 * total.recall:.1f}", f"{100 * total.precision:.1f}"),
+        f"{100 * min(film.rings.recall for film in films):.1f}",
         *(f"{10 * total.rms_cm:.2f}", f"{10 * total.worst_cm:.1f}"),
         "" if np.isnan(errors).all() else f"{np.nanmax(errors):.3f}",
         *verdicts,
@@ -106,17 +134,36 @@ def row_of(kind: str, films: list[Examined]) -> list:
     ]
 
 
-def main(films: int, kinds: list[str]) -> None:
-    """Write the table, a row as soon as its kind is done."""
-    with Path(__file__).with_name("overhead_kinds.csv").open("w", newline="") as file:
+def films_made() -> list[Examined]:
+    """Return the films of overhead_films.csv."""
+    if not FILMS_CSV.exists():
+        return []
+    with FILMS_CSV.open(newline="") as file:
+        return [examined_of(row) for row in list(csv.reader(file))[1:]]
+
+
+def write_table(path: Path, header: list[str], rows: list[list[object]]) -> None:
+    """Write a table."""
+    with path.open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(HEADER)
+        writer.writerow(header)
+        writer.writerows(rows)
+
+
+def main(films: int, kinds: list[str]) -> None:
+    """Make the films that are not yet made, and write both tables after each."""
+    scores = [f"{whose}_{field}" for whose in ("tracker", "hough") for field in Score._fields]
+    made = films_made()
+    for seed in range(films):
         for kind in kinds:
+            if any((film.kind, film.seed) == (kind, seed) for film in made):
+                continue
             with tempfile.TemporaryDirectory() as folder:
-                row = row_of(kind, [examine(kind, seed, Path(folder)) for seed in range(films)])
-            writer.writerow(row)
-            file.flush()
-            print(*row, sep=", ", flush=True)
+                made.append(examine(kind, seed, Path(folder)))
+            print(*made[-1].row(), sep=", ", flush=True)
+            write_table(FILMS_CSV, [*Examined._fields[:5], *scores], [film.row() for film in made])
+            of_kinds = {name: [film for film in made if film.kind == name] for name in KINDS}
+            write_table(KINDS_CSV, HEADER, [row_of(name, its) for name, its in of_kinds.items() if its])
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ class Webcam(NamedTuple):
     gloss: float = 0.0  # of the walls
     room: float = 0.0  # level of the floor
     flicker: float = 0.0
+    bands: float = 0.0  # of flicker from top to bottom, where rows are exposed one after the other
     noise: float = 2.0
     quality: int = 80  # of the JPEG pictures that a webcam sends
 
@@ -139,14 +140,15 @@ def picture(camera, lit_cm, headings, arena_cm, generator, dark_cm=()):
     lit_cm = np.reshape(lit_cm, (-1, 2))
     levels = np.zeros((height, width, 3), np.float32)
     if camera.room:
-        brightness = camera.room * (1 + camera.flicker * math.sin(generator.uniform(0, math.tau)))
-        levels += 0.3 * brightness
-        cv2.fillPoly(levels, [np.round(camera.floor_px(arena_cm)).astype(np.int32)], (brightness,) * 3)
+        levels += 0.3 * camera.room
+        cv2.fillPoly(levels, [np.round(camera.floor_px(arena_cm)).astype(np.int32)], (camera.room,) * 3)
         for place in np.reshape(dark_cm, (-1, 2)):
             circle = np.arange(24) * math.tau / 24
             rim = np.column_stack([np.cos(circle), np.sin(circle)]) * ROBOT_CM + place
             body = np.column_stack([rim, np.full(24, LED_HEIGHT_CM)])
-            cv2.fillPoly(levels, [np.round(camera.project(body, arena_cm)).astype(np.int32)], (0.45 * brightness,) * 3)
+            cv2.fillPoly(levels, [np.round(camera.project(body, arena_cm)).astype(np.int32)], (0.45 * camera.room,) * 3)
+        phases = generator.uniform(0, math.tau) + np.arange(height) / height * camera.bands * math.tau
+        levels *= (1 + camera.flicker * np.sin(phases)).astype(np.float32)[:, None, None]
     if len(lit_cm):
         levels += _light(camera, lit_cm, headings, arena_cm)[..., None] * np.array(camera.colour, np.float32)
     levels += camera.noise * generator.standard_normal(levels.shape, np.float32)
@@ -243,6 +245,7 @@ KINDS = {
     "dim room": Webcam(room=25.0, noise=4.0),
     "bright room": Webcam(room=140.0, noise=3.0, exposure=2.5),
     "flickering room": Webcam(room=25.0, flicker=0.3),
+    "flicker in bands": Webcam(room=25.0, flicker=0.3, bands=2.5),
     "grey film": Webcam(colour=(0.5, 0.5, 0.5)),
     "harsh": Webcam(noise=8.0, quality=25),
     "typical webcam": Webcam(

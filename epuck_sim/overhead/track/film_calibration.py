@@ -12,12 +12,11 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.camera_model import REFERENCE_HEIGHT_CM, REFERENCE_SIDE_CM, Lens, overhead_camera
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.background import Background
 from epuck_sim.overhead.track.calibration import fit_camera
 from epuck_sim.overhead.track.floor_corners import find_corners
 from epuck_sim.overhead.track.geometry import Geometry
+from epuck_sim.overhead.track.light import Background, is_lit
 from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
-from epuck_sim.overhead.track.ring_detection import is_lit
 from epuck_sim.overhead.track.ring_sizes import measure_rings
 from epuck_sim.scenario.base import Positive, WholeNumber
 from epuck_sim.scenario.overhead import OverheadSection
@@ -29,6 +28,13 @@ RINGS = "the size of the rings, as if the camera looked straight down at the are
 
 LIT_FRAMES = 30
 """Number of frames of a lit beginning in which the floor is searched; robots or a hand may hide its corners in some."""
+
+AGREE_PX = 2.0
+"""Largest distance of corners found in two frames in a row that are the floor's: bands of light under lamps that
+flicker have corners, too, but move."""
+
+MAX_TILT_DEG = 75.0
+"""Largest angle between a camera's axis and straight down; from farther aside the floor is a line."""
 
 STUDIED_FRAMES = 400
 """Number of dark frames in which rings are studied; a swarm has then flashed a few times."""
@@ -182,6 +188,11 @@ def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STU
             "rings, give the floor's corners by --corners, which determine their size"
         )
     fitted = fit_camera(size, floor_cm, above_cm, rings, corners, options.lens)
+    if fitted.tilt_deg > MAX_TILT_DEG:
+        raise FilmError(
+            f"{source.name}: by {origin} the camera is tilted by {fitted.tilt_deg:.0f} degrees; allowed: up to "
+            f"{MAX_TILT_DEG:.0f}; give the floor's corners by --corners"
+        )
     return Geometry(
         fitted.camera,
         floor_cm,
@@ -196,10 +207,12 @@ def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STU
 
 def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, str, Iterator[Frame]]:
     """Return the floor's corners in a lit beginning, if there is one; what they come from; and the frames after it."""
+    before: FloatArray | None = None
     for frame in islice(frames, LIT_FRAMES):
         if not is_lit(frame.picture):
             return None, RINGS, chain([frame], frames)
         corners = find_corners(frame.picture)
-        if corners is not None:
+        if corners is not None and before is not None and np.abs(corners - before).max() <= AGREE_PX:
             return corners, LIGHT, frames
+        before = corners
     return None, RINGS, frames

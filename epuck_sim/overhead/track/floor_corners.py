@@ -7,7 +7,7 @@ from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.geometry import contains, is_convex, polygon_area
 from epuck_sim.overhead.film.frame import Picture
 from epuck_sim.overhead.track.edge_fit import BAND, fit_side, meeting_point
-from epuck_sim.overhead.track.ring_detection import is_lit
+from epuck_sim.overhead.track.light import is_lit
 
 Line = tuple[FloatArray, FloatArray]
 """A point, (2,) px, and the vector to another one, (2,) px."""

@@ -1,4 +1,7 @@
-"""The horizontal plane of the rings seen straight from above, without perspective and distortion (bird's-eye view)."""
+"""The horizontal plane of the rings seen straight from above, without perspective and distortion (bird's-eye view).
+
+A matched filter on a coarse grid finds where rings may be.
+"""
 
 import math
 from typing import NamedTuple
@@ -8,14 +11,21 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.overhead.camera_model import CameraModel
-
-Light = npt.NDArray[np.uint8]
-"""(rows, columns) one channel of a picture or of the rectified view."""
+from epuck_sim.overhead.track.light import Light
 
 COARSE_PER_CM = 2
 """Cells per cm of the coarse grid in which rings are searched; a ring is 14 cells wide."""
+
+MAX_CANDIDATES = 200
+"""Largest number of candidates that are examined in a picture, the brightest ones."""
+
+FILTER_WIDTH_CM = 0.45
+"""Standard deviation of the matched filter across the ring, which is about 1 cm thick when overexposed."""
+
+DARK_RADIUS_CM = 2.3
+"""Radius of the dark inside of a ring in the matched filter."""
 
 MAX_FINE_CELLS = 3
 """Largest number of fine cells along a coarse one: 6 cells per cm locate a ring to a tenth of a millimetre."""
@@ -29,6 +39,19 @@ in few pixels."""
 
 STRAY_CM = 0.5
 """Largest error of projecting a point and back; beyond the fold of a strong distortion it is larger."""
+
+
+def _ring_filter() -> Float32Array:
+    """Return the matched filter on the coarse grid: mean light on the circle minus mean light inside."""
+    half = round((epuck.RING_RADIUS_CM + 2 * FILTER_WIDTH_CM) * COARSE_PER_CM)
+    offsets = np.arange(-half, half + 1) / COARSE_PER_CM
+    radius = np.hypot(offsets[:, None], offsets)
+    ring = np.exp(-(((radius - epuck.RING_RADIUS_CM) / FILTER_WIDTH_CM) ** 2) / 2)
+    inner = (radius <= DARK_RADIUS_CM).astype(float)
+    return np.asarray(ring / ring.sum() - inner / inner.sum(), np.float32)
+
+
+_RING_FILTER = _ring_filter()
 
 
 class RectifiedView(NamedTuple):
@@ -47,11 +70,21 @@ class RectifiedView(NamedTuple):
         """Return (rows, columns) the view of one channel of a picture, (height_px, width_px)."""
         return np.asarray(cv2.remap(light, self.pixels, self.fractions, cv2.INTER_LINEAR), np.uint8)
 
-    def downsample(self, view: Light) -> Light:
-        """Return the means of a view over the cells of the coarse grid."""
+    def match(self, view: Light) -> Float32Array:
+        """Return how much a ring seems to be around each cell of the coarse grid: light on it less light inside."""
         cells = self.cells_per_cm // COARSE_PER_CM
         rows, columns = view.shape
-        return np.asarray(cv2.resize(view, (columns // cells, rows // cells), interpolation=cv2.INTER_AREA), np.uint8)
+        coarse = cv2.resize(view, (columns // cells, rows // cells), interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.filter2D(coarse, cv2.CV_32F, _RING_FILTER), np.float32)
+
+    def candidates(self, response: Float32Array, least: float) -> FloatArray:
+        """Return (n, 2) columns and rows of cells whose response is highest within 1 cm, in descending order."""
+        size = 2 * COARSE_PER_CM + 1
+        highest = np.asarray(cv2.dilate(response, np.ones((size, size), np.uint8)))
+        rows, columns = np.nonzero((response >= highest) & (response >= least))
+        order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
+        cells = self.cells_per_cm // COARSE_PER_CM
+        return np.column_stack([columns[order], rows[order]]) * cells + (cells - 1) / 2
 
     def close_gaps(self, view: Light, width_cm: float) -> Light:
         """Return a view in which dark gaps and dots up to `width_cm` wide are filled (morphological closing)."""

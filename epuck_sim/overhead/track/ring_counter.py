@@ -8,11 +8,10 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.background import Background
 from epuck_sim.overhead.track.flashes import Flash, FlashLinker
 from epuck_sim.overhead.track.geometry import Geometry
-from epuck_sim.overhead.track.light_meter import LightMeter
-from epuck_sim.overhead.track.ring_detection import Ring, RingFinder, is_lit
+from epuck_sim.overhead.track.light import Background, LightMeter, is_lit
+from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
 from epuck_sim.overhead.track.spread import Evaluation, SynchronyDetector, is_synchronised
 
 

@@ -12,18 +12,12 @@ import cv2
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.arrays import Float32Array, FloatArray
+from epuck_sim.arrays import FloatArray
 from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Picture
-from epuck_sim.overhead.track.rectified_view import COARSE_PER_CM, Light, rectified_view
+from epuck_sim.overhead.track.light import is_lit, ring_light
+from epuck_sim.overhead.track.rectified_view import Light, rectified_view
 from epuck_sim.overhead.track.ring_fit import Fit, fit_ring
-
-LIT_LEVEL = 40
-"""Median level of a picture's darkest colour from which the room is lit; noise in the dark is far below, and the haze
-of rings is coloured."""
-
-LIT_SAMPLES = 80
-"""Number of pixels along the shorter side that are examined for whether the room is lit."""
 
 MIN_LEVEL_DARK = 8
 """Minimum levels by which a ring in the dark is brighter than its inside, at its eight points."""
@@ -44,15 +38,6 @@ reflections on walls and floor are weaker."""
 
 MIN_DISTANCE_CM = 0.88 * 2 * epuck.RADIUS_CM
 """Minimum distance of two rings' centres: robots touch at 2 radii, and the scale may be wrong by a tenth."""
-
-MAX_CANDIDATES = 200
-"""Largest number of candidates that are examined in a picture, the brightest ones."""
-
-FILTER_WIDTH_CM = 0.45
-"""Standard deviation of the matched filter across the ring, which is about 1 cm thick when overexposed."""
-
-DARK_RADIUS_CM = 2.3
-"""Radius of the dark inside of a ring in the matched filter."""
 
 MIN_RADIUS = 0.75
 """Minimum radius of a ring, relative to `epuck.RING_RADIUS_CM`: perspective and scale are estimates, and in a lit room
@@ -84,9 +69,6 @@ between six lit ones, light grows outwards."""
 MAX_BEYOND_LIT = 1.5
 """The same in a lit room, where the haze of a ring is coloured and its core is pale; grey things have no colour."""
 
-MEAN = np.full((1, 3), 1 / 3)
-"""Weights of red, green and blue in the light of rings in the dark."""
-
 
 class Ring(NamedTuple):
     """Centre and radius of a lit ring: in cm in the arena's frame, and in px (column, row)."""
@@ -99,26 +81,6 @@ class Ring(NamedTuple):
     radius_px: float
     light: float = 0.0
     """Levels by which the ring is brighter than its inside."""
-
-
-def is_lit(picture: Picture) -> bool:
-    """Return whether the room's lights are on, judged by the picture's middle; the table around may be black."""
-    rows, columns, _ = picture.shape
-    step = max(min(rows, columns) // LIT_SAMPLES, 1)
-    middle = picture[rows // 4 : rows - rows // 4 : step, columns // 4 : columns - columns // 4 : step]
-    return float(np.median(middle.min(axis=2))) >= LIT_LEVEL
-
-
-def ring_light(picture: Picture, lit: bool) -> Light:
-    """Return (height_px, width_px) the light of rings: the mean of the colours, or in a lit room their difference.
-
-    A ring that burns out in one colour still has its shape in the others. In a lit room, grey things are no rings.
-    """
-    if lit:
-        colours = cv2.split(picture)
-        most, least = (combine(combine(*colours[:2]), colours[2]) for combine in (cv2.max, cv2.min))
-        return np.asarray(cv2.subtract(most, least), np.uint8)
-    return np.asarray(cv2.transform(picture, MEAN), np.uint8)
 
 
 class RingFinder:
@@ -134,7 +96,6 @@ class RingFinder:
         self.camera = camera
         self._least_dark = max(MIN_LEVEL_DARK, MIN_RELATIVE_LIGHT * usual_light)
         self.view = rectified_view(camera)
-        self._filter = _matched_filter()
 
     def find(self, picture: Picture, background: Picture | None = None) -> list[Ring]:
         """Return the lit rings in a picture, from left to right; see `fits`."""
@@ -162,14 +123,12 @@ class RingFinder:
         view = self.view.sample(light)
         if lit:
             view = self.view.close_gaps(view, CORE_CM)
-        response = np.asarray(cv2.filter2D(self.view.downsample(view), cv2.CV_32F, self._filter), np.float32)
+        response = self.view.match(view)
         bright = float(response.max())
         mean_least = max(least if lit else POINTS_SHARE * least, MIN_RELATIVE_LIGHT * bright)
-        cells = self.view.cells_per_cm
-        coarse = cells // COARSE_PER_CM
-        candidates = _candidates(response, mean_least) * coarse + (coarse - 1) / 2
+        candidates = self.view.candidates(response, mean_least)
         most_beyond = MAX_BEYOND_LIT if lit else MAX_BEYOND
-        return _select_rings(view, cells, candidates, max(least, mean_least), most_beyond)
+        return _select_rings(view, self.view.cells_per_cm, candidates, max(least, mean_least), most_beyond)
 
     def _rings(self, fits: list[Fit]) -> list[Ring]:
         """Return fits as rings, with their places in the arena and in the picture, from left to right."""
@@ -184,25 +143,6 @@ class RingFinder:
         radii_px = np.linalg.norm(pixels[:, 1:] - pixels[:, :1], axis=2).mean(axis=1)
         table = np.column_stack([centres[:, :2], radii, pixels[:, 0], radii_px, [fit.light for fit in fits]])
         return [Ring(*row) for row in table[np.lexsort((table[:, 4], table[:, 3]))].tolist()]
-
-
-def _matched_filter() -> Float32Array:
-    """Return the filter on the coarse grid: mean light on the circle minus mean light inside."""
-    half = round((epuck.RING_RADIUS_CM + 2 * FILTER_WIDTH_CM) * COARSE_PER_CM)
-    offsets = np.arange(-half, half + 1) / COARSE_PER_CM
-    radius = np.hypot(offsets[:, None], offsets)
-    ring = np.exp(-(((radius - epuck.RING_RADIUS_CM) / FILTER_WIDTH_CM) ** 2) / 2)
-    inner = (radius <= DARK_RADIUS_CM).astype(float)
-    return np.asarray(ring / ring.sum() - inner / inner.sum(), np.float32)
-
-
-def _candidates(response: Float32Array, least: float) -> FloatArray:
-    """Return (n, 2) columns and rows of responses that are highest within 1 cm, in descending order."""
-    size = 2 * COARSE_PER_CM + 1
-    highest = np.asarray(cv2.dilate(response, np.ones((size, size), np.uint8)))
-    rows, columns = np.nonzero((response >= highest) & (response >= least))
-    order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
-    return np.column_stack([columns[order], rows[order]]).astype(float)
 
 
 def _select_rings(

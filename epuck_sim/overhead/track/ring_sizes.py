@@ -11,8 +11,8 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, simple_lens
 from epuck_sim.overhead.film.frame import Frame, Picture
-from epuck_sim.overhead.track.background import Background
-from epuck_sim.overhead.track.ring_detection import RingFinder, is_lit, ring_light
+from epuck_sim.overhead.track.light import LEAST_LIGHT, Background, is_lit, ring_light
+from epuck_sim.overhead.track.ring_detection import RingFinder
 
 MIN_RADIUS_PX = 5.0
 """Radius of the smallest ring that is searched; the hollow of smaller ones is lost."""
@@ -25,9 +25,6 @@ STEP = 1.18
 
 APART_S = 0.2
 """Time between pictures that are examined, unless more light comes on: a flash is seen in one or two of them."""
-
-LEAST_LIGHT = 12
-"""Level from which a pixel shows light; noise in the dark hardly reaches it."""
 
 SURVEYED = 6
 """Number of pictures with rings in which all sizes are searched; later only those that were found."""

@@ -80,6 +80,14 @@ def test_finds_a_camera_that_looks_askew(tilt, turn):
     assert worst_cm(found, camera) < 0.01
 
 
+def test_corners_may_lie_outside_of_the_picture():
+    camera = overhead_camera(OverheadSection(field_of_view_deg=22.0, distortion=0.0), 60, 60)
+    corners = camera.project(FLOOR)
+    assert corners.min() < -50
+    assert corners.max() > 530
+    assert worst_cm(camera_from_corners(corners, 480, 480, 60, 60, 110.0), camera) < 0.01
+
+
 def test_corners_that_are_a_pixel_off_misplace_rings_by_little():
     for seed in range(20):
         generator = np.random.default_rng(seed)

@@ -164,6 +164,22 @@ def test_floor_is_looked_for_in_a_beginning_with_a_hand_in_it() -> None:
     assert worst_cm(found) <= 0.3
 
 
+def test_bands_of_light_that_move_are_no_floor() -> None:
+    bands = plain(200, LIT_FRAMES)
+    for number, frame in enumerate(bands):
+        frame.picture[: 60 + 3 * number] = frame.picture[150 + 2 * number :] = 90
+        frame.picture[:, :8] = frame.picture[:, -8:] = 90
+    found, origin = camera_and_origin(Reel(bands + film(1.2)), TrackOptions())
+    assert origin == RINGS
+    assert worst_cm(found) <= 1.0
+
+
+def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> None:
+    line = ((5.0, 100.0), (235.0, 100.0), (235.0, 124.1), (5.0, 124.1))
+    with pytest.raises(FilmError, match="the camera is tilted by .* degrees; allowed: up to 75"):
+        calibrate(Reel(film(1.2)), TrackOptions(corners_px=line))
+
+
 @pytest.mark.parametrize("lit", [5, LIT_FRAMES, LIT_FRAMES + 5, 3 * LIT_FRAMES])
 def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None:
     found, origin = camera_and_origin(Reel(plain(120, lit) + film(1.2)), TrackOptions())

@@ -7,8 +7,8 @@ from scipy import ndimage
 
 from epuck_sim import epuck
 from epuck_sim.overhead.camera_model import simple_lens
+from epuck_sim.overhead.track.light import is_lit, ring_light
 from epuck_sim.overhead.track.rectified_view import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, rectified_view
-from epuck_sim.overhead.track.ring_detection import is_lit, ring_light
 from epuck_sim.overhead.track.ring_fit import fit_ring
 from tests.overhead.track.drawn_rings import (
     APART_CM,
