@@ -15,7 +15,8 @@ from epuck_sim.control.error_lines import FILE_NUMBER, ErrorPlaceCompiler
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.addresses import compile_at, layout
+from epuck_sim.util.addresses import compile_at
+from epuck_sim.util.held_values import layout
 from epuck_sim.util.jit import bind, digest, kernel_digest, name_after
 from epuck_sim.util.python_files import fingerprint
 

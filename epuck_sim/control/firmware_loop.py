@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from epuck_sim.control.firmware import Firmware
-from epuck_sim.util.addresses import call_c_at, compile_at, hold
+from epuck_sim.util.addresses import call_c_at, compile_at
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import kernel_digest
 
 GROUP = np.dtype(

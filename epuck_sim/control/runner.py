@@ -18,7 +18,8 @@ from epuck_sim.control.firmware_loop import firmware_loops
 from epuck_sim.control.interface import ACTUATORS, EPUCK_WHEELS, Controller, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.addresses import function_address, hold
+from epuck_sim.util.addresses import function_address
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import bind
 from epuck_sim.util.messages import describe_error
 from epuck_sim.util.python_files import line_of_error

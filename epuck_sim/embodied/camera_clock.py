@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.util.jit import jit
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import uniform
 
 _NEVER = -2
@@ -77,18 +77,25 @@ def forget_pictures(clock: CameraClock, robot: int) -> None:
         clock.arrival[robot] = _NEVER
 
 
-@jit
+@jit_no_alloc
 def take_pictures(clock: CameraClock, step: int) -> None:
     """Take the pictures of this control step, and deliver those that arrive in it."""
     for robot in range(len(clock.taken)):
         clock.new_picture[robot] = clock.arrival[robot] == step
         if clock.new_picture[robot]:
-            clock.camera[robot] = clock.waiting[robot]
+            _copy_picture(clock.waiting[robot], clock.camera[robot])
         instant = clock.first[robot] + clock.taken[robot] * clock.interval
         if instant < step + 1.0:
             clock.taken[robot] += 1
-            clock.waiting[robot] = clock.in_view[robot]
+            _copy_picture(clock.in_view[robot], clock.waiting[robot])
             clock.arrival[robot] = int(instant + clock.latency * uniform(clock.streams[robot]))
             if clock.arrival[robot] == step:
                 clock.new_picture[robot] = True
-                clock.camera[robot] = clock.in_view[robot]
+                _copy_picture(clock.in_view[robot], clock.camera[robot])
+
+
+@jit_inline
+def _copy_picture(source: IntArray, target: IntArray) -> None:
+    """Copy a picture; a loop, as numba compiles the assignment of an array for four seconds."""
+    for pixel in range(len(target)):
+        target[pixel] = source[pixel]

@@ -43,7 +43,8 @@ from epuck_sim.embodied.variation import (
     tick,
 )
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.util.addresses import call_at, compiled_for, function_address, hold
+from epuck_sim.util.addresses import call_at, compiled_for, function_address
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import bind, jit, jit_no_alloc
 
 

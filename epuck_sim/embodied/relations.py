@@ -12,7 +12,8 @@ from epuck_sim.embodied.contacts import surfaces_of, write_contacts
 from epuck_sim.embodied.group import SwarmArrays
 from epuck_sim.embodied.visibility import SIGHTING_WRITERS, View, view_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.util.addresses import compiled_for, hold
+from epuck_sim.util.addresses import compiled_for
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import bind, jit_no_alloc
 
 ROOM = 4

@@ -68,6 +68,7 @@ def advance(
     cycles: int,
     last_cycle: int,
     last_time: float,
+    max_offset: float,
 ) -> None:
     """Simulate until one of several limits is reached, or until the swarm is synchronised.
 
@@ -81,6 +82,7 @@ def advance(
         cycles: Limit of firings of the reference, counted from the beginning of the trial.
         last_cycle: Nothing happens after `last_time` of this cycle.
         last_time: Cycles since the start of that cycle.
+        max_offset: The order parameter is measured when all phases are within so many cycles of the reference's.
     """
     counters = instant.counters
     counters[SYNCHRONISED] = 0
@@ -102,7 +104,7 @@ def advance(
         for agent in fired:
             if agent == rules.reference:
                 counters[CYCLES] += 1
-                is_measured = are_phases_within(oscillators, rules.max_offset, time)
+                is_measured = are_phases_within(oscillators, max_offset, time)
                 if is_measured:
                     instant.order_parameter[0] = measure_order(oscillators, rules.metric, time)
                     counters[SYNCHRONISED] = instant.order_parameter[0] >= rules.threshold

@@ -13,7 +13,8 @@ from epuck_sim.particles.neighbourhood import Neighbourhood
 from epuck_sim.particles.oscillators import Oscillators
 from epuck_sim.particles.state import SwarmState
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.util.addresses import compiled_for, hold
+from epuck_sim.util.addresses import compiled_for
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import jit_no_alloc
 
 FIRST_ROOM = 8

@@ -13,7 +13,8 @@ from epuck_sim.particles.motion import Trajectories, compute_positions
 from epuck_sim.particles.neighbourhood import Neighbourhood
 from epuck_sim.particles.oscillators import Oscillators, earliest_firing, phase_at
 from epuck_sim.particles.rules import Rules
-from epuck_sim.util.addresses import compiled_for, hold
+from epuck_sim.util.addresses import compiled_for
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import jit_no_alloc
 
 
@@ -51,7 +52,7 @@ if TYPE_CHECKING:  # `bind` provides it
     value_at: Callable[[int], SwarmState]
 
 
-def _advance(address: int, pulses: int, cycles: int, last_cycle: int, last_time: float) -> None:
+def _advance(address: int, pulses: int, cycles: int, last_cycle: int, last_time: float, max_offset: float) -> None:
     """Carry out `events.advance`."""
     state = value_at(address)  # noqa: F821 see `bind`
     advance(
@@ -64,6 +65,7 @@ def _advance(address: int, pulses: int, cycles: int, last_cycle: int, last_time:
         cycles,
         last_cycle,
         last_time,
+        max_offset,
     )
 
 
@@ -106,7 +108,7 @@ class HeldState:
         Raises:
             CurveError: A user's response curve raises.
         """
-        self._advance_at(self._address, pulses, cycles, last_cycle, last_time)
+        self._carry_on(pulses, cycles, last_cycle, last_time, self._state.rules.max_offset)
 
     def advance_to(self, cycle: int, time: float) -> None:
         """Simulate up to a time in a cycle, and measure the order parameter at each firing of the reference.
@@ -115,13 +117,11 @@ class HeldState:
             CurveError: A user's response curve raises.
         """
         # between events the order parameter at the reference's last firing may be asked for: always measure it
-        measuring = self._state._replace(rules=self._state.rules._replace(max_offset=1.0))
-        _owner, address = hold(measuring)
-        self._advance_at(address, UNLIMITED, UNLIMITED, cycle, time)
+        self._carry_on(UNLIMITED, UNLIMITED, cycle, time, 1.0)
 
-    def _advance_at(self, address: int, pulses: int, cycles: int, last_cycle: int, last_time: float) -> None:
+    def _carry_on(self, pulses: int, cycles: int, last_cycle: int, last_time: float, max_offset: float) -> None:
         try:
-            self._advance(address, pulses, cycles, last_cycle, last_time)
+            self._advance(self._address, pulses, cycles, last_cycle, last_time, max_offset)
         except Exception as error:  # nothing else in the kernel raises
             raise trial_error(self._curve, error) from error
 

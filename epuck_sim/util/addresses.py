@@ -1,92 +1,23 @@
-"""Values and functions of compiled code by their addresses.
+"""Functions of compiled code by their addresses, and functions of held values.
 
 numba unpacks each array of a tuple whenever Python calls compiled code, which takes longer than the work of a small
-swarm: a held value is unpacked once. And numba compiles a function anew for each function that it calls: one that calls
-others by their addresses is compiled once.
+swarm: a function takes the address of a held value instead. And numba compiles a function anew for each function that
+it calls: one that calls others by their addresses is compiled once.
 """
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 from functools import cache
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
-from numba import njit, typeof
+from numba import typeof
 from numba.core import cgutils, types
-from numba.experimental import structref
 from numba.extending import intrinsic
 
-from epuck_sim.util.jit import bind, compile_cached, digest, jit, kernel_digest, name_after
+from epuck_sim.util.held_values import layout, make_reader
+from epuck_sim.util.jit import bind, compile_cached, digest, kernel_digest, name_after
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
-
-
-class _Held(structref.StructRefProxy):
-    """What compiled code reads as `held.value`."""
-
-
-@structref.register
-class _HeldType(types.StructRef):
-    """numba's type of `_Held`, which depends on the type of the value."""
-
-    def preprocess_fields(self, fields: Iterable[tuple[str, Any]]) -> tuple[tuple[str, Any], ...]:
-        return tuple((name, types.unliteral(kind)) for name, kind in fields)
-
-
-structref.define_proxy(_Held, _HeldType, ["value"])
-
-
-@_intrinsic
-def _owner_and_address(context: Any, held: Any) -> Any:  # noqa: ARG001
-    """Return what keeps a held value, and its address."""
-    owner = types.MemInfoPointer(types.voidptr)
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        held = cgutils.create_struct_proxy(signature.args[0])(context, builder, value=arguments[0])
-        context.nrt.incref(builder, owner, held.meminfo)
-        address = builder.ptrtoint(held.meminfo, context.get_value_type(types.intp))
-        return context.make_tuple(builder, signature.return_type, (held.meminfo, address))
-
-    return types.Tuple((owner, types.intp))(held), generate
-
-
-@jit
-def hold(value: Any) -> Any:
-    """Hold a value, such as a named tuple of arrays, for compiled code.
-
-    Returns:
-        (owner, address): the value is at the address as long as Python refers to the owner and to the arrays.
-    """
-    return _owner_and_address(_Held(value))  # type: ignore[no-untyped-call]
-
-
-def layout(value: object) -> Hashable:
-    """Return all that numba's type of a value depends on, faster than numba finds the type."""
-    if isinstance(value, np.ndarray):
-        rows, columns = value.flags.c_contiguous, value.flags.f_contiguous  # an array of one row is both: then C
-        return type(value), value.dtype, value.ndim, rows, columns and not rows
-    if isinstance(value, tuple):
-        return type(value), *map(layout, value)
-    return type(value).__name__
-
-
-def _reader(kind: Any, contents_digest: str) -> Any:
-    """Return a function for compiled code that returns the value of a held type at an address."""
-
-    @_intrinsic
-    def held_at(context: Any, address: Any) -> Any:  # noqa: ARG001
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            held = cgutils.create_struct_proxy(signature.return_type)(context, builder)
-            held.meminfo = builder.inttoptr(arguments[0], cgutils.voidptr_t)
-            context.nrt.incref(builder, signature.return_type, held._getvalue())
-            return held._getvalue()
-
-        return kind(types.intp), generate
-
-    def value_at(address: int) -> Any:
-        return held_at(address).value
-
-    return njit(name_after(value_at, contents_digest))
 
 
 def compile_at(function: Any, value: object, contents_digest: str, *, careful: bool) -> Any:
@@ -98,10 +29,9 @@ def compile_at(function: Any, value: object, contents_digest: str, *, careful: b
         contents_digest: See `compile_cached`.
         careful: See `compile_cached`.
     """
-    kind: Any = _HeldType([("value", typeof(value))])  # type: ignore[no-untyped-call]
     # the type is no part of the compiled function's signature, and thus one of its digest
-    whole_digest = digest([contents_digest.encode(), str(kind).encode()])
-    bound = name_after(bind(function, value_at=_reader(kind, whole_digest)), whole_digest)
+    whole_digest = digest([contents_digest.encode(), str(typeof(value)).encode()])
+    bound = name_after(bind(function, value_at=make_reader(value)), whole_digest)
     compiled: Any = compile_cached(bound, whole_digest, careful=careful, nogil=True)
     arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
     compiled.compile(tuple(_KINDS[function.__annotations__[argument]] for argument in arguments))

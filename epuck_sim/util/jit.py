@@ -25,6 +25,7 @@ from numba.core import config, types
 from numba.extending import intrinsic
 
 from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
+from epuck_sim.util.kernel import Kernel
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -34,6 +35,7 @@ PACKAGE = Path(__file__).parents[1]
 VALUE_FILES = (
     *("epuck.py", "control/error_lines.py", "control/interface.py"),
     *("embodied/faulty_swarm.py", "embodied/rigid_bodies.py", "particles/rules.py"),
+    "util/kernel.py",
 )
 """Files without kernels on whose constants, types or ways of compiling compiled code depends."""
 
@@ -131,27 +133,33 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
             settings["CACHE_DIR"] = before
 
 
+def _kernel(function: Function, **options: object) -> Function:
+    """Return a kernel of this package; the functions that it calls must be kernels, too."""
+    for_python: Any = compile_cached(function, kernel_digest(), careful=False, **options)
+    return cast(Function, Kernel(function, for_python, error_model="numpy", **options))
+
+
 def jit(function: Function) -> Function:
-    """Compile a kernel of this package; the functions that it calls must be compiled, too."""
-    return compile_cached(function, kernel_digest(), careful=False)
+    """Return a kernel that may allocate arrays."""
+    return _kernel(function)
 
 
 def jit_no_alloc(function: Function) -> Function:
-    """Compile a kernel that allocates no arrays: it is an error if it, or a function that it calls, does.
+    """Return a kernel that allocates no arrays: it is an error if it, or a function that it calls, does.
 
     Without allocations there is no reference counting, which takes longer than the work of small kernels.
     """
-    return compile_cached(function, kernel_digest(), careful=False, _nrt=False)
+    return _kernel(function, _nrt=False)
 
 
 def jit_nogil(function: Function) -> Function:
-    """Compile a kernel as `jit_no_alloc` does, and let other threads run while it does."""
-    return compile_cached(function, kernel_digest(), careful=False, _nrt=False, nogil=True)
+    """Return a kernel as `jit_no_alloc` does, that lets other threads run when Python calls it."""
+    return _kernel(function, _nrt=False, nogil=True)
 
 
 def jit_inline(function: Function) -> Function:
-    """Compile a kernel as `jit_no_alloc` does, and inline it wherever it is called: passing many arrays takes time."""
-    return compile_cached(function, kernel_digest(), careful=False, _nrt=False, forceinline=True)
+    """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
+    return _kernel(function, _nrt=False, forceinline=True)
 
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments

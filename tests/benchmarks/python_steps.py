@@ -15,7 +15,8 @@ from epuck_sim.embodied.differential_drive import apply_commands
 from epuck_sim.embodied.group import NOISE_STEPS
 from epuck_sim.embodied.sensing import sense
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.util.addresses import compile_at, hold
+from epuck_sim.util.addresses import compile_at
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import kernel_digest
 
 POSES = BodyFields.POSITION | BodyFields.ANGLE

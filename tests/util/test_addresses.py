@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from epuck_sim.util.addresses import call_at, compile_at, compiled_for, function_address, hold, layout
+from epuck_sim.util.addresses import call_at, compile_at, compiled_for, function_address
+from epuck_sim.util.held_values import hold, layout
 from epuck_sim.util.jit import kernel_digest
 
 
@@ -74,16 +75,18 @@ def test_the_layout_of_a_value_does_not_depend_on_its_contents() -> None:
 
 ADDS = """
 import sys
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from epuck_sim.util.addresses import call_at, compile_at, function_address, hold
+from epuck_sim.util.addresses import call_at, compile_at, function_address
+from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import bind, digest
 
 
 def _add_at(address: int):
-    value_at(address)[0] += NUMBER
+    value_at(address).sums[0] += NUMBER
 
 
 @njit
@@ -91,11 +94,16 @@ def _call(function, address):
     call_at(function, address)
 
 
+class Sums(NamedTuple):
+    sums: np.ndarray
+
+
 sums = np.zeros(1)
-owner, address = hold(sums)
+held = Sums(sums)
+owner, address = hold(held)
 numbers = [int(number) for number in sys.argv[1:]]
 functions = [
-    compile_at(bind(_add_at, NUMBER=number), sums, digest([b"%d" % number]), careful=False) for number in numbers
+    compile_at(bind(_add_at, NUMBER=number), held, digest([b"%d" % number]), careful=False) for number in numbers
 ]
 for function in functions:
     sums[0] = 0
@@ -112,7 +120,6 @@ def test_functions_of_one_name_from_two_processes_are_not_mistaken_for_each_othe
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
         return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.split()
 
-    outcome()  # compiles `hold`, so that the next two processes do the same
     assert outcome("1") == ["1"]
     assert outcome("2") == ["2"]
     assert outcome("1", "2") == ["1", "2"]

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import pytest
 from numba import njit
-from numba.core.registry import CPUDispatcher
 
 from epuck_sim.util import jit
 from epuck_sim.util.cache_folder import UNUSED_S
 from epuck_sim.util.jit import PACKAGE, VALUE_FILES, digest, kernel_digest, remove_unused_caches, unlikely
+from epuck_sim.util.kernel import Kernel
 
 MARK = "epuck_sim.util.jit import"
 
@@ -90,8 +90,8 @@ def kernels() -> set[tuple[Path, str]]:
         if MARK in file.read_text() or "njit" in file.read_text():
             module = import_module(".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts))
             for value in vars(module).values():
-                if isinstance(value, CPUDispatcher):
-                    code = value.py_func.__code__
+                if isinstance(value, Kernel):
+                    code = value.function.__code__
                     found.add((Path(code.co_filename), code.co_name))
     return found
 
