@@ -173,7 +173,7 @@ class ControllerRunner:
         )
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
         if isinstance(controller, Firmware):
-            self._start_all, self.step_all, self.address, self._owner = firmware_loops(
+            self._start_all, self.step_all, self.address, self._owners = firmware_loops(
                 controller, arrays, interpret=interpret
             )
         elif interpret:
@@ -181,7 +181,8 @@ class ControllerRunner:
             self.address = 0
         else:
             self._start_all, self.step_all = compile_loops(controller, (_start_all, _step_all), arrays)
-            self._owner, self.address = hold(arrays)
+            owner, self.address = hold(arrays)
+            self._owners = (owner,)
 
     @property
     def memory(self) -> Records:

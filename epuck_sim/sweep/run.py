@@ -31,26 +31,23 @@ def run_sweep(
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
-        Args:
-            scenario: A Scenario, or what `load_scenario` takes.
-            folder: The run folder, which is made if it does not exist.
-            open_pool: Opens a pool of workers, see `epuck_sim.sweep.executors`; processes on all cores by default.
-            observer: Called with the progress before the first trial and after each.
-            interpret: Run controllers as plain Python, with the same outcome.
-            share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
-    <<<<<<< HEAD
-            begin: Called with all points once they are checked, before the folder is opened.
-    =======
-            durable: Whether trials that the progress counts as stored survive a power cut.
-    >>>>>>> scale
+    Args:
+        scenario: A Scenario, or what `load_scenario` takes.
+        folder: The run folder, which is made if it does not exist.
+        open_pool: Opens a pool of workers, see `epuck_sim.sweep.executors`; processes on all cores by default.
+        observer: Called with the progress before the first trial and after each.
+        interpret: Run controllers as plain Python, with the same outcome.
+        share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
+        begin: Called with all points once they are checked, before the folder is opened.
+        durable: Whether trials that the progress counts as stored survive a power cut.
 
-        Returns:
-            How far the sweep is at the end.
+    Returns:
+        How far the sweep is at the end.
 
-        Raises:
-            ScenarioError: A point cannot be run.
-            StoreError: The folder cannot be used.
-            ClusterError: There are no workers; the trials stored so far stay.
+    Raises:
+        ScenarioError: A point cannot be run.
+        StoreError: The folder cannot be used.
+        ClusterError: There are no workers; the trials stored so far stay.
     """
     loaded = load_scenario(scenario)
     if interpret:

@@ -13,7 +13,8 @@ import numpy as np
 from llvmlite import ir
 from numba import typeof
 from numba.core import types
-from numba.core.datamodel import PrimitiveModel, register_default
+from numba.core.datamodel.models import PrimitiveModel
+from numba.core.datamodel.registry import register_default
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import intrinsic
@@ -74,7 +75,7 @@ def layout(value: object) -> Hashable:
     return type(value).__name__
 
 
-class HeldType(types.Type):  # type: ignore[misc]
+class HeldType(types.Type):
     """numba's type of a named tuple, with arrays in it, that is at an address."""
 
     def __init__(self, fields: Any) -> None:
@@ -90,11 +91,11 @@ class HeldType(types.Type):  # type: ignore[misc]
 
 
 @register_default(HeldType)
-class _HeldModel(PrimitiveModel):  # type: ignore[misc]
+class _HeldModel(PrimitiveModel):
     """A held value in compiled code: a pointer to its words."""
 
     def __init__(self, manager: Any, kind: HeldType) -> None:
-        super().__init__(manager, kind, _word.as_pointer())
+        super().__init__(manager, kind, _word.as_pointer())  # type: ignore[no-untyped-call]
 
 
 def type_at_address(kind: Any) -> Any:
@@ -106,26 +107,32 @@ def type_at_address(kind: Any) -> Any:
 
 
 def _has_arrays(kind: Any) -> bool:
-    return any(map(_has_arrays, kind.types)) if isinstance(kind, types.BaseTuple) else isinstance(kind, types.Array)
+    return isinstance(kind, types.Array) or any(map(_has_arrays, _members(kind)))
+
+
+def _members(kind: Any) -> Any:
+    """Return the types in a tuple; none of what is no tuple."""
+    members: Any = kind if isinstance(kind, types.BaseTuple) else ()
+    return tuple(members)
 
 
 def _count_words(kind: Any) -> int:
     """Return how many words a value of this type takes."""
     if isinstance(kind, types.BaseTuple):
-        return sum(map(_count_words, kind.types))
+        return sum(map(_count_words, _members(kind)))
     return 1 + 2 * kind.ndim if isinstance(kind, types.Array) else 1
 
 
 @infer_getattr
-class _HeldAttributes(AttributeTemplate):  # type: ignore[misc]
+class _HeldAttributes(AttributeTemplate):
     key = HeldType
 
-    def generic_resolve(self, held: HeldType, name: str) -> Any:
+    def generic_resolve(self, held: HeldType, name: str) -> Any:  # type: ignore[override]
         fields = held.fields.fields
         return type_at_address(held.fields.types[fields.index(name)]) if name in fields else None
 
 
-@lower_getattr_generic(HeldType)
+@lower_getattr_generic(HeldType)  # type: ignore[untyped-decorator]
 def _read_attribute(context: Any, builder: Any, held: HeldType, pointer: Any, name: str) -> Any:
     """Return the code that reads a field of a held value."""
     place = held.fields.fields.index(name)
@@ -144,8 +151,8 @@ def _read(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
         return pointer
     if isinstance(kind, types.BaseTuple):
         members = [
-            _read(context, builder, member, _move(builder, pointer, kind.types[:place]))
-            for place, member in enumerate(kind.types)
+            _read(context, builder, member, _move(builder, pointer, _members(kind)[:place]))
+            for place, member in enumerate(_members(kind))
         ]
         return context.make_tuple(builder, kind, members)
     if isinstance(kind, types.Array):

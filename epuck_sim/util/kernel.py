@@ -7,7 +7,7 @@ others, eight times. A part of another kernel needs no machine code of its own.
 from collections.abc import Callable
 from typing import Any
 
-from numba import _dynfunc, njit
+from numba import _dynfunc, njit  # type: ignore[attr-defined]
 from numba.core import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
@@ -32,9 +32,10 @@ class _PartLowering(NativeLowering):
     _name = "lowering_of_a_part"
 
     def run_pass(self, state: Any) -> bool:
-        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        library: Any = _PartLibrary
+        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
-        super().run_pass(state)
+        super().run_pass(state)  # type: ignore[no-untyped-call]
         lowered = state["cr"]
         function = lowered.fndesc
         # callers find it by what Python would call; Python cannot, at address 0
