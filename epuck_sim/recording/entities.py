@@ -2,6 +2,7 @@
 
 import warnings
 from collections import defaultdict
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.rrd_file import ENDING
+from epuck_sim.recording.viewer.process import crashes_on
 
 
 class Entities:
@@ -57,11 +59,19 @@ class Entities:
         return np.concatenate([np.empty(0, np.int64), *(count.to_numpy() for count in counts)])
 
 
+@lru_cache(maxsize=64)
+def _is_broken(path: Path, _mtime_ns: int) -> bool:
+    """Return `crashes_on(path)`, which is asked once for each state of a file, as it takes a tenth of a second."""
+    return crashes_on(path)
+
+
 def _read_chunks(path: Path, entities: list[str]) -> list[Chunk]:
     if not path.is_file():
         raise RecordingError(f"{path}: {'is not a file' if path.exists() else 'there is no such file'}")
     if path.suffix != ENDING:  # which the viewer requires, too
         raise RecordingError(f"{path}: is not a recording: the name must end in {ENDING}")
+    if _is_broken(path.resolve(), path.stat().st_mtime_ns):
+        raise RecordingError(f"{path}: is not a complete recording: it is damaged; record the trial again")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of a truncated file, which is refused below
         try:

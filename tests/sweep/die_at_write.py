@@ -1,4 +1,6 @@
-"""Runs a small sweep that dies at a system call that writes, and goes on with it: `python -m ... FOLDER CALLS TORN`.
+"""Runs a small sweep that dies at a system call that writes, and goes on with it: `python -m ... FOLDER CALLS FAULT`.
+
+FAULT is 0 for a death before the call, 1 for one after half of it, 2 for a disk that is full from then on.
 
 It needs the library of `die_at_write.c` to be preloaded. All processes are forked from one that has everything loaded.
 """
@@ -15,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from random import Random
 
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.status import read_status
@@ -30,6 +33,9 @@ SCENARIO = load_scenario(
     ["robots.0.count=3"],
     ["robots.0.parameters.speed_cm_s=4,8"],
 )
+
+FULL = 2
+"""The fault of a disk that is full."""
 
 EVER = 2**40
 """More calls than a sweep makes."""
@@ -68,14 +74,20 @@ def forked(work: Callable[[], None]) -> int:
     return 0
 
 
-def die_and_go_on(folder: Path, deaths: list[int], torn: int, expected: list[tuple]) -> None:
-    """Run the sweep; each run dies at the call given, and the last one ends. Fail if a row is lost, or is wrong."""
-    reported = mmap.mmap(-1, 8)  # is shared with the forked process
+def die_and_go_on(folder: Path, deaths: list[int], fault: int, expected: list[tuple]) -> None:
+    """Run the sweep; each run fails at the call given, and the last one ends. Fail if a row is lost, or is wrong."""
+    reported, refused = mmap.mmap(-1, 8), mmap.mmap(-1, 8)  # are shared with the forked processes
 
     def run(calls: int) -> None:
-        SHIM.arm(ctypes.c_long(calls), torn)
-        run_sweep(SCENARIO, folder, pool_here, lambda progress: reported.__setitem__(0, progress.stored))
-        SHIM.arm(ctypes.c_long(-1), 0)
+        SHIM.arm(ctypes.c_long(calls), fault)
+        try:
+            run_sweep(SCENARIO, folder, pool_here, lambda progress: reported.__setitem__(0, progress.stored))
+        except EpuckSimError:
+            if fault != FULL:
+                raise
+            refused[0] += 1
+        finally:
+            SHIM.arm(ctypes.c_long(-1), 0)
 
     def look() -> None:
         if not (folder / DATABASE).exists():
@@ -86,8 +98,10 @@ def die_and_go_on(folder: Path, deaths: list[int], torn: int, expected: list[tup
         assert len(rows) == sum(len(point.times) for point in read_points(folder))
         assert set(rows) <= set(expected)
 
-    for calls in deaths:
+    for number, calls in enumerate(deaths):
         assert forked(lambda calls=calls: run(calls)) in (0, signal.SIGKILL)
+        # where only the closing of the database fails, all is stored
+        assert fault != FULL or refused[0] == number + 1 or reported[0] == len(expected)
         forked(look)
     assert forked(lambda: run(EVER)) == 0
     assert table(folder) == expected
@@ -103,8 +117,8 @@ def calls_of_a_sweep(folder: Path) -> int:
     return made
 
 
-def main(folder: Path, wanted: int, torn: int) -> None:
-    """Die at `wanted` calls, spread evenly, or at all if it is 0; then, if at all, at two random ones in a row."""
+def main(folder: Path, wanted: int, fault: int) -> None:
+    """Fail at `wanted` calls, spread evenly, or at all if it is 0; then, if at all, at two random ones in a row."""
     run_sweep(SCENARIO, folder / "first", pool_here)  # compiles
     calls = calls_of_a_sweep(folder / "whole")
     expected = table(folder / "whole")
@@ -114,9 +128,9 @@ def main(folder: Path, wanted: int, torn: int) -> None:
     deaths += [] if wanted else [[random.randrange(calls), random.randrange(calls)] for _ in range(calls)]
     for number, calls_at in enumerate(deaths):
         try:
-            die_and_go_on(folder / str(number), calls_at, torn, expected)
+            die_and_go_on(folder / str(number), calls_at, fault, expected)
         except BaseException:
-            print(f"killed at calls {calls_at} of {calls}", file=sys.stderr)
+            print(f"failed at calls {calls_at} of {calls}", file=sys.stderr)
             raise
     print(json.dumps({"calls": calls, "killed": sum(map(len, deaths))}))
 

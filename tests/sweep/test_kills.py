@@ -1,4 +1,4 @@
-"""A sweep that is killed at a system call that writes, whichever it is, loses no trial and goes on."""
+"""A sweep that is killed, or finds the disk full, at a system call that writes, whichever it is, loses no trial."""
 
 import json
 import os
@@ -12,6 +12,7 @@ import pytest
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.status import read_status
 from tests.processes import start
+from tests.sweep.die_at_write import FULL
 from tests.sweep.short_sweeps import short_sweep
 
 SOURCE = Path(__file__).with_name("die_at_write.c")
@@ -31,9 +32,9 @@ def shim(tmp_path_factory) -> Path:
     return library
 
 
-def die(shim: Path, folder: Path, kills: int, torn: bool) -> dict[str, int]:
-    """Kill sweeps at `kills` calls spread evenly, all if it is 0, and return what `die_at_write.main` reports."""
-    arguments = [sys.executable, "-m", "tests.sweep.die_at_write", folder, str(kills), str(int(torn))]
+def die(shim: Path, folder: Path, kills: int, fault: int) -> dict[str, int]:
+    """Fail sweeps at `kills` calls spread evenly, all if it is 0, and return what `die_at_write.main` reports."""
+    arguments = [sys.executable, "-m", "tests.sweep.die_at_write", folder, str(kills), str(fault)]
     process = start(arguments, env={"LD_PRELOAD": str(shim)}, cwd=SOURCE.parents[2])
     stdout, stderr = process.communicate(timeout=1200)
     assert process.returncode == 0, stderr
@@ -42,7 +43,7 @@ def die(shim: Path, folder: Path, kills: int, torn: bool) -> dict[str, int]:
 
 @pytest.mark.parametrize("torn", [False, True])
 def test_a_sweep_killed_at_some_of_its_writes_loses_nothing_and_goes_on(shim, tmp_path, torn: bool) -> None:
-    report = die(shim, tmp_path, 12, torn)
+    report = die(shim, tmp_path, 12, int(torn))
     assert report["calls"] > WRITES
     assert report["killed"] == 12
 
@@ -50,7 +51,19 @@ def test_a_sweep_killed_at_some_of_its_writes_loses_nothing_and_goes_on(shim, tm
 @pytest.mark.slow
 @pytest.mark.parametrize("torn", [False, True])
 def test_a_sweep_killed_at_any_of_its_writes_once_or_twice_loses_nothing_and_goes_on(shim, tmp_path, torn) -> None:
-    report = die(shim, tmp_path, 0, torn)
+    report = die(shim, tmp_path, 0, int(torn))
+    assert report["killed"] == 3 * report["calls"] > 3 * WRITES
+
+
+def test_a_disk_that_is_full_from_some_call_on_is_named_and_loses_nothing(shim, tmp_path) -> None:
+    report = die(shim, tmp_path, 12, FULL)
+    assert report["calls"] > WRITES
+    assert report["killed"] == 12
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_full_from_any_call_on_is_named_and_loses_nothing(shim, tmp_path) -> None:
+    report = die(shim, tmp_path, 0, FULL)
     assert report["killed"] == 3 * report["calls"] > 3 * WRITES
 
 

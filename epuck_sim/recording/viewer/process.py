@@ -63,6 +63,13 @@ def run_rerun(*arguments: str) -> None:
         raise RecordingError(f"rerun {' '.join(arguments[:2])} failed: {done.stderr.strip()}")
 
 
+def crashes_on(recording: Path) -> bool:
+    """Return whether rerun's program breaks down over a recording: read in this process, it might end this process."""
+    command = [*PROGRAM, "rrd", "verify", str(recording)]
+    done = subprocess.run(command, env={**ENVIRONMENT, **os.environ}, capture_output=True, check=False)
+    return done.returncode not in (0, 1)  # 1: it says what is wrong
+
+
 @contextmanager
 def in_background(*arguments: str) -> Iterator["ViewerProcess"]:
     """Yield rerun's program, running in the background; it ends with the block, which SIGINT and SIGTERM interrupt."""
