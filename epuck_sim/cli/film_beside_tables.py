@@ -48,7 +48,8 @@ def print_beside(film: str, scenario: str, rows: Sequence[Beside], fitted: Mappi
         known = row.trials[~np.isnan(row.trials)]
         low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), method="nearest") if len(known) else [math.nan] * 3
         percentile = "-" if math.isnan(row.percentile) else f"{row.percentile:.0f} %"
-        cells = (_shown(row.film), _shown(middle), f"{_shown(low)} to {_shown(high)}", percentile)
+        span = f"{_shown(low)} to {_shown(high)}" if len(known) else "-"
+        cells = (_shown(row.film), _shown(middle), span, percentile)
         table.add_row(Text(row.quantity.name), row.quantity.unit, *cells, "unusual" if row.is_unusual else "")
     console.print(table)
     values = Table(title="What the film tells of the scenario, with 95 % intervals", title_justify="left")

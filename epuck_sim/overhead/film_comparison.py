@@ -33,8 +33,8 @@ UNUSUAL_PERCENT = 2.5
 """Percentage of the trials beyond which a film is unusual, at either end."""
 
 
-SEEN_SHARE = 0.25
-"""Share of an exposure for which a ring must be lit to be seen, as in the tracker."""
+SEEN_SHARE = 0.1
+"""Share of an exposure for which a ring must be lit to be seen; our estimate: rings are much brighter than needed."""
 
 
 class Quantity(NamedTuple):
