@@ -156,15 +156,19 @@ def _certainties(links: IntArray, costs: _Costs, onset_s: FloatArray, period_s: 
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 takes a while to load
 
     certainty = np.full(len(links), np.nan)
-    for source in np.flatnonzero(links >= 0):
-        near = np.searchsorted(onset_s, onset_s[source] + period_s * np.array([-1.0, 1.0]))
-        sources = np.arange(*near)
-        targets, table = costs.of(sources)
-        others = np.setdiff1d(links, links[sources])
-        table[:, np.isin(targets, others)] = 0.0
-        best = table[linear_sum_assignment(table)].sum()
-        table[source - near[0], np.searchsorted(targets, links[source])] = 0.0
-        margin = table[linear_sum_assignment(table)].sum() - best
+    linked = np.flatnonzero(links >= 0)
+    before = np.full(len(links), -1)
+    before[links[linked]] = linked
+    for source in linked:
+        first, end = np.searchsorted(onset_s, onset_s[source] + period_s * np.array([-1.0, 1.0]))
+        targets, table = costs.of(np.arange(first, end))
+        elsewhere = (before[targets] >= 0) & ((before[targets] < first) | (before[targets] >= end))
+        table[:, elsewhere] = 0.0
+        rows = np.flatnonzero(links[first:end] >= 0)
+        columns = np.searchsorted(targets, links[first:end][rows])
+        best = table[rows, columns].sum()
+        table[source - first, np.searchsorted(targets, links[source])] = 0.0
+        margin = max(float(table[linear_sum_assignment(table)].sum() - best), 0.0)
         certainty[links[source]] = 1 / (1 + math.exp(-margin))
     return certainty
 
