@@ -67,7 +67,8 @@ def compare_film(
         )
         from epuck_sim.cli.film_beside_tables import print_beside, print_beside_json
         from epuck_sim.cli.parsing import parse_arena, parse_corners, parse_tags
-        from epuck_sim.cli.progress import print_stderr, progress_bar, trials_bar
+        from epuck_sim.cli.progress import print_stderr, progress_bar
+        from epuck_sim.cli.trials_bar import trials_bar
         from epuck_sim.overhead import film_comparison
         from epuck_sim.overhead.track.film_calibration import TrackOptions
         from epuck_sim.overhead.track.robots import robots_by_motion

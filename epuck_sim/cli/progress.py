@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from importlib.util import find_spec
 from types import TracebackType
 from typing import Self
@@ -131,20 +131,5 @@ def progress_bar(doing: str) -> ProgressWrapper:
             for each in timed:
                 progress.update(task, completed=each[0])
                 yield each
-
-    return show
-
-
-def trials_bar(trials: int) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Return what passes numbers of trials on and shows on a terminal's stderr how many of these there were."""
-
-    def show(numbers: Iterable[int]) -> Iterator[int]:
-        console = Console(stderr=True)
-        columns = (TextColumn("simulating"), BarColumn(), TextColumn("{task.completed} of {task.total} trials"))
-        with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-            task = progress.add_task("", total=trials)
-            for number in numbers:
-                yield number
-                progress.advance(task)
 
     return show
