@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from epuck_sim import __version__
+from epuck_sim.cli.compare_film import film_comparisons
 from epuck_sim.cli.film import films
 from epuck_sim.cli.interrupt import end_on_request
 from epuck_sim.cli.new import news
@@ -24,7 +25,19 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
-for commands in (runs, run_folders, scenarios, replays, films, results, plots, reports, replications, plans):
+for commands in (
+    runs,
+    run_folders,
+    scenarios,
+    replays,
+    films,
+    film_comparisons,
+    results,
+    plots,
+    reports,
+    replications,
+    plans,
+):
     app.add_typer(commands)
 app.add_typer(news, name="new")
 

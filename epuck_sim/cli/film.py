@@ -98,6 +98,14 @@ def track(
             metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY
         ),
     ] = None,
+    tags: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DICTIONARY[:NUMBERS]",
+            help="Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
+            rich_help_panel=INPUT,
+        ),
+    ] = None,
     period: Annotated[
         float | None,
         typer.Option(
@@ -153,7 +161,27 @@ def track(
     ] = None,
     flashes: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.csv", help="Write when, how long and where each flash was.", rich_help_panel=OUTPUT),
+        typer.Option(
+            metavar="FILE.csv|.parquet",
+            help="Write when, how long and where each flash was, and whose it is.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.parquet|.csv",
+            help="Write a row for each robot and frame, with columns that `run --trace` writes, too.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    pairs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv|.parquet",
+            help="Write how often each two robots flash together.",
+            rich_help_panel=OUTPUT,
+        ),
     ] = None,
     annotate: Annotated[
         Path | None,
@@ -171,21 +199,23 @@ def track(
             (threshold is not None and order is not None, "--threshold-ms and --order-parameter exclude each other"),
             (end is not None and end <= start, "--end-s is not after --start-s"),
             (
-                camera is not None and any((lens, start, end, fps)),
-                "--camera excludes --lens, --start-s, --end-s, --fps",
+                camera is not None and any((lens, start, end, fps, tags)),
+                "--camera excludes --lens, --start-s, --end-s, --fps, --tags",
             ),
             (
                 camera is not None and period is None,
                 "--camera needs --period-s, because the period cannot be estimated while the camera films",
             ),
         )
-        from epuck_sim.cli.parsing import check_outputs, parse_arena, parse_corners
+        from epuck_sim.cli.parsing import check_outputs, parse_arena, parse_corners, parse_tags
         from epuck_sim.cli.progress import print_stderr, progress_bar
         from epuck_sim.cli.track_tables import print_track, print_track_json
         from epuck_sim.overhead.track.film_calibration import TrackOptions
+        from epuck_sim.overhead.track.robots import robots_by_motion, save_robots
+        from epuck_sim.overhead.track.tagged_robots import robots_by_tags
         from epuck_sim.overhead.track.track_film import (
             annotate_film,
-            save_flashes,
+            find_tags,
             snapshot,
             track_camera,
             track_film,
@@ -203,18 +233,26 @@ def track(
             end_s=math.inf if end is None else end,
             fps=fps,
         )
-        check_outputs(film, plot, {"--rings": rings, "--flashes": flashes}, annotate)
+        tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
+        tags_told = None if tags is None else parse_tags(tags)
+        check_outputs(film, plot, rings, tables, annotate)
         if camera is not None and period is not None:
             tracked = track_camera(camera, options, period, rings, annotate, progress_bar("tracking"))
         else:
             assert film is not None  # otherwise it was refused above
             tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
+        robots_found = None
+        if tags_told is not None:
+            readings = find_tags(tracked, tags_told[0], progress_bar("reading tags"))
+            robots_found = robots_by_tags(tracked, readings, tags_told[1])
+        elif any(tables.values()):
+            robots_found = robots_by_motion(tracked)
         untold = tracked.reasons if tracked.confidence == "none" else ()
-        for warning in (*untold, *tracked.warnings):
+        for warning in (*untold, *tracked.warnings, *(robots_found.warnings if robots_found else ())):
             print_stderr(f"warning: {warning}")
-        (print_track_json if as_json else print_track)(tracked)
-        if flashes is not None:
-            save_flashes(flashes, tracked)
+        (print_track_json if as_json else print_track)(tracked, robots_found)
+        if robots_found is not None:
+            save_robots(tracked, robots_found, flashes, trace, pairs)
         if annotate is not None and camera is None:
             annotate_film(tracked, annotate, progress_bar("annotating"))
         if plot is not None:

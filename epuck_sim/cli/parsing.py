@@ -4,8 +4,10 @@ import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import get_args
 
 from epuck_sim.errors import FilmError
+from epuck_sim.scenario.overhead import TagDictionary
 from epuck_sim.util.atomic_write import check_target
 
 NUMBER = r"\s*(-?[0-9]*\.?[0-9]+)\s*"
@@ -50,29 +52,57 @@ def parse_board(text: str) -> tuple[int, int]:
     return squares[0], squares[1]
 
 
+def parse_tags(text: str) -> tuple[str, frozenset[int] | None]:
+    """Return a dictionary of tags, and the numbers of those that there are; raises FilmError for anything else.
+
+    >>> parse_tags("4X4_50")
+    ('4X4_50', None)
+    >>> parse_tags("5X5_100:0-2,7")
+    ('5X5_100', frozenset({0, 1, 2, 7}))
+    """
+    match = re.fullmatch(r"([4-7]X[4-7]_[0-9]+)(?::([0-9]+(?:-[0-9]+)?(?:,[0-9]+(?:-[0-9]+)?)*))?", text)
+    names = get_args(TagDictionary)
+    if match is None or match[1] not in names:
+        raise FilmError(
+            f"--tags is {text}; allowed: a dictionary, {', '.join(names)}, and numbers if you want: 4X4_50:0-9,12"
+        )
+    name, given = match.groups()
+    count = int(name.partition("_")[2])
+    spans = [[int(end) for end in span.split("-")] for span in (given or "").split(",") if span]
+    if any(span[0] > span[-1] or span[-1] >= count for span in spans):
+        raise FilmError(f"--tags is {text}; allowed: numbers from 0 to {count - 1}, and ranges that rise, as in 0-9")
+    numbers = frozenset(number for span in spans for number in range(span[0], span[-1] + 1))
+    return name, numbers or None
+
+
 def check_outputs(
-    film: str | None, plot: Path | None, tables: Mapping[str, Path | None], annotate: Path | None
+    film: str | None,
+    plot: Path | None,
+    rings: Path | None,
+    tables: Mapping[str, Path | None],
+    annotate: Path | None,
 ) -> None:
     """Check before a film is read, which takes a while, that the outputs of `track` can be written.
 
     Args:
         film: The film to track; None for a camera.
         plot: The figure; its table is written beside it.
-        tables: Tables by their options.
+        rings: The table of rings.
+        tables: Other tables by their options, as CSV or Parquet.
         annotate: The annotated film.
 
     Raises:
         FilmError: A name has the wrong ending, is given twice, or is the film's.
         EpuckSimError: A file cannot be written (see `check_target`).
     """
-    csv_files = [(option, path, ".csv") for option, path in tables.items()]
-    given = (("--plot", plot, ".png"), *csv_files, ("--annotate", annotate, ".mp4"))
+    others = [(option, path, (".csv", ".parquet")) for option, path in tables.items()]
+    given = (("--plot", plot, (".png",)), ("--rings", rings, (".csv",)), *others, ("--annotate", annotate, (".mp4",)))
     owners = {} if film is None else {os.path.realpath(film): "the film"}
-    for option, path, ending in given:
+    for option, path, endings in given:
         if path is None:
             continue
-        if path.suffix != ending:
-            raise FilmError(f"{option} is {path}; allowed: a name that ends in {ending}")
+        if path.suffix not in endings:
+            raise FilmError(f"{option} is {path}; allowed: a name that ends in {' or '.join(endings)}")
         for target in (path, path.with_suffix(".csv")) if option == "--plot" else (path,):
             check_target(target)
             owner = owners.setdefault(os.path.realpath(target), option)

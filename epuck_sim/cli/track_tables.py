@@ -9,18 +9,20 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.overhead.track.result import Track
+from epuck_sim.overhead.track.robots import Robots, summary
 from epuck_sim.util.provenance import versions
 
 
-def print_track_json(track: Track) -> None:
-    """Print the summary of a track as one JSON object on a line of stdout."""
-    print(json.dumps({**track.summary(), "versions": versions()}), flush=True)
+def print_track_json(track: Track, robots: Robots | None = None) -> None:
+    """Print the summary of a track, and of who is who if that was asked for, as one JSON object on a line of stdout."""
+    identities = {} if robots is None else {"identities": summary(track, robots)}
+    print(json.dumps({**track.summary(), **identities, "versions": versions()}), flush=True)
 
 
-def print_track(track: Track) -> None:
-    """Print the summary of a track as a readable table on stdout."""
+def print_track(track: Track, robots: Robots | None = None) -> None:
+    """Print the summary of a track, and of who is who if that was asked for, as a readable table on stdout."""
     table = Table(title=Text(track.film), title_justify="left", show_header=False)
-    for name, value in _lines(track):
+    for name, value in (*_lines(track), *(() if robots is None else _lines_about_robots(track, robots))):
         table.add_row(name, value)
     Console(width=None if sys.stdout.isatty() else 120).print(table)
 
@@ -43,6 +45,14 @@ def _lines(track: Track) -> Iterator[tuple[str, str]]:
     for reason in track.reasons:
         yield "because", reason
     yield "confidence", track.confidence
+
+
+def _lines_about_robots(track: Track, robots: Robots) -> Iterator[tuple[str, str]]:
+    found = summary(track, robots)
+    yield f"robots by {robots.by}", f"{len(robots.numbers)}"
+    yield "links between flashes", f"{found['links']}, of which {100 * found['unsure_share']:.0f} % are unsure"
+    yield "by phases", "never" if found["t_sync_s"] is None else f"{found['t_sync_s']:.1f} s"
+    yield "pairs that flash together", f"{found['pairs_together']}"
 
 
 def _if_estimated(track: Track, name: str) -> str:

@@ -10,6 +10,13 @@ PictureSide = Annotated[WholeNumber, Field(ge=64, le=7680, multiple_of=2)]
 """Side of a picture in pixels; even, as H.264 requires."""
 
 
+TagDictionary = Literal[
+    "4X4_50", "4X4_100", "4X4_250", "4X4_1000", "5X5_50", "5X5_100", "5X5_250", "5X5_1000",
+    "6X6_50", "6X6_100", "6X6_250", "6X6_1000", "7X7_50", "7X7_100", "7X7_250", "7X7_1000",
+]  # fmt: skip
+"""Names of OpenCV's dictionaries of ArUco tags: modules along the side, and number of tags."""
+
+
 class OverheadSection(ConfigModel):
     """A webcam that looks straight down at the middle of the arena, and the light in the room."""
 
@@ -51,6 +58,10 @@ class OverheadSection(ConfigModel):
     """Brightness of the walls' mirror images of rings, relative to the rings."""
     ambient: Annotated[Number, Field(ge=0, le=1)] = 0.0
     """Light in the dark room, relative to the lit one."""
+    tags: TagDictionary | None = None
+    """Dictionary of the ArUco tags on top of robots, each with its robot's number; by default they have none."""
+    tag_cm: Annotated[Number, Field(gt=0, le=100)] = 4.0
+    """Side of a tag with its black border, without the white around it."""
     noise_levels: Annotated[Number, Field(ge=0, le=50)] = 2.0
     """Standard deviation of the noise of each colour of each pixel, in levels from 0 to 255."""
 

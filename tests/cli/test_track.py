@@ -153,6 +153,38 @@ def test_files_are_written_beside_the_film_which_stays_as_it_is(shelf, here) -> 
     assert description is None  # it is no film that a camera took
 
 
+def test_who_is_who_is_told_in_tables_and_in_the_summary(shelf, here) -> None:
+    found = tracked(shelf / "swarm.mp4", *["--flashes", "f.csv", "--trace", "t.parquet", "--pairs", "p.csv"])
+    assert found.keys() == KEYS | {"identities"}
+    assert found["identities"]["by"] == "motion"
+    assert found["identities"]["robots"] == [*range(ROBOTS)]
+    assert found["identities"]["pairs_together"] == ROBOTS * (ROBOTS - 1) // 2
+    assert names(here) == ["f.csv", "p.csv", "t.parquet"]
+    flashes = read_rings(here / "f.csv", unknown=-1)
+    by_robot = {flash["robot"]: set() for flash in flashes}
+    for flash in flashes:
+        by_robot[flash["robot"]].add(round(flash["x_cm"]))
+    assert len(by_robot) == ROBOTS
+    assert all(len(places) == 1 for places in by_robot.values())  # they stand still
+    cells = called("track", shelf / "swarm.mp4", "--pairs", "p.csv")
+    assert "robots by motion" in cells
+
+
+def test_tags_tell_who_is_who(here) -> None:
+    overhead = {"width_px": 320, "height_px": 320, "ambient": 0.2, "tags": "4X4_50", "tag_cm": 5}
+    frames = shoot(TIMES, in_step(TIMES, ROBOTS), **overhead)
+    save(here / "tagged.mp4", frames[5:], described(**overhead) | {"robots": ROBOTS})
+    found = tracked("tagged.mp4", "--tags", f"4X4_50:0-{ROBOTS - 1}", "--trace", "trace.csv")
+    assert (found["identities"]["by"], found["identities"]["robots"]) == ("tags", [*range(ROBOTS)])
+    assert found["identities"]["warnings"] == []
+    with (here / "trace.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))[ROBOTS : -ROBOTS * 5]
+    for row in rows:
+        assert np.hypot(*(PLACES[int(row["robot"])] - (float(row["x_cm"]), float(row["y_cm"])))) < 0.5
+        assert abs(float(row["heading_rad"])) < 0.15
+    assert "tagged.mp4: no tag is read; check the dictionary" in refused("track", "tagged.mp4", "--tags", "5X5_50")
+
+
 def test_options_say_what_is_known(shelf) -> None:
     film = shelf / "swarm.mp4"
     assert tracked(film, "--period-s", "1")["estimated"] == ["threshold_ms"]
@@ -240,6 +272,9 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
         ("", "give either a film or --camera NUMBER"),
         ("FILM --camera 0", "give either a film or --camera NUMBER"),
         ("--camera 0", "--camera needs --period-s"),
+        ("--camera 0 --period-s 5 --tags 4X4_50", "--camera excludes --lens, --start-s, --end-s, --fps, --tags"),
+        ("FILM --tags 3X3_50", "--tags is 3X3_50; allowed: a dictionary, 4X4_50, 4X4_100, "),
+        ("FILM --tags 4X4_50:0-50", "--tags is 4X4_50:0-50; allowed: numbers from 0 to 49, and ranges that rise"),
         ("FILM --threshold-ms 100 --order-parameter 0.9", "--threshold-ms and --order-parameter exclude each other"),
         ("FILM --arena-cm 60x", "--arena-cm is 60x; allowed: a side of 1 "),
         ("FILM --corners 1,2,3", "--corners is 1,2,3; allowed: four corners in pixels, such as 10,12,"),
@@ -249,6 +284,8 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
         ("--camera 0 --period-s 5 --annotate gone/a.mp4", "gone/a.mp4: cannot be written"),
         ("FILM --plot p.pdf", "--plot is p.pdf; allowed: a name that ends in .png"),
         ("FILM --rings r.txt", "--rings is r.txt; allowed: a name that ends in .csv"),
+        ("FILM --flashes f.txt", "--flashes is f.txt; allowed: a name that ends in .csv or .parquet"),
+        ("FILM --trace t.csv --pairs t.csv", "--pairs is t.csv; allowed: another name, because t.csv belongs to "),
         ("FILM --annotate a.avi", "--annotate is a.avi; allowed: a name that ends in .mp4"),
         ("FILM --annotate a", "--annotate is a; allowed: a name that ends in .mp4"),
         ("FILM --plot folder.png", "folder.png: cannot be written: is a directory"),

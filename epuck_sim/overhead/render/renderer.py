@@ -15,6 +15,7 @@ from epuck_sim.overhead.render.bounding_boxes import bounding_boxes
 from epuck_sim.overhead.render.imperfections import add_points, mirror_images
 from epuck_sim.overhead.render.ring_light import COLOUR_LEVELS, NOMINAL_EXPOSURE_MS, add_rings, reach_cm
 from epuck_sim.overhead.render.room import draw_bodies, draw_circle, farthest_first, render_room
+from epuck_sim.overhead.render.tags import draw_tags
 from epuck_sim.scenario.overhead import OverheadSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 
@@ -58,6 +59,8 @@ class Renderer:
         self._gloss = section.gloss
         self._ambient = section.ambient
         self._bloom = section.bloom
+        self._tags = section.tags
+        self._tag_cm = float(section.tag_cm)
         self._blur_px = section.blur_px
         self._floor_cm = camera.plane_map(0.0)
         self._dimming = dimming(camera.width_px, camera.height_px, section.vignetting)
@@ -121,6 +124,8 @@ class Renderer:
             radius_cm, height_cm = self._body_cm
             boxes = bounding_boxes(camera, poses[:, :2], radius_cm, (0.0, height_cm))
             draw_bodies(image, self._floor_cm, camera.position_cm, poses, boxes, self._body_cm)
+            if self._tags is not None:
+                draw_tags(image, camera, sample.poses, self._tags, self._tag_cm, height_cm)
             scene += image
         scene /= len(samples)
         return scene

@@ -26,6 +26,9 @@ class Flash(NamedTuple):
     y_cm: float
     light: float
     """Largest levels by which the ring was brighter than its inside."""
+    x_cm_s: float = 0.0
+    """Mean velocity while it was lit; 0 if a single frame shows it."""
+    y_cm_s: float = 0.0
 
 
 class _Lit:
@@ -34,19 +37,16 @@ class _Lit:
     def __init__(self, time_s: float, ring: Ring) -> None:
         self.onset_s, self.end_s = time_s, math.nan
         self.ring = ring
-        self.light = ring.light
-        self.sum_x, self.sum_y, self.frames, self.missed = ring.x_cm, ring.y_cm, 1, 0
+        self.light = 0.0
+        self.sums = [0.0] * 7
+        self.see(time_s, ring)
 
-    def see(self, ring: Ring) -> None:
-        self.ring = ring
+    def see(self, time_s: float, ring: Ring) -> None:
+        self.ring, self.missed, self.end_s = ring, 0, math.nan
         self.light = max(self.light, ring.light)
-        self.sum_x, self.sum_y, self.frames, self.missed = (
-            self.sum_x + ring.x_cm,
-            self.sum_y + ring.y_cm,
-            self.frames + 1,
-            0,
-        )
-        self.end_s = math.nan
+        since_s, x, y = time_s - self.onset_s, ring.x_cm, ring.y_cm
+        terms = (1.0, x, y, since_s, since_s * since_s, since_s * x, since_s * y)
+        self.sums = [total + term for total, term in zip(self.sums, terms, strict=True)]
 
     def miss(self, time_s: float) -> None:
         self.end_s = time_s if math.isnan(self.end_s) else self.end_s
@@ -54,7 +54,12 @@ class _Lit:
 
     def flash(self, now_s: float) -> Flash:
         end_s = now_s if math.isnan(self.end_s) else self.end_s
-        return Flash(self.onset_s, end_s, self.sum_x / self.frames, self.sum_y / self.frames, self.light)
+        frames, x, y, times, squares, x_times, y_times = self.sums
+        spread = frames * squares - times * times
+        velocity = [
+            (frames * both - times * one) / spread if spread else 0.0 for both, one in ((x_times, x), (y_times, y))
+        ]
+        return Flash(self.onset_s, end_s, x / frames, y / frames, self.light, *velocity)
 
 
 class FlashLinker:
@@ -79,7 +84,7 @@ class FlashLinker:
                 seen[place] = index
         for place, lit in enumerate(self._lit):
             if place in seen:
-                lit.see(rings[seen[place]])
+                lit.see(time_s, rings[seen[place]])
             else:
                 lit.miss(time_s)
         self._ended += [lit.flash(time_s) for lit in self._lit if lit.missed > MAX_MISSED]

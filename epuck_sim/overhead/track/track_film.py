@@ -24,10 +24,10 @@ from epuck_sim.overhead.track.film_calibration import (
     described_geometry,
     parse_metadata,
 )
-from epuck_sim.overhead.track.onsets import order_over_time
 from epuck_sim.overhead.track.result import Snapshot, Track, analyse, current_threshold_s
 from epuck_sim.overhead.track.ring_counter import RingCounter, TrackedFrame, track_frames
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
+from epuck_sim.overhead.track.tag_reading import Readings, TagReader, read_tags
 from epuck_sim.util.atomic_write import atomic_write
 
 HEAD_FRAMES = 90
@@ -68,15 +68,12 @@ def track_film(
         return analyse(name, counter, options, tuple(film.warnings))
 
 
-def save_flashes(path: Path, track: Track) -> None:
-    """Write a CSV table with a row for each flash: when, how long and where, and the order parameter around it."""
-    order, _ = order_over_time(np.array([flash.onset_s for flash in track.flashes]), track.period_s)
-    with atomic_write(path) as part, part.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["onset_s", "duration_s", "x_cm", "y_cm", "light", "order_parameter"])
-        for flash, around in zip(track.flashes, order, strict=True):
-            times_s = f"{flash.onset_s:.6f}", f"{flash.end_s - flash.onset_s:.6f}"
-            writer.writerow([*times_s, *(f"{value:.6g}" for value in (*flash[2:], around))])
+def find_tags(track: Track, dictionary: str, progress: ProgressWrapper) -> Readings:
+    """Read a tracked film again, and return the tags on top of its robots; raises FilmError as `track_film` does."""
+    with open_film(track.film) as film:
+        frames = progress(Excerpt(film, track.options).frames(), film.duration_s)
+        trial = (frame for frame in frames if frame.time_s >= track.start_s)
+        return read_tags(trial, TagReader(track.geometry.camera, dictionary))
 
 
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:

@@ -157,7 +157,7 @@ def count_images(flashes: Sequence[Flash]) -> int:
         return 0
     table = np.array(flashes)
     images = 0
-    for onset_s, end_s, x_cm, y_cm, light in table:
+    for onset_s, end_s, x_cm, y_cm, light, *_ in table:
         off_s = np.maximum(np.abs(table[:, 0] - onset_s), np.abs(table[:, 1] - end_s))
         off_cm = np.minimum(np.abs(table[:, 2] - x_cm), np.abs(table[:, 3] - y_cm))
         images += bool(((off_s <= TWIN_S) & (off_cm <= STRAIGHT_CM) & (light < DIMMER * table[:, 4])).any())

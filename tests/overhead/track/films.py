@@ -1,6 +1,7 @@
 """Films of robots that stand still and flash on schedule, rendered frame by frame at any times: the truth is exact."""
 
 import csv
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
@@ -144,10 +145,10 @@ def passed(frames: Iterable[Frame], _: float | None) -> Iterable[Frame]:
     return frames
 
 
-def read_rings(path: Path) -> list[dict[str, float]]:
-    """Return the rows of a table of rings."""
+def read_rings(path: Path, unknown: float = math.nan) -> list[dict[str, float]]:
+    """Return the rows of a table of rings, or of another one of numbers, in which `unknown` stands for empty cells."""
     with path.open(newline="") as file:
-        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+        return [{name: float(value or unknown) for name, value in row.items()} for row in csv.DictReader(file)]
 
 
 class Coded:

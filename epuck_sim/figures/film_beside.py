@@ -1,0 +1,63 @@
+"""The figure of a film beside simulated trials: a panel for each quantity, and the table of what it shows."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from epuck_sim.figures.csv_tables import Table, rounded
+from epuck_sim.figures.saving import parse_target, save_figure
+from epuck_sim.overhead.film_comparison import Beside
+
+ACROSS = 3
+"""Number of panels in a row."""
+
+TRIALS, FILM = "0.6", "#d62728"
+
+
+def save_beside_figure(path: Path, rows: Sequence[Beside]) -> list[Path]:
+    """Draw a film beside trials, and write a table of all values; raise EpuckSimError if a file cannot be written."""
+    return save_figure(parse_target(path), lambda: draw_beside(rows), {".csv": beside_table(rows)})
+
+
+def beside_table(rows: Sequence[Beside]) -> Table:
+    """Return a table with a row for each quantity and trial, and one, whose trial is `film`, for the film."""
+    cells: list[list[Any]] = []
+    for row in rows:
+        cells.append([row.quantity.name, row.quantity.unit, "film", rounded(row.film)])
+        cells += [[row.quantity.name, row.quantity.unit, trial, rounded(each)] for trial, each in enumerate(row.trials)]
+    return Table(("quantity", "unit", "trial", "value"), cells)
+
+
+def draw_beside(rows: Sequence[Beside]) -> Figure:
+    """Return the figure: a histogram of the trials for each quantity, and a line where the film is."""
+    down = math.ceil(len(rows) / ACROSS)
+    figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), layout="constrained")
+    panels = figure.subplots(down, ACROSS, squeeze=False).ravel()
+    for panel, row in zip(panels, rows, strict=False):
+        _draw_quantity(panel, row)
+    for panel in panels[len(rows) :]:
+        panel.set_axis_off()
+    return figure
+
+
+def _draw_quantity(panel: Axes, row: Beside) -> None:
+    values = row.trials[np.isfinite(row.trials)]
+    if len(values):
+        spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
+        edges = 12 if spread > 0 else [values[0] - 0.5, values[0] + 0.5]
+        panel.hist(values, edges, color=TRIALS)
+    beyond = int(np.isinf(row.trials).sum())
+    notes = [f"{beyond} trials beyond the film's end"] * (beyond > 0)
+    if math.isfinite(row.film):
+        panel.axvline(row.film, color=FILM, linewidth=2)
+    else:
+        notes.append("film: beyond its end" if math.isinf(row.film) else "film: not known")
+    if not math.isnan(row.percentile):
+        notes.append(f"film at {row.percentile:.0f} %")
+    panel.set_title("\n".join(notes), fontsize="small", loc="left")
+    panel.set(xlabel=f"{row.quantity.name} [{row.quantity.unit}]", ylabel="trials")

@@ -1,0 +1,167 @@
+"""What a film tells of its robots, as numbers with intervals: speed, clocks, flashes, and how far robots differ."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.overhead.track.flash_motion import FlashTable
+from epuck_sim.overhead.track.lag_density import mean_shift
+from epuck_sim.overhead.track.result import Track
+from epuck_sim.overhead.track.robots import MANY_UNSURE, Robots
+
+NEAR_MODE = 0.15
+"""Relative distance of a speed from the commonest one within which a robot drove straight ahead."""
+
+NEAR_CYCLE_FRAMES = 1.5
+"""Number of frames by which a cycle may differ from the commonest long one and still be the robot's own period: a
+flash that is seen shortens a cycle by more (thesis eq. 4.1)."""
+
+SHARE_AT_MODE = 0.25
+"""Number of cycles of the own period, relative to all, below which the film does not tell it."""
+
+SCALE_ERROR = 0.005
+"""Relative error of lengths that the geometry may have; our estimate, for corners that are half a pixel off."""
+
+LIT_SHARE = 0.5
+"""Frames by which a flash may be shorter than it seems: a ring that is lit for part of an exposure is seen."""
+
+CUT = 4.74
+"""Fall of the log-likelihood at the ends of 95 % intervals: half of the quantile of chi-square with four degrees of
+freedom, which the range of draws from a uniform distribution approaches."""
+
+GRID = 81
+"""Number of values of each parameter for which the likelihood is computed."""
+
+FEW = 3
+"""Number of robots, or flashes of a robot, below which nothing is said about their differences."""
+
+
+class Fitted(NamedTuple):
+    """A number that a film tells, with a 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    def widened(self, share: float) -> "Fitted":
+        """Return the same with an interval that also holds a relative error."""
+        return self._replace(low=self.low * (1 - share), high=self.high * (1 + share))
+
+
+def fit_film(track: Track, robots: Robots) -> dict[str, Fitted]:
+    """Return what a film tells, by the keys of a scenario whose robots are all alike; what it does not is left out."""
+    flashes = FlashTable.of(track.flashes)
+    group = "robots.0.parameters"
+    fitted: dict[str, Fitted | None] = {}
+    fitted[f"{group}.speed_cm_s"], speeds = _fit_speeds(flashes, robots)
+    period_s = track.period_s
+    if robots.identities.unsure <= MANY_UNSURE:  # else each seeming robot is some of several
+        period, clocks = _fit_clocks(flashes, robots, track)
+        fitted |= {"spread.wheel_speed": speeds, f"{group}.period_s": period, "spread.clock_rate": clocks}
+        period_s = period.value if period else period_s
+    fitted[f"{group}.flash_fraction"] = _fit_flash(flashes, robots, track, period_s)
+    fitted["overhead.frames_per_s"] = _fit_rate(track.times_s)
+    return {key: value for key, value in fitted.items() if value is not None}
+
+
+def _fit_speeds(flashes: FlashTable, robots: Robots) -> tuple[Fitted | None, Fitted | None]:
+    """Return the speed straight ahead, and the half-width of the factors by which robots differ in it."""
+    usual = robots.identities.speed_cm_s
+    values, errors = [], []
+    for number in robots.numbers:
+        speeds = flashes.speeds_cm_s[robots.identities.robot == number]
+        straight = speeds[np.abs(speeds - usual) <= NEAR_MODE * usual]
+        if len(straight) >= FEW:
+            values.append(float(np.median(straight)))
+            errors.append(1.25 * float(straight.std(ddof=1)) / math.sqrt(len(straight)))
+    mean, spread = fit_uniform(np.array(values), np.array(errors))
+    return (None if mean is None else mean.widened(SCALE_ERROR)), spread
+
+
+def _fit_clocks(flashes: FlashTable, robots: Robots, track: Track) -> tuple[Fitted | None, Fitted | None]:
+    """Return the period of robots that see no flash, and the half-width of the factors by which clocks differ."""
+    frame_s = 1 / track.fps
+    cycles = [np.diff(flashes.onset_s[robots.identities.robot == number]) for number in robots.numbers]
+    every = np.concatenate([*cycles, np.empty(0)])
+    near = every[np.abs(every / track.period_s - 1) < 0.1]
+    if not len(near):
+        return None, None
+    usual_s, _ = mean_shift(near, np.ones(len(near)), track.period_s, frame_s)
+    within_s = NEAR_CYCLE_FRAMES * frame_s
+    own = [each[np.abs(each - usual_s) <= within_s] for each in cycles]
+    if sum(map(len, own)) < SHARE_AT_MODE * len(every):
+        return None, None
+    means = np.array([each.mean() for each in own if len(each) >= FEW])
+    numbers = np.array([len(each) for each in own if len(each) >= FEW])
+    return fit_uniform(means, frame_s / np.sqrt(6 * numbers))
+
+
+def _fit_flash(flashes: FlashTable, robots: Robots, track: Track, period_s: float) -> Fitted | None:
+    durations = (flashes.end_s - flashes.onset_s)[:-1]
+    usual = durations[np.abs(durations - track.flash_ms / 1000) <= 2 / track.fps]
+    if len(usual) < FEW:
+        return None
+    mean_s = float(usual.mean())
+    # a robot in step with the camera has all its flashes cut in the same way
+    error_s = 2 * float(usual.std(ddof=1)) / math.sqrt(len(robots.numbers))
+    shortest_s = mean_s - error_s - LIT_SHARE / track.fps
+    return Fitted(mean_s / period_s, shortest_s / period_s, (mean_s + error_s) / period_s)
+
+
+def _fit_rate(times_s: FloatArray) -> Fitted:
+    frames_s = np.diff(times_s)
+    usual = frames_s[np.abs(frames_s / np.median(frames_s) - 1) < 0.5]
+    error_s = 2 * float(usual.std()) / math.sqrt(len(usual)) + 1e-3 / len(usual)  # times are stamped in ms, say
+    mean_s = float(usual.mean())
+    return Fitted(1 / mean_s, 1 / (mean_s + error_s), 1 / (mean_s - error_s))
+
+
+def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Fitted | None, Fitted | None]:
+    """Return the mean, and the relative half-width, of a uniform distribution from which robots have their values.
+
+    Args:
+        values: (robots,) what was measured of each.
+        errors: (robots,) standard errors of these.
+    """
+    if len(values) < FEW:
+        return None, None
+    errors = np.maximum(errors, 1e-9 * np.abs(values).max())
+    low, high = values.min() - 3 * errors.max(), values.max() + 3 * errors.max()
+    reach = max(high - low, 1e-9)
+    means = np.linspace(low, high, GRID)
+    widths = np.linspace(0, 1.5 * reach, GRID)
+    likely = np.zeros((GRID, GRID))
+    for value, error in zip(values, errors, strict=True):
+        likely += _log_likely(value, error, means[:, None], widths)
+    likely -= likely.max()
+    place = np.unravel_index(likely.argmax(), likely.shape)
+    centre = float(means[place[0]])
+    ends = [_ends(axis, likely.max(axis=other)) for axis, other in ((means, 1), (widths, 0))]
+    widths_fitted = [each / abs(centre) for each in (float(widths[place[1]]), *ends[1])]
+    return Fitted(centre, *ends[0]), Fitted(*widths_fitted)
+
+
+def _log_likely(value: float, error: float, means: FloatArray, widths: FloatArray) -> FloatArray:
+    """Return the logarithm of the density of a value with an error, of uniform distributions."""
+    from scipy.special import ndtr  # noqa: PLC0415 takes a while to load
+
+    wide = np.maximum(widths, 0.05 * error)  # narrower ones differ from none by nothing
+    share = ndtr((value - means + wide) / error) - ndtr((value - means - wide) / error)
+    density: FloatArray = np.log(np.maximum(share, 1e-300) / (2 * wide))
+    return density
+
+
+def _ends(grid: FloatArray, likely: FloatArray) -> tuple[float, float]:
+    """Return the ends of the interval in which a profile is likely enough, a step wider at most."""
+    inside = np.flatnonzero(likely >= -CUT)
+    step = grid[1] - grid[0]
+    low, high = float(grid[inside[0]] - step), float(grid[inside[-1]] + step)
+    return max(low, float(grid[0])), high
+
+
+def cycles_of(robot: IntArray, onset_s: FloatArray) -> FloatArray:
+    """Return the times from each flash of a robot to its next, of all robots."""
+    cycles = [np.diff(onset_s[robot == number]) for number in np.unique(robot[robot >= 0])]
+    return np.concatenate([*cycles, np.empty(0)])

@@ -1,0 +1,83 @@
+"""The command `compare-film`: what it prints and writes, and how mistakes end."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from epuck_sim import Simulation, film_trial, load_scenario
+from epuck_sim.overhead.track import track_film
+from tests.cli.commands import call, called, refused
+from tests.cli.films import names
+
+SETTINGS = [
+    *("robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0"),
+    *("overhead.width_px=160", "overhead.height_px=160"),
+]
+OPTIONS = [word for setting in SETTINGS for word in ("--set", setting)]
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory) -> Path:
+    """Return a film of twelve seconds."""
+    path = tmp_path_factory.mktemp("films") / "swarm.mp4"
+    scenario = load_scenario("thesis", SETTINGS)
+    with film_trial(path, scenario, seed=1) as observe:
+        for step in Simulation(scenario, seed=1):
+            observe(step, State)  # type: ignore[arg-type]
+            if step.time_s >= 12:
+                break
+    return path
+
+
+class State:
+    """How far the trial is."""
+
+    cycles = 0
+    order_parameter = None
+
+
+def test_a_film_is_shown_beside_trials_and_fitted(film, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["compare-film", film, "thesis", *OPTIONS, "--trials", 3]
+    result = call(*words, "--json", "--plot", "b.png", "--fit", "lab.yaml")
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert (found["film"], found["scenario"]) == (str(film), "thesis")
+    quantities = {each["name"]: each for each in found["quantities"]}
+    speed = quantities["speed straight ahead"]
+    assert speed["film"] == pytest.approx(1.5, rel=0.06)
+    assert speed["trials"] == pytest.approx([1.5] * 3, rel=0.05)
+    fitted = found["fitted"]["robots.0.parameters.speed_cm_s"]
+    assert fitted["low"] <= 1.5 <= fitted["high"]
+    assert names(tmp_path) == ["b.csv", "b.png", "lab.yaml"]
+    with (tmp_path / "b.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["trial"] for row in rows[:4]] == ["film", "0", "1", "2"]
+    assert len(rows) == 4 * len(quantities)
+    lab = load_scenario("lab.yaml")
+    assert lab.robots[0].parameters["speed_cm_s"] == pytest.approx(fitted["value"], abs=1e-5)
+    printed = call(*words).stdout
+    assert "speed straight ahead" in printed
+    assert "A film does not tell coupling" in printed
+    assert "commands" not in called("run", "lab.yaml", "--set", "stop.max_cycles=2", "--json")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("FILM thesis --fit lab.txt", "--fit is lab.txt; allowed: a name in .yaml"),
+        ("FILM nowhere", "nowhere"),
+        ("FILM particles", "model is 'particles'; films are of robots"),
+        ("FILM thesis --fit gone/lab.yaml", "gone/lab.yaml: cannot be written"),
+        ("FILM thesis --tags 1X1_5", "--tags is 1X1_5; allowed: a dictionary"),
+    ],
+)
+def test_a_mistake_is_one_line_before_the_film_is_read(
+    film, tmp_path, monkeypatch, arguments: str, message: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(track_film, "open_film", lambda *_: pytest.fail("it ran"))
+    assert message in refused("compare-film", *(str(film) if word == "FILM" else word for word in arguments.split()))
+    assert names(tmp_path) == []
