@@ -12,7 +12,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Frame, Picture
 from epuck_sim.overhead.tags import tag_dictionary
-from epuck_sim.overhead.track.rectified_view import Light
+from epuck_sim.overhead.track.light import Light
 
 BRIGHT = 200.0
 """Level to which the paper of tags is brightened: OpenCV's thresholds are those of well lit pictures."""
