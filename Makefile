@@ -40,7 +40,7 @@ slow: $(VENV)/test-tools ## the science that takes minutes
 
 torture: $(VENV)/test-tools ## kills at every write, flipped bytes, far-fetched input, shares and a stand-in for SLURM; bounded by timeout
 	timeout 3600 $(BIN)/python -m pytest -m "slow or not slow" -s tests/sweep/test_kills.py tests/runs/test_checksums.py \
-	    tests/runs/test_merge.py tests/cli/test_far_fetched.py tests/cli/test_job_array.py
+	    tests/runs/test_large_check.py tests/runs/test_durable.py tests/runs/test_merge.py tests/cli/test_far_fetched.py tests/cli/test_job_array.py
 
 figures: $(VENV)/installed ## make the figures and tables of the docs anew; hours, but it can be stopped and goes on
 	mkdir -p runs
