@@ -6,9 +6,10 @@ A chunk is half a second of work, less towards the end, so that no worker is lef
 import math
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
+from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import suppress
 from itertools import chain, islice
+from queue import Empty, SimpleQueue
 from typing import TypeVar
 
 from epuck_sim.errors import ClusterError
@@ -114,26 +115,35 @@ def _run_parallel(
         _result(pool.executor.submit(compile_ahead, kinds), pool)
     running: dict[Future[list[Outcome]], list[Task]] = {}
     lost: list[Task] = []
+    # `concurrent.futures.wait` locks all futures: interrupted half way, it leaves locks for which the pool's thread,
+    # and so the end of the process, would wait for ever
+    ended: SimpleQueue[Future[list[Outcome]]] = SimpleQueue()
     try:
         while running or (queue and not lost):
             while queue and not lost and len(running) < (slots := pool.slots()):
                 chunk = queue.take(sizer.chunk(len(queue), slots))
                 try:
-                    running[pool.executor.submit(run_chunk, chunk)] = chunk
+                    future = pool.executor.submit(run_chunk, chunk)
                 except BrokenExecutor:
                     lost.extend(chunk)
-            done, _ = wait(running, LOOK_S, return_when=FIRST_COMPLETED)
-            if not done:
+                else:
+                    running[future] = chunk
+                    future.add_done_callback(ended.put)
+            if not running:
+                continue
+            try:
+                future = ended.get(timeout=LOOK_S)
+            except Empty:
                 pool.slots()  # tells if all workers are lost
-            for future in done:
-                try:
-                    outcomes = _result(future, pool)
-                except pool.deaths:
-                    lost.extend(running.pop(future))
-                    continue
-                del running[future]
-                sizer.note(outcomes)
-                yield outcomes
+                continue
+            try:
+                outcomes = _result(future, pool)
+            except pool.deaths:
+                lost.extend(running.pop(future))
+                continue
+            del running[future]
+            sizer.note(outcomes)
+            yield outcomes
     except pool.losses:
         for chunk in running.values():
             queue.put_back(chunk)

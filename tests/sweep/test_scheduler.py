@@ -1,5 +1,6 @@
 """Handing out trials: every one gets an outcome, whatever becomes of workers."""
 
+import threading
 from concurrent.futures import BrokenExecutor, CancelledError, Future
 from contextlib import contextmanager
 from itertools import chain
@@ -156,3 +157,42 @@ def test_no_worker_is_left_with_the_slow_points(fastest_s: float, spread: float,
         for wall_s in chunk:
             sizer.note(outcomes_of_length(wall_s, 1))
     assert max(free) <= 1.02 * even + 2 * longest
+
+
+class CountedLock(threading.Condition):
+    """Counts how often it is taken."""
+
+    taken = 0
+
+    def __enter__(self) -> bool:
+        self.taken += 1
+        return super().__enter__()
+
+    def acquire(self, *arguments) -> bool:
+        self.taken += 1
+        return self._lock.acquire(*arguments)
+
+
+def test_waiting_does_not_lock_futures_that_are_under_way_again_and_again() -> None:
+    """An interruption between lock and unlock would leave the pool's thread, and so the process, waiting for ever."""
+    pending: list[Future] = []
+
+    class Counted(FakeExecutor):
+        def submit(self, function, tasks) -> Future:
+            future = super().submit(function, tasks)
+            if function is run_chunk and not pending:
+                future = Future()
+                future._condition = CountedLock()
+                pending.append(future)
+            return future
+
+    @contextmanager
+    def open_pool():
+        yield Pool(Counted(set()), lambda: 3, ())
+
+    taken = []
+    for outcomes in schedule(queue(100), [], open_pool):
+        if len(taken) == 9:
+            pending[0].set_result([])
+        taken.append(len(outcomes) and pending[0]._condition.taken)
+    assert taken[1] == taken[8] <= 2
