@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.track.flash_motion import FlashTable
-from epuck_sim.overhead.track.identities import SURE, _best, link_flashes
+from epuck_sim.overhead.track.identities import SURE, _best, _certainties, link_flashes
 
 FLOOR_CM = (60.0, 60.0)
 PERIOD_S = 5.0
@@ -105,3 +105,17 @@ def test_links_cost_least(costs: list[list[float]]) -> None:
     assert total == pytest.approx(least)
     taken = [target for target in links if target >= 0]
     assert len(set(taken)) == len(taken)
+
+
+class Fixed:
+    """Costs of links from flash 0 to 2 or 3, and from 1 to 3."""
+
+    def of(self, sources: IntArray) -> tuple[IntArray, FloatArray]:
+        table = np.array([[-5.0, -5.0], [0.0, -5.0], [0.0, 0.0], [0.0, 0.0]])
+        return np.array([2, 3]), table[sources]
+
+
+def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> None:
+    links, onset_s = np.array([2, 3, -1, -1]), np.array([0.0, 5.0, 6.0, 7.0])
+    certainty = _certainties(links, Fixed(), onset_s, 1.0)  # type: ignore[arg-type]
+    assert certainty == pytest.approx([np.nan, np.nan, 1 / (1 + np.exp(-5)), 1 / (1 + np.exp(-5))], nan_ok=True)
