@@ -176,7 +176,7 @@ def test_bands_of_light_that_move_are_no_floor() -> None:
 
 def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> None:
     line = ((5.0, 100.0), (235.0, 100.0), (235.0, 124.1), (5.0, 124.1))
-    with pytest.raises(FilmError, match="the camera is tilted by .* degrees; allowed: up to 75"):
+    with pytest.raises(FilmError, match=r"the camera is tilted by .* degrees; allowed: up to 75"):
         calibrate(Reel(film(1.2)), TrackOptions(corners_px=line))
 
 
