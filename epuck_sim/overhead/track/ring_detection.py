@@ -15,8 +15,8 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Picture
-from epuck_sim.overhead.track.light import is_lit, ring_light
-from epuck_sim.overhead.track.rectified_view import Light, rectified_view
+from epuck_sim.overhead.track.light import Light, is_lit, ring_light
+from epuck_sim.overhead.track.rectified_view import rectified_view
 from epuck_sim.overhead.track.ring_fit import Fit, fit_ring
 
 MIN_LEVEL_DARK = 8
