@@ -84,8 +84,7 @@ class RectifiedView(NamedTuple):
         rows, columns = np.nonzero((response >= highest) & (response >= least))
         order = np.argsort(-response[rows, columns], kind="stable")[:MAX_CANDIDATES]
         cells = self.cells_per_cm // COARSE_PER_CM
-        places: FloatArray = np.column_stack([columns[order], rows[order]]) * float(cells) + (cells - 1) / 2
-        return places
+        return np.asarray(np.column_stack([columns[order], rows[order]]) * cells + (cells - 1) / 2, np.float64)
 
     def close_gaps(self, view: Light, width_cm: float) -> Light:
         """Return a view in which dark gaps and dots up to `width_cm` wide are filled (morphological closing)."""
