@@ -75,7 +75,7 @@ def _compile_curve(curve: Curve, coupling: float, parameters: Mapping[str, Value
         except Exception as error:  # numba's own errors, and what escapes it
             raise CurveError(explain_refusal(error, Path(curve.name), curve.sources)) from error
         owner, address = hold(arrays)
-        _compiled[key] = (owner, arrays), CurveFromFile(function_address(compiled), address)
+        _compiled[key] = owner, CurveFromFile(function_address(compiled), address)
     return _compiled[key][1]
 
 

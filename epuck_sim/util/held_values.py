@@ -33,7 +33,7 @@ def hold(value: tuple[Any, ...]) -> tuple[object, int]:
     """Hold a named tuple of arrays, numbers and further tuples for compiled code.
 
     Returns:
-        (owner, address): the value is at the address as long as Python refers to the owner and to the arrays.
+        (owner, address): the value is at the address as long as Python refers to the owner.
 
     Raises:
         TypeError: The tuple has something else in it.
@@ -41,8 +41,8 @@ def hold(value: tuple[Any, ...]) -> tuple[object, int]:
     formats: list[str] = []
     numbers: list[float] = []
     _list_words(value, formats, numbers)
-    owner = np.frombuffer(struct.pack("".join(formats), *numbers), np.int64)
-    return owner, owner.__array_interface__["data"][0]
+    words = np.frombuffer(struct.pack("".join(formats), *numbers), np.int64)
+    return (words, value), words.__array_interface__["data"][0]
 
 
 def _list_words(value: object, formats: list[str], numbers: list[float]) -> None:

@@ -1,5 +1,6 @@
 """Compiled code finds each field of a held value as Python does, wherever it lies."""
 
+import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -84,6 +85,15 @@ def test_arrays_with_gaps_and_by_columns_are_read_by_their_strides() -> None:
     assert sums_of(whole_of(rows[::2, ::3])) == expected
     assert sums_of(whole_of(np.asfortranarray(rows[::2, ::3]))) == expected
     assert len({layout(whole_of(each)) for each in (rows, rows[::2, ::3], np.asfortranarray(rows))}) == 3
+
+
+def test_the_owner_keeps_arrays_that_nothing_else_refers_to() -> None:
+    rows = np.ones((2, 2))
+    references = sys.getrefcount(rows)
+    owner, _ = hold(Part(rows, Scales(1.0, is_negative=False)))
+    assert sys.getrefcount(rows) > references
+    del owner
+    assert sys.getrefcount(rows) == references
 
 
 def test_what_cannot_be_held_is_refused() -> None:
