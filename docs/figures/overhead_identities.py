@@ -14,10 +14,11 @@ from epuck_sim import Simulation, load_scenario
 from epuck_sim.overhead.camera_model import overhead_camera
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.render.virtual_camera import VirtualCamera
+from epuck_sim.overhead.track.analysis import analyse
 from epuck_sim.overhead.track.film_calibration import TrackOptions
 from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.identities import SURE
-from epuck_sim.overhead.track.result import Track, analyse
+from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.robots import robots_by_motion
 from tests.overhead.track.identities_score import Links, Truth, links_found

@@ -18,6 +18,7 @@ from epuck_sim.cli.results import results
 from epuck_sim.cli.run import runs
 from epuck_sim.cli.run_folders import run_folders
 from epuck_sim.cli.scenarios import scenarios
+from epuck_sim.cli.track import tracking
 
 app = typer.Typer(
     help="Simulate swarms of e-puck robots that synchronise like fireflies.",
@@ -31,6 +32,7 @@ for commands in (
     scenarios,
     replays,
     films,
+    tracking,
     film_comparisons,
     results,
     plots,

@@ -15,9 +15,10 @@ from epuck_sim import epuck
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead.track.analysis import analyse
 from epuck_sim.overhead.track.film_fit import Fitted, cycles_of, fit_film
 from epuck_sim.overhead.track.flash_motion import FlashTable
-from epuck_sim.overhead.track.result import Track, analyse
+from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.overhead.track.robots import Robots, robots_by_motion

@@ -13,16 +13,10 @@ import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
-from epuck_sim.errors import FilmError
-from epuck_sim.geometry import is_convex, polygon_area
+from epuck_sim.geometry import polygon_area
 from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, Lens, fisheye_lens, simple_lens
+from epuck_sim.overhead.track.given_corners import check_corners
 from epuck_sim.overhead.track.ring_sizes import SeenRings
-
-MIN_SIDE = 0.1
-"""Minimum length of the floor's sides, as a fraction of the picture's shorter side; rings are not located on less."""
-
-MAX_OUTSIDE = 1.0
-"""Largest distance of a corner from the picture, as a fraction of the picture's sides."""
 
 TOLERANCE = 1e-12
 """Relative change of the squares, the pose or the gradient at which the least-squares fit of the camera ends."""
@@ -85,7 +79,7 @@ def fit_camera(
     Raises:
         FilmError: The corners are not a convex quadrilateral, too close together, or far outside of the picture.
     """
-    corners = None if corners_px is None else _checked_corners(corners_px, *size_px)
+    corners = None if corners_px is None else check_corners(corners_px, *size_px)
     problem = _Problem(size_px, floor_cm, above_cm, rings, corners, lens)
     fits = [problem.solve(is_fisheye) for is_fisheye in ((False, True) if problem.has_free_lens else (False,))]
     best = fits[-1] if fits[-1].cost < FISHEYE_GAIN * fits[0].cost else fits[0]
@@ -224,37 +218,3 @@ def expected_rings(camera: CameraModel, places_px: FloatArray, radius_cm: float)
     away = pixels[:, 1:] - pixels[:, 1:].mean(axis=1, keepdims=True)
     squares = (away[:, :, :, None] * away[:, :, None, :]).mean(axis=1)  # of an ellipse: half of its axes' squares
     return SeenRings.from_moments(places_px, squares)
-
-
-def _checked_corners(corners_px: npt.ArrayLike, width_px: int, height_px: int) -> FloatArray:
-    """Return (4, 2) corners counter-clockwise as seen, from the lower left one on; raise FilmError for bad ones."""
-    corners = np.asarray(corners_px, float)
-    if corners.shape != (4, 2) or not np.isfinite(corners).all():
-        raise FilmError(f"{_given(corners_px)}: allowed: four corners of the floor, a column and a row for each")
-    size = np.array([width_px, height_px])
-    if not ((corners >= -MAX_OUTSIDE * size) & (corners <= (1 + MAX_OUTSIDE) * size)).all():
-        raise FilmError(
-            f"{_given(corners_px)}: a corner is far outside of the picture of {width_px} x {height_px} px; allowed: up "
-            "to a picture's width or height beyond its edges; columns and rows count from the upper left corner"
-        )
-    away = corners - corners.mean(axis=0)
-    corners = corners[np.argsort(np.arctan2(-away[:, 1], away[:, 0]), kind="stable")]
-    if not is_convex(corners * (1, -1)):  # rows count downwards
-        raise FilmError(
-            f"{_given(corners_px)}: these are not the corners of a convex quadrilateral; give the floor's four corners "
-            "as the picture shows them, in any order"
-        )
-    shortest = float(np.hypot(*(np.roll(corners, -1, axis=0) - corners).T).min())
-    least = MIN_SIDE * min(width_px, height_px)
-    if shortest < least:
-        raise FilmError(
-            f"{_given(corners_px)}: the shortest side is {shortest:.3g} px; allowed: at least {least:.3g} px, because "
-            "rings cannot be located on a smaller floor"
-        )
-    lower_left = np.hypot(corners[:, 0], corners[:, 1] - (height_px - 1))
-    return np.roll(corners, -int(lower_left.argmin()), axis=0)
-
-
-def _given(corners_px: npt.ArrayLike) -> str:
-    """Return corners as the user gave them, for an error message."""
-    return "--corners " + ",".join(f"{number:g}" for number in np.ravel(corners_px))

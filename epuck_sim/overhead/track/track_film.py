@@ -16,6 +16,7 @@ from epuck_sim.overhead.film.live_camera import LiveCamera
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.lens_file import read_lens
+from epuck_sim.overhead.track.analysis import analyse, current_threshold_s
 from epuck_sim.overhead.track.annotate import Annotator
 from epuck_sim.overhead.track.film_calibration import (
     Excerpt,
@@ -24,7 +25,7 @@ from epuck_sim.overhead.track.film_calibration import (
     described_geometry,
     parse_metadata,
 )
-from epuck_sim.overhead.track.result import Snapshot, Track, analyse, current_threshold_s
+from epuck_sim.overhead.track.result import Snapshot, Track
 from epuck_sim.overhead.track.ring_counter import RingCounter, TrackedFrame, track_frames
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
 from epuck_sim.overhead.track.tag_reading import Readings, TagReader, read_tags

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from epuck_sim.overhead.track.analysis import analyse
 from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.result import analyse
 from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
 from tests.overhead.score import Score, compare

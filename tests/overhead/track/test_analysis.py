@@ -9,9 +9,10 @@ import pytest
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
+from epuck_sim.overhead.track.analysis import analyse
 from epuck_sim.overhead.track.film_calibration import TrackOptions
 from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
-from epuck_sim.overhead.track.result import Track, analyse
+from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from tests.overhead.track.counts import counted
 from tests.overhead.track.films import Coded, coded, make_geometry

@@ -1,0 +1,239 @@
+"""The command `track`: the flashes in any film of a swarm, and when it was synchronised."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from epuck_sim.cli.errors import exit_on_error, reject_first
+
+tracking = typer.Typer()
+
+INPUT, GEOMETRY, DECISION, OUTPUT = "Film", "Geometry", "Decision", "Output"
+"""Headings, in the help, of the options of `track`."""
+
+
+@tracking.command()
+def track(
+    film: Annotated[
+        str | None, typer.Argument(metavar="FILM", help="The file of a film, of any format, or its URL.")
+    ] = None,
+    camera: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=INPUT
+        ),
+    ] = None,
+    start: Annotated[
+        float,
+        typer.Option(
+            "--start-s", min=0, help="Leave out what is before this time on the film's clock.", rich_help_panel=INPUT
+        ),
+    ] = 0.0,
+    end: Annotated[
+        float | None,
+        typer.Option(
+            "--end-s", min=0, help="Leave out what is after this time on the film's clock.", rich_help_panel=INPUT
+        ),
+    ] = None,
+    fps: Annotated[
+        float | None,
+        typer.Option(
+            min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.", rich_help_panel=INPUT
+        ),
+    ] = None,
+    arena: Annotated[
+        str | None,
+        typer.Option(
+            "--arena-cm",
+            metavar="SIDE|WIDTHxHEIGHT",
+            help="Size of the floor; by default as the film describes it, or 60.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(
+            "--height-cm",
+            min=10,
+            max=100_000,
+            help="Height of the camera above the floor; by default 110 for a side of 60.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    corners: Annotated[
+        str | None,
+        typer.Option(
+            metavar="X,Y,X,Y,X,Y,X,Y",
+            help="The floor's four corners, in any order, in pixels from the upper left.",
+            rich_help_panel=GEOMETRY,
+        ),
+    ] = None,
+    lens: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY
+        ),
+    ] = None,
+    tags: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DICTIONARY[:NUMBERS]",
+            help="Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
+            rich_help_panel=INPUT,
+        ),
+    ] = None,
+    period: Annotated[
+        float | None,
+        typer.Option(
+            "--period-s",
+            min=0.1,
+            max=86_400,
+            help="Period of the oscillators; by default as the film describes it, or estimated.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    robots: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Number of robots; no T_sync is given if the flashes do not add up to it.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option(
+            "--threshold-ms",
+            min=1,
+            max=86_400_000,
+            help="Synchrony: standard deviation of the flashes within a period; by default about 130 for 5 s.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    order: Annotated[
+        float | None,
+        typer.Option(
+            "--order-parameter",
+            min=0.5,
+            max=1,
+            help="Derive the threshold from this order parameter, instead of --threshold-ms.",
+            rich_help_panel=DECISION,
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.", rich_help_panel=OUTPUT)] = False,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.png",
+            help="Draw the histogram over time; its table is written beside it as .csv.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    rings: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv", help="Write the position and size of every ring in every frame.", rich_help_panel=OUTPUT
+        ),
+    ] = None,
+    flashes: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv|.parquet",
+            help="Write when, how long and where each flash was, and whose it is.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    trace: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.parquet|.csv",
+            help="Write a row for each robot and frame, with columns that `run --trace` writes, too.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    pairs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.csv|.parquet",
+            help="Write how often each two robots flash together.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+    annotate: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.mp4",
+            help="Write the film with the rings found and the histogram drawn.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = None,
+) -> None:
+    """Count the lit rings in FILM, frame by frame, and report when the swarm was synchronised (thesis 4.3.1)."""
+    with exit_on_error():
+        reject_first(
+            ((film is None) == (camera is None), "give either a film or --camera NUMBER"),
+            (threshold is not None and order is not None, "--threshold-ms and --order-parameter exclude each other"),
+            (end is not None and end <= start, "--end-s is not after --start-s"),
+            (
+                camera is not None and any((lens, start, end, fps, tags)),
+                "--camera excludes --lens, --start-s, --end-s, --fps, --tags",
+            ),
+            (
+                camera is not None and period is None,
+                "--camera needs --period-s, because the period cannot be estimated while the camera films",
+            ),
+        )
+        from epuck_sim.cli.parsing import check_outputs, parse_arena, parse_corners, parse_tags
+        from epuck_sim.cli.progress import print_stderr, progress_bar
+        from epuck_sim.cli.track_tables import print_track, print_track_json
+        from epuck_sim.overhead.track.film_calibration import TrackOptions
+        from epuck_sim.overhead.track.robots import robots_by_motion, save_robots
+        from epuck_sim.overhead.track.tagged_robots import robots_by_tags
+        from epuck_sim.overhead.track.track_film import (
+            annotate_film,
+            find_tags,
+            snapshot,
+            track_camera,
+            track_film,
+        )
+
+        options = TrackOptions(
+            arena_cm=None if arena is None else parse_arena(arena),
+            height_cm=height,
+            corners_px=None if corners is None else parse_corners(corners),
+            period_s=period,
+            robots=robots,
+            threshold_ms=threshold,
+            order_parameter=order,
+            start_s=start,
+            end_s=math.inf if end is None else end,
+            fps=fps,
+        )
+        tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
+        tags_told = None if tags is None else parse_tags(tags)
+        check_outputs(film, plot, rings, tables, annotate)
+        if camera is not None and period is not None:
+            tracked = track_camera(camera, options, period, rings, annotate, progress_bar("tracking"))
+        else:
+            assert film is not None  # otherwise it was refused above
+            tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
+        robots_found = None
+        if tags_told is not None:
+            readings = find_tags(tracked, tags_told[0], progress_bar("reading tags"))
+            robots_found = robots_by_tags(tracked, readings, tags_told[1])
+        elif any(tables.values()):
+            robots_found = robots_by_motion(tracked)
+        untold = tracked.reasons if tracked.confidence == "none" else ()
+        for warning in (*untold, *tracked.warnings, *(robots_found.warnings if robots_found else ())):
+            print_stderr(f"warning: {warning}")
+        (print_track_json if as_json else print_track)(tracked, robots_found)
+        if robots_found is not None:
+            save_robots(tracked, robots_found, flashes, trace, pairs)
+        if annotate is not None and camera is None:
+            annotate_film(tracked, annotate, progress_bar("annotating"))
+        if plot is not None:
+            from epuck_sim.figures.film_tracking import save_track_figure
+
+            save_track_figure(plot, tracked, snapshot(tracked) if camera is None else None)
