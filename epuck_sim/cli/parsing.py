@@ -80,7 +80,7 @@ def check_outputs(
     plot: Path | None,
     rings: Path | None,
     tables: Mapping[str, Path | None],
-    annotate: Path | None,
+    films: Mapping[str, Path | None],
 ) -> None:
     """Check before a film is read, which takes a while, that the outputs of `track` can be written.
 
@@ -89,14 +89,17 @@ def check_outputs(
         plot: The figure; its table is written beside it.
         rings: The table of rings.
         tables: Other tables by their options, as CSV or Parquet.
-        annotate: The annotated film.
+        films: Films by their options.
 
     Raises:
         FilmError: A name has the wrong ending, is given twice, or is the film's.
         EpuckSimError: A file cannot be written (see `check_target`).
     """
-    others = [(option, path, (".csv", ".parquet")) for option, path in tables.items()]
-    given = (("--plot", plot, (".png",)), ("--rings", rings, (".csv",)), *others, ("--annotate", annotate, (".mp4",)))
+    others = [
+        *((option, path, (".csv", ".parquet")) for option, path in tables.items()),
+        *((option, path, (".mp4",)) for option, path in films.items()),
+    ]
+    given = (("--plot", plot, (".png",)), ("--rings", rings, (".csv",)), *others)
     owners = {} if film is None else {os.path.realpath(film): "the film"}
     for option, path, endings in given:
         if path is None:

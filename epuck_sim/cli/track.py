@@ -7,10 +7,11 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.replay import WEB_PORT
 
 tracking = typer.Typer()
 
-INPUT, GEOMETRY, DECISION, OUTPUT = "Film", "Geometry", "Decision", "Output"
+INPUT, LIVE, GEOMETRY, DECISION, OUTPUT = "Film", "Live camera", "Geometry", "Decision", "Output"
 """Headings, in the help, of the options of `track`."""
 
 
@@ -24,6 +25,20 @@ def track(
         typer.Option(
             min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=INPUT
         ),
+    ] = None,
+    web: Annotated[
+        bool,
+        typer.Option(
+            "--web", help="Show what --camera sees, with rings and histogram, in a browser.", rich_help_panel=LIVE
+        ),
+    ] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(min=1024, max=65535, help=f"Port of --web; {WEB_PORT} by default.", rich_help_panel=LIVE),
+    ] = None,
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.mp4", help="Write what --camera sees, to track it again.", rich_help_panel=LIVE),
     ] = None,
     start: Annotated[
         float,
@@ -177,9 +192,11 @@ def track(
             (threshold is not None and order is not None, "--threshold-ms and --order-parameter exclude each other"),
             (end is not None and end <= start, "--end-s is not after --start-s"),
             (
-                camera is not None and any((lens, start, end, fps, tags)),
-                "--camera excludes --lens, --start-s, --end-s, --fps, --tags",
+                camera is not None and any((start, end, fps, tags)),
+                "--camera excludes --start-s, --end-s, --fps, --tags",
             ),
+            (camera is None and (web or record is not None), "--web and --record are for --camera"),
+            (port is not None and not web, "--port is for --web"),
             (
                 camera is not None and period is None,
                 "--camera needs --period-s, because the period cannot be estimated while the camera films",
@@ -191,13 +208,8 @@ def track(
         from epuck_sim.overhead.track.film_calibration import TrackOptions
         from epuck_sim.overhead.track.robots import robots_by_motion, save_robots
         from epuck_sim.overhead.track.tagged_robots import robots_by_tags
-        from epuck_sim.overhead.track.track_film import (
-            annotate_film,
-            find_tags,
-            snapshot,
-            track_camera,
-            track_film,
-        )
+        from epuck_sim.overhead.track.track_camera import Watching, track_camera
+        from epuck_sim.overhead.track.track_film import annotate_film, find_tags, snapshot, track_film
 
         options = TrackOptions(
             arena_cm=None if arena is None else parse_arena(arena),
@@ -213,9 +225,10 @@ def track(
         )
         tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
         tags_told = None if tags is None else parse_tags(tags)
-        check_outputs(film, plot, rings, tables, annotate)
+        check_outputs(film, plot, rings, tables, {"--annotate": annotate, "--record": record})
         if camera is not None and period is not None:
-            tracked = track_camera(camera, options, period, rings, annotate, progress_bar("tracking"))
+            watching = Watching(record, rings, annotate, (port or WEB_PORT) if web else None)
+            tracked = track_camera(camera, options, watching, progress_bar("tracking"), print_stderr, lens)
         else:
             assert film is not None  # otherwise it was refused above
             tracked = track_film(film, options, rings, progress_bar("tracking"), lens)

@@ -1,4 +1,4 @@
-"""Writing files that appear under their names only when they are whole."""
+"""Writing files that appear under their names only when they are whole, or that grow line by line."""
 
 import errno
 import glob
@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TextIO
 
 from epuck_sim.errors import EpuckSimError
 
@@ -28,6 +29,18 @@ def atomic_write(path: Path) -> Iterator[Path]:
     with write_errors(path), temporary_path(path) as part:
         yield part
         publish(part, path)
+
+
+@contextmanager
+def growing_text(path: Path) -> Iterator[TextIO]:
+    """Yield a text file that has its name from the beginning, and whose lines are in it as soon as they are written.
+
+    Raises:
+        EpuckSimError: The file cannot be written.
+    """
+    check_target(path)
+    with write_errors(path), path.open("w", newline="", buffering=1) as file:
+        yield file
 
 
 @contextmanager

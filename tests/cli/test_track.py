@@ -16,7 +16,7 @@ import pytest
 
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import Film, open_film
-from epuck_sim.overhead.track import track_film
+from epuck_sim.overhead.track import track_camera, track_film
 from tests.cli.commands import call, called, contents, refused
 from tests.cli.films import frames_and_description, names, shut
 from tests.overhead.film.small_films import cut_off
@@ -247,19 +247,20 @@ def test_a_film_that_was_cut_off_is_tracked_to_where_it_ends(shelf, here) -> Non
 
 def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkeypatch) -> None:
     @contextmanager
-    def plugged_in(number: int) -> Iterator[Film]:
+    def plugged_in(number: int, _: object) -> Iterator[Film]:
         with open_film(str(shelf / "swarm.mp4")) as film:
             film.name = f"camera {number}"
             yield film
 
-    monkeypatch.setattr(track_film, "LiveCamera", plugged_in)
+    monkeypatch.setattr(track_camera, "LiveCamera", plugged_in)
     words = "track --camera 1 --period-s 1 --threshold-ms 40 --json --plot p.png --rings r.csv --annotate a.mp4"
+    words += " --record raw.mp4"
     found = json.loads(called(*words.split()))
     assert found.keys() == KEYS
     assert (found["film"], found["period_s"], found["estimated"]) == ("camera 1", 1, [])
     assert found["start_s"] + found["t_sync_s"] == pytest.approx(2.55, abs=0.05)
     assert found["frames"] < 100  # half a period later
-    assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv"]
+    assert names(here) == ["a.mp4", "p.csv", "p.png", "r.csv", "raw.mp4"]
 
 
 # Mistakes of track
@@ -272,7 +273,11 @@ def test_a_camera_is_tracked_until_the_swarm_is_synchronised(shelf, here, monkey
         ("", "give either a film or --camera NUMBER"),
         ("FILM --camera 0", "give either a film or --camera NUMBER"),
         ("--camera 0", "--camera needs --period-s"),
-        ("--camera 0 --period-s 5 --tags 4X4_50", "--camera excludes --lens, --start-s, --end-s, --fps, --tags"),
+        ("--camera 0 --period-s 5 --tags 4X4_50", "--camera excludes --start-s, --end-s, --fps, --tags"),
+        ("FILM --web", "--web and --record are for --camera"),
+        ("FILM --record r.mp4", "--web and --record are for --camera"),
+        ("--camera 0 --period-s 5 --port 9999", "--port is for --web"),
+        ("--camera 0 --period-s 5 --record r.avi", "--record is r.avi; allowed: a name that ends in .mp4"),
         ("FILM --tags 3X3_50", "--tags is 3X3_50; allowed: a dictionary, 4X4_50, 4X4_100, "),
         ("FILM --tags 4X4_50:0-50", "--tags is 4X4_50:0-50; allowed: numbers from 0 to 49, and ranges that rise"),
         ("FILM --threshold-ms 100 --order-parameter 0.9", "--threshold-ms and --order-parameter exclude each other"),

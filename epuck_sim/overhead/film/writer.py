@@ -36,17 +36,34 @@ CONTAINER_OPTIONS = {"movflags": "+faststart", "movie_timescale": str(TICKS_PER_
 and the time of the first frame has the resolution of the other time stamps."""
 
 
-class FilmWriter:
-    """Writes frames into the file of a film; `film_file` makes one."""
+GROWING_OPTIONS = {
+    "movflags": "+empty_moov+default_base_moof",
+    "movie_timescale": str(TICKS_PER_S),
+    "frag_duration": "500000",
+    "flush_packets": "1",
+}
+"""Options of an MP4 file of fragments of half a second, each with its own index: it can be read while it grows."""
 
-    def __init__(self, path: Path, part: Path, width_px: int, height_px: int, metadata: Mapping[str, str]) -> None:
-        """Create the temporary file `part`; errors name `path`, which it becomes in the end."""
+
+class FilmWriter:
+    """Writes frames into the file of a film; `film_file` and `growing_film_file` make one."""
+
+    def __init__(
+        self,
+        path: Path,
+        part: Path,
+        size_px: tuple[int, int],
+        metadata: Mapping[str, str],
+        container_options: Mapping[str, str],
+    ) -> None:
+        """Create the file `part`; errors name `path`, which it becomes in the end."""
+        width_px, height_px = size_px
         self._path = path
         self._shape = (height_px, width_px, 3)
         self._last_tick = -1
         self._keyframe_s: float | None = None
         with self._as_film_error():
-            self._container = av.open(part, "w", format="mp4", options=CONTAINER_OPTIONS)
+            self._container = av.open(part, "w", format="mp4", options=dict(container_options))
         self._container.metadata.update(metadata)
         self._stream = self._container.add_stream("libx264", options=ENCODER_OPTIONS)
         self._stream.width, self._stream.height = width_px, height_px
@@ -113,17 +130,51 @@ def film_file(
         FilmError: The name does not end in .mp4, or a side is odd.
         EpuckSimError: The file cannot be written.
     """
-    if path.suffix != SUFFIX:
-        raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")
-    if width_px % 2 or height_px % 2:
-        raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
-    metadata = {"title": title, "comment": json.dumps(description)}
-    check_target(path)
+    metadata = _checked_metadata(path, (width_px, height_px), description, title)
     with temporary_path(path) as part:
-        writer = FilmWriter(path, part, width_px, height_px, metadata)
+        writer = FilmWriter(path, part, (width_px, height_px), metadata, CONTAINER_OPTIONS)
         try:
             yield writer
             writer.finish()
         finally:
             writer.close()
         publish(part, path)
+
+
+@contextmanager
+def growing_film_file(path: Path, width_px: int, height_px: int, title: str) -> Iterator[FilmWriter]:
+    """Yield a writer of a film that has the name `path` from the beginning.
+
+    It can be read up to about a second before the last frame, also if the process is killed; errors leave it.
+
+    Args:
+        path: The film, whose name ends in .mp4.
+        width_px: Width of all pictures; even, as H.264 requires.
+        height_px: Height of all pictures; even.
+        title: Stored with the film.
+
+    Raises:
+        FilmError: The name does not end in .mp4, or a side is odd.
+        EpuckSimError: The file cannot be written.
+    """
+    metadata = _checked_metadata(path, (width_px, height_px), {}, title)
+    writer = FilmWriter(path, path, (width_px, height_px), metadata, GROWING_OPTIONS)
+    try:
+        yield writer
+    finally:
+        with suppress(FilmError):  # no frame was written, or what ended the block is the reason
+            writer.finish()
+        writer.close()
+
+
+def _checked_metadata(
+    path: Path, size_px: tuple[int, int], description: Mapping[str, Any], title: str
+) -> dict[str, str]:
+    """Return a film's metadata, if the film can be written."""
+    width_px, height_px = size_px
+    if path.suffix != SUFFIX:
+        raise FilmError(f"{path}: is not a film's name; allowed: names that end in {SUFFIX}")
+    if width_px % 2 or height_px % 2:
+        raise FilmError(f"{path}: pictures of {width_px} x {height_px} pixels; allowed: even sides; crop or pad them")
+    check_target(path)
+    return {"title": title, "comment": json.dumps(description)}

@@ -97,6 +97,10 @@ class FlashLinker:
         """Flashes so far, in order of their onsets; those that go on end with the last frame."""
         return tuple(sorted(self._ended + [lit.flash(self._now_s) for lit in self._lit]))
 
+    def lit_since(self, time_s: float) -> int:
+        """Return the number of rings in the last frame that have been lit since before a time."""
+        return sum(lit.onset_s < time_s and not lit.missed for lit in self._lit)
+
 
 def count_lit(flashes: Iterable[Flash], times_s: FloatArray) -> IntArray:
     """Return (n,) how many of some flashes are lit at (n,) times, ascending."""

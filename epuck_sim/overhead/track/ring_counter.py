@@ -73,6 +73,10 @@ class RingCounter:
         """Flashes of the trial, in order of their onsets."""
         return self._linker.flashes
 
+    def lit_since(self, time_s: float) -> int:
+        """Return the number of rings in the last frame that have been lit since before a time."""
+        return self._linker.lit_since(time_s)
+
     def always_lit(self) -> list[Ring]:
         """Return the rings on the floor that are part of the background: those that never went off."""
         background = self._background.picture
@@ -114,7 +118,7 @@ def track_frames(
     counter: RingCounter,
     period_s: float,
     threshold_s: Callable[[], float],
-    steady: Sequence[Flash] = (),
+    steady: Callable[[float], int],
 ) -> Iterator[TrackedFrame]:
     """Process frames one by one as they are asked for.
 
@@ -124,7 +128,7 @@ def track_frames(
         period_s: Period of the oscillators.
         threshold_s: Returns the standard deviation of the histogram at which the swarm counts as synchronised, as far
             as it can be estimated by then.
-        steady: Rings that are known to be lit all the time; they do not count.
+        steady: Returns how many of the rings in a frame, whose time it is given, stay lit; they do not count.
     """
     detector: SynchronyDetector | None = None
     t_sync_s = None
@@ -133,8 +137,7 @@ def track_frames(
         rings = counter.process(frame)
         if detector is None or counter.start_s != start_before_s:
             detector, t_sync_s = SynchronyDetector(period_s, counter.start_s), None
-        lit_always = sum(flash.onset_s <= frame.time_s < flash.end_s for flash in steady)
-        evaluation = detector.update(frame.time_s, max(0, len(rings) - lit_always))
+        evaluation = detector.update(frame.time_s, max(0, len(rings) - steady(frame.time_s)))
         if evaluation is not None and t_sync_s is None and is_synchronised(evaluation, threshold_s()):
             t_sync_s = evaluation.time_s
         yield TrackedFrame(frame, rings, counter.start_s, evaluation, t_sync_s)

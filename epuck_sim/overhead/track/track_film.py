@@ -1,22 +1,19 @@
-"""Tracks a film from its file to its `Track`, or a camera while it films."""
+"""Tracks a film from its file to its `Track`."""
 
 import csv
 import math
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import chain
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
-from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Frame, ProgressWrapper
-from epuck_sim.overhead.film.live_camera import LiveCamera
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.lens_file import read_lens
-from epuck_sim.overhead.track.analysis import analyse, current_threshold_s
+from epuck_sim.overhead.track.analysis import analyse
 from epuck_sim.overhead.track.annotate import Annotator
 from epuck_sim.overhead.track.film_calibration import (
     Excerpt,
@@ -26,17 +23,13 @@ from epuck_sim.overhead.track.film_calibration import (
     parse_metadata,
 )
 from epuck_sim.overhead.track.result import Snapshot, Track
-from epuck_sim.overhead.track.ring_counter import RingCounter, TrackedFrame, track_frames
+from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
 from epuck_sim.overhead.track.tag_reading import Readings, TagReader, read_tags
 from epuck_sim.util.atomic_write import atomic_write
 
-HEAD_FRAMES = 90
-"""Number of frames kept while a live camera is calibrated, so that their flashes count: 6 s at 15 frames per second."""
-
-
-LIVE_FRAMES = 30
-"""Number of dark frames in which rings are studied while a live camera waits."""
+RingWriter = Callable[[Frame, Sequence[Ring]], None]
+"""Writes the rings of a frame into a table."""
 
 
 def track_film(
@@ -80,14 +73,20 @@ def find_tags(track: Track, dictionary: str, progress: ProgressWrapper) -> Readi
 def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
     """Read a tracked film again, and write it with the rings found and the histogram drawn; raises as `film_file`."""
     camera = track.geometry.camera
+    annotator = Annotator(camera.width_px, camera.height_px, track.period_s)
+    counter, threshold_s = RingCounter(track.geometry), track.threshold_ms / 1000
+
+    def steady(time_s: float) -> int:
+        return sum(flash.onset_s <= time_s < flash.end_s for flash in track.steady)
+
     with (
         open_film(track.film) as film,
-        annotated_film(path, camera.width_px, camera.height_px, track.period_s) as write,
+        film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer,
     ):
         frames = progress(Excerpt(film, track.options).frames(), film.duration_s)
-        counter, threshold_s = RingCounter(track.geometry), track.threshold_ms / 1000
-        for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, track.steady):
-            write(tracked if track.confidence != "none" else tracked._replace(t_sync_s=None))
+        for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, steady):
+            told = tracked if track.confidence != "none" else tracked._replace(t_sync_s=None)
+            writer.write(Frame(tracked.frame.time_s, annotator.annotate(*told)))
 
 
 def snapshot(track: Track) -> Snapshot:
@@ -104,115 +103,23 @@ def snapshot(track: Track) -> Snapshot:
     return Snapshot(frame.time_s, frame.picture, np.array([ring[3:6] for ring in rings]).reshape(-1, 3))
 
 
-def track_camera(
-    number: int,
-    options: TrackOptions,
-    period_s: float,
-    rings: Path | None,
-    annotated: Path | None,
-    progress: ProgressWrapper,
-) -> Track:
-    """Track a live camera until the swarm is synchronised, or until Ctrl-C.
-
-    A camera that fails while it films ends the film with a warning.
-
-    Args:
-        number: 0 for the first camera.
-        options: What is known of the scene.
-        period_s: Period of the oscillators, which must be known while the camera films.
-        rings: A CSV table to write with all rings in all frames.
-        annotated: A film to write with the rings found and the histogram drawn.
-        progress: Shows how long the camera has filmed.
-
-    Raises:
-        FilmError: There is no such camera, or it saw no light.
-        EpuckSimError: A file cannot be written.
-    """
-    options = options._replace(period_s=period_s)
-    warnings: list[str] = []
-    with LiveCamera(number) as live:
-        head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
-        geometry = calibrate(_KeepingFrames(live, head), options, LIVE_FRAMES)
-        camera, counter = geometry.camera, RingCounter(geometry)
-        frames = progress(_until_unplugged(chain(head, live.frames()), warnings), None)
-        with (
-            ring_table(rings) as write_rings,
-            annotated_film(annotated, camera.width_px, camera.height_px, period_s) as write,
-        ):
-            try:
-                for tracked in track_frames(
-                    frames, counter, period_s, lambda: current_threshold_s(counter, period_s, options)
-                ):
-                    write_rings(tracked.frame, tracked.rings)
-                    write(tracked)
-                    if tracked.t_sync_s is not None:
-                        break
-            except KeyboardInterrupt:
-                pass  # the frames until then are analysed
-            return analyse(live.name, counter, options, tuple(warnings))
-
-
-class _KeepingFrames:
-    """A camera whose last frames are kept, so that those read for the calibration are tracked, too."""
-
-    def __init__(self, camera: LiveCamera, kept: deque[Frame]) -> None:
-        self.name, self.width_px, self.height_px = camera.name, camera.width_px, camera.height_px
-        self._camera, self._kept = camera, kept
-
-    def frames(self) -> Iterator[Frame]:
-        """Yield the frames as they arrive."""
-        for frame in self._camera.frames():
-            self._kept.append(frame)
-            yield frame
-
-
-def _until_unplugged(frames: Iterable[Frame], warnings: list[str]) -> Iterator[Frame]:
-    """Yield a camera's frames; if the camera fails, end and add a warning."""
-    try:
-        yield from frames
-    except FilmError as error:
-        warnings.append(str(error))
-
-
 @contextmanager
-def ring_table(path: Path | None) -> Iterator[Callable[[Frame, Sequence[Ring]], None]]:
+def ring_table(path: Path | None) -> Iterator[RingWriter]:
     """Yield a function that writes the rings of a frame into a CSV table; it writes nothing if `path` is None."""
     if path is None:
         yield lambda *_: None
         return
     with atomic_write(path) as part, part.open("w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["time_s", *Ring._fields])
-
-        def write_rings(frame: Frame, rings: Sequence[Ring]) -> None:
-            time_s = f"{frame.time_s:.6f}"  # microseconds, however long the film is
-            writer.writerows([time_s, *(f"{value:.6g}" for value in ring)] for ring in rings)
-
-        yield write_rings
+        yield ring_writer(file)
 
 
-@contextmanager
-def annotated_film(
-    path: Path | None, width_px: int, height_px: int, period_s: float
-) -> Iterator[Callable[[TrackedFrame], None]]:
-    """Yield a function that annotates a frame and writes it into a film; it writes nothing if `path` is None.
+def ring_writer(file: TextIO) -> RingWriter:
+    """Write the head of a CSV table of rings, and return a function that writes the rings of a frame."""
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(["time_s", *Ring._fields])
 
-    Args:
-        path: The film.
-        width_px: Width of the pictures without annotation.
-        height_px: Height of the pictures without annotation.
-        period_s: Period of the oscillators.
+    def write_rings(frame: Frame, rings: Sequence[Ring]) -> None:
+        time_s = f"{frame.time_s:.6f}"  # microseconds, however long the film is
+        writer.writerows([time_s, *(f"{value:.6g}" for value in ring)] for ring in rings)
 
-    Raises:
-        EpuckSimError: As `film_file` does.
-    """
-    if path is None:
-        yield lambda _: None
-        return
-    annotator = Annotator(width_px, height_px, period_s)
-    with film_file(path, annotator.width_px, annotator.height_px, {"annotated": True}, path.stem) as writer:
-
-        def write(tracked: TrackedFrame) -> None:
-            writer.write(Frame(tracked.frame.time_s, annotator.annotate(*tracked)))
-
-        yield write
+    return write_rings

@@ -1,9 +1,9 @@
-"""A film in a file, or a camera while it films, is tracked from end to end."""
+"""A film in a file is tracked from end to end."""
 
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +11,6 @@ import pytest
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.film.writer import FilmWriter
 from epuck_sim.overhead.track.annotate import Annotator
 from epuck_sim.overhead.track.film_calibration import CORNERS, DESCRIPTION, LIGHT, RINGS, TrackOptions
 from epuck_sim.overhead.track.result import Track
@@ -19,10 +18,8 @@ from epuck_sim.overhead.track.ring_counter import TrackedFrame
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.overhead.track.track_film import (
     annotate_film,
-    annotated_film,
     ring_table,
     snapshot,
-    track_camera,
     track_film,
 )
 from tests.overhead.film.small_films import cut_off
@@ -364,153 +361,6 @@ def test_table_keeps_the_times_of_a_long_film(tmp_path: Path) -> None:
 
 def test_nothing_is_written_where_nothing_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    with ring_table(None) as note, annotated_film(None, 64, 64, 1.0) as write:
+    with ring_table(None) as note:
         note(None, [])
-        write(None)
     assert not list(tmp_path.iterdir())
-
-
-# --- a camera ---------------------------------------------------------------------------------------
-
-
-class Imitation:
-    """A camera that delivers some frames, and then raises an exception."""
-
-    name = "camera 7"
-    width_px, height_px = SMALL["width_px"], SMALL["height_px"]
-    is_open = False
-
-    def __init__(self, frames: list[Frame], end: BaseException) -> None:
-        self._frames, self._end = self._give(frames), end
-        self.given = 0
-
-    def _give(self, frames: list[Frame]) -> Iterator[Frame]:
-        for frame in frames:
-            self.given += 1
-            yield frame
-        raise self._end
-
-    def __enter__(self) -> Self:
-        self.is_open = True
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.is_open = False
-
-    def frames(self) -> Iterator[Frame]:
-        return self._frames
-
-
-Plug = Callable[..., Imitation]
-
-
-@pytest.fixture
-def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
-    def plug_in(frames: list[Frame], end: BaseException | None = None) -> Imitation:
-        camera = Imitation(frames, end or KeyboardInterrupt())
-        monkeypatch.setattr(
-            "epuck_sim.overhead.track.track_film.LiveCamera", lambda number: camera if number == 7 else None
-        )
-        return camera
-
-    return plug_in
-
-
-def test_camera_films_until_the_swarm_is_synchronised(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    camera = plug(reel)
-    track = track_camera(
-        7, TrackOptions(robots=6, order_parameter=0.99), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed
-    )
-    assert not camera.is_open
-    assert (track.film, track.calibration, track.period_s) == ("camera 7", RINGS, 1.0)
-    assert track.estimated == ("threshold_ms",)
-    assert track.start_s + track.t_sync_s == pytest.approx(2.55, abs=1e-3)
-    assert camera.given == round(3.05 * 30) + 1
-    assert track.times_s[-1] == pytest.approx(3.05, abs=0.04)
-    rows = read_rings(tmp_path / "rings.csv")
-    assert len(rows) == track.counts.sum()
-    with open_film(str(tmp_path / "seen.mp4")) as film:
-        assert len(list(film.frames())) == track.frames
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["rings.csv", "seen.mp4"]
-
-
-def test_camera_needs_no_frame_of_the_dark_if_it_saw_the_floor(plug: Plug) -> None:
-    times_s = even(5)
-    plug(shoot(times_s, in_step(times_s, from_s=3), lit_until_s=1 - 1e-9))
-    track = track_camera(7, TrackOptions(threshold_ms=50.0), 1.0, None, None, passed)
-    assert track.calibration == LIGHT
-    assert track.start_s == pytest.approx(1)
-    assert track.t_sync_s == pytest.approx(2.55, abs=1e-3)
-
-
-def test_threshold_of_a_camera_is_the_one_that_is_known(plug: Plug, reel: list[Frame]) -> None:
-    plug(reel)
-    track = track_camera(7, TrackOptions(threshold_ms=1.0), 1.0, None, None, passed)
-    assert (track.threshold_ms, track.t_sync_s) == (1.0, None)
-
-
-def test_ctrl_c_gives_what_is_known_so_far(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    plug(reel[:70])
-    track = track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, tmp_path / "r.csv", tmp_path / "s.mp4", passed)
-    assert track.t_sync_s is None
-    assert track.frames == 70
-    assert track.counts.tolist() == LIT[:70].sum(axis=1).tolist()
-    assert len(read_rings(tmp_path / "r.csv")) == LIT[:70].sum()
-    with open_film(str(tmp_path / "s.mp4")) as film:
-        assert len(list(film.frames())) == 70
-
-
-CORNERS_PX = tuple(
-    (float(x), float(y))
-    for x, y in make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)], float))
-)
-
-
-def test_ctrl_c_in_the_dark_is_no_light(plug: Plug) -> None:
-    dark = shoot(even(1), np.zeros((30, 6), bool))
-    plug(dark)
-    with pytest.raises(FilmError, match=r"^camera 7: no lit ring is seen in 30 frames"):
-        track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, None, None, passed)
-
-
-def test_ctrl_c_before_the_calibration_leaves_nothing(plug: Plug, tmp_path: Path) -> None:
-    camera = plug(shoot(even(1), np.zeros((30, 6), bool)))
-    with pytest.raises(KeyboardInterrupt):
-        track_camera(7, TrackOptions(), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
-    assert not camera.is_open
-    assert not list(tmp_path.iterdir())
-
-
-def test_camera_that_is_unplugged_is_tracked_until_then(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
-    camera = plug(reel[:70], FilmError("camera 7 delivers no more pictures"))
-    track = track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", None, passed)
-    assert track.warnings == ("camera 7 delivers no more pictures",)
-    assert track.frames == 70
-    assert not camera.is_open
-    assert len(read_rings(tmp_path / "rings.csv")) == LIT[:70].sum()
-
-
-def test_film_of_a_camera_that_cannot_be_written_is_no_end_of_it(
-    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def write(*_: Any) -> None:
-        raise FilmError("no space left")
-
-    camera = plug(reel)
-    monkeypatch.setattr(FilmWriter, "write", write)
-    with pytest.raises(FilmError, match="no space left"):
-        track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, tmp_path / "rings.csv", tmp_path / "seen.mp4", passed)
-    assert not camera.is_open
-    assert not list(tmp_path.iterdir())
-
-
-def test_film_without_light_leaves_no_table(plug: Plug, tmp_path: Path) -> None:
-    dark = save(tmp_path / "dark.mp4", shoot(even(1), np.zeros((30, 6), bool)))
-    plug(shoot(even(1), np.zeros((30, 6), bool)))
-    for track in (
-        lambda rings: track_film(dark, TrackOptions(corners_px=CORNERS_PX), rings, passed),
-        lambda rings: track_camera(7, TrackOptions(corners_px=CORNERS_PX), 1.0, rings, None, passed),
-    ):
-        with pytest.raises(FilmError, match="no lit ring is seen"):
-            track(tmp_path / "rings.csv")
-    assert [path.name for path in tmp_path.iterdir()] == ["dark.mp4"]
