@@ -1,5 +1,6 @@
 """The `epuck-sim` command: its subcommands, and how signals end it."""
 
+import sys
 from typing import Annotated
 
 import typer
@@ -7,7 +8,7 @@ import typer
 from epuck_sim import __version__
 from epuck_sim.cli.compare_film import film_comparisons
 from epuck_sim.cli.film import films
-from epuck_sim.cli.interrupt import end_on_request
+from epuck_sim.cli.interrupt import EXIT_CODE, end_on_request
 from epuck_sim.cli.new import news
 from epuck_sim.cli.plan import plans
 from epuck_sim.cli.plot import plots
@@ -61,5 +62,11 @@ def _options(
 
 def main() -> None:
     """Run the command; SIGTERM and SIGHUP end it as Ctrl-C does, unless they are ignored, as under nohup."""
-    end_on_request()
-    app()
+    has_interrupted = end_on_request()
+    try:
+        app()
+    except Exception:
+        if not has_interrupted():
+            raise
+        typer.echo("interrupted", err=True)  # compiled extensions raise errors of their own for KeyboardInterrupt
+        sys.exit(EXIT_CODE)

@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType
 
@@ -34,12 +35,15 @@ EXIT_CODE = 130
 """Exit code of a command that was interrupted."""
 
 
-def end_on_request() -> None:
+def end_on_request() -> Callable[[], bool]:
     """Have `REQUESTS` raise KeyboardInterrupt in the main thread, and end the process if it does not react.
 
     Where compiled code runs, SIGTERM and SIGHUP end the process after `GRACE_S`, and so does a second Ctrl-C. The third
     request within `INSIST_S` ends it wherever it is. Signals that the process was started to ignore, as under nohup,
     stay ignored.
+
+    Returns:
+        A function that returns whether KeyboardInterrupt has been raised.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -50,6 +54,7 @@ def end_on_request() -> None:
     sys.unraisablehook = watchdog.repeat
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)  # is written to at once, whatever the main thread does
     threading.Thread(target=watchdog.watch, daemon=True).start()
+    return watchdog.has_interrupted
 
 
 class _Watchdog:
@@ -65,6 +70,10 @@ class _Watchdog:
         self._reacted_s = time.monotonic()
         self._number = number
         signal.default_int_handler(number, frame)
+
+    def has_interrupted(self) -> bool:
+        """Return whether KeyboardInterrupt has been raised."""
+        return self._reacted_s > 0
 
     def repeat(self, dropped: "sys.UnraisableHookArgs") -> None:
         """Raise KeyboardInterrupt a little later where Python has dropped it: destructors and callbacks raise nothing.

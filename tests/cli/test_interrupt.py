@@ -5,10 +5,13 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from epuck_sim.cli import app as command
+from epuck_sim.cli import interrupt
 from epuck_sim.cli.interrupt import GRACE_S
 from tests.processes import COMMAND, processes_marked, start, wait_until
 
@@ -110,6 +113,29 @@ IMPORTS = {
     "matches": "import re\nre.match('(a*)*b', 'a' * 40)\n",
 }
 """Ends of controllers' files that keep their import from ending, by what they do."""
+
+
+def test_a_request_that_an_extension_turns_into_an_error_is_one(monkeypatch, capfd) -> None:
+    def fail() -> None:
+        with suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(5)
+        raise ValueError("what an extension makes of it")
+
+    before = {request: signal.getsignal(request) for request in interrupt.REQUESTS}
+    hook = sys.unraisablehook
+    monkeypatch.setattr(command, "app", fail)
+    try:
+        with pytest.raises(SystemExit) as ended:
+            command.main()
+    finally:
+        signal.set_wakeup_fd(-1)
+        sys.unraisablehook = hook
+        for request, handler in before.items():
+            signal.signal(request, handler)
+    assert ended.value.code == interrupt.EXIT_CODE
+    assert capfd.readouterr().err == "interrupted\n"
+
 
 DEAF = """
 import time
