@@ -4,6 +4,7 @@ Python runs signal handlers between two instructions of Python code, so that a c
 keeps them waiting for ever. Here a thread learns of the same signals, and ends the process where the handlers cannot.
 """
 
+import atexit
 import os
 import signal
 import sys
@@ -54,7 +55,14 @@ def end_on_request() -> Callable[[], bool]:
     sys.unraisablehook = watchdog.repeat
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)  # is written to at once, whatever the main thread does
     threading.Thread(target=watchdog.watch, daemon=True).start()
+    atexit.register(_ignore_requests)  # the first to be registered is the last to be called
     return watchdog.has_interrupted
+
+
+def _ignore_requests() -> None:
+    """Ignore `REQUESTS`: at its very end Python lets them kill the process, which would lose the exit code."""
+    for request in REQUESTS:
+        signal.signal(request, signal.SIG_IGN)
 
 
 class _Watchdog:

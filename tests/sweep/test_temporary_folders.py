@@ -3,7 +3,9 @@
 import os
 import signal
 import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 
@@ -30,10 +32,15 @@ def folders_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.glob("pymp-*"))
 
 
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """A temporary folder with a short name: names of sockets in it may have 107 characters."""
+    with TemporaryDirectory(prefix="e") as name:
+        yield Path(name)
+
+
 @pytest.mark.parametrize("request_", [signal.SIGHUP, signal.SIGTERM])
-def test_a_request_to_all_processes_of_a_sweep_leaves_no_traceback_and_no_folder(tmp_path, request_) -> None:
-    folder = tmp_path / "temporary"
-    folder.mkdir()
+def test_a_request_to_all_processes_of_a_sweep_leaves_no_traceback_and_no_folder(folder, tmp_path, request_) -> None:
     process = running(tmp_path / "run", folder)
     os.killpg(process.pid, request_)
     _, stderr = process.communicate(timeout=60)
@@ -43,9 +50,9 @@ def test_a_request_to_all_processes_of_a_sweep_leaves_no_traceback_and_no_folder
     assert folders_in(folder) == []
 
 
-def test_the_folder_of_a_killed_sweep_is_removed_by_the_next_one_and_that_of_a_running_one_is_not(tmp_path) -> None:
-    folder = tmp_path / "temporary"
-    folder.mkdir()
+def test_the_folder_of_a_killed_sweep_is_removed_by_the_next_one_and_that_of_a_running_one_is_not(
+    folder, tmp_path
+) -> None:
     (folder / "pymp-of-another-program").mkdir()
     killed = running(tmp_path / "killed", folder)
     os.killpg(killed.pid, signal.SIGKILL)
