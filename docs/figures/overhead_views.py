@@ -51,7 +51,11 @@ def main() -> None:
         with open_film(str(dark)) as opened:
             annotator = Annotator(opened.width_px, opened.height_px, track.period_s)
             for tracked in track_frames(
-                opened.frames(), RingCounter(track.camera), track.period_s, lambda: track.threshold_ms / 1000
+                opened.frames(),
+                RingCounter(track.camera),
+                track.period_s,
+                lambda: track.threshold_ms / 1000,
+                lambda time_s: 0,
             ):
                 annotated = annotator.annotate(*tracked)
                 if tracked.frame.time_s >= AT_S:

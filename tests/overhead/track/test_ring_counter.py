@@ -23,6 +23,11 @@ def counter(monkeypatch: pytest.MonkeyPatch) -> RingCounter:
     return RingCounter(make_geometry()._replace(knows_floor=False))
 
 
+def none_steady(time_s: float) -> int:
+    """Say that no ring stays lit."""
+    return 0
+
+
 def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> RingCounter:
     """Have a counter process frames that are half a second apart."""
     for frame in coded(np.arange(len(counts)) / 2, counts, is_lit):
@@ -84,7 +89,7 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
         counter = RingCounter(make_geometry()._replace(knows_floor=False))
-        tracked_frames = list(track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s))
+        tracked_frames = list(track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s, none_steady))
     if not counter.counts.any():
         return
     track = analyse("film", counter, TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
@@ -104,7 +109,7 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
 def test_synchrony_in_the_light_is_forgotten_in_the_dark(counter: RingCounter) -> None:
     times_s = np.arange(150) / 15
     counts = counted(np.repeat(0.5 + np.arange(10), 2), 0.1, times_s)
-    tracked_frames = list(track_frames(coded(times_s, counts, times_s < 5), counter, 1.0, lambda: 0.05))
+    tracked_frames = list(track_frames(coded(times_s, counts, times_s < 5), counter, 1.0, lambda: 0.05, none_steady))
     found = [tracked.t_sync_s for tracked in tracked_frames]
     assert found[74] == pytest.approx(0.5, abs=0.15)
     assert found[75] is None
@@ -112,7 +117,7 @@ def test_synchrony_in_the_light_is_forgotten_in_the_dark(counter: RingCounter) -
 
 
 def test_a_frame_is_processed_when_it_is_asked_for(counter: RingCounter) -> None:
-    tracked_frames = track_frames(coded([0, 1, 2], [1, 2, 3], [False] * 3), counter, 1.0, lambda: 0.1)
+    tracked_frames = track_frames(coded([0, 1, 2], [1, 2, 3], [False] * 3), counter, 1.0, lambda: 0.1, none_steady)
     for number in range(3):
         assert counter.frames == number
         assert len(next(tracked_frames).rings) == number + 1
