@@ -10,11 +10,13 @@ from typing import Any, NamedTuple
 import llvmlite.binding
 from llvmlite import ir
 from numba.core import callconv
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler import CompilerBase
 from numba.core.compiler_machinery import register_pass
 from numba.core.cpu import CPUContext
 from numba.core.lowering import Lower
 from numba.core.typed_passes import NativeLowering
+
+from epuck_sim.util.kernel import pipelines_with
 
 FILE_NUMBER = "__file_number__"
 """Global name in a function's module of the number of its file."""
@@ -107,9 +109,4 @@ class ErrorPlaceCompiler(CompilerBase):
 
     def define_pipelines(self) -> list[Any]:
         """Return numba's passes, with `_Lowering`."""
-        manager: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        manager.passes = [
-            (_Lowering if each is NativeLowering else each, description) for each, description in manager.passes
-        ]
-        manager.finalize()
-        return [manager]
+        return pipelines_with(_Lowering, self.state)

@@ -16,10 +16,8 @@ class FinishedTrials(Set[tuple[int, int]]):
     def __init__(self, trials: Iterable[tuple[int, int]] = ()) -> None:
         """Take the trials in; those of a point may come in any order."""
         self._marks: dict[int, bytearray] = {}
-        self._count = 0
         for point, trial in trials:
             self._mark(point, np.array([trial]))
-        self._count = sum(marks.count(1) for marks in self._marks.values())
 
     @classmethod
     def read(cls, connection: sqlite3.Connection, which: str, numbers: Mapping[str, int]) -> Self:
@@ -33,7 +31,6 @@ class FinishedTrials(Set[tuple[int, int]]):
         finished = cls()
         for key, text in connection.execute(f"SELECT point, group_concat(trial) {which} GROUP BY point"):
             finished._mark(numbers[key], read_numbers(text))
-        finished._count = sum(marks.count(1) for marks in finished._marks.values())
         return finished
 
     def _mark(self, point: int, trials: IntArray) -> None:
@@ -56,7 +53,7 @@ class FinishedTrials(Set[tuple[int, int]]):
         return number < len(marks) and marks[number] == 1
 
     def __len__(self) -> int:
-        return self._count
+        return sum(marks.count(1) for marks in self._marks.values())
 
     def __iter__(self) -> Iterator[tuple[int, int]]:
         for point, marks in self._marks.items():

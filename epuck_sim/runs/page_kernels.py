@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.runs.row_kernels import Columns, Scratch, has_checksum, read_varint
+from epuck_sim.runs.row_kernels import Columns, Scratch, big_endian, has_checksum, read_varint
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 INTERIOR, LEAF = 2, 10
@@ -50,15 +50,6 @@ class Walk(NamedTuple):
     """(1,) how many pages may still be looked at, so that a tree with a loop comes to an end."""
     long_record: ByteArray
     """Memory for a record that has more than one page."""
-
-
-@jit_inline
-def big_endian(data: ByteArray, begin: int, count: int) -> int:
-    """Return a number without sign, of up to 7 bytes."""
-    number = np.int64(0)
-    for place in range(begin, begin + count):
-        number = (number << 8) | np.int64(data[place])
-    return int(number)
 
 
 @jit_no_alloc

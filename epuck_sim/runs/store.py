@@ -99,6 +99,7 @@ class Store:
             self._resources = stack.pop_all()
         self.share = share or WHOLE
         self._measures = measures_in(self._connection)
+        self._finished = _FINISHED if self._measures else _STORED
         self._signer = Signer(self._connection, "trials")
         columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
         updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
@@ -113,14 +114,13 @@ class Store:
         Failed trials have no result; trials from before a measure was added do not have its value.
         """
         with sqlite_errors(self._path):
-            wanted = _FINISHED if self._measures else _STORED
-            return FinishedTrials.read(self._connection, wanted, {point.key: point.number for point in self._points})
+            numbers = {point.key: point.number for point in self._points}
+            return FinishedTrials.read(self._connection, self._finished, numbers)
 
     def censored(self) -> int | None:
         """Return how many finished trials were not synchronised; None if none of them has a T_sync."""
         with sqlite_errors(self._path):
-            wanted = _FINISHED if self._measures else _STORED
-            (count,) = self._connection.execute(f"SELECT sum(censored) {wanted}").fetchone()
+            (count,) = self._connection.execute(f"SELECT sum(censored) {self._finished}").fetchone()
         return None if count is None else int(count)
 
     def add(self, outcome: Outcome) -> bool:

@@ -15,6 +15,14 @@ from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
 
 
+def pipelines_with(lowering: type[NativeLowering], state: Any) -> list[Any]:
+    """Return numba's passes, with another one that makes machine code, for `CompilerBase.define_pipelines`."""
+    manager: Any = DefaultPassBuilder.define_nopython_pipeline(state)
+    manager.passes = [(lowering if each is NativeLowering else each, text) for each, text in manager.passes]
+    manager.finalize()
+    return [manager]
+
+
 class _PartLibrary(JITCodeLibrary):
     """The code of a function, to be linked into that of others, which is where it is optimised."""
 
@@ -50,12 +58,7 @@ class _PartCompiler(CompilerBase):
 
     def define_pipelines(self) -> list[Any]:
         """Return numba's passes, with `_PartLowering`."""
-        manager: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        manager.passes = [
-            (_PartLowering if each is NativeLowering else each, description) for each, description in manager.passes
-        ]
-        manager.finalize()
-        return [manager]
+        return pipelines_with(_PartLowering, self.state)
 
 
 class Kernel:
