@@ -35,3 +35,7 @@ class ClusterError(EpuckSimError):
 
 class FilmError(EpuckSimError):
     """A film that cannot be read, written, or tracked; or a camera that cannot be opened."""
+
+
+class PortError(EpuckSimError):
+    """A port of this machine at which no page can be shown."""

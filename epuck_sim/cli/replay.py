@@ -57,9 +57,9 @@ def replay(
             ((record is not None or interpret) and not again, "--record and --interpret are for a run folder's trial"),
         )
         from epuck_sim.recording.reader import last_moment_s
-        from epuck_sim.recording.viewer.process import check_port
         from epuck_sim.recording.viewer.viewer import NO_DISPLAY, draw_screenshot, has_display, serve, show
         from epuck_sim.util.atomic_write import check_target
+        from epuck_sim.util.ports import check_port
 
         if web:
             check_port(port or WEB_PORT)

@@ -25,7 +25,7 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.recording import recorder
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
-from epuck_sim.recording.viewer import live, process, viewer
+from epuck_sim.recording.viewer import live, viewer
 from epuck_sim.recording.viewer.pace import sleep
 from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.status import read_outcome
@@ -33,6 +33,7 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.model import run_trial
+from epuck_sim.util import ports
 from tests.cli.commands import call, called, contents, refused
 from tests.processes import COMMAND, start, wait_until
 from tests.runs.made_folders import edit
@@ -126,7 +127,7 @@ def views(monkeypatch) -> Views:
         tell(f"{ADDRESS}:{port}")
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(process, "check_port", lambda _: None)
+    monkeypatch.setattr(ports, "check_port", lambda _: None)
     monkeypatch.setattr(viewer, "show", found.shown.append)
     monkeypatch.setattr(viewer, "serve", serve)
     monkeypatch.setattr(viewer, "draw_screenshot", lambda *call: found.drawn.append(call))

@@ -27,12 +27,12 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.epuck import RADIUS_CM
-from epuck_sim.errors import EpuckSimError, RecordingError
+from epuck_sim.errors import EpuckSimError, PortError, RecordingError
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import Recorded, read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer import process, viewer
-from epuck_sim.recording.viewer.process import NO_GRAPHICS, check_port, free_port, in_background, run_rerun
+from epuck_sim.recording.viewer.process import NO_GRAPHICS, in_background, run_rerun
 from epuck_sim.recording.viewer.viewer import (
     MESSAGE_COLUMNS,
     MESSAGE_GREY,
@@ -46,6 +46,7 @@ from epuck_sim.recording.viewer.viewer import (
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.util.ports import free_port
 from tests.processes import processes_marked, wait_until
 from tests.recording.viewers import (
     ARENA,
@@ -466,11 +467,6 @@ def test_a_browser_finds_the_viewer_on_this_machine_only(tmp_path) -> None:
         assert os.getpgrp() not in map(os.getpgid, processes_marked(str(tmp_path)))  # Ctrl-C in a terminal reaches us
 
 
-def test_a_port_at_which_browsers_open_no_page_is_refused() -> None:
-    with pytest.raises(RecordingError, match=r"^port 6000 cannot be used: browsers open no pages there; .* --port$"):
-        check_port(6000)
-
-
 def test_a_port_is_free_again_when_the_block_ends() -> None:
     port = free_port()
     for _ in range(3):
@@ -495,7 +491,7 @@ def test_a_port_in_use_is_reported_before_anything_starts(monkeypatch, address: 
         taken.bind((address, 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(RecordingError, match=f"^port {port} cannot be used: .*; give another with --port$"):
+        with pytest.raises(PortError, match=f"^port {port} cannot be used: .*; give another with --port$"):
             serve(Path("t.rrd"), port, pytest.fail)
 
 

@@ -8,10 +8,9 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import cv2
 
-from epuck_sim.errors import FilmError
 from epuck_sim.overhead.film.frame import Picture
+from epuck_sim.util.ports import HOST, check_port
 
-HOST = "127.0.0.1"
 BOUNDARY = "picture"
 PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>
 <body style="margin:0;background:#111;display:grid;place-items:center;min-height:100vh">
@@ -56,7 +55,7 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
         port: Where browsers find it; 0 for any that is free.
 
     Raises:
-        FilmError: The port cannot be used.
+        PortError: The port cannot be used.
     """
     page = LivePage()
 
@@ -88,10 +87,8 @@ def live_page(title: str, port: int) -> Iterator[LivePage]:
         def log_message(self, *_: object) -> None:
             """Keep the terminal for what is told of the film."""
 
-    try:
-        server = ThreadingHTTPServer((HOST, port), Handler)
-    except OSError as error:
-        raise FilmError(f"port {port} cannot be used: {error.strerror}; give another with --port") from error
+    check_port(port)
+    server = ThreadingHTTPServer((HOST, port), Handler)
     page.address = f"http://{HOST}:{server.server_address[1]}/"
     server.daemon_threads = True
     thread = threading.Thread(target=server.serve_forever, daemon=True)

@@ -12,10 +12,11 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.recorder import Recorder
 from epuck_sim.recording.viewer.pace import Pace, Wait, sleep
-from epuck_sim.recording.viewer.process import ViewerProcess, free_port, in_background
+from epuck_sim.recording.viewer.process import ViewerProcess, in_background
 from epuck_sim.recording.viewer.viewer import chunk_stream, has_display, web_viewer
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.trial.synchrony import SynchronyWatch
+from epuck_sim.util.ports import free_port
 
 REFRESH_S = 0.1
 """Time between two updates of the viewer, in seconds."""

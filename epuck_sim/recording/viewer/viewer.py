@@ -17,8 +17,9 @@ from rerun.chunk import RrdReader
 from epuck_sim.errors import RecordingError
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.reader import read_layout
-from epuck_sim.recording.viewer.process import HOST, ViewerProcess, check_port, free_port, in_background, proxy_url
+from epuck_sim.recording.viewer.process import ViewerProcess, in_background, proxy_url
 from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.ports import HOST, check_port, free_port
 
 PAINT_S = 60
 """Time within which a viewer must paint a recording, in seconds: without a graphics card, that is slow."""
@@ -60,7 +61,8 @@ def serve(path: Path, port: int, announce: Callable[[str], None]) -> None:
         announce: Called with the address when browsers can open it.
 
     Raises:
-        RecordingError: The port is in use, or the file holds no recording.
+        PortError: The port cannot be used.
+        RecordingError: The file holds no recording.
     """
     check_port(port)
     layout = read_layout(path)

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.errors import FilmError
+from epuck_sim.errors import FilmError, PortError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.live_page import live_page
 from epuck_sim.overhead.film.reader import open_film
@@ -270,5 +270,5 @@ def test_a_page_shows_the_newest_picture() -> None:
 def test_a_port_that_is_taken_is_refused() -> None:
     with live_page("one", 0) as page:
         port = int(page.address.split(":")[2].strip("/"))
-        with pytest.raises(FilmError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
+        with pytest.raises(PortError, match=rf"port {port} cannot be used: .*; give another"), live_page("two", port):
             pass
