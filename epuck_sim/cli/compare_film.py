@@ -6,10 +6,21 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.film_options import (
+    ArenaOption,
+    CornersOption,
+    HeightOption,
+    LensOption,
+    PeriodOption,
+    RobotsOption,
+    TagsOption,
+    robots_finder,
+    scene_options,
+)
 
 film_comparisons = typer.Typer()
 
-GEOMETRY, OUTPUT = "Film, as for `track`", "Output"
+OUTPUT = "Output"
 
 
 @film_comparisons.command("compare-film")
@@ -20,32 +31,13 @@ def compare_film(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change the scenario; repeatable.")
     ] = None,
     trials: Annotated[int, typer.Option(min=1, max=10_000, help="Number of simulated trials.")] = 40,
-    arena: Annotated[
-        str | None,
-        typer.Option("--arena-cm", metavar="SIDE|WIDTHxHEIGHT", help="Size of the floor.", rich_help_panel=GEOMETRY),
-    ] = None,
-    height: Annotated[
-        float | None,
-        typer.Option(
-            "--height-cm", min=10, max=100_000, help="Height of the camera above the floor.", rich_help_panel=GEOMETRY
-        ),
-    ] = None,
-    corners: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,X,Y,X,Y,X,Y", help="The floor's four corners.", rich_help_panel=GEOMETRY),
-    ] = None,
-    lens: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="The lens of the camera.", rich_help_panel=GEOMETRY)
-    ] = None,
-    tags: Annotated[
-        str | None,
-        typer.Option(metavar="DICTIONARY[:NUMBERS]", help="Tags on top of robots.", rich_help_panel=GEOMETRY),
-    ] = None,
-    period: Annotated[
-        float | None,
-        typer.Option("--period-s", min=0.1, max=86_400, help="Period of the oscillators.", rich_help_panel=GEOMETRY),
-    ] = None,
-    robots: Annotated[int | None, typer.Option(min=1, help="Number of robots.", rich_help_panel=GEOMETRY)] = None,
+    arena: ArenaOption = None,
+    height: HeightOption = None,
+    corners: CornersOption = None,
+    lens: LensOption = None,
+    tags: TagsOption = None,
+    period: PeriodOption = None,
+    robots: RobotsOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.", rich_help_panel=OUTPUT)] = False,
     plot: Annotated[
         Path | None,
@@ -66,36 +58,23 @@ def compare_film(
             (fit is not None and fit.suffix not in (".yaml", ".yml"), f"--fit is {fit}; allowed: a name in .yaml"),
         )
         from epuck_sim.cli.film_beside_tables import print_beside, print_beside_json
-        from epuck_sim.cli.parsing import parse_arena, parse_corners, parse_tags
         from epuck_sim.cli.progress import print_stderr, progress_bar
         from epuck_sim.cli.trials_bar import trials_bar
         from epuck_sim.overhead import film_comparison
-        from epuck_sim.overhead.track.film_calibration import TrackOptions
-        from epuck_sim.overhead.track.robots import robots_by_motion
-        from epuck_sim.overhead.track.tagged_robots import robots_by_tags
-        from epuck_sim.overhead.track.track_film import find_tags, track_film
+        from epuck_sim.overhead.track.track_film import track_film
         from epuck_sim.scenario.embodied import EmbodiedScenario
         from epuck_sim.scenario.loader import load_scenario
         from epuck_sim.scenario.scenario import require_model
         from epuck_sim.util.atomic_write import check_target
 
         loaded = require_model(load_scenario(scenario, overrides or ()), EmbodiedScenario, "films are of robots")
-        told = None if tags is None else parse_tags(tags)
-        options = TrackOptions(
-            arena_cm=None if arena is None else parse_arena(arena),
-            height_cm=height,
-            corners_px=None if corners is None else parse_corners(corners),
-            period_s=period,
-            robots=robots,
-        )
+        options = scene_options(arena, height, corners, period, robots)
+        find_robots = robots_finder(tags)
         for target in (plot, fit):
             if target is not None:
                 check_target(target)
         track = track_film(film, options, None, progress_bar("tracking"), lens)
-        if told is None:
-            found = robots_by_motion(track)
-        else:
-            found = robots_by_tags(track, find_tags(track, told[0], progress_bar("reading tags")), told[1])
+        found = find_robots(track)
         for warning in (*track.warnings, *found.warnings):
             print_stderr(f"warning: {warning}")
         fitted_scenario, fitted = film_comparison.overlay(loaded, track, found)

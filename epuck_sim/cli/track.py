@@ -7,12 +7,25 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.film_options import (
+    DECISION,
+    FILM,
+    ArenaOption,
+    CornersOption,
+    HeightOption,
+    LensOption,
+    PeriodOption,
+    RobotsOption,
+    TagsOption,
+    robots_finder,
+    scene_options,
+)
 from epuck_sim.cli.replay import WEB_PORT
 
 tracking = typer.Typer()
 
-INPUT, LIVE, GEOMETRY, DECISION, OUTPUT = "Film", "Live camera", "Geometry", "Decision", "Output"
-"""Headings, in the help, of the options of `track`."""
+LIVE, OUTPUT = "Live camera", "Output"
+"""Further headings of options, in the help."""
 
 
 @tracking.command()
@@ -23,7 +36,7 @@ def track(
     camera: Annotated[
         int | None,
         typer.Option(
-            min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=INPUT
+            min=0, help="Track a live camera instead, until the swarm is synchronised or Ctrl-C.", rich_help_panel=FILM
         ),
     ] = None,
     web: Annotated[
@@ -34,7 +47,7 @@ def track(
     ] = False,
     port: Annotated[
         int | None,
-        typer.Option(min=1024, max=65535, help=f"Port of --web; {WEB_PORT} by default.", rich_help_panel=LIVE),
+        typer.Option(min=1, max=65535, help=f"Port of --web; {WEB_PORT} by default.", rich_help_panel=LIVE),
     ] = None,
     record: Annotated[
         Path | None,
@@ -43,80 +56,28 @@ def track(
     start: Annotated[
         float,
         typer.Option(
-            "--start-s", min=0, help="Leave out what is before this time on the film's clock.", rich_help_panel=INPUT
+            "--start-s", min=0, help="Leave out what is before this time on the film's clock.", rich_help_panel=FILM
         ),
     ] = 0.0,
     end: Annotated[
         float | None,
         typer.Option(
-            "--end-s", min=0, help="Leave out what is after this time on the film's clock.", rich_help_panel=INPUT
+            "--end-s", min=0, help="Leave out what is after this time on the film's clock.", rich_help_panel=FILM
         ),
     ] = None,
     fps: Annotated[
         float | None,
         typer.Option(
-            min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.", rich_help_panel=INPUT
+            min=0.1, max=10_000, help="Frames per second, instead of the film's time stamps.", rich_help_panel=FILM
         ),
     ] = None,
-    arena: Annotated[
-        str | None,
-        typer.Option(
-            "--arena-cm",
-            metavar="SIDE|WIDTHxHEIGHT",
-            help="Size of the floor; by default as the film describes it, or 60.",
-            rich_help_panel=GEOMETRY,
-        ),
-    ] = None,
-    height: Annotated[
-        float | None,
-        typer.Option(
-            "--height-cm",
-            min=10,
-            max=100_000,
-            help="Height of the camera above the floor; by default 110 for a side of 60.",
-            rich_help_panel=GEOMETRY,
-        ),
-    ] = None,
-    corners: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X,Y,X,Y,X,Y,X,Y",
-            help="The floor's four corners, in any order, in pixels from the upper left.",
-            rich_help_panel=GEOMETRY,
-        ),
-    ] = None,
-    lens: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY
-        ),
-    ] = None,
-    tags: Annotated[
-        str | None,
-        typer.Option(
-            metavar="DICTIONARY[:NUMBERS]",
-            help="Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
-            rich_help_panel=INPUT,
-        ),
-    ] = None,
-    period: Annotated[
-        float | None,
-        typer.Option(
-            "--period-s",
-            min=0.1,
-            max=86_400,
-            help="Period of the oscillators; by default as the film describes it, or estimated.",
-            rich_help_panel=DECISION,
-        ),
-    ] = None,
-    robots: Annotated[
-        int | None,
-        typer.Option(
-            min=1,
-            help="Number of robots; no T_sync is given if the flashes do not add up to it.",
-            rich_help_panel=DECISION,
-        ),
-    ] = None,
+    arena: ArenaOption = None,
+    height: HeightOption = None,
+    corners: CornersOption = None,
+    lens: LensOption = None,
+    tags: TagsOption = None,
+    period: PeriodOption = None,
+    robots: RobotsOption = None,
     threshold: Annotated[
         float | None,
         typer.Option(
@@ -202,21 +163,15 @@ def track(
                 "--camera needs --period-s, because the period cannot be estimated while the camera films",
             ),
         )
-        from epuck_sim.cli.parsing import check_outputs, parse_arena, parse_corners, parse_tags
+        from epuck_sim.cli.parsing import check_outputs
         from epuck_sim.cli.progress import print_stderr, progress_bar
         from epuck_sim.cli.track_tables import print_track, print_track_json
-        from epuck_sim.overhead.track.film_calibration import TrackOptions
-        from epuck_sim.overhead.track.robots import robots_by_motion, save_robots
-        from epuck_sim.overhead.track.tagged_robots import robots_by_tags
+        from epuck_sim.overhead.track.robots import save_robots
         from epuck_sim.overhead.track.track_camera import Watching, track_camera
-        from epuck_sim.overhead.track.track_film import annotate_film, find_tags, snapshot, track_film
+        from epuck_sim.overhead.track.track_film import annotate_film, snapshot, track_film
+        from epuck_sim.util.ports import check_port
 
-        options = TrackOptions(
-            arena_cm=None if arena is None else parse_arena(arena),
-            height_cm=height,
-            corners_px=None if corners is None else parse_corners(corners),
-            period_s=period,
-            robots=robots,
+        options = scene_options(arena, height, corners, period, robots)._replace(
             threshold_ms=threshold,
             order_parameter=order,
             start_s=start,
@@ -224,8 +179,10 @@ def track(
             fps=fps,
         )
         tables = {"--flashes": flashes, "--trace": trace, "--pairs": pairs}
-        tags_told = None if tags is None else parse_tags(tags)
+        find_robots = robots_finder(tags)
         check_outputs(film, plot, rings, tables, {"--annotate": annotate, "--record": record})
+        if web:
+            check_port(port or WEB_PORT)
         if camera is not None and period is not None:
             watching = Watching(record, rings, annotate, (port or WEB_PORT) if web else None)
             tracked = track_camera(camera, options, watching, progress_bar("tracking"), print_stderr, lens)
@@ -233,11 +190,8 @@ def track(
             assert film is not None  # otherwise it was refused above
             tracked = track_film(film, options, rings, progress_bar("tracking"), lens)
         robots_found = None
-        if tags_told is not None:
-            readings = find_tags(tracked, tags_told[0], progress_bar("reading tags"))
-            robots_found = robots_by_tags(tracked, readings, tags_told[1])
-        elif any(tables.values()):
-            robots_found = robots_by_motion(tracked)
+        if tags is not None or any(tables.values()):
+            robots_found = find_robots(tracked)
         untold = tracked.reasons if tracked.confidence == "none" else ()
         for warning in (*untold, *tracked.warnings, *(robots_found.warnings if robots_found else ())):
             print_stderr(f"warning: {warning}")

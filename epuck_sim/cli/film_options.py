@@ -1,0 +1,107 @@
+"""What the commands that track a film are told of it, and who flashes in it."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from epuck_sim.cli.parsing import parse_arena, parse_corners, parse_tags
+
+if TYPE_CHECKING:
+    from epuck_sim.overhead.track.film_calibration import TrackOptions
+    from epuck_sim.overhead.track.result import Track
+    from epuck_sim.overhead.track.robots import Robots
+
+FILM, GEOMETRY, DECISION = "Film", "Geometry", "Decision"
+"""Headings of options, in the help."""
+
+ArenaOption = Annotated[
+    str | None,
+    typer.Option(
+        "--arena-cm",
+        metavar="SIDE|WIDTHxHEIGHT",
+        help="Size of the floor; by default as the film describes it, or 60.",
+        rich_help_panel=GEOMETRY,
+    ),
+]
+HeightOption = Annotated[
+    float | None,
+    typer.Option(
+        "--height-cm",
+        min=10,
+        max=100_000,
+        help="Height of the camera above the floor; by default 110 for a side of 60.",
+        rich_help_panel=GEOMETRY,
+    ),
+]
+CornersOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X,Y,X,Y,X,Y,X,Y",
+        help="The floor's four corners, in any order, in pixels from the upper left.",
+        rich_help_panel=GEOMETRY,
+    ),
+]
+LensOption = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE.json", help="The lens of the camera, written by `calibrate`.", rich_help_panel=GEOMETRY),
+]
+TagsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="DICTIONARY[:NUMBERS]",
+        help="Tell robots apart by the ArUco tags on top of them: 4X4_50, or 4X4_50:0-9 if no others are there.",
+        rich_help_panel=FILM,
+    ),
+]
+PeriodOption = Annotated[
+    float | None,
+    typer.Option(
+        "--period-s",
+        min=0.1,
+        max=86_400,
+        help="Period of the oscillators; by default as the film describes it, or estimated.",
+        rich_help_panel=DECISION,
+    ),
+]
+RobotsOption = Annotated[
+    int | None,
+    typer.Option(
+        min=1,
+        help="Number of robots; no T_sync is given if the flashes do not add up to it.",
+        rich_help_panel=DECISION,
+    ),
+]
+
+
+def scene_options(
+    arena: str | None, height_cm: float | None, corners: str | None, period_s: float | None, robots: int | None
+) -> "TrackOptions":
+    """Return what is told of the scene; raises FilmError for an arena or corners that cannot be read."""
+    from epuck_sim.overhead.track.film_calibration import TrackOptions
+
+    return TrackOptions(
+        arena_cm=None if arena is None else parse_arena(arena),
+        height_cm=height_cm,
+        corners_px=None if corners is None else parse_corners(corners),
+        period_s=period_s,
+        robots=robots,
+    )
+
+
+def robots_finder(tags: str | None) -> "Callable[[Track], Robots]":
+    """Return the function that tells robots of a film apart: by their tags, or without any, by how they move.
+
+    Raises:
+        FilmError: There is no such dictionary of tags.
+    """
+    from epuck_sim.cli.progress import progress_bar
+    from epuck_sim.overhead.track.robots import robots_by_motion
+    from epuck_sim.overhead.track.tagged_robots import robots_by_tags
+    from epuck_sim.overhead.track.track_film import find_tags
+
+    if tags is None:
+        return robots_by_motion
+    dictionary, numbers = parse_tags(tags)
+    return lambda track: robots_by_tags(track, find_tags(track, dictionary, progress_bar("reading tags")), numbers)
