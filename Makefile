@@ -60,7 +60,7 @@ figures: $(VENV)/installed ## make the figures and tables of the docs anew; hour
 	$(BIN)/python docs/figures/response_curves.py
 	$(BIN)/python docs/examples/learn_response.py docs/figures/learning
 	$(BIN)/python docs/figures/overhead_views.py
-	$(BIN)/python docs/figures/overhead_accuracy.py
+	$(BIN)/python -m docs.figures.overhead_kinds
 	$(BIN)/python -m docs.figures.overhead_identities
 	$(BIN)/epuck-sim run switching --quick --out runs/switching
 	$(BIN)/epuck-sim plot runs/switching --of order_parameter --to runs/switching.png

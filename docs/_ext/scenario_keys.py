@@ -140,13 +140,14 @@ def _find_docs() -> dict[tuple[str, str], str]:
 
 
 def _classes(base: type) -> Iterator[type]:
+    each: type
     for each in base.__subclasses__():
         yield each
         yield from _classes(each)
 
 
 DOCS = _find_docs()
-CLASSES = {each.__name__: each for each in _classes(ConfigModel)}
+CLASSES: dict[str, type] = {each.__name__: each for each in _classes(ConfigModel)}
 
 
 def _doc(title: str, name: str) -> str:

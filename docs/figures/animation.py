@@ -110,7 +110,7 @@ def draw_flashes(canvas: ImageDraw.ImageDraw, frames: list[Frame], count: int) -
     step = (WIDTH - MARGIN - RASTER_LEFT) / count
     box(canvas, RASTER_LEFT, RASTER_TOP, WIDTH - MARGIN, RASTER_TOP + robots * ROW, fill=FLOOR, outline=LINE)
     for number, (before, frame) in enumerate(pairwise(frames), start=1):
-        for robot in np.flatnonzero(frame.lit & ~before.lit):
+        for robot in np.flatnonzero(frame.lit & ~before.lit).tolist():
             x, y = RASTER_LEFT + number * step, RASTER_TOP + robot * ROW
             box(canvas, x - 1, y + 3, x + 2, y + ROW - 3, fill=LIT)
 

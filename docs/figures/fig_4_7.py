@@ -6,6 +6,7 @@ the run folder give T_sync by the order parameter. base_curve.csv adds the robot
 """
 
 import csv
+import math
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -20,7 +21,8 @@ from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.spread import SynchronyDetector, is_synchronised
 from epuck_sim.runs.reader import PointTrials, read_points
-from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.scenario import require_model
 
 OUT = Path(__file__).with_name("fig-4-7.csv")
 FILMED = 5
@@ -33,7 +35,7 @@ MAX_CYCLES = 500
 """Number of periods after which filming gives up."""
 
 
-def film(task: tuple[Scenario, int]) -> float:
+def film(task: tuple[EmbodiedScenario, int]) -> float:
     """Return T_sync of a film of a trial, in periods; NaN if it is not reached within `MAX_CYCLES`."""
     scenario, seed = task
     simulation = Simulation(scenario, seed)
@@ -41,22 +43,25 @@ def film(task: tuple[Scenario, int]) -> float:
     camera = VirtualCamera(scenario.overhead, arena.build(), seed)
     floor_cm = arena.width_cm, arena.height_cm
     counter = RingCounter(Geometry(overhead_camera(scenario.overhead, *floor_cm), floor_cm, "the scenario", True))
-    (period_s,) = set(simulation.period_ms / 1000)
+    (period_s,) = set((simulation.period_ms / 1000).tolist())
     start_s = scenario.overhead.lit_start_s
     detector = SynchronyDetector(period_s, start_s)
     for step in simulation:
         for frame in camera.observe(step.time_s, step.poses, step.ring_on):
             evaluation = detector.update(frame.time_s, len(counter.process(frame)))
             if evaluation is not None and is_synchronised(evaluation, THRESHOLD_S):
-                return (evaluation.time_s - start_s) / period_s
+                return float((evaluation.time_s - start_s) / period_s)
         if step.time_s > MAX_CYCLES * period_s:
             break
-    return np.nan
+    return math.nan
 
 
 def measure(points: list[PointTrials]) -> None:
     """Film trials of all points, and write the table."""
-    tasks = [(point.scenario, seed) for point in points for seed in point.seeds[:FILMED]]
+    scenarios = [require_model(point.scenario, EmbodiedScenario, "films are of robots") for point in points]
+    tasks = [
+        (scenario, seed) for scenario, point in zip(scenarios, points, strict=True) for seed in point.seeds[:FILMED]
+    ]
     with ProcessPoolExecutor() as executor:
         filmed = np.array(list(executor.map(film, tasks))).reshape(len(points), FILMED)
     with OUT.open("w", newline="") as file:

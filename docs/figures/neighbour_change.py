@@ -7,7 +7,7 @@ how well they collapse as neighbour-change.txt.
 import csv
 import sys
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,6 +17,8 @@ from epuck_sim.figures.looks import choose_looks
 from epuck_sim.replication.effects import Effect, exponentiate, resampled
 from epuck_sim.replication.places import Drawn, Place, collapse, find_place
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.scenario import require_model
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
 
 SPEED = "agents.speed_cm_s"
@@ -34,6 +36,8 @@ class Line(NamedTuple):
     """T_sync over speed, cycles."""
     rates: Curve
     """Share of links that change from a cycle to the next, over speed."""
+    dimensions: int
+    """Number of dimensions of the space."""
     peak: Place | None
     """Speed at the peak of T_sync, cm/s."""
 
@@ -52,7 +56,8 @@ class Line(NamedTuple):
 
 def mean_of_cycles(point: PointTrials) -> PointTrials:
     """Return a point whose trials have the mean over their cycles instead of a series."""
-    known = [[value for value in series if value is not None] for series in point.measured]
+    measured: Any = point.measured
+    known = [[value for value in series if value is not None] for series in measured]
     return point._replace(measured=tuple(float(np.mean(values)) if values else None for values in known))
 
 
@@ -62,20 +67,21 @@ def read_lines(folder: Path) -> list[Line]:
     for axes, group in group_by_other_axes(read_points(folder, of="neighbour_change"), SPEED):
         times = estimate_curve([point._replace(of=None) for point in group], SPEED, axes)
         rates = estimate_curve([mean_of_cycles(point) for point in group], SPEED, axes)
-        lines.append(Line(name_of(group[0]), times, rates, find_place(times, "V_p")))
+        scenario = require_model(group[0].scenario, ParticleScenario, "neighbourhoods are of point agents")
+        lines.append(Line(name_of(scenario), times, rates, scenario.space.dimensions, find_place(times, "V_p")))
     return lines
 
 
-def name_of(point: PointTrials) -> str:
-    """Return the neighbourhood and the space of a point in words."""
-    hood = point.scenario.neighbourhood
+def name_of(scenario: ParticleScenario) -> str:
+    """Return the neighbourhood and the space of agents in words."""
+    hood: Any = scenario.neighbourhood
     name = {
         "nearest": lambda: f"K = {hood.k}",
         "range": lambda: f"range {hood.radius_cm:g}",
         "cone_of_vision": lambda: f"vision {hood.angle_deg:g}°, R = {hood.radius_cm:g}",
         "cone_of_emission": lambda: f"emission {hood.angle_deg:g}°, R = {hood.radius_cm:g}",
     }[hood.kind]()
-    return name + SPACES.get((point.scenario.space.dimensions, point.scenario.space.boundary), "")
+    return name + SPACES.get((scenario.space.dimensions, scenario.space.boundary), "")
 
 
 def spread_of(places: list[Place], trials: int) -> Effect:
@@ -110,7 +116,7 @@ def write_numbers(lines: list[Line], trials: int) -> None:
     groups = {
         "all": lines,
         "those with a peak": peaked,
-        "those with a peak, in two dimensions": [line for line in peaked if line.times.scenario.space.dimensions == 2],
+        "those with a peak, in two dimensions": [line for line in peaked if line.dimensions == 2],
     }
     for name, group in groups.items():
         apart = collapse([Drawn(line.times, line.rates) for line in group], trials)

@@ -21,6 +21,8 @@ from epuck_sim.overhead.track.identities import SURE
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from epuck_sim.overhead.track.robots import robots_by_motion
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.scenario import require_model
 from tests.overhead.track.identities_score import Links, Truth, links_found
 
 FILMS = 5
@@ -29,10 +31,15 @@ SPEEDS_CM_S = (1.6, 3.2, 6.2, 12.8)
 PERIOD_S = 5.0
 
 
+def scenario_with(side_px: int, *settings: str) -> EmbodiedScenario:
+    """Return the thesis's scenario with square pictures of so many pixels."""
+    pixels = (f"overhead.width_px={side_px}", f"overhead.height_px={side_px}")
+    return require_model(load_scenario("thesis", [*pixels, *settings]), EmbodiedScenario, "films are of robots")
+
+
 def film(speed_cm_s: float, seed: int, side_px: int, truth: Truth) -> Iterator[Frame]:
     """Yield the frames of a trial, and note what is true of it."""
-    settings = [f"robots.0.parameters.speed_cm_s={speed_cm_s}", f"overhead.width_px={side_px}"]
-    scenario = load_scenario("thesis", [*settings, f"overhead.height_px={side_px}"])
+    scenario = scenario_with(side_px, f"robots.0.parameters.speed_cm_s={speed_cm_s}")
     simulation = Simulation(scenario, seed)
     camera = VirtualCamera(scenario.overhead, scenario.arena.build(), seed)
     for step in islice(simulation, round(FILM_S / simulation.step_s)):
@@ -43,8 +50,8 @@ def film(speed_cm_s: float, seed: int, side_px: int, truth: Truth) -> Iterator[F
 def track(speed_cm_s: float, seed: int, side_px: int) -> tuple[Track, Truth]:
     """Return what is found in a film of a trial, and the truth."""
     truth = Truth()
-    section = load_scenario("thesis", [f"overhead.width_px={side_px}", f"overhead.height_px={side_px}"]).overhead
-    counter = RingCounter(Geometry(overhead_camera(section, 60, 60), (60.0, 60.0), "the scenario", True))
+    overhead = scenario_with(side_px).overhead
+    counter = RingCounter(Geometry(overhead_camera(overhead, 60, 60), (60.0, 60.0), "the scenario", True))
     for frame in film(speed_cm_s, seed, side_px, truth):
         counter.process(frame)
     return analyse("film", counter, TrackOptions(period_s=PERIOD_S, robots=10), ()), truth

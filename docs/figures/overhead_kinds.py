@@ -77,7 +77,8 @@ def examined_of(row: list[str]) -> Examined:
     """Return the film of a row of overhead_films.csv."""
     counts = len(Score._fields)
     rings, hough = (Score(*map(int, part[:3]), *map(float, part[3:])) for part in (row[5 : 5 + counts], row[-counts:]))
-    return Examined(row[0], *map(int, row[1:4]), float(row[4]), rings, hough)
+    seed, told, alone = map(int, row[1:4])
+    return Examined(row[0], seed, told, alone, float(row[4]), rings, hough)
 
 
 def verdict(film: Path, options: TrackOptions, rings: Path | None) -> tuple[int, float]:
@@ -98,8 +99,9 @@ def examine(kind: str, seed: int, folder: Path) -> Examined:
     px_per_cm = camera.focal_px / (camera.above_cm - LED_HEIGHT_CM)
     robots = swarm(10, CYCLES, TOGETHER_FROM, seed, period_s=PERIOD_S)
     film, table = folder / "film.mp4", folder / "rings.csv"
+    width_px, height_px = camera.size_px
     truth, hough = [], Score()
-    with film_file(film, *camera.size_px, {}) as writer:
+    with film_file(film, width_px, height_px, {}) as writer:
         for frame, lit_cm in shoot(camera, robots, frames_per_s=12.0):
             writer.write(frame)
             truth.append((frame.time_s, lit_cm))

@@ -52,10 +52,10 @@ def main() -> None:
             annotator = Annotator(opened.width_px, opened.height_px, track.period_s)
             for tracked in track_frames(
                 opened.frames(),
-                RingCounter(track.camera),
+                RingCounter(track.geometry),
                 track.period_s,
                 lambda: track.threshold_ms / 1000,
-                lambda time_s: 0,
+                lambda _time_s: 0,
             ):
                 annotated = annotator.annotate(*tracked)
                 if tracked.frame.time_s >= AT_S:

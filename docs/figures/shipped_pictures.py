@@ -22,6 +22,7 @@ from epuck_sim.cli.listing import list_measures
 from epuck_sim.cli.plot import FigureOptions
 from epuck_sim.cli.sweep_figures import sketch_sweep
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.scenario import require_model
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, builtin_files
 
 OUT = Path(__file__).parent / "shipped"
@@ -132,7 +133,8 @@ def main() -> None:
             draw_trial(f"scenario-{name}", scenario)
     for name in builtin_files(CONTROLLERS):
         robots = [{"count": 10, "controller": name, "parameters": PARAMETERS.get(name, {})}]
-        draw_trial(f"controller-{name}", load_scenario({"robots": robots}))
+        scenario = load_scenario({"robots": robots})
+        draw_trial(f"controller-{name}", require_model(scenario, EmbodiedScenario, "controllers are for robots"))
     others = {name for _, measures in OTHERS for name in measures}
     for keys, measures in ((ROBOTS, tuple(set(list_measures()["measures"]) - others)), *OTHERS):
         draw_measures(keys, measures)

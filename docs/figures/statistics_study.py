@@ -112,7 +112,7 @@ def fits(folders: Sequence[str]) -> Iterator[Sequence[Any]]:
         for name in FITTED:
             own = [result[name] for result in results]
             if own:
-                best = [min(result, key=lambda law, result=result: result[law][0]) for result in results]
+                best = [min(result.items(), key=lambda law_and_fit: law_and_fit[1][0])[0] for result in results]
                 gap = [result[name][0] - min(aic for aic, *_ in result.values()) for result in results]
                 rejected = [p < 0.05 for _, _, p in own]
                 distance = float(np.median([d for _, d, _ in own]))
@@ -173,8 +173,8 @@ def main() -> None:
     folders = sys.argv[1:]
     columns = ("folder", "distribution", "points", "best", "median_aic_gap", "median_ks", "rejected")
     write("fits", columns, fits(folders))
-    columns = ("source", "trials", "censored", "mean", "median", "weibull", "weibull_typical", "weibull_known")
-    write("biases", columns, biases(folders))
+    estimators = ("mean", "median", "weibull", "weibull_typical", "weibull_known")
+    write("biases", ("source", "trials", "censored", *estimators), biases(folders))
     write("coverage", ("law", "trials", "censored", "held", "width", "held_by_percentiles"), coverage())
     write("false-alarms", ("trials", "law", "curve", "found"), false_alarms())
 

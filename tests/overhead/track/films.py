@@ -14,7 +14,7 @@ import numpy.typing as npt
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
-from epuck_sim.overhead.film.frame import Frame
+from epuck_sim.overhead.film.frame import Frame, Timed
 from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
 from epuck_sim.overhead.track.film_calibration import TrackOptions
@@ -140,9 +140,9 @@ def described(**overhead: Any) -> dict[str, Any]:
     return {"epuck_sim": "0", "arena_cm": [60, 60], "robots": 6, "period_s": 1.0, "overhead": section.model_dump()}
 
 
-def passed(frames: Iterable[Frame], _: float | None) -> Iterable[Frame]:
+def passed(timed: Iterable[Timed], duration_s: float | None) -> Iterable[Timed]:  # noqa: ARG001 - named by the protocol
     """Return the frames; a progress wrapper that shows nothing."""
-    return frames
+    return timed
 
 
 def read_rings(path: Path, unknown: float = math.nan) -> list[dict[str, float]]:

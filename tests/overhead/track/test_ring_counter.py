@@ -23,7 +23,7 @@ def counter(monkeypatch: pytest.MonkeyPatch) -> RingCounter:
     return RingCounter(make_geometry()._replace(knows_floor=False))
 
 
-def none_steady(time_s: float) -> int:
+def none_steady(_time_s: float) -> int:
     """Say that no ring stays lit."""
     return 0
 
@@ -89,7 +89,9 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
         counter = RingCounter(make_geometry()._replace(knows_floor=False))
-        tracked_frames = list(track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s, none_steady))
+        tracked_frames = list(
+            track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s, none_steady)
+        )
     if not counter.counts.any():
         return
     track = analyse("film", counter, TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
