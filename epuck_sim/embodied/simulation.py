@@ -18,7 +18,7 @@ from epuck_sim.control.runner import RobotError
 from epuck_sim.embodied.arena_change import check_bodies_outside, in_arena
 from epuck_sim.embodied.coming_and_going import absent_swarm, put_in, show_present, take_out
 from epuck_sim.embodied.commands import Commands
-from epuck_sim.embodied.control_loop import CompiledLoop, InterpretedLoop, make_control_loop, restart_loop
+from epuck_sim.embodied.control_loop import make_control_loop, restart_loop
 from epuck_sim.embodied.fault_events import take_events
 from epuck_sim.embodied.faults import make_faults, restart_faults
 from epuck_sim.embodied.group import (
@@ -30,6 +30,7 @@ from epuck_sim.embodied.group import (
     restart_swarm_arrays,
     set_parameters,
 )
+from epuck_sim.embodied.loop_runners import CompiledLoop, InterpretedLoop
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.randomness import Part, Randomness, spawned
 from epuck_sim.embodied.relations import Relations

@@ -17,7 +17,7 @@ from epuck_sim.control.interface import Value, record_type
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.phase_response import CURVES, FROM_FILE, CurveFromFile, Response
 from epuck_sim.scenario.curves import Curve, find_curve
-from epuck_sim.scenario.particles import ResponseSection
+from epuck_sim.scenario.response import ResponseSection
 from epuck_sim.util.addresses import compile_at, function_address
 from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import bind, digest

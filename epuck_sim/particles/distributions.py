@@ -6,7 +6,7 @@ from statistics import NormalDist
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.scenario.particles import AgentsSection
+from epuck_sim.scenario.agents import AgentsSection
 
 TABLE_SIZE = 1000
 """Number of speeds, all equally likely, that stand for a distribution where speeds are drawn again and again: that of

@@ -8,7 +8,8 @@ from epuck_sim.particles.headings import random_heading
 from epuck_sim.particles.motion import Trajectories, start_trajectories
 from epuck_sim.particles.oscillators import Oscillators, start_oscillators
 from epuck_sim.particles.walks import make_walk
-from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
+from epuck_sim.scenario.neighbourhoods import RandomAgents
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.seeds import robot_streams
 

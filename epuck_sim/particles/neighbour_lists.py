@@ -10,7 +10,9 @@ from epuck_sim.particles.motion import Trajectories, start_trajectories
 from epuck_sim.particles.neighbour_search import find_neighbours
 from epuck_sim.particles.neighbourhood import Neighbourhood, make_neighbourhood
 from epuck_sim.particles.walks import make_walk
-from epuck_sim.scenario.particles import AgentsSection, Everybody, ParticleScenario, RandomAgents
+from epuck_sim.scenario.agents import AgentsSection
+from epuck_sim.scenario.neighbourhoods import Everybody, RandomAgents
+from epuck_sim.scenario.particles import ParticleScenario
 
 
 def make_search(scenario: ParticleScenario) -> tuple[Trajectories, Neighbourhood]:

@@ -11,7 +11,8 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.cell_list import CellList, make_cell_list, rebase_cell_list
-from epuck_sim.scenario.particles import Cone, Nearest, ParticleScenario, RandomAgents, Range
+from epuck_sim.scenario.neighbourhoods import Cone, Nearest, RandomAgents, Range
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit_inline
 
 NEAREST = 0

@@ -7,7 +7,8 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.particles.neighbour_lists import NeighbourLists
-from epuck_sim.scenario.particles import ParticleScenario, RandomAgents
+from epuck_sim.scenario.neighbourhoods import RandomAgents
+from epuck_sim.scenario.particles import ParticleScenario
 
 SHIFTS_ONLY = 50
 """Swarms of this size or larger have links only where a phase was shifted: if all fire at once, all receive all."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, StreamArray
 from epuck_sim.particles.distributions import speed_table
-from epuck_sim.scenario.particles import AgentsSection
+from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.rng import uniform
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from epuck_sim.scenario.overrides import set_value
-from epuck_sim.scenario.particles import ParticleScenario, resolve_response
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.response import resolve_response
 from epuck_sim.scenario.validation import validate
 
 CHANGING = ("agents", "neighbourhood", "response")

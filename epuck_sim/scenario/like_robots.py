@@ -5,7 +5,8 @@ from pathlib import Path
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import find_scenario, load_scenario
-from epuck_sim.scenario.particles import ParticleScenario, StartSection
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.start import StartSection
 
 
 def robots_like(name: str, origin: str) -> EmbodiedScenario:

@@ -10,7 +10,8 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena import Box, Circle, Polygon
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.faults import FAULTS
-from epuck_sim.scenario.particles import Cone, Everybody, Nearest, ParticleScenario, RandomAgents, Range
+from epuck_sim.scenario.neighbourhoods import Cone, Everybody, Nearest, RandomAgents, Range
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.signals import CameraSignal, ConeSignal, RadioSignal
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr, storable

@@ -12,7 +12,8 @@ from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.arena import FAINT, ranges, ray_ends, static_ranges, strip_columns, unit_vectors
 from epuck_sim.recording.population import Population
-from epuck_sim.scenario.particles import Cone, ParticleScenario, Range
+from epuck_sim.scenario.neighbourhoods import Cone, Range
+from epuck_sim.scenario.particles import ParticleScenario
 
 CONES = "/arena/cones"
 """Entity with (agents,) strips in each row, around the cone of vision or emission, within the arena."""
