@@ -8,10 +8,11 @@ import numpy as np
 from epuck_sim.control.interface import ACTUATORS
 from epuck_sim.embodied.attendance import AbsentGroup, AbsentSwarm, parked_poses
 from epuck_sim.embodied.camera_clock import CameraClock, forget_pictures
-from epuck_sim.embodied.group import RobotGroupState, SwarmArrays, start_again
+from epuck_sim.embodied.group import RobotGroupState, start_again
 from epuck_sim.embodied.placement import Floor
 from epuck_sim.embodied.radio import Radio, forget_pulses
 from epuck_sim.embodied.rigid_bodies import World
+from epuck_sim.embodied.swarm_arrays import SwarmArrays
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.robot_schedule import RobotScheduleEntry
 

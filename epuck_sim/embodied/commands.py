@@ -10,8 +10,9 @@ import numpy.typing as npt
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.control_loop import ControlLoop, run_calls
 from epuck_sim.embodied.differential_drive import apply_commands
-from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState
+from epuck_sim.embodied.group import RobotGroupState
 from epuck_sim.embodied.loop_runners import InterpretedLoop
+from epuck_sim.embodied.swarm_arrays import NOISE_STEPS
 from epuck_sim.util.addresses import compiled_for
 from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import bind

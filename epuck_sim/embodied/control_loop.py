@@ -14,7 +14,7 @@ from epuck_sim.control.interface import Wheels
 from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.differential_drive import apply_commands
-from epuck_sim.embodied.group import NOISE_STEPS, SwarmArrays
+from epuck_sim.embodied.swarm_arrays import NOISE_STEPS, SwarmArrays
 from epuck_sim.embodied.variation import (
     RobotClocks,
     RobotVariation,

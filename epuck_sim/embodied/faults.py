@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.embodied.group import NOISE_STEPS
+from epuck_sim.embodied.swarm_arrays import NOISE_STEPS
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.faults import CameraMisses, ClockDrift, ClockJitter, FaultSection
 from epuck_sim.util.jit import jit_no_alloc

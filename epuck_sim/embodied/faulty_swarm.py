@@ -19,11 +19,12 @@ from epuck_sim.embodied.fault_effects import (
 )
 from epuck_sim.embodied.faults import Faults, change_faults
 from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_flashes
-from epuck_sim.embodied.group import NOISE_STEPS, RobotGroupState, SignalReceiver
+from epuck_sim.embodied.group import RobotGroupState, SignalReceiver
 from epuck_sim.embodied.line_camera import see
 from epuck_sim.embodied.radio import Radio, receive_pulses
 from epuck_sim.embodied.reflections import see_with_reflections
 from epuck_sim.embodied.sensing import SensingArrays, sense, sense_proximity
+from epuck_sim.embodied.swarm_arrays import NOISE_STEPS
 from epuck_sim.embodied.variation import RobotClocks
 
 

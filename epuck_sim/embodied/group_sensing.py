@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from epuck_sim.arrays import IntArray
 from epuck_sim.embodied.camera_clock import CameraClock, take_pictures
 from epuck_sim.embodied.flash_cone import LitRingSensor, Obstruction, perceive_flashes
-from epuck_sim.embodied.group import NOISE_STEPS, SignalReceiver
+from epuck_sim.embodied.group import SignalReceiver
 from epuck_sim.embodied.radio import Radio, receive_pulses
 from epuck_sim.embodied.reflections import see_with_reflections
 from epuck_sim.embodied.sensing import SensingArrays, sense, sense_proximity
+from epuck_sim.embodied.swarm_arrays import NOISE_STEPS
 
 
 class GroupSensing(NamedTuple):

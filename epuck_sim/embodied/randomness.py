@@ -4,9 +4,10 @@ from enum import IntEnum
 
 import numpy as np
 
-from epuck_sim.embodied.group import SwarmArrays
+from epuck_sim.embodied.swarm_arrays import SwarmArrays
 from epuck_sim.embodied.variation import RobotVariation, draw_variation
-from epuck_sim.scenario.embodied import EmbodiedScenario, SpreadSection
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.imperfections import SpreadSection
 from epuck_sim.util.seeds import robot_streams
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.cell_list import CellList, make_cell_list
 from epuck_sim.embodied.contacts import surfaces_of, write_contacts
-from epuck_sim.embodied.group import SwarmArrays
+from epuck_sim.embodied.swarm_arrays import SwarmArrays
 from epuck_sim.embodied.visibility import SIGHTING_WRITERS, View, view_of
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.addresses import compiled_for

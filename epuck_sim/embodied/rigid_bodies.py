@@ -1,15 +1,14 @@
-"""The rigid bodies: robots, walls and obstacles in pymunk, which else only `movables` uses.
+"""The rigid bodies: robots, walls and obstacles in pymunk's space.
 
 Contacts are hard, without bounce, and by default without friction: they never turn a robot (Enki). Wheels set the
 bodies' velocities at the beginning of each control step, and changes made by contacts last until the next one. Thus a
 robot that pushes one that holds still moves both at half its speed. Where there are movables, forces count: `movables`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 import pymunk.batch
 from pymunk._chipmunk_cffi import ffi, lib
@@ -19,20 +18,15 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
-from epuck_sim.embodied.chipmunk import CALLS, move_bodies
+from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.contact_candidates import MARGIN_CM
 from epuck_sim.embodied.movables import Movables
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.embodied.pymunk_functions import POSE, VELOCITY, Batch, calls_with, pointer_value
+from epuck_sim.embodied.solid_surfaces import obstacle_shapes, wall_shapes
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
-
-WALL_CM = 50.0
-"""Thickness of the walls in cm: far more than a robot can cover in one physics step."""
 
 _ROBOTS = 1
 """pymunk's group of shapes that do not touch each other: robots that pass through each other."""
-
-_POSE = BodyFields.POSITION | BodyFields.ANGLE
-_VELOCITY = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
 
 
 class World:
@@ -78,10 +72,10 @@ class World:
         self.velocities = np.empty_like(poses)
         # compiled code refers to both by their addresses only
         self._batches = {
-            "poses": _Batch(_POSE, self.poses),
-            "velocities": _Batch(_VELOCITY, self.velocities),
-            "turns": _Batch(BodyFields.ANGULAR_VELOCITY, self.velocities),
-            "circles": _Batch(BodyFields.POSITION, arena.circles),
+            "poses": Batch(POSE, self.poses),
+            "velocities": Batch(VELOCITY, self.velocities),
+            "turns": Batch(BodyFields.ANGULAR_VELOCITY, self.velocities),
+            "circles": Batch(BodyFields.POSITION, arena.circles),
         }
         robots = [body for body, _ in self._discs] if len(arena.movables) else []
         self._movables = Movables(arena, self._ground, robots, root, drive_force_n)
@@ -96,8 +90,8 @@ class World:
             cells=make_cell_list(arena.width_cm, arena.height_cm, len(poses), self._cell_cm),
             touch=touch,
             step_s=1.0 / physics_hz,
-            calls=_calls(self._batches),
-            pointers=np.array([[_pointer(body._body), _pointer(disc._shape)] for body, disc in self._discs]),
+            calls=calls_with(self._batches),
+            pointers=np.array([[pointer_value(body._body), pointer_value(disc._shape)] for body, disc in self._discs]),
             present=np.ones(len(poses), np.bool_),
             is_candidate=np.zeros(len(poses), np.bool_),
             reached=np.zeros(len(poses), np.int64),
@@ -118,7 +112,7 @@ class World:
         for shape in self._fixed:
             lib.cpSpaceAddShape(space._space, shape._shape)
         self._movables.enter(space)
-        self.bodies.calls["space"] = _pointer(space._space)
+        self.bodies.calls["space"] = pointer_value(space._space)
         self.poses[:] = poses
         self.velocities[:] = 0.0
         sort_into_cells(self.poses, self.bodies.cells)
@@ -135,7 +129,7 @@ class World:
         for shape in self._fixed:
             lib.cpSpaceAddShape(self._space._space, shape._shape)
         self._movables.move_to(arena)
-        batch = self._batches["circles"] = _Batch(BodyFields.POSITION, arena.circles)
+        batch = self._batches["circles"] = Batch(BodyFields.POSITION, arena.circles)
         self.bodies.calls["circles"], self.bodies.calls["circles_index"] = batch.pointer, batch.index_pointer
         self.bodies = self.bodies._replace(
             width_cm=arena.width_cm,
@@ -160,7 +154,7 @@ class World:
 
     def _surfaces(self, arena: Arena) -> list[pymunk.Shape]:
         """Return the shapes of walls and obstacles."""
-        shapes = _walls(self._ground, arena) + _obstacles(self._ground, arena)
+        shapes = wall_shapes(self._ground, arena) + obstacle_shapes(self._ground, arena)
         for shape in shapes:
             shape.friction = self._friction
         return shapes
@@ -200,94 +194,3 @@ def _forget_motion(body: Any) -> None:
     lib.cpBodyUpdatePosition(body, 0.0)  # forgets what its last contact was to correct in the next step
     lib.cpBodySetPosition(body, (0.0, 0.0))
     lib.cpBodySetAngle(body, 0.0)
-
-
-class _Batch:
-    """An array from which pymunk's functions of one body read, or to which they write."""
-
-    def __init__(self, fields: BodyFields, array: FloatArray) -> None:
-        """Refer to (robots, 3) `array`, which holds these fields of each body."""
-        self._buffer = pymunk.batch.Buffer()
-        self._buffer.set_float_buf(array)
-        self._buffer._float_arr.max = np.iinfo(np.int32).max  # pymunk frees an array that it finds full, and grows it
-        self._data = ffi.new("pmBatchedData *")
-        self._data.fields = fields.value
-        self._data.floatArray, self._data.intArray = self._buffer._float_arr, self._buffer._int_arr
-
-    @property
-    def pointer(self) -> int:
-        """Address of the batch."""
-        return _pointer(self._data)
-
-    @property
-    def index_pointer(self) -> int:
-        """Address of the index of the next float to read or to write."""
-        return _pointer(ffi.addressof(self._data.floatArray, "num"))
-
-
-_FUNCTIONS = {
-    "step": ("cpSpaceStep", "void(*)(cpSpace *, cpFloat)"),
-    "add_body": ("cpSpaceAddBody", "cpBody *(*)(cpSpace *, cpBody *)"),
-    "add_shape": ("cpSpaceAddShape", "cpShape *(*)(cpSpace *, cpShape *)"),
-    "remove_body": ("cpSpaceRemoveBody", "void(*)(cpSpace *, cpBody *)"),
-    "remove_shape": ("cpSpaceRemoveShape", "void(*)(cpSpace *, cpShape *)"),
-    "set_body": ("pmSpaceBodySetIteratorFuncBatched", "cpSpaceBodyIteratorFunc"),
-    "get_body": ("pmSpaceBodyGetIteratorFuncBatched", "cpSpaceBodyIteratorFunc"),
-}
-"""Name and kind of each of Chipmunk's functions that `CALLS` names."""
-
-
-def _calls(batches: Mapping[str, _Batch]) -> npt.NDArray[np.void]:
-    """Return (1,) the record of addresses that `move_bodies` takes, without the space's."""
-    calls = np.zeros(1, CALLS)
-    for name, (function, kind) in _FUNCTIONS.items():
-        calls[name] = function_address(function, kind)
-    for name, batch in batches.items():
-        calls[name], calls[f"{name}_index"] = batch.pointer, batch.index_pointer
-    return calls
-
-
-def _pointer(pointer: Any) -> int:
-    """Return the address that a pointer of cffi holds."""
-    return int(ffi.cast("uintptr_t", pointer))
-
-
-def function_address(name: str, kind: str) -> int:
-    """Return the address of one of Chipmunk's functions.
-
-    Raises:
-        EpuckSimError: this pymunk's function is of another kind than compiled code takes it for.
-    """
-    function = ffi.addressof(lib, name)
-    if ffi.typeof(function) is not ffi.typeof(kind):
-        raise EpuckSimError(
-            f"pymunk {pymunk.version}: its function {name} is {ffi.typeof(function).cname}, not {kind}; "
-            f"install pymunk 7.3"
-        )
-    return _pointer(function)
-
-
-def _walls(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
-    """Return four slabs around the floor that overlap at the corners."""
-    width, height, out = arena.width_cm, arena.height_cm, WALL_CM
-    slabs = [
-        (-out, -out, 0, height + out),
-        (width, -out, width + out, height + out),
-        (-out, -out, width + out, 0),
-        (-out, height, width + out, height + out),
-    ]
-    return [
-        pymunk.Poly(body, [(left, low), (right, low), (right, high), (left, high)], radius=MARGIN_CM)
-        for left, low, right, high in slabs
-    ]
-
-
-def _obstacles(body: pymunk.Body, arena: Arena) -> list[pymunk.Shape]:
-    """Return the shapes of the arena's obstacles."""
-    circles: list[pymunk.Shape] = [
-        pymunk.Circle(body, radius + MARGIN_CM, offset=(x, y))
-        for x, y, radius in arena.circles[: arena.first_movable].tolist()
-    ]
-    return circles + [
-        pymunk.Poly(body, [(x, y) for x, y in corners.tolist()], radius=MARGIN_CM) for corners in arena.polygons
-    ]

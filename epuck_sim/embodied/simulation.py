@@ -21,15 +21,7 @@ from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.control_loop import make_control_loop, restart_loop
 from epuck_sim.embodied.fault_events import take_events
 from epuck_sim.embodied.faults import make_faults, restart_faults
-from epuck_sim.embodied.group import (
-    NOISE_STEPS,
-    RobotGroupState,
-    make_group,
-    make_swarm_arrays,
-    restart_group,
-    restart_swarm_arrays,
-    set_parameters,
-)
+from epuck_sim.embodied.group import RobotGroupState, make_group, restart_group, set_parameters
 from epuck_sim.embodied.loop_runners import CompiledLoop, InterpretedLoop
 from epuck_sim.embodied.placement import place_robots
 from epuck_sim.embodied.randomness import Part, Randomness, spawned
@@ -39,6 +31,7 @@ from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.schedule import carry_out, timed_entries
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
 from epuck_sim.embodied.step import Step, shown_arrays
+from epuck_sim.embodied.swarm_arrays import NOISE_STEPS, make_swarm_arrays, restart_swarm_arrays
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after
 from epuck_sim.scenario.controllers import resolve_parameters

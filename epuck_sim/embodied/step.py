@@ -8,9 +8,9 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.group import SwarmArrays
 from epuck_sim.embodied.memory import memory_field
 from epuck_sim.embodied.relations import Relations
+from epuck_sim.embodied.swarm_arrays import SwarmArrays
 
 
 class Step(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.scenario.embodied import SpreadSection, StuckSection
+from epuck_sim.scenario.imperfections import SpreadSection, StuckSection
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.rng import uniform
 

@@ -13,7 +13,7 @@ from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.figures.agent_paths import agent_path
 from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.population import Population
-from epuck_sim.recording.reader import Recorded
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario
 

@@ -14,7 +14,7 @@ from epuck_sim.recording.layers.time_series import phase_lead
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import population_of
 from epuck_sim.recording.population import Population
-from epuck_sim.recording.reader import Recorded
+from epuck_sim.recording.recorded import Recorded
 
 MAX_VECTOR_MARKS = 5_000
 """Largest number of marks that an SVG holds one by one; more of them are a picture in it."""

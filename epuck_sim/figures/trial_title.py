@@ -6,7 +6,7 @@ from textwrap import shorten, wrap
 from typing import Any
 
 from epuck_sim.figures.labels import format_axis_values, key_name
-from epuck_sim.recording.reader import Recorded
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files

@@ -11,7 +11,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.recording.parts import population_of
 
 if TYPE_CHECKING:  # a recording shows itself by this module
-    from epuck_sim.recording.reader import Recorded
+    from epuck_sim.recording.recorded import Recorded
 
 WIDTH_PX, HEIGHT_PX = 960, 600
 """Size of the viewer in a notebook."""

@@ -1,4 +1,4 @@
-"""The SQLite file of a run folder: its tables, and how to open it without ever touching a foreign file."""
+"""The SQLite file of a run folder: how to make it, and open it, without ever touching a foreign file."""
 
 import json
 import sqlite3
@@ -9,83 +9,16 @@ from typing import Any
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.checksums import CHECKSUM, Signer, columns_of, find_damaged_row, quoted
+from epuck_sim.runs.schema import APPLICATION_ID, ENTER_POINT, FORMAT, LATER_COLUMNS, LOST_POINT, POINTS, TRIALS
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
-DATABASE = "results.sqlite"
-"""Name of the file in a run folder that holds a row for each trial."""
-
-APPLICATION_ID = int.from_bytes(b"epck")
-"""Marks a SQLite file as ours (its header, bytes 68 to 71)."""
-
-FORMAT = 2
-"""Version of the tables (bytes 60 to 63); the first had no checksums, and is read, too."""
-
 LARGE = 32 * 2**20
 """Bytes of a database from which on compiled code compares the checksums, which takes most of a second to load."""
 
-RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
-"""Columns that hold fields of a TrialResult."""
-
 _checked: dict[Path, tuple[int, int, int]] = {}
 """Inode, time of change and size of each database that this process has found undamaged, or has written itself."""
-
-POINTS = """
-CREATE TABLE points (
-    key TEXT PRIMARY KEY, -- the axis values as text
-    number INTEGER NOT NULL, -- its place in the sweep
-    trials INTEGER NOT NULL, -- how many there are to be
-    axes TEXT NOT NULL, -- JSON: value by dotted key
-    scenario TEXT NOT NULL, -- JSON: everything that its trials depend on
-    controllers TEXT NOT NULL -- JSON: each group's controller, and the digest of a user's file
-) WITHOUT ROWID
-"""
-
-TRIALS = """
-CREATE TABLE trials (
-    point TEXT NOT NULL REFERENCES points (key), trial INTEGER NOT NULL, {axes}
-    seed INTEGER NOT NULL, t_sync_cycles INTEGER, censored INTEGER, order_parameter REAL, simulated_s REAL, wall_s REAL,
-    steps INTEGER, cycles INTEGER, {provenance}, error TEXT, -- of a trial that failed; it has no result then
-    PRIMARY KEY (point, trial)
-) WITHOUT ROWID
-"""
-
-
-LATER_COLUMNS = {
-    "points": {
-        "measures": "TEXT NOT NULL DEFAULT '{}'",  # JSON: see `compatibility.StoredPoint.measures`
-        "share": "TEXT",  # the share of the sweep that the folder is for, the same in all rows; NULL for the whole
-        CHECKSUM: "INTEGER",
-    },
-    "trials": {
-        CHECKSUM: "INTEGER",
-        "measured": "TEXT",  # JSON: value of each measure by its name; NULL without measures
-        "events": "TEXT",  # JSON: what changed in the trial, see `scenario.schedule.TrialEvent`; NULL if nothing did
-        "measuring_error": "TEXT",  # why a stored trial could not be measured again for new measures; NULL if it could
-    },
-}
-"""Columns of each table that earlier folders do not have, and their types."""
-
-UNMEASURED = """
-    EXISTS (SELECT 1 FROM json_each(measures) AS one WHERE json_type(measured, '$."' || one.key || '"') IS NULL)
-"""
-"""Condition on a trial, joined with its point: it lacks the value of a measure."""
-
-LOST_POINT = """
-    WITH RECURSIVE found (key) AS (
-        SELECT min(point) FROM trials
-        UNION ALL SELECT (SELECT min(point) FROM trials WHERE point > key) FROM found WHERE key IS NOT NULL
-    )
-    SELECT key FROM found WHERE key IS NOT NULL AND key NOT IN (SELECT key FROM points)
-"""
-"""Query for points that trials have, but the table of points has not; it looks at one trial of each point."""
-
-ENTER_POINT = (
-    "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures) VALUES (?, ?, ?, ?, ?, ?, ?) "
-    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario, "
-    "measures = excluded.measures"
-)
 
 
 @contextmanager

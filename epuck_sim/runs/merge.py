@@ -8,9 +8,10 @@ from pathlib import Path
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.checksums import CHECKSUM, columns_of, quoted
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points
-from epuck_sim.runs.database import DATABASE, file_uri, new_database, reading, sqlite_errors
+from epuck_sim.runs.database import file_uri, new_database, reading, sqlite_errors
 from epuck_sim.runs.reader import database_of
 from epuck_sim.runs.run_lock import acquire
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE, format_versions

@@ -14,7 +14,8 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.columns import NULL, read_numbers
-from epuck_sim.runs.database import DATABASE, has_column, reading
+from epuck_sim.runs.database import has_column, reading
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.scenario.validation import validate

@@ -6,7 +6,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.database import DATABASE
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.util.atomic_write import is_leftover
 from epuck_sim.util.provenance import host

@@ -5,9 +5,10 @@ import sqlite3
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.runs.database import UNMEASURED, has_column, read_share, reading
+from epuck_sim.runs.database import has_column, read_share, reading
 from epuck_sim.runs.reader import database_of, measures_in
 from epuck_sim.runs.run_lock import current_holder
+from epuck_sim.runs.schema import UNMEASURED
 from epuck_sim.runs.share import WHOLE
 from epuck_sim.util.provenance import PROVENANCE
 

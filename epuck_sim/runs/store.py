@@ -15,10 +15,6 @@ from epuck_sim.errors import StoreError
 from epuck_sim.runs.checksums import Signer, quoted
 from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
-    DATABASE,
-    ENTER_POINT,
-    RESULT,
-    UNMEASURED,
     add_later_columns,
     as_column,
     check_database,
@@ -33,6 +29,7 @@ from epuck_sim.runs.reader import measures_in
 from epuck_sim.runs.records import Outcome
 from epuck_sim.runs.remeasured import StoredResult, difference, events_json
 from epuck_sim.runs.run_lock import acquire
+from epuck_sim.runs.schema import DATABASE, ENTER_POINT, RESULT, UNMEASURED
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point

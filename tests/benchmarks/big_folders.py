@@ -12,7 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import DATABASE, RESULT, new_database
+from epuck_sim.runs.database import new_database
+from epuck_sim.runs.schema import DATABASE, RESULT
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario, write_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario

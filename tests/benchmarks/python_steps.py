@@ -12,9 +12,9 @@ from pymunk.batch import BodyFields
 
 from epuck_sim.embodied.cell_list import sort_into_cells
 from epuck_sim.embodied.differential_drive import apply_commands
-from epuck_sim.embodied.group import NOISE_STEPS
 from epuck_sim.embodied.sensing import sense
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm_arrays import NOISE_STEPS
 from epuck_sim.util.addresses import compile_at
 from epuck_sim.util.held_values import hold
 from epuck_sim.util.jit import kernel_digest

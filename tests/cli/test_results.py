@@ -20,8 +20,8 @@ from epuck_sim.cli.app import app
 from epuck_sim.figures.csv_tables import Table, save_table
 from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
 from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
-from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.statistics.curves import read_curves

@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from epuck_sim.arena import clearance_cm, make_arena
-from epuck_sim.embodied.rigid_bodies import World, function_address
+from epuck_sim.embodied.pymunk_functions import function_address
+from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.geometry import box_corners

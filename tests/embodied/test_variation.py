@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.variation import RobotClocks, begin_stoppages, draw_variation, stop_and_release, tick
-from epuck_sim.scenario.embodied import SpreadSection, StuckSection
+from epuck_sim.scenario.imperfections import SpreadSection, StuckSection
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.trial.model import run_trial

@@ -29,7 +29,8 @@ from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import PATH_S
-from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial

@@ -17,7 +17,8 @@ from epuck_sim.particles.pulse_links import PulseLinks
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import nearest
-from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial

@@ -19,7 +19,8 @@ from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import recorder
 from epuck_sim.recording.buffers import agents
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, run_rerun
 from epuck_sim.scenario.loader import load_scenario

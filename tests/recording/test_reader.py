@@ -20,7 +20,8 @@ from epuck_sim.recording import recorder
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import layout_of
-from epuck_sim.recording.reader import Recorded, read_layout, read_recording
+from epuck_sim.recording.reader import read_layout, read_recording
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import run_rerun
 from epuck_sim.scenario.loader import load_scenario

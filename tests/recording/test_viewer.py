@@ -29,7 +29,8 @@ from epuck_sim.embodied.step import Step
 from epuck_sim.epuck import RADIUS_CM
 from epuck_sim.errors import EpuckSimError, PortError, RecordingError
 from epuck_sim.recording.level import Level
-from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer import process, viewer
 from epuck_sim.recording.viewer.process import NO_GRAPHICS, in_background, run_rerun

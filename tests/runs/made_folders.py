@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from epuck_sim.runs.checksums import Signer
-from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.runs.records import Outcome
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points

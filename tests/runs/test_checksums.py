@@ -10,7 +10,8 @@ import pytest
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database
-from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.runs.database import reading
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
 from tests.cli.commands import refused
 from tests.runs.made_folders import make_older

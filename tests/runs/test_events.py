@@ -8,9 +8,9 @@ from functools import partial
 import pyarrow.csv
 import pytest
 
-from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.export import export
 from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database
 from epuck_sim.runs.checksums import Signer, find_damaged_row
-from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.large_check import has_all_checksums
+from epuck_sim.runs.schema import DATABASE
 from tests.runs.test_checksums import check_flips, flipped, unchecked, whole  # noqa: F401 - the last two are fixtures
 from tests.runs.test_store import fill, scenario_of
 

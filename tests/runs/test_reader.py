@@ -12,8 +12,9 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database, export, reader, status
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import ENTER_POINT, new_database
+from epuck_sim.runs.database import new_database
 from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.schema import ENTER_POINT
 from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario

@@ -7,9 +7,9 @@ from functools import partial
 
 import pytest
 
-from epuck_sim.runs.database import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.remeasured import StoredResult, difference
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep

@@ -3,7 +3,8 @@
 import subprocess
 from pathlib import Path
 
-from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.runs.database import reading
+from epuck_sim.runs.schema import DATABASE
 from tests.processes import COMMAND, start
 
 

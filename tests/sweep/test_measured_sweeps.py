@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.runs.database import DATABASE, reading
+from epuck_sim.runs.database import reading
 from epuck_sim.runs.reader import read_points
+from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import Pool

@@ -19,7 +19,8 @@ from epuck_sim.overhead.render.caption import Captions
 from epuck_sim.overhead.render.virtual_camera import VirtualCamera
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import population_of
-from epuck_sim.recording.reader import Recorded, read_recording
+from epuck_sim.recording.reader import read_recording
+from epuck_sim.recording.recorded import Recorded
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.overrides import apply_override
 from epuck_sim.scenario.scenario import Scenario, require_model

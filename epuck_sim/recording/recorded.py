@@ -1,0 +1,117 @@
+"""A recorded trial as arrays."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from epuck_sim.arena import Arena
+from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from epuck_sim.errors import RecordingError
+from epuck_sim.recording.level import Level
+from epuck_sim.recording.links import Links
+from epuck_sim.recording.parts import population_of
+from epuck_sim.scenario.arena_changes import arena_after, arena_entries
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.scenario import Scenario
+
+
+class Recorded(NamedTuple):
+    """A trial as it was recorded; poses and phases have no rows if the level leaves them out.
+
+    Robots have a row for each control step; point-like agents one for each instant at which some fire, and 20 regular
+    ones in each nominal period.
+    """
+
+    scenario: Scenario
+    """The scenario, with all defaults written out."""
+    seed: int
+    """Seed of the trial."""
+    level: Level
+    """How much the recording holds."""
+    versions: dict[str, str]
+    """Versions of epuck-sim and its libraries that made the recording."""
+    cycles: int
+    """Number of firings of the reference."""
+    synchronised: bool
+    """Whether the trial ended with the swarm synchronised."""
+    time_s: FloatArray
+    """(rows,) s: simulated time of each row."""
+    order_parameter: FloatArray
+    """(rows,) of all oscillators."""
+    flash_s: FloatArray
+    """(flashes,) s: time of each flash."""
+    flash_robot: IntArray
+    """(flashes,) number of the robot or agent that flashed."""
+    flash_cycle: IntArray
+    """(flashes,) which of its own flashes this was, from 1."""
+    firing_s: FloatArray
+    """(firings,) s: times at which the reference fired."""
+    firing_order: FloatArray
+    """(firings,) order parameter that the trial measured then."""
+    phase_ms: FloatArray
+    """(rows, count) ms: phases; count is the number of robots or agents."""
+    positions: Float32Array
+    """(rows, count, 2) cm: x and y, in single precision as in the file; a cube is seen from above."""
+    headings: FloatArray
+    """(rows, count) rad in -pi to pi, from arrows in single precision."""
+    ring_on: BoolArray
+    """(rows, count) whether the ring is lit; of agents, whether they fired within the last 0.075 of a period."""
+    movables: Float32Array
+    """(rows, movables, 2) cm: x and y of the arena's movables, in single precision."""
+    memory: Mapping[str, FloatArray]
+    """(rows, robots) what robots remember, by the names of the fields that are recorded; NaN for robots without one."""
+    events: tuple[tuple[float, str], ...]
+    """Time in seconds, and text, of what changed by a schedule, or by faults."""
+    links: Links | None
+    """Who was linked to whom; None if the level leaves it out. The properties below raise RecordingError instead."""
+
+    @property
+    def sightings(self) -> IntArray:
+        """(sightings, 4) row, robot that looks, robot in its view, and 1 if that is seen lit."""
+        return self._linked("sightings", "embodied")
+
+    @property
+    def contacts(self) -> IntArray:
+        """(contacts, 3) row, robot, and the robot that it touches, or -1: a wall, obstacle or movable."""
+        return self._linked("contacts", "embodied")
+
+    @property
+    def pulses(self) -> IntArray:
+        """(pulses, 4) row, agent that fires, agent that receives, and 1 if its phase shifts.
+
+        Swarms of 50 agents or more are recorded with the pulses alone that shift a phase.
+        """
+        return self._linked("pulses", "particles")
+
+    def arena_at(self, row: int) -> Arena:
+        """Return the arena with its walls, and with its movables where they are, in a row."""
+        stand = [arena for time_s, arena in self.arenas if time_s <= self.time_s[row]]
+        return stand[-1].with_movables_at(self.movables[row])
+
+    @property
+    def arenas(self) -> list[tuple[float, Arena]]:
+        """Times from which on walls and obstacles stand, and the arena with them; its movables are elsewhere."""
+        found = [(0.0, population_of(self.scenario).arena)]
+        if isinstance(self.scenario, EmbodiedScenario):
+            arenas = {f"schedule.{entry}": arena_after(self.scenario, entry) for entry in arena_entries(self.scenario)}
+            sources = [(time_s, text.partition(":")[0]) for time_s, text in self.events]
+            found += [(time_s, arenas[source].build()) for time_s, source in sources if source in arenas]
+        return found
+
+    def _repr_html_(self) -> str:
+        """Return the last moment at which most rings were lit, and what is recorded, for notebooks."""
+        from epuck_sim.recording.notebook import show_recorded  # noqa: PLC0415 is for notebooks alone
+
+        return show_recorded(self)
+
+    def _linked(self, what: str, model: str) -> IntArray:
+        if self.scenario.model != model:
+            raise RecordingError(
+                f"{self.scenario.name}: model: {self.scenario.model} has no {what}; they are of model: {model}"
+            )
+        if self.links is None:
+            raise RecordingError(
+                f"{self.scenario.name}: a recording of level {self.level} holds no {what}; record the trial again with "
+                "--record-level full"
+            )
+        found: IntArray = getattr(self.links, what)
+        return found

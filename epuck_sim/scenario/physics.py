@@ -1,0 +1,46 @@
+"""The physics of a trial of robots: contacts, and the rates of control and of bodies."""
+
+from typing import Annotated, ClassVar
+
+from pydantic import Field, model_validator
+
+from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+
+
+class ContactSection(ConfigModel):
+    """What happens where bodies touch; by default they slide past each other (thesis 3.1.4.1)."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("robots", "drive_force_n")
+
+    friction: Annotated[Number, Field(ge=0, le=10)] = 0.0
+    """Coefficient of friction between bodies."""
+    robots: bool = True
+    """Whether robots touch each other; else they touch walls, obstacles and movables only."""
+    drive_force_n: Positive = 0.5
+    """Largest force in newtons with which wheels drive or hold a robot where there are `arena.movables`; our estimate:
+    the friction of wheels that bear about two thirds of the weight. Elsewhere, wheels set velocities."""
+
+
+class TimingSection(ConfigModel):
+    """How often robots sense and act, and how often bodies move (thesis 3.1.4.1)."""
+
+    control_hz: Annotated[WholeNumber, Field(ge=1, le=1000)] = 10
+    """Control steps a second, in each of which every robot senses and acts once."""
+    physics_hz: Annotated[WholeNumber, Field(ge=100, le=10_000)] = 100
+    """Physics steps a second; with fewer than 100, bodies would overlap by more than 1 mm before a contact is found."""
+
+    @model_validator(mode="after")
+    def _check_rates(self) -> "TimingSection":
+        if 1000 % self.control_hz:
+            raise ValueError(
+                f"control_hz is {self.control_hz}; a control step must be whole milliseconds: 1, 2, 4, 5, "
+                "8, 10, 20, 25, 40, 50, 100, 125, 200, 250, 500 or 1000"
+            )
+        if self.physics_hz % self.control_hz:
+            raise ValueError(f"physics_hz is {self.physics_hz}; allowed: a multiple of control_hz, {self.control_hz}")
+        return self
+
+    @property
+    def step_ms(self) -> int:
+        """Milliseconds from one control step to the next."""
+        return 1000 // self.control_hz
