@@ -123,6 +123,7 @@ def test_a_request_that_an_extension_turns_into_an_error_is_one(monkeypatch, cap
         raise ValueError("what an extension makes of it")
 
     before = {request: signal.getsignal(request) for request in interrupt.REQUESTS}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it in what it runs in the background
     hook = sys.unraisablehook
     monkeypatch.setattr(command, "app", fail)
     try:

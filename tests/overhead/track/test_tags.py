@@ -50,7 +50,7 @@ def test_tags_are_read_where_robots_are(in_the_light: bool, lit: tuple[int, ...]
     tags = TagReader(camera, "4X4_50").read(picture)
     assert [tag.number for tag in tags] == [0, 1, 2, 3]
     for tag, (x, y, heading) in zip(tags, POSES, strict=True):
-        assert math.hypot(tag.x_cm - x, tag.y_cm - y) < 0.1
+        assert math.hypot(tag.x_cm - x, tag.y_cm - y) < 0.15
         assert math.remainder(tag.heading_rad - heading, math.tau) == pytest.approx(0, abs=0.06)
 
 
