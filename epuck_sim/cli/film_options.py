@@ -1,4 +1,4 @@
-"""What the commands that track a film are told of it, and who flashes in it."""
+"""Options by which commands know the scene of a film, and how its robots are identified."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -78,7 +78,7 @@ RobotsOption = Annotated[
 def scene_options(
     arena: str | None, height_cm: float | None, corners: str | None, period_s: float | None, robots: int | None
 ) -> "TrackOptions":
-    """Return what is told of the scene; raises FilmError for an arena or corners that cannot be read."""
+    """Return what is known of the scene; raises FilmError for an arena or corners that cannot be read."""
     from epuck_sim.overhead.track.film_calibration import TrackOptions
 
     return TrackOptions(
@@ -91,7 +91,7 @@ def scene_options(
 
 
 def robots_finder(tags: str | None) -> "Callable[[Track], Robots]":
-    """Return the function that tells robots of a film apart: by their tags, or without any, by how they move.
+    """Return the function that identifies the robots of a film: by their tags, or without any, by how they move.
 
     Raises:
         FilmError: There is no such dictionary of tags.

@@ -192,8 +192,8 @@ def track(
         robots_found = None
         if tags is not None or any(tables.values()):
             robots_found = find_robots(tracked)
-        untold = tracked.reasons if tracked.confidence == "none" else ()
-        for warning in (*untold, *tracked.warnings, *(robots_found.warnings if robots_found else ())):
+        objections = tracked.reasons if tracked.confidence == "none" else ()
+        for warning in (*objections, *tracked.warnings, *(robots_found.warnings if robots_found else ())):
             print_stderr(f"warning: {warning}")
         (print_track_json if as_json else print_track)(tracked, robots_found)
         if robots_found is not None:

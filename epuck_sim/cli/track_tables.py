@@ -39,7 +39,7 @@ def _lines(track: Track) -> Iterator[tuple[str, str]]:
         yield "T_sync", f"{track.t_sync_s:.1f} s, {track.t_sync_periods:.1f} periods"
         yield "cycles until then", f"{track.t_sync_cycles:.1f} flashes per robot"
     else:
-        yield "T_sync", "cannot be told" if track.confidence == "none" else "never"
+        yield "T_sync", "unknown" if track.confidence == "none" else "never"
     if track.t_sync_onsets_s is not None:
         yield "by onsets", f"{track.t_sync_onsets_s:.1f} s, {track.t_sync_onsets_periods:.1f} periods"
     for reason in track.reasons:

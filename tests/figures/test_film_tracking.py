@@ -29,7 +29,8 @@ def make_track(cycles: int, narrow_from: int | None = None, seconds: float | Non
     onsets = [START + 3 + PERIOD * cycle + width * np.arange(10) for cycle, width in enumerate(widths)]
     counts = counted(np.array(onsets), 0.375, times)
     found = evaluate(times, counts, PERIOD, START)
-    at_s = first_synchronised(found, THRESHOLD)
+    sync = first_synchronised(found, THRESHOLD)
+    at_s = None if sync is None else sync.time_s
     return TRACK._replace(
         times_s=times,
         counts=counts,

@@ -92,9 +92,14 @@ class FilmWriter:
         with self._as_film_error():
             self._container.mux(self._stream.encode(picture))
 
+    @property
+    def has_frames(self) -> bool:
+        """Whether a frame was written."""
+        return self._last_tick >= 0
+
     def finish(self) -> None:
         """Write pending frames and the index, and close the file."""
-        if self._last_tick < 0:
+        if not self.has_frames:
             raise FilmError(f"{self._path}: cannot be written: the film has no frame")
         with self._as_film_error():
             self._container.mux(self._stream.encode())
@@ -161,9 +166,14 @@ def growing_film_file(path: Path, width_px: int, height_px: int, title: str) -> 
     writer = FilmWriter(path, path, (width_px, height_px), metadata, GROWING_OPTIONS)
     try:
         yield writer
-    finally:
-        with suppress(FilmError):  # no frame was written, or what ended the block is the reason
+    except BaseException:
+        with suppress(FilmError):  # the reason is what ended the block
             writer.finish()
+        raise
+    else:
+        if writer.has_frames:
+            writer.finish()
+    finally:
         writer.close()
 
 

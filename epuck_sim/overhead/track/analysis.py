@@ -19,7 +19,7 @@ from epuck_sim.overhead.track.onsets import first_in_order_s
 from epuck_sim.overhead.track.period_estimation import estimate_flash_s, estimate_period_s
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import RingCounter
-from epuck_sim.overhead.track.spread import Evaluation, evaluate, frame_ends, is_synchronised
+from epuck_sim.overhead.track.spread import Evaluation, evaluate, first_synchronised, frame_ends
 from epuck_sim.overhead.track.verdict import Evidence, objections, usual_flashes
 
 FLASH_FRACTION = 0.075
@@ -57,7 +57,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
     flash_s = _flash_s(times_s, counts, period_s)
     threshold_s = options.threshold_s(period_s, flash_s)
     evaluations = evaluate(times_s, counts, period_s, start_s)
-    sync = next((each for each in evaluations if is_synchronised(each, threshold_s)), None)
+    sync = first_synchronised(evaluations, threshold_s)
     evidence = Evidence(
         times_s=times_s,
         counts=counts,
@@ -67,7 +67,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         threshold_s=threshold_s,
         start_s=start_s,
         robots=options.robots,
-        period_is_told=options.period_s is not None,
+        period_is_given=options.period_s is not None,
     )
     reasons = objections(evidence, sync)
     t_sync_s = None if reasons or sync is None else sync.time_s

@@ -53,7 +53,7 @@ def doubts_about_geometry(geometry: Geometry) -> list[str]:
 
 def doubts_about_period(evidence: Evidence) -> list[str]:
     """Return what is said of a period that was estimated: from a short film, or perhaps half of the true one."""
-    if evidence.period_is_told:
+    if evidence.period_is_given:
         return []
     doubts = []
     period_s = evidence.period_s

@@ -104,13 +104,24 @@ class FlashLinker:
 
 def count_lit(flashes: Iterable[Flash], times_s: FloatArray) -> IntArray:
     """Return (n,) how many of some flashes are lit at (n,) times, ascending."""
+    spans = np.array([flash[:2] for flash in flashes]).reshape(-1, 2)
     change = np.zeros(len(times_s) + 1, np.int64)
-    for flash in flashes:
-        first, end = np.searchsorted(times_s, (flash.onset_s, flash.end_s))
-        is_last = end == len(times_s) - 1 and flash.end_s == times_s[-1]
+    for first, end in frames_lit(spans[:, 0], spans[:, 1], times_s):
         change[first] += 1
-        change[end + is_last] -= 1
+        change[end] -= 1
     return np.cumsum(change)[:-1]
+
+
+def frames_lit(onset_s: FloatArray, end_s: FloatArray, times_s: FloatArray) -> IntArray:
+    """Return (flashes, 2) the first frame that shows each flash, and the frame after the last.
+
+    Args:
+        onset_s: (flashes,) onsets.
+        end_s: (flashes,) times of the first frames that do not show them; the last frame shows a flash that ends there.
+        times_s: (frames,) times of the frames, ascending.
+    """
+    first, end = np.searchsorted(times_s, onset_s), np.searchsorted(times_s, end_s)
+    return np.column_stack([first, end + (end_s == times_s[-1])])
 
 
 def count_places(places_cm: Iterable[tuple[float, float]]) -> int:

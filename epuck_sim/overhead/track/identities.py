@@ -27,9 +27,6 @@ ROUNDS = 5
 BLOCK_PERIODS = 8.0
 """Length of a part of the film whose flashes are linked at once."""
 
-FORBIDDEN = 1e6
-"""Cost of a link that is none, in units of log-likelihood."""
-
 SURE = 0.95
 """Certainty of a link from which it counts as sure."""
 

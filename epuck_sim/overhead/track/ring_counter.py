@@ -54,9 +54,10 @@ class RingCounter:
             self._begin()
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
-        self._times.append(frame.time_s)
+        area_px = self._meter.lit_px(frame.picture, background)
+        self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
-        self._areas.append(self._meter.lit_px(frame.picture, background))
+        self._areas.append(area_px)
         self._linker.add(frame.time_s, rings)
         self.outside += len(seen) - len(rings)
         self.frames += 1

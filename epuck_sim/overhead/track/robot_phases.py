@@ -41,6 +41,8 @@ def phase_shares(
     shares = np.full((len(times_s), len(robots)), np.nan)
     for column, number in enumerate(robots):
         own_s = onset_s[robot == number]
+        if not len(own_s):
+            continue
         cycle_s = np.append(np.diff(own_s), period_s)
         begun = np.searchsorted(own_s, times_s, side="right") - 1
         since_s = times_s - own_s[np.maximum(begun, 0)]

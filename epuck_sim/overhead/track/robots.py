@@ -8,6 +8,7 @@ import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.overhead.track.flash_motion import FlashTable
+from epuck_sim.overhead.track.flashes import frames_lit
 from epuck_sim.overhead.track.identities import Identities, link_flashes
 from epuck_sim.overhead.track.onsets import order_over_time
 from epuck_sim.overhead.track.result import Track
@@ -26,7 +27,7 @@ class Robots(NamedTuple):
     """The robots of a film, and whose flashes are whose."""
 
     by: Literal["motion", "tags"]
-    """What they are told apart by."""
+    """How they are identified."""
     identities: Identities
     numbers: IntArray
     """(robots,) their numbers, ascending: those of their tags, or from 0."""
@@ -45,10 +46,10 @@ def robots_by_motion(track: Track) -> Robots:
             f"{100 * identities.unsure:.0f} % of the links from flash to flash have an alternative that is nearly as "
             "good: robots move too far while they are dark; tags tell them apart (--tags)"
         )
-    told = track.options.robots
-    if told is not None and identities.robots != told:
+    expected = track.options.robots
+    if expected is not None and identities.robots != expected:
         warnings.append(
-            f"flashes are linked to {identities.robots} robots, but there are {told}: some were lost and count anew"
+            f"flashes are linked to {identities.robots} robots, but there are {expected}: some were lost and count anew"
         )
     return Robots("motion", identities, np.arange(identities.robots), None, tuple(warnings))
 
@@ -144,11 +145,11 @@ def _while_lit(flashes: FlashTable, robots: Robots, times_s: FloatArray) -> tupl
     """Return (frames, robots, 2) cm: where robots are while they are lit, else NaN; and (frames, robots) whether."""
     places = np.full((len(times_s), len(robots.numbers), 2), np.nan)
     is_lit = np.zeros(places.shape[:2], bool)
-    first, end = (np.searchsorted(times_s, column) for column in (flashes.onset_s, flashes.end_s))
+    spans = frames_lit(flashes.onset_s, flashes.end_s, times_s)
     for index, number in enumerate(robots.identities.robot):
         if number < 0:
             continue
-        column, span = np.searchsorted(robots.numbers, number), slice(first[index], end[index])
+        column, span = np.searchsorted(robots.numbers, number), slice(*spans[index])
         since_s = times_s[span] - times_s[span].mean()
         places[span, column] = flashes.places_cm[index] + since_s[:, None] * flashes.velocities_cm_s[index]
         is_lit[span, column] = True

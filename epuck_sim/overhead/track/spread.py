@@ -172,6 +172,6 @@ def is_synchronised(evaluation: Evaluation, threshold_s: float) -> bool:
     return is_narrow and evaluation.rings >= MIN_RINGS
 
 
-def first_synchronised(evaluations: Iterable[Evaluation], threshold_s: float) -> float | None:
-    """Return the time of the first evaluation that shows synchrony; None if none does."""
-    return next((each.time_s for each in evaluations if is_synchronised(each, threshold_s)), None)
+def first_synchronised(evaluations: Iterable[Evaluation], threshold_s: float) -> Evaluation | None:
+    """Return the first evaluation that shows synchrony; None if none does."""
+    return next((each for each in evaluations if is_synchronised(each, threshold_s)), None)

@@ -36,12 +36,12 @@ def robots_by_tags(track: Track, readings: Readings, expected: frozenset[int] | 
     """
     warnings: list[str] = []
     readings = _only_expected(readings, expected, len(track.times_s), warnings)
+    readings = _only_once(readings, warnings)
     if not len(readings.number):
         raise FilmError(
-            f"{track.film}: no tag is read; check the dictionary, that the film is lit, by infrared light at least, "
-            "and that a module of a tag is three pixels wide or more"
+            f"{track.film}: no tag is read, or all are seen twice; check the dictionary, that the film is lit, by "
+            "infrared light at least, and that a module of a tag is three pixels wide or more"
         )
-    readings = _only_once(readings, warnings)
     numbers = np.unique(readings.number)
     if expected is not None and (unread := sorted(expected - set(numbers.tolist()))):
         warnings.append(f"tags that are never read: {_listed(unread)}")
@@ -56,9 +56,9 @@ def robots_by_tags(track: Track, readings: Readings, expected: frozenset[int] | 
             f"flashes that are under no tag: {unknown} of {len(robot)}; there are robots without a tag, or whose tag "
             "cannot be read"
         )
-    told = track.options.robots
-    if told is not None and told != len(numbers):
-        warnings.append(f"robots whose tags are read: {len(numbers)}, but there are {told}")
+    expected_robots = track.options.robots
+    if expected_robots is not None and expected_robots != len(numbers):
+        warnings.append(f"robots whose tags are read: {len(numbers)}, but there are {expected_robots}")
     return Robots("tags", _identities(robot, track), numbers, poses, tuple(warnings))
 
 

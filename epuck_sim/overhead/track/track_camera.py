@@ -77,7 +77,8 @@ def track_camera(
         counter = RingCounter(calibrate(waiting, options, LIVE_FRAMES))
         outputs.begin()
         ends: list[str] = []
-        frames = progress(_until_unplugged(chain(waiting.head, map(outputs.record, live.frames())), ends), None)
+        later = map(outputs.record, _until_unplugged(live.frames(), ends))
+        frames = progress(chain(waiting.take_back(), later), None)
         synchronised = _Synchrony(live, counter, options, period_s, tell)
         try:
             for tracked in track_frames(
@@ -143,11 +144,15 @@ class _Outputs(ExitStack):
 
     def __enter__(self) -> Self:
         to, title = self._watching, self._name
-        if to.port is not None:
-            self._page = self.enter_context(live_page(title, to.port))
-            self._tell(f"{self._page.address} shows {title}")
-        if to.record is not None:
-            self._film = self.enter_context(growing_film_file(to.record, *self._size_px, title))
+        try:
+            if to.port is not None:
+                self._page = self.enter_context(live_page(title, to.port))
+                self._tell(f"{self._page.address} shows {title}")
+            if to.record is not None:
+                self._film = self.enter_context(growing_film_file(to.record, *self._size_px, title))
+        except BaseException:
+            self.close()
+            raise
         return self
 
     def record(self, frame: Frame) -> Frame:
@@ -187,14 +192,19 @@ class _Waiting:
     def __init__(self, camera: LiveCamera, outputs: _Outputs) -> None:
         self.name, self.width_px, self.height_px = camera.name, camera.width_px, camera.height_px
         self._camera, self._outputs = camera, outputs
-        self.head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
+        self._head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames as they arrive."""
         for frame in map(self._outputs.record, self._camera.frames()):
             self._outputs.show(frame.picture)
-            self.head.append(frame)
+            self._head.append(frame)
             yield frame
+
+    def take_back(self) -> Iterator[Frame]:
+        """Yield the last frames again, and forget them: pictures are large."""
+        while self._head:
+            yield self._head.popleft()
 
 
 def _until_unplugged(frames: Iterable[Frame], ends: list[str]) -> Iterator[Frame]:

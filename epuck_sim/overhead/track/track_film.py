@@ -22,6 +22,8 @@ from epuck_sim.overhead.track.film_calibration import (
     described_geometry,
     parse_metadata,
 )
+from epuck_sim.overhead.track.flashes import REACH_CM
+from epuck_sim.overhead.track.light import Background
 from epuck_sim.overhead.track.result import Snapshot, Track
 from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
@@ -59,7 +61,8 @@ def track_film(
     with open_film(name) as film, ring_table(rings) as write_rings:
         for frame in progress(Excerpt(film, options).frames(), film.duration_s):
             write_rings(frame, counter.process(frame))
-        return analyse(name, counter, options, tuple(film.warnings))
+        warnings = tuple(film.warnings)
+    return analyse(name, counter, options, warnings)
 
 
 def find_tags(track: Track, dictionary: str, progress: ProgressWrapper) -> Readings:
@@ -85,21 +88,29 @@ def annotate_film(track: Track, path: Path, progress: ProgressWrapper) -> None:
     ):
         frames = progress(Excerpt(film, track.options).frames(), film.duration_s)
         for tracked in track_frames(frames, counter, track.period_s, lambda: threshold_s, steady):
-            told = tracked if track.confidence != "none" else tracked._replace(t_sync_s=None)
-            writer.write(Frame(tracked.frame.time_s, annotator.annotate(*told)))
+            shown = tracked if track.confidence != "none" else tracked._replace(t_sync_s=None)
+            writer.write(Frame(tracked.frame.time_s, annotator.annotate(*shown)))
 
 
 def snapshot(track: Track) -> Snapshot:
     """Return the frame of a tracked film in which the swarm becomes synchronised, or else the last one."""
     at_s = math.inf if track.t_sync_s is None else track.start_s + track.t_sync_s
     begins_s = track.times_s[track.times_s <= at_s][-1]  # the frame that stands for that moment
-    with open_film(track.film) as film:
-        frames = Excerpt(film, track.options).frames()
-        frame = next(frame for frame in frames if frame.time_s >= begins_s)
     geometry = track.geometry
+    background = Background(geometry.background)
+    with open_film(track.film) as film:
+        for frame in Excerpt(film, track.options).frames():
+            without_rings = background.update(frame)
+            if frame.time_s >= begins_s:
+                break
+    steady_cm = [(flash.x_cm, flash.y_cm) for flash in track.steady if flash.onset_s <= frame.time_s <= flash.end_s]
     finder = RingFinder(geometry.camera, geometry.ring_light)
-    seen = finder.find(frame.picture, geometry.background)
-    rings = [ring for ring in seen if geometry.is_on_floor(ring.x_cm, ring.y_cm)]
+    rings = [
+        ring
+        for ring in finder.find(frame.picture, without_rings)
+        if geometry.is_on_floor(ring.x_cm, ring.y_cm)
+        and all(math.dist(ring[:2], place_cm) > REACH_CM for place_cm in steady_cm)
+    ]
     return Snapshot(frame.time_s, frame.picture, np.array([ring[3:6] for ring in rings]).reshape(-1, 3))
 
 

@@ -7,17 +7,21 @@ import numpy as np
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.overhead.track.flash_motion import SHORTEST
 from epuck_sim.overhead.track.flashes import Flash
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, evaluate, frame_ends
 
 MOST = 0.75
 """Share of the robots that counts as most of them."""
 
-ODD_SHARE = 0.35
-"""Relative difference of flashes per period from the number of robots that is normal; coupling shortens cycles."""
+FEWEST_PER_ROBOT = 0.65
+"""Flashes of a robot in a period below which some are missed."""
+
+MOST_PER_ROBOT = 1 / SHORTEST
+"""Flashes of a robot in a period above which something else flashes: coupling shortens cycles until all are in step."""
 
 MOST_OF_USUAL = 0.6
-"""The same as `MOST` where the number of robots is not told, relative to the flashes in a usual period."""
+"""The same as `MOST` where the number of robots is not known, relative to the flashes in a usual period."""
 
 LIGHT_TOLERANCE = 1.5
 """Factor by which the spread by the total light may differ from that by rings before they contradict each other."""
@@ -54,8 +58,8 @@ class Evidence(NamedTuple):
     threshold_s: float
     start_s: float
     robots: int | None
-    """Number of robots, if it is told."""
-    period_is_told: bool
+    """Number of robots, if it is given."""
+    period_is_given: bool
 
 
 def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
@@ -66,7 +70,7 @@ def objections(evidence: Evidence, sync: Evaluation | None) -> list[str]:
         sync: The evaluation that shows synchrony; None if none does.
     """
     found = _about_robots(evidence, sync)
-    if not evidence.period_is_told and recurs_after_two(evidence.flashes, evidence.period_s):
+    if not evidence.period_is_given and recurs_after_two(evidence.flashes, evidence.period_s):
         found.append(
             f"places flash again after two periods of {evidence.period_s:.4g} s rather than after one: two groups may "
             f"flash in turn; half of the period fits as well; give --period-s"
@@ -84,7 +88,7 @@ def _about_robots(evidence: Evidence, sync: Evaluation | None) -> list[str]:
         ]
     middles_s = np.array([(flash.onset_s + flash.end_s) / 2 for flash in evidence.flashes])
     per_period = flashes_per_period(evidence)
-    if robots is not None and abs(per_period / robots - 1) > ODD_SHARE:
+    if robots is not None and not FEWEST_PER_ROBOT <= per_period / robots <= MOST_PER_ROBOT:
         return [f"there were {per_period:.1f} flashes per period, but there are {robots} robots"]
     if sync is None:
         return []
@@ -120,7 +124,7 @@ def may_be_half_a_period(evidence: Evidence) -> bool:
 
     Robots that move by more than their diameter between flashes do not tell, unless their number is known.
     """
-    if evidence.period_is_told or evidence.robots is not None:
+    if evidence.period_is_given or evidence.robots is not None:
         return False
     one_cm, _ = _moves_cm(evidence.flashes, evidence.period_s)
     return one_cm > 2 * epuck.RADIUS_CM

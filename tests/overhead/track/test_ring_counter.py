@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.overhead.track.analysis import analyse
 from epuck_sim.overhead.track.film_calibration import TrackOptions
+from epuck_sim.overhead.track.light import LightMeter
 from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
 from tests.overhead.score import Score, compare
@@ -66,6 +67,18 @@ def test_counts_returned_are_copies(counter: RingCounter) -> None:
     assert counter.counts.tolist() == [1, 2]
     process_all(counter, [5], [False])
     assert before.tolist() == [7, 7]
+
+
+def test_ctrl_c_leaves_as_many_counts_as_times(counter: RingCounter, monkeypatch: pytest.MonkeyPatch) -> None:
+    process_all(counter, [1, 2], [False, False])
+
+    def interrupt(*_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(LightMeter, "lit_px", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        process_all(counter, [3], [False])
+    assert len(counter.times_s) == len(counter.counts) == len(counter.areas_px) == 2
 
 
 @given(
@@ -138,5 +151,6 @@ def test_rings_are_found_where_robots_are(light: str) -> None:
     assert total.worst_cm <= 0.2
     assert counter.counts.tolist() == ring_on.sum(axis=1).tolist()
     threshold_s = 0.05
-    t_sync_s = first_synchronised(evaluate(counter.times_s, counter.counts, 1.0, 0.0), threshold_s)
-    assert t_sync_s == pytest.approx(2.55)
+    sync = first_synchronised(evaluate(counter.times_s, counter.counts, 1.0, 0.0), threshold_s)
+    assert sync is not None
+    assert sync.time_s == pytest.approx(2.55)

@@ -20,6 +20,14 @@ def test_phases_rise_from_flash_to_flash() -> None:
     assert shares[:, 1] == pytest.approx([nan, nan, 0, 0.5, 0.8, 0.1, 0.6, nan, nan], nan_ok=True)
 
 
+def test_a_robot_that_never_flashes_has_no_phase() -> None:
+    shares = phase_shares(ONSETS, ROBOT, np.array([0, 1, 2]), np.array([0.25, 0.7]), 1.0)
+    assert np.isnan(shares[:, 2]).all()
+    both = phase_shares(ONSETS, ROBOT, ROBOTS, np.array([0.25, 0.7]), 1.0)
+    assert shares[:, :2] == pytest.approx(both, nan_ok=True)
+    assert pairs(ONSETS, ONSETS + 0.1, ROBOT, np.array([0, 2])) == [(0, 2, 0, 0)]
+
+
 def test_the_order_parameter_is_that_of_the_phases() -> None:
     shares = np.array([[0.1, 0.2, 0.3, 0.9], [0.5, 0.5, 0.5, np.nan], [0.5, 0.5, np.nan, np.nan]])
     order = order_of_shares(shares)

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from epuck_sim.overhead.track.flashes import Flash, FlashLinker
+from epuck_sim.overhead.track.flashes import Flash, FlashLinker, count_lit
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.overhead.track.robots import (
@@ -65,6 +65,19 @@ def test_a_trace_tells_what_is_seen_and_leaves_out_what_is_not() -> None:
     assert np.isnan(own["phase_ms"][~at]).all()
     # the threshold of a period of 1 s: from one flash to the next in 1000 ms
     assert own["phase_ms"][at] == pytest.approx(1000 * ((own["time_s"][at] - 0.4 + 1e-9) % 1), abs=1e-3)
+
+
+def test_a_ring_that_is_lit_at_the_end_of_the_film_is_lit_in_its_last_frame() -> None:
+    track = track_of([0.1, 0.4, 0.7])
+    last_s = float(track.times_s[-1])
+    late = Flash(last_s, last_s, 30.0, 45.0, 80.0)
+    flashes = (*(flash for flash in track.flashes if flash.onset_s < last_s - 0.5), late)
+    track = track._replace(flashes=flashes)
+    table = trace_columns(track, robots_by_motion(track))
+    is_last = table["time_s"] == last_s
+    assert table["ring_on"][is_last].sum() == 1
+    assert table["y_cm"][is_last & table["ring_on"]] == pytest.approx(45)
+    assert count_lit([late], track.times_s)[-2:].tolist() == [0, 1]
 
 
 def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:

@@ -146,6 +146,22 @@ def test_a_tag_that_is_seen_twice_is_said_and_left_out() -> None:
     assert robots.poses[30, 0, 0] == pytest.approx(8)
 
 
+def test_a_film_in_which_each_tag_is_seen_twice_is_refused() -> None:
+    double = Readings(*(np.concatenate([column, column]) for column in read()))
+    with pytest.raises(FilmError, match="no tag is read, or all are seen twice"):
+        robots_by_tags(track((1.0, 5.0)), double, None)
+
+
+def test_a_tagged_robot_that_never_flashes_has_places_and_no_phase() -> None:
+    tracked = track((1.0, 5.0), (2.0, 5.0))
+    robots = robots_by_tags(tracked, read(), None)
+    assert summary(tracked, robots)["by"] == "tags"
+    trace = trace_columns(tracked, robots)
+    dark = trace["robot"] == 7
+    assert trace["x_cm"][dark] == pytest.approx(15 + TIMES)
+    assert np.isnan(trace["phase_ms"][dark]).all()
+
+
 def test_unknown_seldom_and_missing_tags_are_said() -> None:
     seldom = Readings(np.array([1.0]), np.array([33]), np.zeros((1, 3)))
     both = Readings(*(np.concatenate(columns) for columns in zip(read(), seldom, strict=True)))
@@ -157,5 +173,5 @@ def test_unknown_seldom_and_missing_tags_are_said() -> None:
         "tags that are never read: 5",
         "robots whose tags are read: 1, but there are 5",
     )
-    with pytest.raises(FilmError, match=r"^film.mp4: no tag is read; check the dictionary"):
+    with pytest.raises(FilmError, match=r"^film.mp4: no tag is read, or all are seen twice; check the dictionary"):
         robots_by_tags(track(), both, frozenset({8}))

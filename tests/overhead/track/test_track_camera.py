@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.errors import FilmError, PortError
+from epuck_sim.errors import EpuckSimError, FilmError, PortError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.live_page import live_page
 from epuck_sim.overhead.film.reader import open_film
@@ -24,6 +24,7 @@ from epuck_sim.overhead.film.writer import FilmWriter
 from epuck_sim.overhead.track.film_calibration import LIGHT, RINGS, TrackOptions
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.track_camera import Watching, track_camera
+from epuck_sim.util.ports import check_port, free_port
 from tests.overhead.track.films import SMALL, even, in_step, make_camera, passed, read_rings, shoot
 
 TIMES = even(4.5)
@@ -178,6 +179,32 @@ def test_a_film_that_cannot_be_written_ends_it_and_leaves_the_table(
         watch(TrackOptions(corners_px=CORNERS_PX), rings=tmp_path / "rings.csv", annotate=tmp_path / "seen.mp4")
     assert not camera.is_open
     assert (tmp_path / "rings.csv").read_text().startswith("time_s,")
+
+
+def test_a_record_that_cannot_be_written_is_no_camera_that_drops_out(
+    plug: Plug, reel: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = FilmWriter.write
+
+    def write(writer: FilmWriter, frame: Frame) -> None:
+        if frame.time_s > 2:
+            raise FilmError("no space left")
+        whole(writer, frame)
+
+    camera = plug(reel)
+    monkeypatch.setattr(FilmWriter, "write", write)
+    with pytest.raises(FilmError, match="no space left"):
+        watch(TrackOptions(corners_px=CORNERS_PX), record=tmp_path / "raw.mp4")
+    assert not camera.is_open
+    assert frames_in(tmp_path / "raw.mp4") > 10
+
+
+def test_a_page_is_gone_if_the_film_cannot_be_begun(plug: Plug, reel: list[Frame], tmp_path: Path) -> None:
+    port = free_port()
+    plug(reel)
+    with pytest.raises(EpuckSimError):
+        watch(TrackOptions(corners_px=CORNERS_PX), port=port, record=tmp_path / "none" / "raw.mp4")
+    check_port(port)
 
 
 def test_a_camera_whose_period_is_not_known_is_refused() -> None:

@@ -1,6 +1,7 @@
 """A film in a file is tracked from end to end."""
 
 import itertools
+import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -8,11 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from epuck_sim.epuck import RING_HEIGHT_CM
 from epuck_sim.errors import EpuckSimError, FilmError
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.film.reader import open_film
 from epuck_sim.overhead.track.annotate import Annotator
 from epuck_sim.overhead.track.film_calibration import CORNERS, DESCRIPTION, LIGHT, RINGS, TrackOptions
+from epuck_sim.overhead.track.flashes import Flash
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import TrackedFrame
 from epuck_sim.overhead.track.ring_detection import Ring
@@ -250,6 +253,16 @@ def test_snapshot_shows_all_rings_of_the_moment(tracked: Track) -> None:
     away = np.linalg.norm(shown.rings_px[:, None, :2] - ring_px, axis=2)
     assert away.shape == (6, 6)
     assert (away.min(axis=0) <= 1).all()
+
+
+def test_snapshot_leaves_out_rings_that_stay_lit(tracked: Track) -> None:
+    x_px, y_px, _ = snapshot(tracked).rings_px[0]
+    (x_cm, y_cm), *_ = tracked.geometry.camera.back_project(np.array([[x_px, y_px]]), RING_HEIGHT_CM)
+    lamp = Flash(0.0, math.inf, float(x_cm), float(y_cm), 80.0)
+    shown = snapshot(tracked._replace(steady=(lamp,)))
+    assert len(shown.rings_px) == 5
+    gone = snapshot(tracked._replace(steady=(lamp._replace(end_s=0.1),)))
+    assert len(gone.rings_px) == 6
 
 
 def test_snapshot_shows_a_mode_that_lasts_for_one_frame(tmp_path: Path) -> None:

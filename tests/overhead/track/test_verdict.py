@@ -32,6 +32,15 @@ def test_nothing_is_objected_to_what_adds_up() -> None:
     assert objections(evidence(robots=None), sync_of(evidence())) == []
 
 
+@pytest.mark.parametrize(("cycle_s", "is_odd"), [(0.7, False), (0.54, False), (0.35, True), (1.7, True)])
+def test_coupling_shortens_cycles_and_nothing_lengthens_them_by_much(cycle_s: float, is_odd: bool) -> None:
+    onsets = np.sort((cycle_s * (np.arange(8 / cycle_s)[:, None] + np.arange(4) / 4)).ravel())
+    flashes = tuple(Flash(onset, onset + 0.05, 10.0 + 12 * (k % 4), 20.0, 50.0) for k, onset in enumerate(onsets))
+    counts = counted(onsets, 0.05, TIMES)
+    found = objections(evidence(flashes=flashes, counts=counts, area=100 * counts), None)
+    assert [reason[-41:] for reason in found] == ["flashes per period, but there are 4 robots"[-41:]] * is_odd
+
+
 @pytest.mark.parametrize(
     ("robots", "why"), [(3, "4 rings were lit at once"), (9, "flashes per period, but there are 9")]
 )
@@ -67,9 +76,9 @@ def test_the_double_period_is_doubted_where_robots_move_too_far_to_tell(
     moves_cm: float, known: dict[str, int], doubted: bool
 ) -> None:
     flashes = tuple(Flash(0.5 + k, 0.6 + k, float(moves_cm * k), 20.0, 50.0) for k in range(12))
-    given = evidence(flashes=flashes, robots=None, period_is_told=False)._replace(**known)
+    given = evidence(flashes=flashes, robots=None, period_is_given=False)._replace(**known)
     assert may_be_half_a_period(given) == doubted
-    assert not may_be_half_a_period(given._replace(period_is_told=True))
+    assert not may_be_half_a_period(given._replace(period_is_given=True))
 
 
 def test_mirror_images_are_counted() -> None:
