@@ -1,5 +1,7 @@
 """The light of rings in a picture: apart from the room's light, and how much of the floor it covers."""
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +11,15 @@ from epuck_sim.overhead.track.geometry import Geometry
 
 Light = npt.NDArray[np.uint8]
 """(rows, columns) one channel of a picture or of the rectified view."""
+
+
+class RingLight(NamedTuple):
+    """What a picture has of the light of rings."""
+
+    levels: Light
+    """(height_px, width_px) levels, without the background."""
+    room_is_lit: bool
+
 
 LIT_LEVEL = 40
 """Median level of a picture's darkest colour from which the room is lit; noise in the dark is far below, and the haze
@@ -53,6 +64,19 @@ def ring_light(picture: Picture, lit: bool) -> Light:
     return np.asarray(cv2.transform(picture, MEAN), np.uint8)
 
 
+def ring_light_of(picture: Picture, background: Picture | None = None) -> RingLight:
+    """Return the light of rings in a picture.
+
+    Args:
+        picture: (height_px, width_px, 3) levels.
+        background: The same without rings, in the dark.
+    """
+    room_is_lit = is_lit(picture)
+    if background is not None and not room_is_lit:
+        picture = np.asarray(cv2.subtract(picture, background), np.uint8)
+    return RingLight(ring_light(picture, room_is_lit), room_is_lit)
+
+
 class Background:
     """Learns the background of the dark frames of a film: the least light of each pixel, which rises slowly.
 
@@ -93,19 +117,16 @@ class LightMeter:
             self._floor = np.zeros((camera.height_px, camera.width_px), np.uint8)
             cv2.fillPoly(self._floor, [np.round(geometry.floor_outline_px()).astype(np.int32)], (1,))
 
-    def lit_px(self, picture: Picture, background: Picture | None) -> int:
+    def lit_px(self, levels: Light) -> int:
         """Return how many pixels of the floor are lit; of the whole picture, if the floor is not known.
 
         Lamps that flicker do not count: they raise whole rows where a camera exposes one row after the other, whole
         columns if the film is turned, and else all pixels.
 
         Args:
-            picture: (height_px, width_px, 3) levels.
-            background: The same without rings, in the dark.
+            levels: (height_px, width_px) the light of rings.
         """
-        lit = is_lit(picture)
-        without = picture if lit or background is None else np.asarray(cv2.subtract(picture, background), np.uint8)
-        light = np.asarray(cv2.blur(ring_light(without, lit), (SMOOTH_PX, SMOOTH_PX)), np.uint8)
+        light = np.asarray(cv2.blur(levels, (SMOOTH_PX, SMOOTH_PX)), np.uint8)
         floor = np.ones_like(light) if self._floor is None else self._floor
         beyond = _beyond_usual(light, floor)
         beyond = _beyond_usual(beyond.T, floor.T).T

@@ -10,7 +10,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.overhead.film.frame import Frame
 from epuck_sim.overhead.track.flashes import Flash, FlashLinker
 from epuck_sim.overhead.track.geometry import Geometry
-from epuck_sim.overhead.track.light import Background, LightMeter, is_lit
+from epuck_sim.overhead.track.light import Background, LightMeter, ring_light_of
 from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
 from epuck_sim.overhead.track.spread import Evaluation, SynchronyDetector, is_synchronised
 
@@ -44,9 +44,10 @@ class RingCounter:
     def process(self, frame: Frame) -> list[Ring]:
         """Find the lit rings in the next frame, add their number to `counts`, and return them."""
         background = self._background.update(frame)
-        seen = self._finder.find(frame.picture, background)
+        light = ring_light_of(frame.picture, background)
+        seen = self._finder.find_in(light)
         rings = [ring for ring in seen if self.geometry.is_on_floor(ring.x_cm, ring.y_cm)]
-        lit = is_lit(frame.picture)
+        lit = light.room_is_lit
         if not self.frames:
             self.start_s = frame.time_s
         if self._was_lit and not lit and not self._has_begun:
@@ -54,7 +55,7 @@ class RingCounter:
             self._begin()
         self._was_lit = lit
         self._has_begun |= bool(rings) and not lit
-        area_px = self._meter.lit_px(frame.picture, background)
+        area_px = self._meter.lit_px(light.levels)
         self._times.append(frame.time_s)  # all at once: Ctrl-C, which ends a live film, must not come in between
         self._counts.append(len(rings))
         self._areas.append(area_px)

@@ -15,7 +15,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.overhead.camera_model import CameraModel
 from epuck_sim.overhead.film.frame import Picture
-from epuck_sim.overhead.track.light import Light, is_lit, ring_light
+from epuck_sim.overhead.track.light import Light, RingLight, ring_light_of
 from epuck_sim.overhead.track.rectified_view import rectified_view
 from epuck_sim.overhead.track.ring_fit import Fit, fit_ring
 
@@ -98,11 +98,7 @@ class RingFinder:
         self.view = rectified_view(camera)
 
     def find(self, picture: Picture, background: Picture | None = None) -> list[Ring]:
-        """Return the lit rings in a picture, from left to right; see `fits`."""
-        return self._rings(self.fits(picture, background))
-
-    def fits(self, picture: Picture, background: Picture | None = None) -> list[Fit]:
-        """Return circles fitted to the lit rings in a picture, in its rectified view, brightest first.
+        """Return the lit rings in a picture, from left to right.
 
         Args:
             picture: (height_px, width_px, 3) levels.
@@ -111,13 +107,18 @@ class RingFinder:
         Raises:
             ValueError: The picture's size is not the camera's.
         """
-        camera = self.camera
-        if picture.shape != (camera.height_px, camera.width_px, 3):
-            raise ValueError(f"a picture of {picture.shape}; allowed: {(camera.height_px, camera.width_px, 3)}")
-        lit = is_lit(picture)
+        return self.find_in(ring_light_of(picture, background))
+
+    def find_in(self, ring_light: RingLight) -> list[Ring]:
+        """Return the lit rings in the light of a picture; see `find`."""
+        return self._rings(self.fits(ring_light))
+
+    def fits(self, ring_light: RingLight) -> list[Fit]:
+        """Return circles fitted to the rings in the light of a picture, in its rectified view, brightest first."""
+        camera, (light, lit) = self.camera, ring_light
+        if light.shape != (camera.height_px, camera.width_px):
+            raise ValueError(f"a picture of {light.shape}; allowed: {(camera.height_px, camera.width_px)}")
         least = float(MIN_LEVEL_LIT) if lit else self._least_dark
-        lit_only = picture if background is None or lit else np.asarray(cv2.subtract(picture, background), np.uint8)
-        light = ring_light(lit_only, lit)
         if cv2.minMaxLoc(light)[1] < least:
             return []
         view = self.view.sample(light)

@@ -11,7 +11,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, simple_lens
 from epuck_sim.overhead.film.frame import Frame, Picture
-from epuck_sim.overhead.track.light import LEAST_LIGHT, Background, is_lit, ring_light
+from epuck_sim.overhead.track.light import LEAST_LIGHT, Background, is_lit, ring_light, ring_light_of
 from epuck_sim.overhead.track.ring_detection import RingFinder
 
 MIN_RADIUS_PX = 5.0
@@ -159,7 +159,7 @@ class _SeenRing(NamedTuple):
 
 def _seen_by(finder: RingFinder, picture: Picture, background: Picture) -> list[_SeenRing]:
     """Return the rings that a finder with a search camera sees; rows of its view count upwards."""
-    fits = finder.fits(picture, background)
+    fits = finder.fits(ring_light_of(picture, background))
     if not fits:
         return []
     camera, view = finder.camera, finder.view

@@ -10,6 +10,7 @@ from typing import Any
 import av
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
@@ -19,6 +20,7 @@ from epuck_sim.overhead.film.writer import film_file
 from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
 from epuck_sim.overhead.track.film_calibration import TrackOptions
 from epuck_sim.overhead.track.geometry import Geometry
+from epuck_sim.overhead.track.light import RingLight, is_lit
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_detection import Ring
 from epuck_sim.scenario.overhead import OverheadSection
@@ -151,8 +153,15 @@ def read_rings(path: Path, unknown: float = math.nan) -> list[dict[str, float]]:
         return [{name: float(value or unknown) for name, value in row.items()} for row in csv.DictReader(file)]
 
 
+def code_rings(patch: pytest.MonkeyPatch) -> None:
+    """Have counters take the rings that `coded` writes into frames."""
+    where = "epuck_sim.overhead.track.ring_counter"
+    patch.setattr(f"{where}.RingFinder", Coded)
+    patch.setattr(f"{where}.ring_light_of", lambda picture, _: RingLight(picture[:, :, 2], is_lit(picture)))
+
+
 class Coded:
-    """A substitute for `RingFinder` that reads the number of rings from a picture's first pixel.
+    """A substitute for `RingFinder` that reads the number of rings from the first pixel.
 
     The ring that went on first goes off first, and each that goes on is at another place.
     """
@@ -161,8 +170,11 @@ class Coded:
         self._lit: list[int] = []
         self._next = 0
 
-    def find(self, picture: npt.NDArray[np.uint8], _: object = None) -> list[Ring]:
-        count = int(picture[0, 0, 2])
+    def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:
+        return self.find_in(RingLight(picture[:, :, 2], False))
+
+    def find_in(self, ring_light: RingLight) -> list[Ring]:
+        count = int(ring_light.levels[0, 0])
         self._lit = self._lit[max(0, len(self._lit) - count) :]
         while len(self._lit) < count:
             self._lit.append(self._next)
@@ -170,9 +182,9 @@ class Coded:
         return [Ring(1 + 5 * (place % 11), 1 + 5 * (place // 11 % 11), 3.5, 10, 10, 5) for place in self._lit]
 
 
-def coded(times_s: Iterable[float], counts: Iterable[int], is_lit: Iterable[bool]) -> Iterator[Frame]:
+def coded(times_s: Iterable[float], counts: Iterable[int], lit_room: Iterable[bool]) -> Iterator[Frame]:
     """Yield frames for `Coded`."""
-    for time_s, count, lit in zip(times_s, counts, is_lit, strict=True):
+    for time_s, count, lit in zip(times_s, counts, lit_room, strict=True):
         picture = np.zeros((16, 16, 3), np.uint8)
         picture[:] = 200 * lit
         picture[0, 0, 2] = count

@@ -15,7 +15,7 @@ from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_thres
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import RingCounter
 from tests.overhead.track.counts import counted
-from tests.overhead.track.films import Coded, coded, make_geometry
+from tests.overhead.track.films import code_rings, coded, make_geometry
 
 RATE = 30.0
 PHASES = 0.5 + np.arange(6) / 6
@@ -23,7 +23,7 @@ PHASES = 0.5 + np.arange(6) / 6
 
 @pytest.fixture(autouse=True)
 def finder(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
+    code_rings(monkeypatch)
 
 
 def analysed(times_s: Any, counts: Any, options: TrackOptions = TrackOptions(), lit_until_s: float = 0.0) -> Track:  # noqa: B008

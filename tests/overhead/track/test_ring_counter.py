@@ -12,7 +12,7 @@ from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
 from epuck_sim.overhead.track.spread import evaluate, first_synchronised
 from tests.overhead.score import Score, compare
 from tests.overhead.track.counts import counted, uneven
-from tests.overhead.track.films import PLACES, Coded, coded, even, in_step, make_geometry, shoot
+from tests.overhead.track.films import PLACES, code_rings, coded, even, in_step, make_geometry, shoot
 
 NOWHERE = np.empty((0, 2))
 
@@ -20,7 +20,7 @@ NOWHERE = np.empty((0, 2))
 @pytest.fixture
 def counter(monkeypatch: pytest.MonkeyPatch) -> RingCounter:
     """A counter whose rings are those coded into frames."""
-    monkeypatch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
+    code_rings(monkeypatch)
     return RingCounter(make_geometry()._replace(knows_floor=False))
 
 
@@ -100,7 +100,7 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
     is_lit = np.arange(len(times_s)) < lit
     is_lit[[number for number in flickers if number < len(times_s)]] ^= True
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("epuck_sim.overhead.track.ring_counter.RingFinder", Coded)
+        code_rings(patch)
         counter = RingCounter(make_geometry()._replace(knows_floor=False))
         tracked_frames = list(
             track_frames(coded(times_s, counts, is_lit), counter, 1.0, lambda: threshold_s, none_steady)
