@@ -39,7 +39,11 @@ class Tracked:
 
 
 @pytest.mark.parametrize(
-    "kind", ["points", "burnt out, white", "orange", "fisheye", "flicker in bands", "typical webcam"]
+    "kind",
+    [
+        *("points", "burnt out, white", "fisheye", "flicker in bands"),
+        *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("orange", "typical webcam")),
+    ],
 )
 def test_rings_are_found_where_they_are(kind: str, tmp_path: Path) -> None:
     robots = swarm(6, 4, 2, seed=1, period_s=2.0)

@@ -1,6 +1,7 @@
 """Which camera took a film: by the user's options, else by the film's description, else by its pictures."""
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ def plain(level: int, count: int) -> list[Frame]:
     return [Frame(number / 30, np.full((SIDE, SIDE, 3), level, np.uint8)) for number in range(count)]
 
 
+@cache
 def film(seconds: float, lit_until_s: float = 0.0, robots: int = 3, **settings: Any) -> list[Frame]:
     """Return frames of robots that flash one after the other, the first at 0.5 s."""
     times_s = even(seconds)

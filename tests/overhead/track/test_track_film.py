@@ -50,6 +50,12 @@ def reel() -> list[Frame]:
 
 
 @pytest.fixture(scope="module")
+def lit_reel() -> list[Frame]:
+    """The same in the light of the room."""
+    return shoot(TIMES, LIT, light="lit")
+
+
+@pytest.fixture(scope="module")
 def named(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
     """A film of them with a description."""
     return save(tmp_path_factory.mktemp("films") / "named.mp4", reel, described())
@@ -125,8 +131,8 @@ def test_corners_that_are_given_are_taken(named: str, tmp_path: Path) -> None:
     assert score(read_rings(tmp_path / "rings.csv"), TIMES, LIT).worst_cm <= 0.5  # its distortion is not known
 
 
-def test_scaled_film_is_not_that_of_its_description(tmp_path: Path) -> None:
-    name = save(tmp_path / "scaled.mp4", shoot(TIMES, LIT), described(width_px=480, height_px=480))
+def test_scaled_film_is_not_that_of_its_description(reel: list[Frame], tmp_path: Path) -> None:
+    name = save(tmp_path / "scaled.mp4", reel, described(width_px=480, height_px=480))
     track = track_film(name, TrackOptions(), None, passed)
     assert (track.calibration, track.period_s) == (RINGS, 1.0)
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
@@ -155,8 +161,8 @@ def test_trial_begins_in_the_dark(begins_lit: str, tracked: Track, tmp_path: Pat
     assert len(snapshot(track).rings_px) == 6
 
 
-def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
-    name = save(tmp_path / "lit.mp4", shoot(TIMES, LIT, light="lit"), described(light="lit"))
+def test_lit_film_is_tracked(lit_reel: list[Frame], tmp_path: Path, tracked: Track) -> None:
+    name = save(tmp_path / "lit.mp4", lit_reel, described(light="lit"))
     track = track_film(name, TrackOptions(), tmp_path / "rings.csv", passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
@@ -164,9 +170,10 @@ def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s)
 
 
-def test_light_that_goes_on_for_a_moment_hides_no_ring(tmp_path: Path) -> None:
-    lit = shoot(TIMES, LIT, light="lit")
-    frames = [lit[k] if 50 <= k < 55 or 100 <= k < 140 else dark for k, dark in enumerate(shoot(TIMES, LIT))]
+def test_light_that_goes_on_for_a_moment_hides_no_ring(
+    reel: list[Frame], lit_reel: list[Frame], tmp_path: Path
+) -> None:
+    frames = [lit_reel[k] if 50 <= k < 55 or 100 <= k < 140 else dark for k, dark in enumerate(reel)]
     track = track_film(save(tmp_path / "flicker.mp4", frames, described()), TrackOptions(), None, passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
