@@ -208,11 +208,13 @@ def test_film_that_is_not_there_is_refused() -> None:
 
 # --- frames that come as they like ------------------------------------------------------------------
 
+OF_ANY_PERIOD = described() | {"period_s": None}
+
 
 def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Track, tmp_path: Path) -> None:
     dropped = {20, 40, 41, 83, 110}
     frames = [frame for k, frame in enumerate(reel) if k not in dropped for _ in range(3 if k % 7 == 0 else 1)]
-    track = track_film(save_stamped(tmp_path / "doubled.mkv", frames), TrackOptions(), None, passed)
+    track = track_film(save_stamped(tmp_path / "doubled.mkv", frames, OF_ANY_PERIOD), TrackOptions(), None, passed)
     kept = [k for k in range(len(reel)) if k not in dropped]
     assert track.counts.tolist() == tracked.counts[kept].tolist()
     assert track.times_s == pytest.approx(TIMES[kept], abs=1e-3)
@@ -224,7 +226,7 @@ def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Tra
 
 def test_synchrony_is_not_detected_in_a_period_half_of_which_is_missing(reel: list[Frame], tmp_path: Path) -> None:
     frames = [frame for frame in reel if not 2.7 < frame.time_s < 3.05]
-    track = track_film(save_stamped(tmp_path / "gap.mkv", frames), TrackOptions(period_s=1.0), None, passed)
+    track = track_film(save_stamped(tmp_path / "gap.mkv", frames, described()), TrackOptions(), None, passed)
     assert track.t_sync_s == pytest.approx(3.55, abs=0.02)
 
 
@@ -233,7 +235,8 @@ def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None
     times_s = np.cumsum(random.uniform(0.02, 0.045, 140))
     times_s = np.round(times_s - times_s[0], 3)
     ring_on = in_step(times_s)
-    track = track_film(save_stamped(tmp_path / "uneven.mkv", shoot(times_s, ring_on)), TrackOptions(), None, passed)
+    name = save_stamped(tmp_path / "uneven.mkv", shoot(times_s, ring_on), OF_ANY_PERIOD)
+    track = track_film(name, TrackOptions(), None, passed)
     assert track.counts.tolist() == ring_on.sum(axis=1).tolist()
     assert track.period_s == pytest.approx(1, abs=0.01)
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s, abs=0.05)
@@ -241,8 +244,8 @@ def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None
 
 def test_film_that_was_cut_off_is_tracked_to_its_end(reel: list[Frame], tmp_path: Path) -> None:
     path = tmp_path / "cut.mkv"
-    save_stamped(path, reel)
-    track = track_film(str(cut_off(path, 0.8)), TrackOptions(period_s=1.0), None, passed)
+    save_stamped(path, reel, described())
+    track = track_film(str(cut_off(path, 0.8)), TrackOptions(), None, passed)
     assert track.t_sync_s == pytest.approx(2.55, abs=0.02)
     assert track.frames < len(reel)
 
