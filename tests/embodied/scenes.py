@@ -313,13 +313,14 @@ def slow_readings(scene: Scene) -> tuple[FloatArray, BoolArray]:
 # --- the camera's twin ------------------------------------------------------------------------------
 
 
-def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArray]:
-    """Return (robots, pixels) whether red, and for which of them two answers lie within rounding."""
-    written, doubtful = np.zeros((2, len(scene.poses), camera.pixels), bool)
+def slow_rows(scene: Scene, camera: CameraSettings, every: int = 1) -> tuple[BoolArray, BoolArray]:
+    """Return (robots, pixels) whether red, and where two answers lie within rounding, of every nth robot."""
+    written, doubtful = np.zeros((2, len(scene.poses[::every]), camera.pixels), bool)
     bodies = _bodies(scene)
     outside = (camera.pixels - camera.central_pixels) // 2
     window = slice(outside, camera.pixels - outside)
-    for robot, (x, y, heading) in enumerate(scene.poses):
+    for row, (x, y, heading) in enumerate(scene.poses[::every]):
+        robot = row * every
         directions = _towards(heading + camera.angles()[window])
         rays = np.tile((x, y) + scene.body.forward_cm * _towards(heading), (len(directions), 1)), directions
         lit = scene.lit & (np.arange(len(bodies)) != robot)
@@ -329,9 +330,9 @@ def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArra
         flats, by_flat = cast_on_segments(*rays, scene.arena.edges)
         red = reds.min(axis=1, initial=np.inf)
         other = np.minimum(discs.min(axis=1, initial=np.inf), flats.min(axis=1, initial=np.inf))
-        written[robot, window] = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
+        written[row, window] = (red < np.inf) & (red <= other) & (red <= camera.range_cm)
         by_edge = np.hstack([by_red, by_disc, by_flat]).any(axis=1)
         seen = np.where(red < np.inf, red, -1)
         ties = (np.abs(seen - other) < EDGE_CM) | (np.abs(seen - camera.range_cm) < EDGE_CM)
-        doubtful[robot, window] = by_edge | ties
+        doubtful[row, window] = by_edge | ties
     return written, doubtful

@@ -37,9 +37,9 @@ def test_an_arena_that_is_changed_at_once_is_as_one_that_was_so_from_the_start(s
     arena = {"width_cm": 90, "height_cm": 70, "obstacles": PILLARS}
     robots = [{**group, "signal": signal} for group in GATED["robots"]]
     given = {**GATED, "robots": robots, "faults": faults}
-    expected = steps_of({**given, "arena": arena}, 250, 1)
+    expected = steps_of({**given, "arena": arena}, 120, 1)
     values = {f"arena.{key}": value for key, value in arena.items()}
-    found = steps_of({**given, "schedule": [{"at_s": 0, "set": values}]}, 250, 1)
+    found = steps_of({**given, "schedule": [{"at_s": 0, "set": values}]}, 120, 1)
     for name, steps in expected.items():
         assert found[name].tobytes() == steps.tobytes(), name
     assert expected["poses"][..., 0].max() > 70

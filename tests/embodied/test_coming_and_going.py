@@ -52,8 +52,9 @@ def test_who_is_out_is_as_if_it_did_not_exist(signal, faults, movables):
     smaller = quiet([[0, 1, 2], [3]], faults=faults, arena=arena)
     for scenario in (given, smaller):
         scenario["robots"] = [{**group, "signal": signal} for group in scenario["robots"]]
-    expected = steps_of(smaller, 120, 1)
-    removed = steps_of({**given, "schedule": [{"at_s": 0, "remove": [4, 5]}]}, 120, 1)
+    steps = 60  # more than a period, in which each ring flashes
+    expected = steps_of(smaller, steps, 1)
+    removed = steps_of({**given, "schedule": [{"at_s": 0, "remove": [4, 5]}]}, steps, 1)
     same_robots(removed, expected, slice(4))
     assert np.isnan(removed["poses"][:, 4:]).all()
     assert np.isnan(removed["phase_ms"][:, 4:]).all()
@@ -63,7 +64,7 @@ def test_who_is_out_is_as_if_it_did_not_exist(signal, faults, movables):
     absent = quiet([[0, 1, 2], [3], [4, 5]], faults=faults, arena=arena)
     absent["robots"] = [{**group, "signal": signal} for group in absent["robots"]]
     absent["robots"][2]["present"] = False
-    same_robots(steps_of(absent, 120, 1), expected, slice(4))
+    same_robots(steps_of(absent, steps, 1), expected, slice(4))
     assert expected["camera"].any()
 
 

@@ -82,7 +82,7 @@ def cell_of(sight: Sight) -> int:
     return cell_index(sight.y, cells.height_cm, cells.rows) * cells.columns + column
 
 
-@settings(max_examples=500)
+@settings(max_examples=200)
 @given(sights())
 def test_a_robot_that_a_ray_meets_is_in_a_cell_that_is_visited_and_not_beyond_an_earlier_strip(sight: Sight) -> None:
     assume(sight.reach < math.inf)  # or else it was moved back into the arena, out of the ray's way

@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
@@ -208,6 +208,7 @@ def test_distances_are_those_of_the_noisy_readings(by_table, convert):
 def test_readings_are_those_of_the_slow_twin():
     tally = Counter()
 
+    @settings(max_examples=30)
     @given(scenes(robots=(1, 2, 3, 10, 60, 300), bodies=BODIES))
     def compare(scene):
         expected, doubtful = slow_readings(scene)
@@ -216,11 +217,12 @@ def test_readings_are_those_of_the_slow_twin():
         tally.update(sensors=doubtful.size, doubtful=doubtful.sum(), reading=(expected > 0).sum())
 
     compare()
-    assert tally["sensors"] > 5000
+    assert tally["sensors"] > 1000
     assert tally["reading"] > 0.1 * tally["sensors"]
     assert tally["doubtful"] < 1e-3 * tally["sensors"]
 
 
+@settings(max_examples=40)
 @given(scenes(), st.integers(0, 2**32 - 1))
 def test_readings_do_not_depend_on_the_order_of_robots(scene, seed):
     order = np.random.default_rng(seed).permutation(len(scene.poses))

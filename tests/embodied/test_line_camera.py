@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
@@ -178,10 +178,11 @@ def test_an_obstacle_beyond_a_robot_or_behind_the_camera_hides_nothing(kind, ahe
 # --- settings of a camera ---------------------------------------------------------------------------
 
 
+@settings(max_examples=40)
 @given(scenes())
 def test_a_central_window_is_the_full_row_with_the_rest_darkened(scene):
     full = rows(scene, CameraSettings())
-    for central in range(4, 62, 2):
+    for central in (4, 6, 20, 40, 58, 60):
         outside = (60 - central) // 2
         darkened = full.copy()
         darkened[:, :outside] = darkened[:, 60 - outside :] = 0
@@ -228,18 +229,21 @@ def test_pixels_share_the_field_of_view(pixels, degrees, lit):
 def test_rows_are_those_of_the_slow_twin():
     tally = Counter()
 
+    @settings(max_examples=30)
     @given(scenes(robots=(2, 3, 10, 60, 300), bodies=BODIES), camera_settings())
     def compare(scene, camera):
-        expected, doubtful = slow_rows(scene, camera)
-        np.testing.assert_array_equal(rows(scene, camera)[~doubtful], expected[~doubtful])
+        every = 1 + len(scene.poses) // 61  # of 300 robots the twin does 60
+        expected, doubtful = slow_rows(scene, camera, every)
+        np.testing.assert_array_equal(rows(scene, camera)[::every][~doubtful], expected[~doubtful])
         tally.update(pixels=doubtful.size, doubtful=doubtful.sum(), red=expected.sum())
 
     compare()
-    assert tally["pixels"] > 50_000
+    assert tally["pixels"] > 10_000
     assert tally["red"] > 0.01 * tally["pixels"]
     assert tally["doubtful"] < 1e-2 * tally["pixels"]
 
 
+@settings(max_examples=25)
 @given(scenes(robots=(10, 60, 300)), camera_settings(), st.sampled_from([0.02, 0.1, 0.4]), st.integers(0, 2**32 - 1))
 def test_it_does_not_matter_whether_lit_rings_are_few_or_robots_are_told_by_numbers(scene, camera, share, seed):
     lit = np.random.default_rng(seed).random(len(scene.poses)) < share
@@ -249,6 +253,7 @@ def test_it_does_not_matter_whether_lit_rings_are_few_or_robots_are_told_by_numb
     np.testing.assert_array_equal(rows(Scene(scene.poses, lit, scene.arena), camera), expected)
 
 
+@settings(max_examples=40)
 @given(scenes(robots=(10, 60), bodies=BODIES), camera_settings(), st.integers(0, 2**32 - 1))
 def test_rows_are_those_of_the_slow_twin_where_robots_overlap(scene, camera, seed):
     random = np.random.default_rng(seed)
@@ -271,6 +276,7 @@ def test_far_lit_rings_among_many_robots_are_seen_as_by_the_slow_twin(share):
     assert doubtful.mean() < 1e-3
 
 
+@settings(max_examples=40)
 @given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
 def test_rows_do_not_depend_on_the_order_of_robots(scene, camera, seed):
     order = np.random.default_rng(seed).permutation(len(scene.poses))
@@ -278,6 +284,7 @@ def test_rows_do_not_depend_on_the_order_of_robots(scene, camera, seed):
     np.testing.assert_array_equal(rows(shuffled, camera), rows(scene, camera)[order])
 
 
+@settings(max_examples=50)
 @given(scenes(robots=(2, 10, 60)), camera_settings(), st.booleans(), st.integers(0, 2**32 - 1))
 def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by_table, seed):
     random = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, reject
+from hypothesis import assume, given, reject, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
@@ -142,6 +142,7 @@ def slow_rows(scene: Scene, camera: CameraSettings) -> tuple[BoolArray, BoolArra
 def test_rows_are_those_of_the_slow_twin() -> None:
     tally = Counter()
 
+    @settings(max_examples=40)
     @given(scenes(robots=(1, 2, 3, 10, 60), bodies=BODIES), camera_settings(), st.sampled_from([FAR, 15.0, 40.0]))
     def compare(scene: Scene, camera: CameraSettings, range_cm: float) -> None:
         camera = camera._replace(reflection_range_cm=range_cm)
@@ -153,11 +154,12 @@ def test_rows_are_those_of_the_slow_twin() -> None:
         tally.update(pixels=doubtful.size, doubtful=doubtful.sum(), mirrored=(found > direct).sum())
 
     compare()
-    assert tally["pixels"] > 20_000
+    assert tally["pixels"] > 5000
     assert tally["mirrored"] > 0.01 * tally["pixels"]
     assert tally["doubtful"] < 0.02 * tally["pixels"]
 
 
+@settings(max_examples=40)
 @given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
 def test_it_does_not_matter_how_robots_are_numbered(scene: Scene, camera: CameraSettings, seed: int) -> None:
     camera = camera._replace(reflection_range_cm=FAR)

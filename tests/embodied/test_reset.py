@@ -20,7 +20,7 @@ def bits(step):
     return [array.tobytes() for array in (np.array(step[:2]), *step[2:8], *step.memories)]
 
 
-def following(simulation, steps=150):
+def following(simulation, steps=60):
     return [bits(step) for step in steps_of(simulation, steps)]
 
 
@@ -51,7 +51,7 @@ def test_a_reset_simulation_is_as_good_as_a_new_one_to_the_bit(scenario, interpr
     used = Simulation(scenario, 5, interpret=interpret)
     if len(used.external_wheels):
         used.command(12.8, 11.0, True)
-    used.advance(150)
+    used.advance(100)
     for seed in (8, 5):
         used.reset(seed)
         assert (used.seed, used.steps) == (seed, 0)

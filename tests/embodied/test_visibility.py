@@ -95,7 +95,7 @@ def from_left_to_right(pixels: list[int]) -> list[int]:
 def test_sightings_are_those_of_the_slow_twin() -> None:
     tally = Counter()
 
-    @settings(max_examples=250)
+    @settings(max_examples=60)
     @given(scenes(robots=(2, 3, 10, 60)), camera_settings())
     def compare(scene: Scene, camera: CameraSettings) -> None:
         shown, doubtful = slow_pixels(scene, camera)
@@ -114,6 +114,7 @@ def test_sightings_are_those_of_the_slow_twin() -> None:
 def test_a_camera_sees_red_where_a_robot_in_view_is_lit() -> None:
     tally = Counter()
 
+    @settings(max_examples=50)
     @given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
     def compare(scene: Scene, camera: CameraSettings, seed: int) -> None:
         lit = np.random.default_rng(seed).random(len(scene.poses)) < 0.3
@@ -197,6 +198,7 @@ def test_what_a_robot_faces_does_not_matter_but_to_itself() -> None:
 # --- several steps, some observers, many sightings --------------------------------------------------
 
 
+@settings(max_examples=40)
 @given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
 def test_several_steps_at_once_are_one_after_the_other(scene: Scene, camera: CameraSettings, seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -209,6 +211,7 @@ def test_several_steps_at_once_are_one_after_the_other(scene: Scene, camera: Cam
     assert sightings(poses, scene.arena, camera) == one_by_one
 
 
+@settings(max_examples=40)
 @given(scenes(robots=(2, 10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
 def test_only_the_observers_that_are_asked_for_are_listed(scene: Scene, camera: CameraSettings, seed: int) -> None:
     random = np.random.default_rng(seed)

@@ -28,7 +28,7 @@ kinds = pytest.mark.parametrize("kind", KINDS)
 
 @kinds
 @given(st.data(), SEEDS)
-@settings(max_examples=60)
+@settings(max_examples=20)
 def test_every_event_is_that_of_the_naive_model(kind, data, seed):
     swarm = make_simulation(seed, **data.draw(any_sections(kind)))
     compare_events(swarm, NaiveModel(swarm), cycles=50)

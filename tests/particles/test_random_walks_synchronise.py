@@ -1,5 +1,7 @@
 """What docs/open_questions.md claims of random walks and broad speeds, each with trials enough, all of them quick."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ WALKS = {
 }
 
 
+@cache
 def mean(speed: float, walk: str, **agents) -> float:
     """Return the mean T_sync of ten agents, in cycles."""
     agents = {"walk": WALKS[walk], **agents}

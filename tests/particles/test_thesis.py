@@ -59,6 +59,7 @@ def test_a_refractory_period_of_0_4_removes_the_bump_and_one_of_0_1_does_not() -
     assert peak > 1.5 * before
 
 
+@pytest.mark.slow
 def test_with_a_refractory_period_of_0_4_slow_swarms_are_faster_than_with_delay_advance_curves() -> None:
     with_it = np.median(times(0.1, 40, response={"refractory": 0.4}))
     for curve in ("sawtooth", "sine"):
@@ -87,6 +88,7 @@ def test_wide_cones_are_monotone_and_narrow_ones_are_not(kind: str) -> None:
     assert fast < slow / 10
 
 
+@pytest.mark.slow
 def test_the_bump_of_a_cone_of_vision_is_the_more_prominent_one() -> None:
     seen, emitted = (
         medians([1], neighbourhood={"kind": kind, "radius_cm": 40, "angle_deg": 60})
@@ -142,7 +144,7 @@ def test_jitter_is_catastrophic_at_intermediate_speed_and_harmless_at_high_speed
     ("sections", "speeds"),
     [
         pytest.param({"agents": {"reorient_on": ["emitting"]}}, (0.3, 3, 20), marks=pytest.mark.slow),
-        ({"agents": {"reorient_on": ["receiving"]}}, (0.3, 3, 20)),
+        pytest.param({"agents": {"reorient_on": ["receiving"]}}, (0.3, 3, 20), marks=pytest.mark.slow),
         pytest.param({"agents": {"reorient_on": ["emitting", "receiving"]}}, (0.3, 3, 20), marks=pytest.mark.slow),
         ({"space": {"boundary": "cyclic"}}, (0.1, 2, 50)),
         pytest.param({"space": {"dimensions": 3}}, (0.1, 3, 50), marks=pytest.mark.slow),

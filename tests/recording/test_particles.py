@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from epuck_sim.arrays import FloatArray, IntArray
@@ -431,13 +432,18 @@ def test_a_page_needs_poses(tmp_path) -> None:
 # --- the page ---------------------------------------------------------------------------------------
 
 
-def test_any_trial_can_be_drawn(trial: Trial) -> None:
-    draw_page(trial.recorded).draw_without_rendering()
+@pytest.fixture(scope="module")
+def page(trial: Trial) -> Figure:
+    return draw_page(trial.recorded)
 
 
-def test_the_page_shows_flashes_phases_and_the_order_parameter(trial: Trial) -> None:
+def test_any_trial_can_be_drawn(page: Figure) -> None:
+    page.draw_without_rendering()
+
+
+def test_the_page_shows_flashes_phases_and_the_order_parameter(trial: Trial, page: Figure) -> None:
     read = trial.recorded
-    _, flashes, phases, order = draw_page(read).axes
+    _, flashes, phases, order = page.axes
     marks = np.array(flashes.collections[0].get_segments())
     np.testing.assert_array_equal(marks[:, 0, 0], read.flash_s)
     np.testing.assert_allclose(marks[:, :, 1].mean(axis=1), read.flash_robot)

@@ -527,10 +527,10 @@ def serving(recording: Path, folder: Path, prepare: Callable[[], None] = heed_si
 @pytest.mark.parametrize(
     ("prepare", "number", "send"),
     [
-        (heed_signals, signal.SIGINT, os.kill),
+        pytest.param(heed_signals, signal.SIGINT, os.kill, marks=pytest.mark.slow),
         (heed_signals, signal.SIGINT, os.killpg),
         (ignore_signals, signal.SIGINT, os.kill),
-        (ignore_signals, signal.SIGTERM, os.killpg),
+        pytest.param(ignore_signals, signal.SIGTERM, os.killpg, marks=pytest.mark.slow),
     ],
 )
 def test_serving_ends_well_on_a_signal_even_if_the_parent_had_it_ignored(

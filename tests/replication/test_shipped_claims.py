@@ -1,6 +1,7 @@
 """The claims that are shipped can be asked: their sweeps are scenarios, and hold the points of their tests."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,10 +11,21 @@ from epuck_sim.replication.claims import read_claims
 from epuck_sim.replication.evaluation import run_check
 from epuck_sim.replication.sweeps import Version, needed_sweeps
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.scenario.points import points
+from epuck_sim.scenario.points import Point, points
+from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.sweep.checks import check_sweep
 
 CLAIMS = read_claims()
+
+
+@cache
+def sweeps_of(version: Version) -> dict[str, Scenario]:
+    return needed_sweeps(CLAIMS, CLAIMS.claims, version)
+
+
+@cache
+def points_of(version: Version) -> dict[str, tuple[Point, ...]]:
+    return {name: points(scenario) for name, scenario in sweeps_of(version).items()}
 
 
 def without_trials(point) -> PointTrials:
@@ -23,10 +35,7 @@ def without_trials(point) -> PointTrials:
 
 @pytest.mark.parametrize("version", Version)
 def test_every_test_finds_its_points(version: Version) -> None:
-    sweeps = {
-        name: [without_trials(point) for point in points(scenario)]
-        for name, scenario in needed_sweeps(CLAIMS, CLAIMS.claims, version).items()
-    }
+    sweeps = {name: [without_trials(point) for point in found] for name, found in points_of(version).items()}
     assert sweeps.keys() == CLAIMS.sweeps.keys()
     for claim in CLAIMS.claims:
         for check in claim.checks:
@@ -45,8 +54,8 @@ def test_all_72_claims_are_there_and_each_is_asked_or_says_why_not() -> None:
 
 @pytest.mark.parametrize("version", Version)
 def test_every_sweep_can_be_run(version: Version) -> None:
-    for scenario in needed_sweeps(CLAIMS, CLAIMS.claims, version).values():
-        check_sweep(points(scenario))
+    for found in points_of(version).values():
+        check_sweep(found)
 
 
 def test_thresholds_of_ratios_are_positive() -> None:
@@ -58,4 +67,4 @@ def test_thresholds_of_ratios_are_positive() -> None:
 
 def test_sweeps_have_a_seed_that_the_docs_did_not_use() -> None:
     for version in Version:
-        assert all(scenario.seed in (19, 20, 21) for scenario in needed_sweeps(CLAIMS, CLAIMS.claims, version).values())
+        assert all(scenario.seed in (19, 20, 21) for scenario in sweeps_of(version).values())

@@ -203,12 +203,19 @@ def test_a_browser_draws_the_figures(tmp_path) -> None:
     assert buttons == {"Download plot", "Zoom", "Pan", "Zoom in", "Zoom out", "Autoscale", "Reset axes"}
 
 
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory) -> Path:
+    """Return a page of one axis."""
+    folder = tmp_path_factory.mktemp("speeds")
+    store(folder / "run", sweep({SPEED: SPEEDS}, trials=20), lambda p: weibull(p, 50, 20))
+    write_report(folder / "run", folder / "page.html")
+    return folder / "page.html"
+
+
 @needs_browser
 @pytest.mark.parametrize(("is_dark", "width"), [(False, 400), (True, 1400)])
-def test_it_is_legible_in_the_dark_and_on_narrow_screens(tmp_path, is_dark: bool, width: int) -> None:
-    folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=20), lambda p: weibull(p, 50, 20))
-    write_report(folder, tmp_path / "page.html")
-    seen = picture(tmp_path / "page.html", tmp_path / "profile", is_dark=is_dark, size=f"{width},2000")
+def test_it_is_legible_in_the_dark_and_on_narrow_screens(page_file, tmp_path, is_dark: bool, width: int) -> None:
+    seen = picture(page_file, tmp_path / "profile", is_dark=is_dark, size=f"{width},2000")
     assert tuple(seen[-1, 2]) == rgb(PAPER[is_dark])
     drawn = abs(seen - rgb(colours(1)[0])).max(axis=-1) < 10
     assert drawn.sum() > 300

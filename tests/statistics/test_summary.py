@@ -225,14 +225,10 @@ def test_the_horizon_is_each_point_s_own_limit() -> None:
 
 
 def test_the_same_results_give_the_same_numbers_in_any_process(folder) -> None:
-    environment = {**os.environ, "PYTHONHASHSEED": "17"}
-    first, second = (
-        subprocess.run(
-            [*COMMAND, "summarize", str(folder), "--json"], capture_output=True, text=True, check=True, env=each
-        ).stdout
-        for each in (environment, {**environment, "PYTHONHASHSEED": "18"})
-    )
-    assert first == second == summarized(folder, "--json").stdout
+    environment = {**os.environ, "PYTHONHASHSEED": "17"}  # that of this process is another one
+    command = [*COMMAND, "summarize", str(folder), "--json"]
+    other = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert other.stdout == summarized(folder, "--json").stdout
 
 
 def test_every_point_has_a_seed_of_its_own() -> None:

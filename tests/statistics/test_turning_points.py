@@ -14,11 +14,11 @@ X = np.array([0.1, 0.2, 0.4, 0.8, 1.5, 3.0, 6.0, 12.0])
 LOG_X = np.log10(X)
 
 
-def curve(logs, noise=0.01, seed=0):
+def curve(logs, noise=0.01, seed=0, resamples=1000):
     """Return the smoother of a curve whose logarithms are known, with noisy resamples."""
     random = np.random.default_rng(seed)
     observed = logs + random.normal(0, noise, len(logs))
-    return smooth_logs(X, np.exp(observed), np.exp(observed + random.normal(0, noise, (1000, len(logs)))))
+    return smooth_logs(X, np.exp(observed), np.exp(observed + random.normal(0, noise, (resamples, len(logs)))))
 
 
 def test_the_peak_of_a_parabola_is_found_and_there_is_no_minimum():
@@ -62,7 +62,7 @@ def test_noise_makes_few_of_them(shape):
     found = [
         each is not None and each.is_found
         for seed in range(100)
-        for fit in [curve(shape(LOG_X), noise=0.2, seed=seed)]
+        for fit in [curve(shape(LOG_X), noise=0.2, seed=seed, resamples=200)]
         for each in (find_minimum(fit), find_peak(fit))
     ]
     assert np.mean(found) < 0.08

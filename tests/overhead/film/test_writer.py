@@ -58,7 +58,7 @@ def test_frames_are_read_back_at_their_times(tmp_path: Path, first_s: float) -> 
 
 def test_rings_are_read_back_where_they_were(tmp_path: Path) -> None:
     scene = make_set(noise_levels=0)
-    places = [(10.0 + number, 20.0 + 2 * number) for number in range(15)]
+    places = [(10.0 + 2 * number, 20.0 + 4 * number) for number in range(7)]
     with film_file(tmp_path / "film.mp4", 480, 480, {}) as film:
         for number, (x, y) in enumerate(places):
             picture = scene.renderer.render(standing((x, y, 0.1 * number)), room_is_lit=False)
@@ -101,7 +101,7 @@ def test_same_frames_same_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("rate", [0.3, 15.0])
 def test_keyframes_are_never_far_apart(tmp_path: Path, rate: float) -> None:
-    frames = [Frame(number / rate, draw(0)) for number in range(round(60 * rate))]
+    frames = [Frame(number / rate, draw(0)) for number in range(round(2.5 * KEYFRAME_INTERVAL_S * rate))]
     keys = [time_s for time_s, is_key, _ in read(write(tmp_path / "film.mp4", frames)) if is_key]
     assert keys[0] == 0
     assert np.diff([*keys, frames[-1].time_s]).max() <= KEYFRAME_INTERVAL_S + 1 / rate

@@ -47,6 +47,8 @@ def pixel_at(camera: CameraModel, x_cm: float, y_cm: float, z_cm: float = 0.0) -
 
 def ring_centroid(picture: Picture, camera: CameraModel) -> FloatArray:
     """Return (2,) cm: the middle of what is red in a picture, as if it lay at the height of the rings."""
-    red = picture[..., 0].astype(float)
-    centroid: FloatArray = (red[..., None] * camera.plane_map(epuck.RING_HEIGHT_CM)).sum(axis=(0, 1)) / red.sum()
+    rows, columns = np.nonzero(picture[..., 0])
+    red = picture[rows, columns, 0].astype(float)
+    places = camera.back_project(np.column_stack([columns, rows]).astype(float), epuck.RING_HEIGHT_CM)
+    centroid: FloatArray = red @ places / red.sum()
     return centroid

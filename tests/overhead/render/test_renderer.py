@@ -30,11 +30,11 @@ CORNERS = [(4.0, 4.0), (56.0, 4.0), (4.0, 56.0), (56.0, 56.0), (30.0, 30.0), (17
 
 
 @pytest.mark.parametrize("k1", [-0.1, 0.0, 0.1])
-@pytest.mark.parametrize(("x", "y"), CORNERS)
-def test_ring_is_where_the_camera_model_projects_it(x: float, y: float, k1: float) -> None:
+def test_ring_is_where_the_camera_model_projects_it(k1: float) -> None:
     scene = make_set(**CLEAN, distortion=k1)
-    picture = scene.renderer.render(standing((x, y, 0.3)), room_is_lit=False)
-    assert np.hypot(*(ring_centroid(picture, scene.camera) - (x, y))) < 0.05
+    for x, y in CORNERS:
+        picture = scene.renderer.render(standing((x, y, 0.3)), room_is_lit=False)
+        assert np.hypot(*(ring_centroid(picture, scene.camera) - (x, y))) < 0.05, (x, y)
 
 
 @pytest.mark.parametrize(

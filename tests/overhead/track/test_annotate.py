@@ -149,8 +149,8 @@ def test_columns_against_a_slow_twin(steps, later, width):
 def test_a_mode_of_one_frame_is_seen_at_any_rate():
     """At 400 frames a second several share a column."""
     annotator = Annotator(64, 64, PERIOD_S)
-    for number in range(4000):
-        picture = annotator.annotate(Frame(number / 400, black(64, 64)), rings(number == 3001), 0.0, None, None)
+    for number in range(1200):
+        picture = annotator.annotate(Frame(number / 400, black(64, 64)), rings(number == 901), 0.0, None, None)
 
     assert has(picture, BARS).any()
 

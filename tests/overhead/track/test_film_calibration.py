@@ -1,6 +1,7 @@
 """Which camera took a film: by the user's options, else by the film's description, else by its pictures."""
 
 from collections.abc import Iterator, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ def plain(level: int, count: int) -> list[Frame]:
     return [Frame(number / 30, np.full((SIDE, SIDE, 3), level, np.uint8)) for number in range(count)]
 
 
+@cache
 def film(seconds: float, lit_until_s: float = 0.0, robots: int = 3, **settings: Any) -> list[Frame]:
     """Return frames of robots that flash one after the other, the first at 0.5 s."""
     times_s = even(seconds)
@@ -180,7 +182,9 @@ def test_corners_of_a_camera_that_sees_the_floor_from_aside_are_refused() -> Non
         calibrate(Reel(film(1.2)), TrackOptions(corners_px=line))
 
 
-@pytest.mark.parametrize("lit", [5, LIT_FRAMES, LIT_FRAMES + 5, 3 * LIT_FRAMES])
+@pytest.mark.parametrize(
+    "lit", [5, LIT_FRAMES, *(pytest.param(lit, marks=pytest.mark.slow) for lit in (LIT_FRAMES + 5, 3 * LIT_FRAMES))]
+)
 def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None:
     found, origin = camera_and_origin(Reel(plain(120, lit) + film(1.2)), TrackOptions())
     assert origin == RINGS
@@ -199,7 +203,7 @@ def test_height_and_arena_are_those_that_are_known() -> None:
     assert found.position_cm.tolist() == [40, 20, 95]
 
 
-@pytest.mark.parametrize("dark", [0, 1, 29, 150])
+@pytest.mark.parametrize("dark", [0, 1, pytest.param(29, marks=pytest.mark.slow), 150])
 def test_ring_is_found_however_late_it_is_lit(dark: int) -> None:
     flash = film(0.55)[-1:]
     assert flash[0].picture[..., 0].max() > 200

@@ -227,7 +227,7 @@ class Killed(Imitation):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-module.LiveCamera = lambda *_: Killed(shoot(TIMES[:100], LIT[:100]), KeyboardInterrupt())
+module.LiveCamera = lambda *_: Killed(shoot(TIMES[:70], LIT[:70]), KeyboardInterrupt())
 watch(
     TrackOptions(corners_px=CORNERS_PX, threshold_ms=1.0),
     rings=Path("rings.csv"), annotate=Path("seen.mp4"), record=Path("raw.mp4"),
@@ -241,9 +241,9 @@ def test_what_was_written_until_a_kill_can_be_read(tmp_path: Path) -> None:
     ended = subprocess.run(command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(root)}, check=False)
     assert ended.returncode == -signal.SIGKILL
     rows = read_rings(tmp_path / "rings.csv")
-    assert len(rows) == LIT[:100].sum()
+    assert len(rows) == LIT[:70].sum()
     for name in ("seen.mp4", "raw.mp4"):
-        assert 60 <= frames_in(tmp_path / name) <= 100  # all but about the last second
+        assert 30 <= frames_in(tmp_path / name) <= 70  # all but about the last second
 
 
 def test_a_camera_is_shown_on_a_page(plug: Plug, reel: list[Frame]) -> None:

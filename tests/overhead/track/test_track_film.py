@@ -53,6 +53,12 @@ def reel() -> list[Frame]:
 
 
 @pytest.fixture(scope="module")
+def lit_reel() -> list[Frame]:
+    """The same in the light of the room."""
+    return shoot(TIMES, LIT, light="lit")
+
+
+@pytest.fixture(scope="module")
 def named(reel: list[Frame], tmp_path_factory: pytest.TempPathFactory) -> str:
     """A film of them with a description."""
     return save(tmp_path_factory.mktemp("films") / "named.mp4", reel, described())
@@ -128,8 +134,8 @@ def test_corners_that_are_given_are_taken(named: str, tmp_path: Path) -> None:
     assert score(read_rings(tmp_path / "rings.csv"), TIMES, LIT).worst_cm <= 0.5  # its distortion is not known
 
 
-def test_scaled_film_is_not_that_of_its_description(tmp_path: Path) -> None:
-    name = save(tmp_path / "scaled.mp4", shoot(TIMES, LIT), described(width_px=480, height_px=480))
+def test_scaled_film_is_not_that_of_its_description(reel: list[Frame], tmp_path: Path) -> None:
+    name = save(tmp_path / "scaled.mp4", reel, described(width_px=480, height_px=480))
     track = track_film(name, TrackOptions(), None, passed)
     assert (track.calibration, track.period_s) == (RINGS, 1.0)
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
@@ -158,8 +164,8 @@ def test_trial_begins_in_the_dark(begins_lit: str, tracked: Track, tmp_path: Pat
     assert len(snapshot(track).rings_px) == 6
 
 
-def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
-    name = save(tmp_path / "lit.mp4", shoot(TIMES, LIT, light="lit"), described(light="lit"))
+def test_lit_film_is_tracked(lit_reel: list[Frame], tmp_path: Path, tracked: Track) -> None:
+    name = save(tmp_path / "lit.mp4", lit_reel, described(light="lit"))
     track = track_film(name, TrackOptions(), tmp_path / "rings.csv", passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
@@ -167,9 +173,10 @@ def test_lit_film_is_tracked(tmp_path: Path, tracked: Track) -> None:
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s)
 
 
-def test_light_that_goes_on_for_a_moment_hides_no_ring(tmp_path: Path) -> None:
-    lit = shoot(TIMES, LIT, light="lit")
-    frames = [lit[k] if 50 <= k < 55 or 100 <= k < 140 else dark for k, dark in enumerate(shoot(TIMES, LIT))]
+def test_light_that_goes_on_for_a_moment_hides_no_ring(
+    reel: list[Frame], lit_reel: list[Frame], tmp_path: Path
+) -> None:
+    frames = [lit_reel[k] if 50 <= k < 55 or 100 <= k < 140 else dark for k, dark in enumerate(reel)]
     track = track_film(save(tmp_path / "flicker.mp4", frames, described()), TrackOptions(), None, passed)
     assert track.start_s == 0
     assert track.counts.tolist() == LIT.sum(axis=1).tolist()
@@ -204,11 +211,13 @@ def test_film_that_is_not_there_is_refused() -> None:
 
 # --- frames that come as they like ------------------------------------------------------------------
 
+OF_ANY_PERIOD = described() | {"period_s": None}
+
 
 def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Track, tmp_path: Path) -> None:
     dropped = {20, 40, 41, 83, 110}
     frames = [frame for k, frame in enumerate(reel) if k not in dropped for _ in range(3 if k % 7 == 0 else 1)]
-    track = track_film(save_stamped(tmp_path / "doubled.mkv", frames), TrackOptions(), None, passed)
+    track = track_film(save_stamped(tmp_path / "doubled.mkv", frames, OF_ANY_PERIOD), TrackOptions(), None, passed)
     kept = [k for k in range(len(reel)) if k not in dropped]
     assert track.counts.tolist() == tracked.counts[kept].tolist()
     assert track.times_s == pytest.approx(TIMES[kept], abs=1e-3)
@@ -220,7 +229,7 @@ def test_doubled_and_dropped_frames_move_nothing(reel: list[Frame], tracked: Tra
 
 def test_synchrony_is_not_detected_in_a_period_half_of_which_is_missing(reel: list[Frame], tmp_path: Path) -> None:
     frames = [frame for frame in reel if not 2.7 < frame.time_s < 3.05]
-    track = track_film(save_stamped(tmp_path / "gap.mkv", frames), TrackOptions(period_s=1.0), None, passed)
+    track = track_film(save_stamped(tmp_path / "gap.mkv", frames, described()), TrackOptions(), None, passed)
     assert track.t_sync_s == pytest.approx(3.55, abs=0.02)
 
 
@@ -229,7 +238,8 @@ def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None
     times_s = np.cumsum(random.uniform(0.02, 0.045, 140))
     times_s = np.round(times_s - times_s[0], 3)
     ring_on = in_step(times_s)
-    track = track_film(save_stamped(tmp_path / "uneven.mkv", shoot(times_s, ring_on)), TrackOptions(), None, passed)
+    name = save_stamped(tmp_path / "uneven.mkv", shoot(times_s, ring_on), OF_ANY_PERIOD)
+    track = track_film(name, TrackOptions(), None, passed)
     assert track.counts.tolist() == ring_on.sum(axis=1).tolist()
     assert track.period_s == pytest.approx(1, abs=0.01)
     assert track.t_sync_s == pytest.approx(tracked.t_sync_s, abs=0.05)
@@ -237,8 +247,8 @@ def test_rate_that_wanders_moves_nothing(tracked: Track, tmp_path: Path) -> None
 
 def test_film_that_was_cut_off_is_tracked_to_its_end(reel: list[Frame], tmp_path: Path) -> None:
     path = tmp_path / "cut.mkv"
-    save_stamped(path, reel)
-    track = track_film(str(cut_off(path, 0.8)), TrackOptions(period_s=1.0), None, passed)
+    save_stamped(path, reel, described())
+    track = track_film(str(cut_off(path, 0.8)), TrackOptions(), None, passed)
     assert track.t_sync_s == pytest.approx(2.55, abs=0.02)
     assert track.frames < len(reel)
 
