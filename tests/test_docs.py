@@ -45,6 +45,10 @@ LONG_SWEEPS = (
 """What the names of sweeps begin with whose quick versions take minutes."""
 
 
+SMALL_PICTURES = ["--set", "overhead.width_px=320", "--set", "overhead.height_px=320"]
+"""Options for films with less than half the pixels, in which tags can still be read."""
+
+
 def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.MULTILINE | re.DOTALL)
 
@@ -111,11 +115,24 @@ def test_measures_shown_measure_trials_of_both_models(model: str, block: str, tm
 
 
 def commands(page: Path) -> list[list[str]]:
-    """Return the commands that a page shows; of sweeps that take minutes, short ones."""
+    """Return the commands that a page shows; short ones of sweeps that take minutes, and of films."""
     shown = "".join(blocks(page, "console"))
     found = [shlex.split(line) for line in re.findall(r"^\$ epuck-sim (.*)$", shown, re.MULTILINE)]
-    short = ["--trials", "1", "--set", "stop.max_cycles=2"]
-    return [[*words, *short] if words[0] == "run" and words[1].startswith(LONG_SWEEPS) else words for words in found]
+    return [[*words, *shorter(words)] for words in found]
+
+
+def shorter(words: list[str]) -> list[str]:
+    """Return options that shorten what a command does; the last of several equal ones counts."""
+    match words:
+        case ["run", name, *_] if name.startswith(LONG_SWEEPS):
+            return ["--trials", "1", "--set", "stop.max_cycles=2"]
+        case ["run", *options] if "--film" in options or any("further_cycles" in option for option in options):
+            return [*SMALL_PICTURES, "--set", "stop.max_cycles=3"]
+        case ["film", *_]:
+            return SMALL_PICTURES
+        case ["check", *options] if "--time" in options:
+            return ["--time", "0.5"]
+    return []
 
 
 @pytest.fixture
@@ -150,6 +167,7 @@ def named_files(page: Path) -> dict[str, str]:
     return dict(shown)
 
 
+@pytest.mark.usefixtures("sweeps_run_here")
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
 def test_the_commands_shown_run(page: Path, shown: list[str], tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)

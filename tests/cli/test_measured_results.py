@@ -10,6 +10,8 @@ from tests.cli.commands import call, called, refused
 from tests.measures.files import write
 from tests.runs.made_folders import COUNT, SPEED, rows, store_measured, sweep
 
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
 SPEEDS = [0.1, 0.2, 0.5, 1, 2, 5, 10]
 
 

@@ -9,6 +9,8 @@ from epuck_sim.measures.shipped import SHIPPED
 from tests.cli.commands import call, called, refused
 from tests.measures.files import COUNTER, write
 
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
 SHORT = ["--set", "stop.max_cycles=3"]
 
 

@@ -22,6 +22,8 @@ from tests.processes import start, wait_until
 from tests.runs.made_folders import rows
 from tests.sweep.short_sweeps import table
 
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
 SPEED, RADIUS, REORIENT, COUNT = (
     "agents.speed_cm_s",
     "neighbourhood.radius_cm",

@@ -12,6 +12,8 @@ from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.yaml_io import parse_yaml
 from tests.cli.commands import call, called, refused
 
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
 SWEEP = ("particles", "--sweep", "agents.speed_cm_s=1,2,3", "--set", "trials=400", "--set", "stop.max_cycles=3")
 
 

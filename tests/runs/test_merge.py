@@ -18,6 +18,8 @@ from tests.cli.commands import call, called, contents, refused
 from tests.runs.made_folders import edit
 from tests.runs.test_store import CONTROLLER, COUNT, DATABASE, DEMO, MINE, fill, outcome, scenario_of, stored
 
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
 MANY = scenario_of({"grid": {COUNT: [2, 3, 4, 5, 6, 7]}}, trials=7)
 
 

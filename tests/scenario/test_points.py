@@ -14,7 +14,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.scenario.yaml_io import parse_yaml
+from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
 from epuck_sim.sweep.checks import check_sweep
 from epuck_sim.util.builtin import SWEEPS, builtin_files
 from epuck_sim.util.seeds import point_seed
@@ -110,12 +110,21 @@ def test_a_name_that_looks_like_a_number_is_written_as_a_name(name: str) -> None
     assert load_scenario(parse_yaml(write_scenario(load_scenario({"name": name})), "written")).name == name
 
 
-@pytest.mark.parametrize("name", list(builtin_files(SWEEPS)))
-def test_a_shipped_sweep_has_the_same_points_when_it_is_written_and_read_again(name: str) -> None:
-    found = points(load_scenario(name))
-    axes = load_scenario(name).sweep
+def shipped_versions():
+    """Return each shipped sweep and whether it is the quick version; full ones that have one are slow."""
+    for name, path in builtin_files(SWEEPS).items():
+        has_quick = "quick" in read_yaml(path)
+        if has_quick:
+            yield pytest.param(name, True, id=f"{name}-quick")
+        yield pytest.param(name, False, id=name, marks=[pytest.mark.slow] if has_quick else [])
+
+
+@pytest.mark.parametrize(("name", "quick"), [*shipped_versions()])
+def test_a_shipped_sweep_has_the_same_points_when_it_is_written_and_read_again(name: str, quick: bool) -> None:
+    scenario = load_scenario(name, quick=quick)
+    found, axes = points(scenario), scenario.sweep
     assert len(found) == prod(map(len, axes.grid.values())) * len(next(iter(axes.zip.values()), [0])) > 2
-    assert points(load_scenario(parse_yaml(write_scenario(load_scenario(name)), "written"))) == found
+    assert points(load_scenario(parse_yaml(write_scenario(scenario), "written"))) == found
 
 
 # Seeds

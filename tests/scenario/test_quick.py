@@ -13,9 +13,17 @@ from epuck_sim.scenario.yaml_io import parse_yaml, read_yaml
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
 from tests.cli.commands import call, refused
 
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
 SHIPPED = builtin_files(SWEEPS)
 WITH_QUICK = [name for name, path in SHIPPED.items() if "quick" in read_yaml(path)]
 WITHOUT = [name for name, path in {**SHIPPED, **builtin_files(ARENAS)}.items() if "quick" not in read_yaml(path)]
+
+
+def size_mark(name: str, quick: bool) -> list[pytest.MarkDecorator]:
+    """Return the mark `slow` for a version of a sweep that has hundreds of points."""
+    return [pytest.mark.slow] * (len(list(load_scenario(name, quick=quick).sweep.rows())) > 500)
+
 
 TINY = """
 name: tiny
@@ -187,7 +195,7 @@ def test_the_figure_of_a_shipped_sweep_is_of_its_axes(name: str, quick: bool) ->
         assert scenario.stop.order_parameter is None
 
 
-@pytest.mark.parametrize("name", WITH_QUICK)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=size_mark(name, False)) for name in WITH_QUICK])
 def test_points_that_both_versions_have_are_the_same_but_for_what_ends_their_trials(name: str) -> None:
     full, quick = (
         {point.key: point.scenario for point in points(load_scenario(name, quick=version))[:40]}
@@ -201,14 +209,16 @@ def test_points_that_both_versions_have_are_the_same_but_for_what_ends_their_tri
 # The command
 
 
-@pytest.mark.parametrize("name", WITH_QUICK)
-def test_check_prints_the_quick_version_without_telling_that_it_is_one(name: str) -> None:
-    for options, quick in (((), False), (("--quick",), True)):
-        result = call("check", name, *options)
-        assert (result.exit_code, result.stderr) == (0, "")
-        written = parse_yaml(result.stdout, "stdout")
-        assert "quick" not in written
-        assert load_scenario(written) == load_scenario(name, quick=quick)
+@pytest.mark.parametrize(
+    ("name", "quick"),
+    [pytest.param(name, quick, marks=size_mark(name, quick)) for name in WITH_QUICK for quick in (False, True)],
+)
+def test_check_prints_the_quick_version_without_telling_that_it_is_one(name: str, quick: bool) -> None:
+    result = call("check", name, *(["--quick"] if quick else []))
+    assert (result.exit_code, result.stderr) == (0, "")
+    written = parse_yaml(result.stdout, "stdout")
+    assert "quick" not in written
+    assert load_scenario(written) == load_scenario(name, quick=quick)
 
 
 @pytest.mark.parametrize("command", ["check", "run"])

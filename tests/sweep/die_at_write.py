@@ -11,9 +11,7 @@ import mmap
 import os
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 
@@ -22,8 +20,8 @@ from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.sweep.executors import Pool
 from epuck_sim.sweep.run import run_sweep
+from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import table
 
 SHIM = ctypes.CDLL(None)
@@ -39,20 +37,6 @@ FULL = 2
 
 EVER = 2**40
 """More calls than a sweep makes."""
-
-
-class _Here(Executor):
-    """Runs everything in this process, at once."""
-
-    def submit(self, function, /, *arguments, **named) -> Future:
-        future: Future = Future()
-        future.set_result(function(*arguments, **named))
-        return future
-
-
-@contextmanager
-def pool_here() -> Iterator[Pool]:
-    yield Pool(_Here(), lambda: 1, ())
 
 
 def forked(work: Callable[[], None]) -> int:

@@ -19,6 +19,7 @@ from epuck_sim.sweep.executors import Pool
 from epuck_sim.sweep.scheduler import TaskQueue, schedule
 from epuck_sim.sweep.worker import make_outcome, run_chunk
 from tests.processes import start, wait_until
+from tests.sweep.pool_here import Here
 from tests.sweep.short_sweeps import begin, short_sweep, stored
 from tests.sweep.test_executors import cluster_process
 from tests.sweep.test_scheduler import outcomes_of_length, task
@@ -56,24 +57,12 @@ class SLURMCluster(LocalCluster):
 '''
 
 
-class Local(Executor):
-    """Calls what it is given at once, in this process."""
-
-    def submit(self, function, *arguments) -> Future:
-        future: Future = Future()
-        try:
-            future.set_result(function(*arguments))
-        except Exception as error:
-            future.set_exception(error)
-        return future
-
-
 def answer(_: list[Task]) -> str:
     return "done"
 
 
 def test_a_worker_with_another_version_is_refused_in_words(monkeypatch) -> None:
-    executor = SameVersionsExecutor(Local())
+    executor = SameVersionsExecutor(Here())
     assert executor.submit(answer, [task(0)]).result() == "done"
     real = cluster.versions()
     asked = iter([real, {**real, "numba": "0.1", "python": "3.99.0"}])
@@ -88,7 +77,7 @@ def test_a_worker_with_another_controller_is_refused_in_words(tmp_path) -> None:
     path.write_text(OWN)
     scenario = load_scenario({"robots": [{"controller": str(path)}]})
     given = [Task(0, 0, 1, scenario, False)]
-    executor = SameVersionsExecutor(Local())
+    executor = SameVersionsExecutor(Here())
     assert executor.submit(answer, given).result() == "done"
     path.write_text(path.read_text().replace("pass", "actuators.ring_on = True"))
     with pytest.raises(ClusterError, match=r"has own\.py with digest \w{12}, this command own\.py with digest \w{12}"):

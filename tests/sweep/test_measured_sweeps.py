@@ -2,8 +2,7 @@
 
 import json
 import tempfile
-from concurrent.futures import Executor, Future
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -15,27 +14,13 @@ from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.points import points
-from epuck_sim.sweep.executors import Pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, write
+from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import table
 
 SETTLED = "def settled(simulation): return bool(simulation.positions()[0, 0] > 50)\n"
-
-
-class Here(Executor):
-    """Runs what it is given at once, in this process."""
-
-    def submit(self, function, /, *arguments):
-        future = Future()
-        future.set_result(function(*arguments))
-        return future
-
-
-@contextmanager
-def here():
-    yield Pool(Here(), lambda: 1, ())
 
 
 class Stopped(Exception):  # noqa: N818 no error
@@ -85,9 +70,9 @@ def test_measures_are_the_same_whatever_was_added_when_and_however_often_a_run_w
         folder, anew = Path(place) / "folder", Path(place) / "anew"
         for number, count, after in zip(sorted(trials), sorted(counts), stops, strict=False):
             with suppress(Stopped):
-                run_sweep(sweep(measures[:count], number), folder, here, stopper(after))
+                run_sweep(sweep(measures[:count], number), folder, pool_here, stopper(after))
         for each in (folder, anew):
-            run_sweep(sweep(measures, 3), each, here)
+            run_sweep(sweep(measures, 3), each, pool_here)
         assert content(folder) == content(anew)
         for name in ("order_parameter", "settled"):
             for point, stored in zip(points(sweep(measures, 3)), read_points(folder, name), strict=True):
@@ -127,8 +112,8 @@ def test_a_measure_that_raises_at_any_time_fails_its_trials_alone(at, ends_trial
         stop["stop"]["when"] = "Mine > 1" if not was_added else "order_parameter > 1"
     folder = tmp_path / "run"
     if was_added:
-        run_sweep(sweep(["order_parameter"], 2, **stop), folder, here)
-    progress = run_sweep(sweep(["order_parameter", str(path)], 2, **stop), folder, here)
+        run_sweep(sweep(["order_parameter"], 2, **stop), folder, pool_here)
+    progress = run_sweep(sweep(["order_parameter", str(path)], 2, **stop), folder, pool_here)
     assert (progress.stored, progress.failed) == (2, 2)
     status = read_status(folder)
     assert (status.stored, status.unmeasured) == ((4, 2) if was_added else (2, 0))

@@ -110,11 +110,14 @@ def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> Non
     assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
 
 
-def test_a_run_killed_at_ten_random_moments_and_resumed_gives_the_same_table(tmp_path, uninterrupted) -> None:
+@pytest.mark.parametrize(("starting", "running"), [(1, 2), pytest.param(4, 6, marks=pytest.mark.slow)])
+def test_a_run_killed_at_random_moments_and_resumed_gives_the_same_table(
+    tmp_path, uninterrupted, starting: int, running: int
+) -> None:
     path, folder, random = short_sweep(tmp_path, TRIALS), tmp_path / "run", Random(4)
     everything = POINTS * TRIALS
-    while_starting = [random.uniform(0.05, 1.5) for _ in range(4)]
-    while_running = sorted(random.sample(range(1, everything - 20), 6))
+    while_starting = [random.uniform(0.05, 1.5) for _ in range(starting)]
+    while_running = sorted(random.sample(range(1, everything - 20), running))
     kept = 0
     for number, moment in enumerate([*while_starting, *while_running]):
         run = begin(path, "--out", folder, "--workers", 2, folder=tmp_path, mark=f"{tmp_path.name}-{number}")
@@ -160,9 +163,10 @@ def test_ctrl_c_ends_cleanly_and_says_how_to_go_on(tmp_path, uninterrupted, sign
     assert table(folder) == uninterrupted
 
 
-def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path) -> None:
+@pytest.mark.parametrize("times", [2, pytest.param(6, marks=pytest.mark.slow)])
+def test_ctrl_c_while_workers_start_is_quiet_too(tmp_path, times: int) -> None:
     path, random = short_sweep(tmp_path, TRIALS), Random(1)
-    for number in range(6):
+    for number in range(times):
         mark = f"{tmp_path.name}-{number}"
         run = begin(path, "--out", tmp_path / f"run-{number}", "--workers", 2, folder=tmp_path, mark=mark)
         with pytest.raises(TimeoutExpired):

@@ -12,6 +12,7 @@ import pytest
 from epuck_sim.sweep import temporary_folders
 from epuck_sim.sweep.temporary_folders import LOCK, remove_stale_folders
 from tests.processes import COMMAND, start, wait_until
+from tests.sweep.short_sweeps import stored
 
 SWEEP = ("run", "pair", "--trials", "100000", "--workers", "2", "--set", "stop.max_cycles=2", "--out")
 
@@ -19,12 +20,7 @@ SWEEP = ("run", "pair", "--trials", "100000", "--workers", "2", "--set", "stop.m
 def running(out: Path, folder: Path) -> subprocess.Popen:
     """Start a sweep whose temporary files lie in `folder`, and wait until it has stored a trial."""
     process = start([*COMMAND, *SWEEP, out], mark=folder.name, env={"TMPDIR": str(folder)})
-
-    def has_stored() -> bool:
-        done = subprocess.run([*COMMAND, "status", out, "--json"], capture_output=True, text=True, check=False)
-        return done.returncode == 0 and '"stored": 0,' not in done.stdout
-
-    wait_until(has_stored, 120)
+    wait_until(lambda: stored(out) > 0, 120)
     return process
 
 
