@@ -10,7 +10,6 @@ import sys
 import threading
 import time
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from threading import Thread
 
@@ -23,6 +22,7 @@ from epuck_sim.sweep.cluster import DaskCluster
 from epuck_sim.sweep.executors import ONE_THREAD, local_pool
 from epuck_sim.sweep.run import run_sweep
 from tests.processes import start, wait_until
+from tests.sweep.pool_here import pool_here
 from tests.sweep.short_sweeps import begin, short_sweep, stored, table
 
 UNNEEDED = {
@@ -87,7 +87,7 @@ def cluster_process(stack: ExitStack, *arguments: str, folder: Path) -> subproce
     return process
 
 
-def test_a_cluster_that_loses_a_worker_gives_the_same_table_as_processes_here(tmp_path) -> None:
+def test_a_cluster_that_loses_a_worker_gives_the_same_table_as_this_process(tmp_path) -> None:
     path, folder = short_sweep(tmp_path, 40), tmp_path / "run"
     contact = tmp_path / "scheduler.json"
     with ExitStack() as stack:
@@ -113,7 +113,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_table_as_processes_here(tm
         _, err = run.communicate(timeout=120)
         assert run.returncode == 0, err
         assert other.poll() is None
-    run_sweep(load_scenario(path), tmp_path / "here", partial(local_pool, 2))
+    run_sweep(load_scenario(path), tmp_path / "here", pool_here)
     assert table(folder) == table(tmp_path / "here")
 
 

@@ -255,7 +255,7 @@ def test_a_second_command_on_the_folder_is_refused_while_the_first_is_at_work(tm
 
 
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
-    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 125))), FinishedTrials(), interpret=False)]
+    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 63))), FinishedTrials(), interpret=False)]
 
     def resident_kb() -> int:
         (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)
@@ -263,8 +263,8 @@ def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
 
     run_chunk(tasks[:200])
     before = resident_kb()
-    run_chunk(tasks[200:1000])
-    assert resident_kb() <= 1.05 * before
+    run_chunk(tasks[200:500])
+    assert resident_kb() <= 1.02 * before
 
 
 def test_other_versions_that_made_trials_are_reported(tmp_path) -> None:
