@@ -105,7 +105,7 @@ def crowds(draw: st.DrawFn) -> tuple[FloatArray, Arena]:
 def test_contacts_are_those_of_the_slow_twin() -> None:
     tally = Counter()
 
-    @settings(max_examples=100)
+    @settings(max_examples=200)
     @given(crowds())
     def compare(crowd: tuple[FloatArray, Arena]) -> None:
         found = contacts(*crowd)
