@@ -49,11 +49,20 @@ def calibrate(
         from epuck_sim.cli.parsing import parse_board
         from epuck_sim.cli.progress import progress_bar
         from epuck_sim.overhead.film.reader import open_film
-        from epuck_sim.overhead.lens_file import Board, calibrate_lens, find_views, save_lens
+        from epuck_sim.overhead.lens_file import (
+            APART_S,
+            Board,
+            calibrate_lens,
+            check_lens_target,
+            find_views,
+            save_lens,
+        )
 
         squares = Board("charuco" if charuco else "checkerboard", *parse_board(board))
+        check_lens_target(to)
         with open_film(film) as reader:
-            views = find_views(progress_bar("calibrating")(reader.frames(), reader.duration_s), squares)
+            frames = progress_bar("calibrating")(reader.frames(), reader.duration_s)
+            views = find_views(frames, squares, 0.0 if reader.is_pictures else APART_S)
             lens = calibrate_lens(film, views, (reader.width_px, reader.height_px), fisheye)
         save_lens(to, lens)
         typer.echo(f"{to}: focal length {lens.focal_px:.1f} px, from {lens.views} views, error {lens.error_px:.2f} px")

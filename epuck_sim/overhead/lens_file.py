@@ -1,9 +1,10 @@
 """Calibrates a lens from pictures of a board, and keeps it in a file that `track` and `film` take."""
 
 import json
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -35,6 +36,13 @@ MIN_MOVE_PX = 8.0
 
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
 """Termination criterion (iterations, tolerance in px) by which corners are refined."""
+
+UNSURE_FOCUS = 0.02
+"""Standard deviation of the focal length, relative to it, from which the views do not determine a lens."""
+
+LEAST_TILT_DEG = 10.0
+"""Angle between the board and the picture that some view must have: seen straight on, a board nearby looks as one that
+is farther away through a longer lens."""
 
 MARKER_SHARE = 0.7
 """Side of a ChArUco board's markers, relative to that of its squares."""
@@ -80,13 +88,19 @@ class LensFile(BaseModel):
         return Lens(self.focal_px, self.focal_down_px, self.middle_px, self.coefficients, self.is_fisheye)
 
 
-def find_views(frames: Iterable[Frame], board: Board) -> list[View]:
-    """Return views of a board in a film in which it, or the camera, moves."""
+def find_views(frames: Iterable[Frame], board: Board, apart_s: float = APART_S) -> list[View]:
+    """Return views of a board in a film in which it, or the camera, moves.
+
+    Args:
+        frames: The film.
+        board: The board.
+        apart_s: Time between frames in which the board is searched; 0 for pictures.
+    """
     find = _charuco_corners if board.kind == "charuco" else _checkerboard_corners
     views: list[View] = []
     last_s = -np.inf
     for frame in frames:
-        if frame.time_s - last_s < APART_S:
+        if frame.time_s - last_s < apart_s:
             continue
         last_s = frame.time_s
         view = find(frame.picture, board)
@@ -98,10 +112,14 @@ def find_views(frames: Iterable[Frame], board: Board) -> list[View]:
 
 
 def _has_moved(view: View, last: View) -> bool:
-    middle, before = (each.pixels.reshape(-1, 2) for each in (view, last))
-    if len(middle) != len(before):
-        return True
-    return float(np.linalg.norm(middle - before, axis=1).mean()) >= MIN_MOVE_PX
+    """Return whether the corners that both views have moved on average."""
+    now, before = ({tuple(place): pixel for place, pixel in zip(*_rows(each), strict=True)} for each in (view, last))
+    moves = [float(np.linalg.norm(now[place] - before[place])) for place in now.keys() & before.keys()]
+    return not moves or sum(moves) / len(moves) >= MIN_MOVE_PX
+
+
+def _rows(view: View) -> tuple[list[list[float]], Float32Array]:
+    return view.board.reshape(-1, 3).tolist(), view.pixels.reshape(-1, 2)
 
 
 def _checkerboard_corners(picture: Picture, board: Board) -> View | None:
@@ -144,11 +162,14 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
             f"{name}: the board is found in {len(views)} different positions; allowed: {MIN_VIEWS} or more; check "
             "--board (squares across and down), light it evenly, and show it in all parts of the picture and tilted"
         )
+    undetermined = (
+        f"{name}: the views of the board do not determine a lens; show it tilted, near and far, and in the corners"
+    )
     points, pixels = [view.board for view in views], [view.pixels for view in views]
     try:
         if is_fisheye:
             flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
-            error, matrix, terms, _, _ = cv2.fisheye.calibrate(
+            error, matrix, terms, turns, _ = cv2.fisheye.calibrate(
                 [each.astype(float).reshape(1, -1, 3) for each in points],
                 [each.astype(float).reshape(1, -1, 2) for each in pixels],
                 size_px,
@@ -157,29 +178,44 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
                 flags=flags,
             )
         else:
-            error, matrix, terms, _, _ = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))
-    except cv2.error as failed:
-        raise FilmError(
-            f"{name}: the views of the board do not determine a lens; show it tilted, near and far, and in the corners"
-        ) from failed
-    return LensFile(
-        width_px=size_px[0],
-        height_px=size_px[1],
-        focal_px=float(matrix[0, 0]),
-        focal_down_px=float(matrix[1, 1]),
-        middle_px=(float(matrix[0, 2]), float(matrix[1, 2])),
-        coefficients=tuple(np.ravel(terms).tolist()),
-        is_fisheye=is_fisheye,
-        views=len(views),
-        error_px=float(error),
-    )
+            error, matrix, terms, turns, _, deviations, *_ = cv2.calibrateCameraExtended(
+                points, pixels, size_px, np.eye(3), np.zeros(5)
+            )
+            if not deviations[:2].max() <= UNSURE_FOCUS * matrix[0, 0]:
+                raise FilmError(undetermined)
+        if _largest_tilt_deg(turns) < LEAST_TILT_DEG:
+            raise FilmError(undetermined)
+        return LensFile(
+            width_px=size_px[0],
+            height_px=size_px[1],
+            focal_px=float(matrix[0, 0]),
+            focal_down_px=float(matrix[1, 1]),
+            middle_px=(float(matrix[0, 2]), float(matrix[1, 2])),
+            coefficients=tuple(np.ravel(terms).tolist()),
+            is_fisheye=is_fisheye,
+            views=len(views),
+            error_px=float(error),
+        )
+    except (cv2.error, ValidationError) as failed:
+        raise FilmError(undetermined) from failed
 
 
-def save_lens(path: Path, lens: LensFile) -> None:
-    """Write the file of a lens; raises FilmError for another ending than .json."""
+def _largest_tilt_deg(turns: Sequence[Any]) -> float:
+    """Return the largest angle between the picture and a board that is turned by one of these Rodrigues vectors."""
+    towards = [abs(float(cv2.Rodrigues(np.ravel(turn))[0][2, 2])) for turn in turns]
+    return math.degrees(math.acos(min(1.0, *towards)))
+
+
+def check_lens_target(path: Path) -> None:
+    """Raise FilmError if a lens cannot be written to a path, or its name does not end in .json."""
     if path.suffix != SUFFIX:
         raise FilmError(f"{path}: is no name for a lens; allowed: names that end in {SUFFIX}")
     check_target(path)
+
+
+def save_lens(path: Path, lens: LensFile) -> None:
+    """Write the file of a lens; raises as `check_lens_target`."""
+    check_lens_target(path)
     with atomic_write(path) as part:
         part.write_text(lens.model_dump_json(indent=2) + "\n")
 

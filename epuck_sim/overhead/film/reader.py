@@ -73,6 +73,8 @@ class Film:
     """The description that this package stored in the film; None in a film from elsewhere."""
     duration_s: float | None
     """Duration that the file declares, which may be wrong; None if it declares none."""
+    is_pictures: bool
+    """Whether it is a series of numbered pictures, which have no times."""
 
     def __init__(self, name: str, container: InputContainer, stream: VideoStream) -> None:
         self.name = name
@@ -80,6 +82,7 @@ class Film:
         self.duration_s = duration_s(container, stream)
         self._container, self._stream = container, stream
         self._format = container.format.name
+        self.is_pictures = self._format == "image2"
         self._rate = stream.average_rate or Fraction(UNSTAMPED_RATE)
         self._clock = FilmClock(1 / self._rate)
         self._damaged = 0
@@ -108,7 +111,7 @@ class Film:
         found = [self._ended_early] if self._ended_early else []
         if self._damaged:
             found.append(f"damaged frames: {self._damaged}; they were left out or patched from their neighbours")
-        if self._format == "image2":
+        if self.is_pictures:
             found.append(
                 f"numbered pictures have no times: {float(self._rate):g} frames per second are assumed; for another "
                 f"rate, convert them to a film: ffmpeg -framerate RATE -i {self.name} film.mkv"

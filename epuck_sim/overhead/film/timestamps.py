@@ -10,6 +10,9 @@ GAP = 1.5
 RESTART_S = 1.0
 """Seconds before the previous time stamp from which a clock counts as restarted, not a frame as out of order."""
 
+LONGEST_GAP_S = 86_400.0
+"""Seconds after the previous time stamp from which a clock counts as set anew: no camera is still for a day."""
+
 
 class FilmClock:
     """Turns the time stamps of frames into times that increase from 0, and counts the stamps that do not."""
@@ -38,7 +41,7 @@ class FilmClock:
         if self._zero_s is None:
             self._zero_s = stamp_s - Fraction(self._expected_s())
         since_s = float(stamp_s - self._zero_s) - self.last_s
-        if self.last_s >= 0 and since_s < -RESTART_S:
+        if self.last_s >= 0 and not -RESTART_S <= since_s <= LONGEST_GAP_S:
             self._restarts += 1
             self._zero_s = stamp_s - Fraction(self._expected_s())
         elif self.last_s >= 0 and since_s <= 0:
@@ -65,7 +68,7 @@ class FilmClock:
         defects = {
             "frames left out because they have the time stamp of the previous one": self._doubled,
             "frames left out because their time stamp is before that of the previous one": self._unordered,
-            "backward jumps of the time stamps, across which the film is taken to continue": self._restarts,
+            "jumps of the time stamps, across which the film is taken to continue": self._restarts,
             f"frames without a time stamp, placed {1000 * self._average_s():.3g} ms after the previous one": (
                 self._missing
             ),

@@ -153,7 +153,9 @@ def described_geometry(source: FrameSource, options: TrackOptions, metadata: Fil
     return Geometry(camera, metadata.arena_cm, DESCRIPTION, True)
 
 
-def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STUDIED_FRAMES) -> Geometry:
+def calibrate(
+    source: FrameSource, options: TrackOptions, most_frames: int = STUDIED_FRAMES, most_lit_s: float = math.inf
+) -> Geometry:
     """Determine the camera that took a film, reading no more frames than needed.
 
     The place of the floor follows from the corners in the options; or else from the floor's corners, if the film begins
@@ -162,7 +164,8 @@ def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STU
     Args:
         source: The film or camera; its next frames are read.
         options: What is known of it.
-        most_frames: Number of dark frames in which rings are studied, once there are any.
+        most_frames: Number of frames in which rings are studied, once the room is dark.
+        most_lit_s: Time for which it is waited for the dark.
 
     Raises:
         FilmError: The options make no sense, or the film shows neither a floor nor a ring.
@@ -181,7 +184,8 @@ def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STU
     if corners is None:
         corners, origin, frames = _lit_corners(frames)
     background = Background()
-    rings = measure_rings(frames if corners is None else islice(frames, most_frames), background, most_frames)
+    dark = _after_light(frames, most_lit_s)
+    rings = measure_rings(dark if corners is None else islice(dark, most_frames), background, most_frames)
     if corners is None and not rings.number:
         raise FilmError(
             f"{source.name}: no lit ring is seen; is it the right film, and is the exposure long enough? If there are "
@@ -203,6 +207,16 @@ def calibrate(source: FrameSource, options: TrackOptions, most_frames: int = STU
         background.picture,
         rings.light,
     )
+
+
+def _after_light(frames: Iterator[Frame], most_lit_s: float) -> Iterator[Frame]:
+    """Yield the frames from the first dark one on, or from when it has been lit for so long."""
+    begin_s: float | None = None
+    for frame in frames:
+        begin_s = frame.time_s if begin_s is None else begin_s
+        if frame.time_s - begin_s >= most_lit_s or not is_lit(frame.picture):
+            yield frame
+            yield from frames
 
 
 def _lit_corners(frames: Iterator[Frame]) -> tuple[FloatArray | None, str, Iterator[Frame]]:

@@ -26,7 +26,10 @@ HEAD_FRAMES = 90
 """Number of frames kept while a live camera is calibrated, so that their flashes count: 6 s at 15 frames per second."""
 
 LIVE_FRAMES = 30
-"""Number of dark frames in which rings are studied while a live camera waits."""
+"""Number of frames in which rings are studied while a live camera waits, once the room is dark."""
+
+LIVE_LIT_S = 60.0
+"""Time for which a live camera waits for the room to be dark before it is tracked as it is."""
 
 
 class Watching(NamedTuple):
@@ -74,7 +77,7 @@ def track_camera(
         if lens is not None:
             options = options._replace(lens=read_lens(lens, (live.width_px, live.height_px)))
         waiting = _Waiting(live, outputs)
-        counter = RingCounter(calibrate(waiting, options, LIVE_FRAMES))
+        counter = RingCounter(calibrate(waiting, options, LIVE_FRAMES, LIVE_LIT_S))
         outputs.begin()
         ends: list[str] = []
         later = map(outputs.record, _until_unplugged(live.frames(), ends))

@@ -165,6 +165,13 @@ def test_dropped_frames_are_reported(tmp_path):
     ]
 
 
+def test_a_clock_that_is_set_goes_on():
+    clock = FilmClock(Fraction(1, 10))
+    stamps = [Fraction(number, 10) + (1_700_000_000 if number >= 5 else 0) for number in range(10)]
+    assert [clock.time_s(stamp) for stamp in stamps] == pytest.approx(np.arange(10) / 10)
+    assert clock.warnings() == ["jumps of the time stamps, across which the film is taken to continue: 1"]
+
+
 def test_a_clock_that_begins_anew_goes_on(tmp_path):
     path = write_film(tmp_path / "film.ts", range(0, 180_000, 6000), kit.TS)
     path.write_bytes(2 * path.read_bytes())
@@ -173,7 +180,7 @@ def test_a_clock_that_begins_anew_goes_on(tmp_path):
 
     np.testing.assert_allclose(times, np.arange(60) / 15, rtol=0, atol=1e-9)
     assert numbers == 2 * list(range(30))
-    assert warnings == ["backward jumps of the time stamps, across which the film is taken to continue: 1"]
+    assert warnings == ["jumps of the time stamps, across which the film is taken to continue: 1"]
 
 
 @given(st.lists(st.none() | st.integers(-(10**6), 10**6)))
