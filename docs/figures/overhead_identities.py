@@ -54,7 +54,7 @@ def track(speed_cm_s: float, seed: int, side_px: int) -> tuple[Track, Truth]:
     counter = RingCounter(Geometry(overhead_camera(overhead, 60, 60), (60.0, 60.0), "the scenario", True))
     for frame in film(speed_cm_s, seed, side_px, truth):
         counter.process(frame)
-    return analyse("film", counter, TrackOptions(period_s=PERIOD_S, robots=10), ()), truth
+    return analyse("film", counter.counted(), TrackOptions(period_s=PERIOD_S, robots=10), ()), truth
 
 
 def main(films: int, side_px: int) -> None:

@@ -1,5 +1,6 @@
 """The command `compare-film`: a film beside simulated trials of a scenario, which can be fitted to it."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -7,13 +8,13 @@ import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
 from epuck_sim.cli.film_options import (
-    ArenaOption,
     CornersOption,
     HeightOption,
     LensOption,
     PeriodOption,
     RobotsOption,
     TagsOption,
+    arena_option,
     robots_finder,
     scene_options,
 )
@@ -31,7 +32,7 @@ def compare_film(
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change the scenario; repeatable.")
     ] = None,
     trials: Annotated[int, typer.Option(min=1, max=10_000, help="Number of simulated trials.")] = 40,
-    arena: ArenaOption = None,
+    arena: Annotated[str | None, arena_option("as in SCENARIO")] = None,
     height: HeightOption = None,
     corners: CornersOption = None,
     lens: LensOption = None,
@@ -42,7 +43,10 @@ def compare_film(
     plot: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE.png", help="Draw the film beside the trials; their table is .csv.", rich_help_panel=OUTPUT
+            metavar="STEM|FILE",
+            help="Draw the film beside the trials, as STEM.png and STEM.svg or one picture, FILE.png, FILE.svg or "
+            "FILE.pdf, with all values as CSV beside it.",
+            rich_help_panel=OUTPUT,
         ),
     ] = None,
     fit: Annotated[
@@ -57,32 +61,61 @@ def compare_film(
         reject_first(
             (fit is not None and fit.suffix not in (".yaml", ".yml"), f"--fit is {fit}; allowed: a name in .yaml"),
         )
-        from epuck_sim.cli.film_beside_tables import print_beside, print_beside_json
+        from epuck_sim.cli.film_comparison_tables import print_comparison, print_comparison_json
         from epuck_sim.cli.progress import print_stderr, progress_bar
         from epuck_sim.cli.trials_bar import trials_bar
         from epuck_sim.overhead import film_comparison
-        from epuck_sim.overhead.track.track_film import track_film
+        from epuck_sim.overhead.scenario_fit import check_one_group, fit_scenario, fitted_values, save_fitted
+        from epuck_sim.overhead.track.track_film import describes_floor, track_film
         from epuck_sim.scenario.embodied import EmbodiedScenario
         from epuck_sim.scenario.loader import load_scenario
         from epuck_sim.scenario.scenario import require_model
-        from epuck_sim.util.atomic_write import check_target
 
         loaded = require_model(load_scenario(scenario, overrides or ()), EmbodiedScenario, "films are of robots")
         options = scene_options(arena, height, corners, period, robots)
         find_robots = robots_finder(tags)
-        for target in (plot, fit):
-            if target is not None:
-                check_target(target)
+        _check_outputs({"the film": film, "SCENARIO": scenario}, plot, fit)
+        if fit is not None:
+            check_one_group(loaded)
+        simulated_cm = (loaded.arena.width_cm, loaded.arena.height_cm)
+        if options.arena_cm is None and not describes_floor(film):
+            options = options._replace(arena_cm=simulated_cm)
         track = track_film(film, options, None, progress_bar("tracking"), lens)
         found = find_robots(track)
-        for warning in (*track.warnings, *found.warnings):
+        floor_cm = track.geometry.floor_cm
+        untold = track.reasons if track.confidence == "none" else ()
+        for warning in (*untold, *track.warnings, *found.warnings):
             print_stderr(f"warning: {warning}")
-        fitted_scenario, fitted = film_comparison.overlay(loaded, track, found)
+        if floor_cm != simulated_cm:
+            print_stderr(
+                f"warning: the film's floor is {floor_cm[0]:g} x {floor_cm[1]:g} cm, that of {loaded.name} "
+                f"{simulated_cm[0]:g} x {simulated_cm[1]:g} cm; if they are the same, check --arena-cm or SCENARIO"
+            )
         rows = film_comparison.compare_film(track, found, loaded, trials, trials_bar(trials))
-        (print_beside_json if as_json else print_beside)(film, loaded.name, rows, fitted)
+        fitted = fitted_values(loaded, track, found)
+        (print_comparison_json if as_json else print_comparison)(film, loaded.name, rows, fitted)
         if plot is not None:
-            from epuck_sim.figures.film_beside import save_beside_figure
+            from epuck_sim.figures.film_comparison import save_comparison_figure
 
-            save_beside_figure(plot, rows)
+            save_comparison_figure(plot, rows)
         if fit is not None:
-            film_comparison.save_overlay(fit, fitted_scenario, fitted, film)
+            save_fitted(fit, fit_scenario(loaded, fitted), fitted, film)
+
+
+def _check_outputs(inputs: dict[str, str], plot: Path | None, fit: Path | None) -> None:
+    """Raise EpuckSimError if an output cannot be written, or has the name of an input or of another output."""
+    from epuck_sim.util.atomic_write import check_target
+
+    given: list[tuple[str, Path]] = []
+    if plot is not None:
+        from epuck_sim.figures.saving import check_files, parse_target
+
+        stem, formats = parse_target(plot)
+        given += [("--plot", file) for file in check_files(stem, (*formats, ".csv"))]
+    if fit is not None:
+        check_target(fit)
+        given.append(("--fit", fit))
+    owners = {os.path.realpath(path): name for name, path in inputs.items()}
+    for option, path in given:
+        owner = owners.setdefault(os.path.realpath(path), option)
+        reject_first((owner != option, f"{option} writes {path}; allowed: another name, because it belongs to {owner}"))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,15 +16,18 @@ if TYPE_CHECKING:
 FILM, GEOMETRY, DECISION = "Film", "Geometry", "Decision"
 """Headings of options, in the help."""
 
-ArenaOption = Annotated[
-    str | None,
-    typer.Option(
+
+def arena_option(otherwise: str) -> Any:
+    """Return the option of the floor's size, whose help says what it is if the film does not describe it."""
+    return typer.Option(
         "--arena-cm",
         metavar="SIDE|WIDTHxHEIGHT",
-        help="Size of the floor; by default as the film describes it, or 60.",
+        help=f"Size of the floor; by default as the film describes it, or {otherwise}.",
         rich_help_panel=GEOMETRY,
-    ),
-]
+    )
+
+
+ArenaOption = Annotated[str | None, arena_option("60")]
 HeightOption = Annotated[
     float | None,
     typer.Option(

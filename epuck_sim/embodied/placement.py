@@ -73,7 +73,7 @@ class Floor(NamedTuple):
     def is_free(self, placed: FloatArray, x: float, y: float) -> bool:
         """Return whether a robot at (x, y) touches no robot that is placed, no wall, no obstacle and no movable."""
         dx, dy = placed[:, 0] - x, placed[:, 1] - y
-        return bool((dx * dx + dy * dy >= self.touch_cm**2).all()) and self.is_clear(x, y)
+        return bool((np.hypot(dx, dy) >= self.touch_cm - _TOLERANCE_CM).all()) and self.is_clear(x, y)
 
     def draw_place(self, taken: "_TakenPlaces", random: np.random.Generator) -> tuple[float, float] | None:
         """Return a random place where a robot touches nothing; None if none is found."""

@@ -2,7 +2,7 @@
 
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -72,8 +72,8 @@ def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str,
     Raises:
         EpuckSimError: One of the files cannot be written; then none is.
     """
-    pictures = _check_files(target.stem, target.formats)
-    files = _check_files(target.stem, tables)
+    pictures = check_files(target.stem, target.formats)
+    files = check_files(target.stem, tables)
     figure = draw()
     for picture, ending in zip(pictures, target.formats, strict=True):
         _save_picture(figure, picture, ending.lower())
@@ -82,7 +82,8 @@ def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str,
     return [*pictures, *files]
 
 
-def _check_files(stem: Path, endings: tuple[str, ...] | Mapping[str, Table]) -> list[Path]:
+def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
+    """Return the files with a stem and these endings; raise EpuckSimError if one of them cannot be written."""
     if stem.name in ("", ".."):
         raise EpuckSimError(f"{stem}: is not a file's name; give FOLDER/NAME, to which .png and so on are added")
     files = [stem.with_name(f"{stem.name}{ending}") for ending in endings]

@@ -38,8 +38,12 @@ class FinishedTrials(Set[tuple[int, int]]):
         marks.extend(bytes(max(0, int(trials.max()) + 1 - len(marks))))
         np.frombuffer(marks, np.uint8)[trials] = 1
 
+    def count(self, point: int, wanted: range) -> int:
+        """Return how many of the wanted trials of a point are in the set."""
+        return self._marks.get(point, bytearray())[wanted.start : wanted.stop : wanted.step].count(1)
+
     def missing(self, point: int, wanted: range) -> Iterator[int]:
-        """Yield the places in `wanted` of those trials of a point that are not in the set."""
+        """Yield the indices into `wanted` of those trials of a point that are not in the set."""
         marks = self._marks.get(point, bytearray())[wanted.start : wanted.stop : wanted.step]
         place = marks.find(0)
         while place >= 0:

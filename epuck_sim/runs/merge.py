@@ -44,10 +44,13 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
             for row in connection.execute(f"SELECT DISTINCT {', '.join(VERSIONS)} FROM trials"):
                 versions.setdefault(row, folder)
     _check_versions(versions)
-    # the sweep may have grown since the first share was begun
-    largest = max(points, key=lambda folder: (len(points[folder]), sum(point.trials for point in points[folder])))
+    largest = max(points, key=lambda folder: _size(points[folder]))
     for folder, of_folder in points.items():
         check_same_sweep(folder, of_folder, points[largest], f"in {largest}")
+    try:
+        scenario = (largest / RUN_SCENARIO).read_bytes()
+    except OSError as error:
+        raise StoreError(f"{largest / RUN_SCENARIO}: cannot be read: {error.strerror}; copy it, too") from error
     with acquire(whole):
         if (whole / DATABASE).exists():
             raise StoreError(
@@ -58,7 +61,13 @@ def merge_folders(folders: Sequence[Path], whole: Path) -> None:
             for folder in points:
                 _add(connection, folder)
         with atomic_write(whole / RUN_SCENARIO) as part:
-            part.write_bytes((largest / RUN_SCENARIO).read_bytes())
+            part.write_bytes(scenario)
+
+
+def _size(points: Sequence[StoredPoint]) -> tuple[int, int, int]:
+    """Return how large the sweep of a folder is: it may have grown since the first share was begun."""
+    measures = sum(len(json.loads(point.measures)) for point in points)
+    return len(points), sum(point.trials for point in points), measures
 
 
 def _check_versions(found: Mapping[tuple[str, ...], Path]) -> None:

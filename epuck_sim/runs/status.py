@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from epuck_sim.runs.database import has_column, read_share, reading
+from epuck_sim.runs.finished import FinishedTrials
 from epuck_sim.runs.reader import database_of, measures_in
 from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.runs.schema import UNMEASURED
-from epuck_sim.runs.share import WHOLE
+from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.provenance import PROVENANCE
 
 
@@ -47,7 +48,7 @@ class Status(NamedTuple):
     trials: int
     """Number of trials in the whole sweep, or in the folder's share of it."""
     stored: int
-    """Number of trials that have a result."""
+    """Number of them that have a result."""
     censored: int | None
     """Number of trials that are censored; None if those that are stored have no T_sync."""
     failed: list[Failure]
@@ -75,6 +76,7 @@ def read_status(folder: Path) -> Status:
         points = connection.execute("SELECT number, trials FROM points").fetchall()
         (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
         counts = _count(connection)
+        stored = counts.stored if share == WHOLE else _count_of_share(connection, share, points)
         problem = _problem(connection)
         # a query for none would look at all trials
         failed = counts.problems and connection.execute(
@@ -88,7 +90,7 @@ def read_status(folder: Path) -> Status:
         scenario=json.loads(scenario)["name"],
         points=len(points),
         trials=sum(len(share.trials(*point)) for point in points),
-        stored=counts.stored,
+        stored=stored,
         censored=counts.censored if counts.stored else 0,
         failed=failures,
         wall_s=counts.wall_s,
@@ -129,6 +131,13 @@ def _count(connection: sqlite3.Connection) -> _Counts:
         first,
     ).fetchone()
     return _Counts(first, *counts)
+
+
+def _count_of_share(connection: sqlite3.Connection, share: Share, points: list[tuple[int, int]]) -> int:
+    """Return how many trials of a share have a result; if it got further points, others are stored, too."""
+    numbers = dict(connection.execute("SELECT key, number FROM points"))
+    finished = FinishedTrials.read(connection, "FROM trials WHERE error IS NULL", numbers)
+    return sum(finished.count(number, share.trials(number, trials)) for number, trials in points)
 
 
 def _count_by_origin(connection: sqlite3.Connection, counts: _Counts) -> list[TrialsByOrigin]:

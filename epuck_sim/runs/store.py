@@ -93,17 +93,17 @@ class Store:
                 self._connection.executemany(ENTER_POINT, rows)
                 self._connection.execute("UPDATE points SET share = ?", (str(share) if share else None,))
                 Signer(self._connection, "points").sign()
+            self.share = share or WHOLE
+            self._measures = measures_in(self._connection)
+            self._finished = _FINISHED if self._measures else _STORED
+            self._signer = Signer(self._connection, "trials")
+            columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
+            updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
+            self._insert = (
+                f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
+                f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(updates)} WHERE error IS NOT NULL"
+            )
             self._resources = stack.pop_all()
-        self.share = share or WHOLE
-        self._measures = measures_in(self._connection)
-        self._finished = _FINISHED if self._measures else _STORED
-        self._signer = Signer(self._connection, "trials")
-        columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
-        updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
-        self._insert = (
-            f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
-            f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(updates)} WHERE error IS NOT NULL"
-        )
 
     def finished(self) -> FinishedTrials:
         """Return the numbers of point and trial of every trial that has a result, and a value of each measure.

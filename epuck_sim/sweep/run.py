@@ -58,17 +58,20 @@ def run_sweep(
     with Store(Path(folder), loaded, all_points, share, durable=durable) as store:
         finished = store.finished()
         ours = store.share
-        total = sum(len(ours.trials(point.number, point.scenario.trials)) for point in all_points)
-        progress = SweepProgress(total, len(finished), store.censored(), 0, 0)
+        wanted = [(point.number, ours.trials(point.number, point.scenario.trials)) for point in all_points]
+        total = sum(len(trials) for _, trials in wanted)
+        # a share that got further points may have trials that now belong to others
+        stored = sum(finished.count(number, trials) for number, trials in wanted)
+        progress = SweepProgress(total, stored, store.censored(), 0, 0)
         observer(progress)
-        queue = TaskQueue(missing_tasks(all_points, finished, interpret, ours), max(0, total - len(finished)))
+        queue = TaskQueue(missing_tasks(all_points, finished, interpret, ours), total - stored)
         kinds = first_of_each_kind(all_points, finished, interpret, ours)
         with closing(schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
                 for outcome, is_stored in zip(outcomes, store.add_all(outcomes), strict=True):
                     progress = progress._replace(
                         stored=progress.stored + is_stored,
-                        censored=_censored(progress.censored, outcome),
+                        censored=_censored(progress.censored, outcome) if is_stored else progress.censored,
                         failed=progress.failed + (not is_stored),
                         ended=progress.ended + 1,
                     )

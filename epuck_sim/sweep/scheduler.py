@@ -7,7 +7,6 @@ import math
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Future
-from contextlib import suppress
 from itertools import chain, islice
 from queue import Empty, SimpleQueue
 from typing import TypeVar
@@ -71,8 +70,9 @@ class ChunkSizer:
     def note(self, outcomes: Iterable[Outcome]) -> None:
         """Take note of trials that have ended."""
         for outcome in outcomes:
-            self._trials += 1
-            self._wall_s += outcome.result.wall_s if outcome.result else 0.0
+            if outcome.result:  # it is not known how long others took
+                self._trials += 1
+                self._wall_s += outcome.result.wall_s
 
     def chunk(self, waiting: int, slots: int) -> int:
         """Return how many of the `waiting` trials to hand over to one of `slots`."""
@@ -100,19 +100,27 @@ def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Ge
     sizer = ChunkSizer()
     while queue:
         with open_pool() as pool:
-            lost = yield from _run_parallel(pool, queue, kinds, sizer)
+            if kinds and not _compile_ahead(pool, kinds):
+                kinds = ()  # trials will show which of them kills its worker
+                continue
+            lost = yield from _run_parallel(pool, queue, sizer)
         suspects = deque(queue.give_back(lost))
         while suspects:
             with open_pool() as pool:
                 yield from _run_isolated(pool, suspects)
 
 
-def _run_parallel(
-    pool: Pool, queue: TaskQueue, kinds: Sequence[Task], sizer: ChunkSizer
-) -> Generator[list[Outcome], None, list[Task]]:
-    """Yield outcomes until the queue is empty or a worker dies; return the tasks that were lost with it."""
-    with suppress(*pool.deaths, *pool.losses):  # if compiling kills the worker, trials will show which of them it is
+def _compile_ahead(pool: Pool, kinds: Sequence[Task]) -> bool:
+    """Have one worker compile all kinds; return False if it dies."""
+    try:
         _result(pool.executor.submit(compile_ahead, kinds), pool)
+    except pool.deaths + pool.losses:
+        return False
+    return True
+
+
+def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[list[Outcome], None, list[Task]]:
+    """Yield outcomes until the queue is empty or a worker dies; return the tasks that were lost with it."""
     running: dict[Future[list[Outcome]], list[Task]] = {}
     lost: list[Task] = []
     # `concurrent.futures.wait` locks all futures: interrupted half way, it leaves locks for which the pool's thread,

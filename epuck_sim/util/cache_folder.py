@@ -1,7 +1,9 @@
 """The folder in which compiled code is kept."""
 
 import os
+import stat
 import tempfile
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -10,7 +12,7 @@ import platformdirs
 UNUSED_S = 30 * 24 * 3600.0
 """Time in seconds after which compiled code that no process has used is removed."""
 
-USER = os.getuid() if hasattr(os, "getuid") else 0
+USER = os.getuid()
 """Number of the user who runs this process."""
 
 
@@ -24,4 +26,15 @@ def cache_root() -> Path:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:  # a home that cannot be written to: compile once a machine, not once a run
-        return Path(tempfile.gettempdir()) / f"epuck-sim-{USER}"
+        return _temporary_root()
+
+
+def _temporary_root() -> Path:
+    """Return the user's own folder among temporary files; compiled code of others must never be loaded."""
+    folder = Path(tempfile.gettempdir()) / f"epuck-sim-{USER}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == USER and not found.st_mode & 0o022:
+            return folder
+    return Path(tempfile.mkdtemp(prefix="epuck-sim-"))

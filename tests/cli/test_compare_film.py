@@ -9,7 +9,8 @@ import pytest
 from epuck_sim import Simulation, film_trial, load_scenario
 from epuck_sim.overhead.track import track_film
 from tests.cli.commands import call, called, refused
-from tests.cli.films import names
+from tests.cli.films import frames_and_description, names
+from tests.overhead.track.films import save
 
 SETTINGS = [
     *("robots.0.count=4", "robots.0.parameters.speed_cm_s=1.5", "robots.0.parameters.period_s=2.0"),
@@ -56,12 +57,30 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, tmp_path, monkeypatch) -
         rows = list(csv.DictReader(file))
     assert [row["trial"] for row in rows[:4]] == ["film", "0", "1", "2"]
     assert len(rows) == 4 * len(quantities)
+    t_sync = quantities["T_sync"]
+    statuses = [row["status"] for row in rows if row["quantity"] == "T_sync"]
+    assert (statuses[0] == "beyond") == t_sync["film_is_beyond"]
+    assert [statuses[1:].count(status) for status in ("beyond", "unknown")] == [t_sync["beyond"], t_sync["unknown"]]
+    assert "epuck_sim" in found["versions"]
     lab = load_scenario("lab.yaml")
     assert lab.robots[0].parameters["speed_cm_s"] == pytest.approx(fitted["value"], abs=1e-5)
     printed = call(*words).stdout
     assert "speed straight ahead" in printed
     assert "A film does not tell coupling" in printed
     assert "commands" not in called("run", "lab.yaml", "--set", "stop.max_cycles=2", "--json")
+
+
+def test_a_film_without_a_description_has_the_floor_of_the_scenario(film, tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    frames, _ = frames_and_description(film)
+    save(tmp_path / "bare.mp4", frames)
+    wide = ["robots=[{count: 2, parameters: {speed_cm_s: 1.5, period_s: 2}}, {count: 2}]", "arena.width_cm=90"]
+    words = ["--period-s", 2, "--trials", 1, *(word for setting in wide for word in ("--set", setting))]
+    bare = call("compare-film", "bare.mp4", "thesis", *words)
+    assert (bare.exit_code, "warning: the film's floor" in bare.stderr) == (0, False), bare.stderr
+    described = call("compare-film", film, "thesis", *words)
+    assert described.exit_code == 0, described.stderr
+    assert "warning: the film's floor is 60 x 60 cm, that of thesis 90 x 60 cm" in described.stderr
 
 
 @pytest.mark.parametrize(
@@ -71,6 +90,13 @@ def test_a_film_is_shown_beside_trials_and_fitted(film, tmp_path, monkeypatch) -
         ("FILM nowhere", "nowhere"),
         ("FILM particles", "model is 'particles'; films are of robots"),
         ("FILM thesis --fit gone/lab.yaml", "gone/lab.yaml: cannot be written"),
+        ("FILM thesis --plot x.jpg", "x.jpg: ends in '.jpg'; allowed: .png, .svg or .pdf"),
+        ("FILM thesis --plot gone/x.png", "gone/x.png: cannot be written"),
+        (
+            "FILM two.yaml --fit two.yaml",
+            "--fit writes two.yaml; allowed: another name, because",
+        ),
+        ("FILM two.yaml --fit lab.yaml", "has 2 groups of robots; allowed: one"),
         ("FILM thesis --tags 1X1_5", "--tags is 1X1_5; allowed: a dictionary"),
     ],
 )
@@ -78,6 +104,9 @@ def test_a_mistake_is_one_line_before_the_film_is_read(
     film, tmp_path, monkeypatch, arguments: str, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    if "two.yaml" in arguments:
+        (tmp_path / "two.yaml").write_text("robots: [{count: 2}, {count: 3}]")
+    before = names(tmp_path)
     monkeypatch.setattr(track_film, "open_film", lambda *_: pytest.fail("it ran"))
     assert message in refused("compare-film", *(str(film) if word == "FILM" else word for word in arguments.split()))
-    assert names(tmp_path) == []
+    assert names(tmp_path) == before

@@ -14,9 +14,11 @@ from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.sweep.run import run_sweep
 from tests.cli.commands import call, called, contents, refused
 from tests.runs.made_folders import edit
 from tests.runs.test_store import CONTROLLER, COUNT, DATABASE, DEMO, MINE, fill, outcome, scenario_of, stored
+from tests.sweep.pool_here import pool_here
 
 pytestmark = pytest.mark.usefixtures("sweeps_run_here")
 
@@ -63,6 +65,31 @@ def test_any_set_of_unfinished_shares_is_put_together_and_goes_on_as_the_whole(t
     fill(tmp_path / "merged", MANY)
     fill(tmp_path / "one", MANY)
     assert stored(tmp_path / "merged") == stored(tmp_path / "one")
+
+
+def test_shares_that_get_points_between_their_own_miss_none(tmp_path) -> None:
+    small, large = (scenario_of({"grid": {COUNT: counts}}, trials=10) for counts in ([2, 4], [2, 3, 4]))
+    folders = [tmp_path / f"{number}" for number in (1, 2, 3)]
+    for number, folder in enumerate(folders, start=1):
+        for scenario in (small, large):
+            progress = run_sweep(scenario, folder, pool_here, lambda _: None, share=Share(number, 3))
+        status = read_status(folder)
+        assert progress.stored == progress.trials == status.stored == status.trials
+    merge_folders(folders, tmp_path / "merged")
+    run_sweep(large, tmp_path / "one", pool_here, lambda _: None)
+    assert len(stored(tmp_path / "one")) == 30
+    fields = ("number", "trial", "seed", "t_sync_cycles", "censored", "order_parameter", "cycles")
+    merged, one = ([[row[field] for field in fields] for row in stored(tmp_path / name)] for name in ("merged", "one"))
+    assert merged == one
+
+
+def test_a_folder_without_its_scenario_is_named_and_nothing_is_written(tmp_path) -> None:
+    folders = shares(tmp_path, 2)
+    (folders[0] / "scenario.yaml").unlink()
+    with pytest.raises(StoreError, match=r"1/scenario\.yaml: cannot be read: No such file or directory; copy it, too"):
+        merge_folders(folders, tmp_path / "merged")
+    assert not (tmp_path / "merged" / DATABASE).exists()
+    merge_folders([folders[1]], tmp_path / "merged")
 
 
 def test_trials_in_several_folders_are_stored_once_and_results_replace_failures(tmp_path) -> None:

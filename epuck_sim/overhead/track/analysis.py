@@ -18,7 +18,7 @@ from epuck_sim.overhead.track.flashes import Flash, count_lit, count_places
 from epuck_sim.overhead.track.onsets import first_in_order_s
 from epuck_sim.overhead.track.period_estimation import estimate_flash_s, estimate_period_s
 from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.ring_counter import RingCounter
+from epuck_sim.overhead.track.ring_counter import CountedRings, RingCounter
 from epuck_sim.overhead.track.spread import Evaluation, evaluate, first_synchronised, frame_ends
 from epuck_sim.overhead.track.verdict import Evidence, objections, usual_flashes
 
@@ -32,19 +32,19 @@ SHORTEST_STEADY_S = 2.0
 """Shortest time for which a ring that is always lit is lit where the period is not known."""
 
 
-def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tuple[str, ...]) -> Track:
+def analyse(film: str, counted: CountedRings, options: TrackOptions, warnings: tuple[str, ...]) -> Track:
     """Analyse the counts of a whole film.
 
     Args:
         film: Name of the film.
-        counter: A counter that has processed all frames.
+        counted: The rings of all frames.
         options: What is known and need not be estimated.
         warnings: Warnings about the film so far.
 
     Raises:
         FilmError: There is no light in the film, its trial is a single frame, or its period is neither given nor clear.
     """
-    frames, start_s, times_s, counts = counter.frames, counter.start_s, counter.times_s, counter.counts
+    frames, start_s, times_s, counts = counted.frames, counted.start_s, counted.times_s, counted.counts
     if not counts.any():
         raise FilmError(
             f"{film}: no lit ring is seen in {frames} frames; is it the right film, are the rings about 7 cm wide, and "
@@ -52,7 +52,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         )
     if len(times_s) < 2:
         raise FilmError(f"{film}: its trial is one frame long; allowed: two or more, preferably several periods")
-    flashes, steady, counts = without_steady(counter.flashes, times_s, counts, options.period_s)
+    flashes, steady, counts = without_steady(counted.flashes, times_s, counts, options.period_s)
     period_s = options.period_s or _period_s(film, times_s, counts)
     flash_s = _flash_s(times_s, counts, period_s)
     threshold_s = options.threshold_s(period_s, flash_s)
@@ -61,7 +61,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
     evidence = Evidence(
         times_s=times_s,
         counts=counts,
-        area=counter.areas_px,
+        area=counted.areas_px,
         flashes=flashes,
         period_s=period_s,
         threshold_s=threshold_s,
@@ -72,10 +72,10 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
     reasons = objections(evidence, sync)
     t_sync_s = None if reasons or sync is None else sync.time_s
     lit_always = count_places(
-        [*((ring.x_cm, ring.y_cm) for ring in counter.always_lit()), *(each[2:4] for each in steady)]
+        [*((ring.x_cm, ring.y_cm) for ring in counted.always_lit), *(each[2:4] for each in steady)]
     )
     most_lit = int(np.minimum(counts[1:], counts[:-1]).max())
-    doubts = _doubts(counter, evidence, sync, lit_always)
+    doubts = _doubts(counted, evidence, sync, lit_always)
     if t_sync_s is not None and options.robots and most_lit < options.robots:
         doubts.append(
             f"the swarm is synchronised, but at most {most_lit} rings were lit at once, of {options.robots} robots"
@@ -86,19 +86,19 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
     lit_s = frames_s * counts / flash_s  # all rings' light over that of one flash
     until_s = math.nan if t_sync_s is None else t_sync_s + period_s / 4  # when that flash is over
     cycles = float(lit_s[times_s <= until_s].sum()) / (options.robots or max(most_lit, 1))
-    error_cm = counter.geometry.error_cm
+    error_cm = counted.geometry.error_cm
     return Track(
         film=film,
         frames=frames,
         fps=1 / frame_s,
         duration_s=float(times_s[-1] - times_s[0]) + frame_s,
         start_s=start_s,
-        calibration=counter.geometry.calibration,
+        calibration=counted.geometry.calibration,
         period_s=period_s,
         flash_ms=1000 * flash_s,
         threshold_ms=1000 * threshold_s,
         estimated=tuple(name for name in ("period_s", "threshold_ms") if getattr(options, name) is None),
-        rings_outside=counter.outside,
+        rings_outside=counted.outside,
         always_lit=lit_always,
         position_error_mm=10 * error_cm if error_cm else None,
         robots_seen=most_lit,
@@ -116,7 +116,7 @@ def analyse(film: str, counter: RingCounter, options: TrackOptions, warnings: tu
         evaluations=tuple(evaluations),
         flashes=flashes,
         steady=steady,
-        geometry=counter.geometry,
+        geometry=counted.geometry,
         options=options,
     )
 
@@ -133,13 +133,13 @@ def _in_order_s(evidence: Evidence) -> float | None:
     return first_in_order_s(onsets_s, evidence.period_s, filmed_s, usual_flashes(evidence))
 
 
-def _doubts(counter: RingCounter, evidence: Evidence, sync: Evaluation | None, lit_always: int) -> list[str]:
+def _doubts(counted: CountedRings, evidence: Evidence, sync: Evaluation | None, lit_always: int) -> list[str]:
     """Return sentences about what is doubtful in the lights, the geometry, and the period."""
     early = [each for each in evidence.flashes if sync is None or each.onset_s < sync.time_s - evidence.period_s / 2]
     return [
-        *doubts_about_lights(counter, lit_always),
-        *doubts_about_geometry(counter.geometry),
-        *doubts_about_images(early, counter.geometry),
+        *doubts_about_lights(counted, lit_always),
+        *doubts_about_geometry(counted.geometry),
+        *doubts_about_images(early, counted.geometry),
         *doubts_about_period(evidence),
     ]
 

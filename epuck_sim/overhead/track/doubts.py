@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from epuck_sim.overhead.track.flashes import Flash
 from epuck_sim.overhead.track.geometry import Geometry
 from epuck_sim.overhead.track.period_estimation import spread_at_s
-from epuck_sim.overhead.track.ring_counter import RingCounter
+from epuck_sim.overhead.track.ring_counter import CountedRings
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, MIN_RINGS, Evaluation
 from epuck_sim.overhead.track.verdict import Evidence, count_images, may_be_half_a_period
 
@@ -17,14 +17,14 @@ TILTED_DEG = 3.0
 """Tilt of a camera from which positions are doubtful if no corners are given."""
 
 
-def doubts_about_lights(counter: RingCounter, steady: int) -> list[str]:
+def doubts_about_lights(counted: CountedRings, steady: int) -> list[str]:
     """Return what is said of rings that stay lit, or are outside of the floor."""
     doubts = []
     if steady:
         doubts.append(f"rings that stayed lit for longer than half a period, and are left out: {steady}")
-    if counter.outside:
+    if counted.outside:
         doubts.append(
-            f"rings outside of the floor, and left out: {counter.outside} in {len(counter.times_s)} frames; they are "
+            f"rings outside of the floor, and left out: {counted.outside} in {len(counted.times_s)} frames; they are "
             "mirror images, a neighbour's, or --corners or --arena-cm are wrong"
         )
     return doubts

@@ -34,6 +34,9 @@ freedom, which the range of draws from a uniform distribution approaches."""
 GRID = 81
 """Number of values of each parameter for which the likelihood is computed."""
 
+LEAST_ERROR = 1e-12
+"""Least standard error of a value, in its unit, so that values that are all 0 have a density."""
+
 FEW = 3
 """Number of robots, or flashes of a robot, below which nothing is said about their differences."""
 
@@ -51,7 +54,10 @@ class Fitted(NamedTuple):
 
 
 def fit_film(track: Track, robots: Robots) -> dict[str, Fitted]:
-    """Return what a film tells, by the keys of a scenario whose robots are all alike; what it does not is left out."""
+    """Return what a film determines, by the keys of a scenario whose robots are all alike.
+
+    Quantities that the film does not determine are left out.
+    """
     flashes = FlashTable.of(track.flashes)
     group = "robots.0.parameters"
     fitted: dict[str, Fitted | None] = {}
@@ -69,6 +75,8 @@ def fit_film(track: Track, robots: Robots) -> dict[str, Fitted]:
 def _fit_speeds(flashes: FlashTable, robots: Robots) -> tuple[Fitted | None, Fitted | None]:
     """Return the speed straight ahead, and the half-width of the factors by which robots differ in it."""
     usual = robots.identities.speed_cm_s
+    if not usual:  # robots stand, or each flash is in a single frame
+        return None, None
     values, errors = [], []
     for number in robots.numbers:
         speeds = flashes.speeds_cm_s[robots.identities.robot == number]
@@ -110,9 +118,11 @@ def _fit_flash(flashes: FlashTable, robots: Robots, track: Track, period_s: floa
     return Fitted(mean_s / period_s, shortest_s / period_s, (mean_s + error_s) / period_s)
 
 
-def _fit_rate(times_s: FloatArray) -> Fitted:
+def _fit_rate(times_s: FloatArray) -> Fitted | None:
     frames_s = np.diff(times_s)
     usual = frames_s[np.abs(frames_s / np.median(frames_s) - 1) < 0.5]
+    if not len(usual):  # three frames, say, of which two are close together
+        return None
     error_s = 2 * float(usual.std()) / math.sqrt(len(usual)) + 1e-3 / len(usual)  # times are stamped in ms, say
     mean_s = float(usual.mean())
     return Fitted(1 / mean_s, 1 / (mean_s + error_s), 1 / (mean_s - error_s))
@@ -121,13 +131,15 @@ def _fit_rate(times_s: FloatArray) -> Fitted:
 def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Fitted | None, Fitted | None]:
     """Return the mean, and the relative half-width, of a uniform distribution from which robots have their values.
 
+    There is neither of fewer than `FEW` robots, and no half-width of a mean whose interval reaches 0.
+
     Args:
-        values: (robots,) what was measured of each.
+        values: (robots,) what was measured of each, 0 or more.
         errors: (robots,) standard errors of these.
     """
     if len(values) < FEW:
         return None, None
-    errors = np.maximum(errors, 1e-9 * np.abs(values).max())
+    errors = np.maximum(errors, max(1e-9 * np.abs(values).max(), LEAST_ERROR))
     low, high = values.min() - 3 * errors.max(), values.max() + 3 * errors.max()
     reach = max(high - low, 1e-9)
     means = np.linspace(low, high, GRID)
@@ -139,7 +151,9 @@ def fit_uniform(values: FloatArray, errors: FloatArray) -> tuple[Fitted | None, 
     place = np.unravel_index(likely.argmax(), likely.shape)
     centre = float(means[place[0]])
     ends = [_ends(axis, likely.max(axis=other)) for axis, other in ((means, 1), (widths, 0))]
-    widths_fitted = [each / abs(centre) for each in (float(widths[place[1]]), *ends[1])]
+    if ends[0][0] <= 0:  # a mean that may be 0 has no relative half-width
+        return Fitted(centre, *ends[0]), None
+    widths_fitted = [each / centre for each in (float(widths[place[1]]), *ends[1])]
     return Fitted(centre, *ends[0]), Fitted(*widths_fitted)
 
 

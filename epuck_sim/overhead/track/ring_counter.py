@@ -15,6 +15,29 @@ from epuck_sim.overhead.track.ring_detection import Ring, RingFinder
 from epuck_sim.overhead.track.spread import Evaluation, SynchronyDetector, is_synchronised
 
 
+class CountedRings(NamedTuple):
+    """The lit rings of a trial that was filmed, or simulated as if it were."""
+
+    frames: int
+    """Number of frames, including those of a lit beginning."""
+    start_s: float
+    """Beginning of the trial on the film's clock."""
+    times_s: FloatArray
+    """(frames,) s: times of the trial's frames on the film's clock."""
+    counts: IntArray
+    """(frames,) lit rings in each of the trial's frames."""
+    areas_px: IntArray
+    """(frames,) pixels of the floor that are lit, in each of the trial's frames; 0 where there are no pictures."""
+    flashes: tuple[Flash, ...]
+    """Flashes of the trial, in order of their onsets."""
+    outside: int
+    """Number of rings seen outside of the floor, in all frames of the trial."""
+    always_lit: Sequence[Ring]
+    """Rings on the floor that never went off."""
+    geometry: Geometry
+    """The camera and the floor."""
+
+
 class RingCounter:
     """Counts the lit rings in the frames of a film, which are given in their order.
 
@@ -84,6 +107,20 @@ class RingCounter:
         background = self._background.picture
         rings = [] if background is None else self._finder.find(background)
         return [ring for ring in rings if self.geometry.is_on_floor(ring.x_cm, ring.y_cm)]
+
+    def counted(self) -> CountedRings:
+        """Return what has been counted so far."""
+        return CountedRings(
+            self.frames,
+            self.start_s,
+            self.times_s,
+            self.counts,
+            self.areas_px,
+            self.flashes,
+            self.outside,
+            self.always_lit(),
+            self.geometry,
+        )
 
     @property
     def areas_px(self) -> IntArray:

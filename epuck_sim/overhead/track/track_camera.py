@@ -97,7 +97,7 @@ def track_camera(
                     return track
         except KeyboardInterrupt:
             pass  # the frames until then are analysed
-        return analyse(live.name, counter, options, (*live.warnings, *ends))
+        return analyse(live.name, counter.counted(), options, (*live.warnings, *ends))
 
 
 class _Synchrony:
@@ -122,7 +122,7 @@ class _Synchrony:
         """Return the result if this frame completes a synchronised period; None, and tell why, if it is doubtful."""
         if tracked.evaluation is None or not is_synchronised(tracked.evaluation, self.threshold_s()):
             return None
-        track = analyse(self._live.name, self._counter, self._options, tuple(self._live.warnings))
+        track = analyse(self._live.name, self._counter.counted(), self._options, tuple(self._live.warnings))
         if track.t_sync_s is not None:
             return track
         if track.reasons != self._reasons:

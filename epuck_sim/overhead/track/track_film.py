@@ -62,7 +62,13 @@ def track_film(
         for frame in progress(Excerpt(film, options).frames(), film.duration_s):
             write_rings(frame, counter.process(frame))
         warnings = tuple(film.warnings)
-    return analyse(name, counter, options, warnings)
+    return analyse(name, counter.counted(), options, warnings)
+
+
+def describes_floor(name: str) -> bool:
+    """Return whether a film's description says how large the floor is; raises FilmError if it cannot be read."""
+    with open_film(name) as film:
+        return parse_metadata(film.description).arena_cm is not None
 
 
 def find_tags(track: Track, dictionary: str, progress: ProgressWrapper) -> Readings:

@@ -31,7 +31,7 @@ def analysed(times_s: Any, counts: Any, options: TrackOptions = TrackOptions(), 
     counter = RingCounter(make_geometry()._replace(knows_floor=False))
     for frame in coded(times_s, counts, np.asarray(times_s) < lit_until_s):
         counter.process(frame)
-    return analyse("film", counter, options, ("first",))
+    return analyse("film", counter.counted(), options, ("first",))
 
 
 def swarm(seconds: float = 8.0, from_s: float = 3.0, robots: int = 6) -> tuple[FloatArray, IntArray]:

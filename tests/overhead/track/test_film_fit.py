@@ -89,6 +89,29 @@ def test_a_known_spread_is_found(seed: int, half_width: float) -> None:
     assert spread.low < spread.value < spread.high
 
 
+def test_robots_that_stand_have_no_speed_to_differ_in() -> None:
+    track = track_of(0, 4.0, 0.0, 0.0, 0.0)
+    still = fit_film(track, robots_by_motion(track))
+    assert not still.keys() & {"robots.0.parameters.speed_cm_s", "spread.wheel_speed"}
+    generator = np.random.default_rng(0)
+    shaken = [flash._replace(x_cm_s=0.02 * generator.standard_normal()) for flash in track.flashes]
+    moved = track._replace(flashes=tuple(shaken))
+    assert "spread.wheel_speed" not in fit_film(moved, robots_by_motion(moved))
+
+
+def test_values_that_are_all_the_same_have_a_mean() -> None:
+    for value in (0.0, 3.0):
+        mean, _ = fit_uniform(np.full(4, value), np.zeros(4))
+        assert mean is not None
+        assert mean.value == pytest.approx(value, abs=1e-6)
+
+
+def test_uneven_frames_of_a_short_film_tell_no_rate() -> None:
+    track = track_of(0, 4.0, 0.0, 0.4, 0.0)
+    robots = robots_by_motion(track)
+    assert "overhead.frames_per_s" not in fit_film(track._replace(times_s=np.array([0.0, 0.01, 1.0])), robots)
+
+
 def test_few_robots_tell_nothing() -> None:
     assert fit_uniform(np.array([1.0, 2.0]), np.array([0.1, 0.1])) == (None, None)
     assert Fitted(10, 8, 12).widened(0.1) == pytest.approx((10, 7.2, 13.2))

@@ -107,7 +107,7 @@ def test_tracking_frame_by_frame_agrees_with_the_analysis_of_the_whole_film(
         )
     if not counter.counts.any():
         return
-    track = analyse("film", counter, TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
+    track = analyse("film", counter.counted(), TrackOptions(period_s=1.0, threshold_ms=1000 * threshold_s), ())
     assume(not track.steady)  # overlapping flashes may seem to be one ring that stays lit
     last = tracked_frames[-1]
 

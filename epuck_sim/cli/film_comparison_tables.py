@@ -1,4 +1,4 @@
-"""What `epuck-sim compare-film` prints: a film beside trials, and what was fitted to it."""
+"""What `epuck-sim compare-film` prints: a film compared with trials, and what the film determines."""
 
 import json
 import math
@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.cli.tables import WIDE
-from epuck_sim.overhead.film_comparison import Beside
+from epuck_sim.overhead.film_comparison import QuantityComparison
 from epuck_sim.overhead.track.film_fit import Fitted
+from epuck_sim.util.provenance import versions
 
 UNTOLD = (
     "A film does not tell coupling, refractory time, what robots see and how late, or gains of infrared sensors: those "
@@ -21,24 +22,32 @@ UNTOLD = (
 )
 
 
-def print_beside_json(film: str, scenario: str, rows: Sequence[Beside], fitted: Mapping[str, Fitted]) -> None:
-    """Print one JSON object; null is what a film or a trial does not tell, or does not reach."""
+def print_comparison_json(
+    film: str, scenario: str, rows: Sequence[QuantityComparison], fitted: Mapping[str, Fitted]
+) -> None:
+    """Print one JSON object; null is what is not known, or lies beyond a film's or trial's end, which are counted."""
     quantities = [
         {
             "name": row.quantity.name,
             "unit": row.quantity.unit,
             "film": _finite(row.film),
+            "film_is_beyond": math.isinf(row.film),
             "percentile": _finite(row.percentile),
             "is_unusual": row.is_unusual,
             "trials": [_finite(value) for value in row.trials.tolist()],
+            "beyond": row.beyond,
+            "unknown": row.unknown,
         }
         for row in rows
     ]
     values = {key: each._asdict() for key, each in fitted.items()}
-    print(json.dumps({"film": film, "scenario": scenario, "quantities": quantities, "fitted": values}), flush=True)
+    found = {"film": film, "scenario": scenario, "quantities": quantities, "fitted": values, "versions": versions()}
+    print(json.dumps(found), flush=True)
 
 
-def print_beside(film: str, scenario: str, rows: Sequence[Beside], fitted: Mapping[str, Fitted]) -> None:
+def print_comparison(
+    film: str, scenario: str, rows: Sequence[QuantityComparison], fitted: Mapping[str, Fitted]
+) -> None:
     """Print readable tables on stdout."""
     console = Console(width=None if sys.stdout.isatty() else WIDE)
     table = Table(title=Text(f"{film} beside trials of {scenario}"), title_justify="left")

@@ -1,4 +1,4 @@
-"""The figure of a film beside simulated trials: a panel for each quantity, and the table of what it shows."""
+"""The figure of a film compared with simulated trials: a panel for each quantity, and the table of what it shows."""
 
 import math
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.figures.csv_tables import Table, rounded
 from epuck_sim.figures.saving import parse_target, save_figure
-from epuck_sim.overhead.film_comparison import Beside
+from epuck_sim.overhead.film_comparison import QuantityComparison
 
 ACROSS = 3
 """Number of panels in a row."""
@@ -19,21 +19,33 @@ ACROSS = 3
 TRIALS, FILM = "0.6", "#d62728"
 
 
-def save_beside_figure(path: Path, rows: Sequence[Beside]) -> list[Path]:
+def save_comparison_figure(path: Path, rows: Sequence[QuantityComparison]) -> list[Path]:
     """Draw a film beside trials, and write a table of all values; raise EpuckSimError if a file cannot be written."""
-    return save_figure(parse_target(path), lambda: draw_beside(rows), {".csv": beside_table(rows)})
+    return save_figure(parse_target(path), lambda: draw_comparison(rows), {".csv": comparison_table(rows)})
 
 
-def beside_table(rows: Sequence[Beside]) -> Table:
-    """Return a table with a row for each quantity and trial, and one, whose trial is `film`, for the film."""
+def comparison_table(rows: Sequence[QuantityComparison]) -> Table:
+    """Return a table with a row for each quantity and trial, and one, whose trial is `film`, for the film.
+
+    The column `status` says why there is no value: it is `beyond` the film's end, or `unknown`.
+    """
     cells: list[list[Any]] = []
     for row in rows:
-        cells.append([row.quantity.name, row.quantity.unit, "film", rounded(row.film)])
-        cells += [[row.quantity.name, row.quantity.unit, trial, rounded(each)] for trial, each in enumerate(row.trials)]
-    return Table(("quantity", "unit", "trial", "value"), cells)
+        values: dict[str | int, float] = {"film": row.film} | dict(enumerate(row.trials.tolist()))
+        cells += [
+            [row.quantity.name, row.quantity.unit, trial, rounded(value), _status(value)]
+            for trial, value in values.items()
+        ]
+    return Table(("quantity", "unit", "trial", "value", "status"), cells)
 
 
-def draw_beside(rows: Sequence[Beside]) -> Figure:
+def _status(value: float) -> str:
+    if math.isnan(value):
+        return "unknown"
+    return "beyond" if math.isinf(value) else "known"
+
+
+def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
     """Return the figure: a histogram of the trials for each quantity, and a line where the film is."""
     down = math.ceil(len(rows) / ACROSS)
     figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), layout="constrained")
@@ -45,14 +57,13 @@ def draw_beside(rows: Sequence[Beside]) -> Figure:
     return figure
 
 
-def _draw_quantity(panel: Axes, row: Beside) -> None:
+def _draw_quantity(panel: Axes, row: QuantityComparison) -> None:
     values = row.trials[np.isfinite(row.trials)]
     if len(values):
         spread = float(np.ptp(np.append(values, row.film if math.isfinite(row.film) else values[0])))
         edges = 12 if spread > 0 else [values[0] - 0.5, values[0] + 0.5]
         panel.hist(values, edges, color=TRIALS)
-    beyond = int(np.isinf(row.trials).sum())
-    notes = [f"{beyond} trials beyond the film's end"] * (beyond > 0)
+    notes = [f"{row.beyond} trials beyond the film's end"] * (row.beyond > 0)
     if math.isfinite(row.film):
         panel.axvline(row.film, color=FILM, linewidth=2)
     else:
