@@ -6,7 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.placement import place_robots
+from epuck_sim.arena import make_arena
+from epuck_sim.embodied.placement import Floor, place_robots
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -290,3 +291,11 @@ def test_twice_the_groups_take_little_more_than_twice_the_time_to_place():
     place_s(10)
     ratios = [place_s(1600) / place_s(200) for _ in range(3)]
     assert min(ratios) < 24  # 8 if each group costs the same, 64 if each looks at all before it
+
+
+def test_a_robot_that_joins_may_touch_others_as_one_that_starts_may() -> None:
+    floor = Floor(make_arena(60.0, 60.0, [], []), 3.7)
+    placed = np.array([(10.0, 10.0, 0.0)])
+    assert 17.4 - 10.0 < 7.4
+    assert floor.is_free(placed, 17.4, 10.0)
+    assert not floor.is_free(placed, 17.39, 10.0)

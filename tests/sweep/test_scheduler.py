@@ -73,6 +73,38 @@ def test_every_trial_has_one_outcome_and_only_those_that_kill_their_worker_fail(
     assert all("its worker died" in each.error for each in found if each.error)
 
 
+def test_a_kind_whose_compilation_kills_its_worker_is_compiled_ahead_once() -> None:
+    opens = 0
+
+    class Dies(FakeExecutor):
+        def submit(self, function, tasks) -> Future:
+            future = super().submit(function, tasks)
+            if function is run_chunk:
+                return future
+            self.broken, died = True, Future()
+            died.set_exception(BrokenExecutor("killed"))
+            return died
+
+    @contextmanager
+    def open_pool():
+        nonlocal opens
+        opens += 1
+        yield Pool(Dies(set()), lambda: 2, (BrokenExecutor,))
+
+    found = list(chain.from_iterable(schedule(queue(10), [task(0)], open_pool)))
+    assert sorted(each.trial for each in found) == list(range(10))
+    assert not any(each.error for each in found)
+    assert opens == 2
+
+
+def test_trials_that_failed_do_not_make_chunks_longer() -> None:
+    sizer = ChunkSizer()
+    sizer.note([Outcome(0, trial, 0, None, "it raised after minutes", {}) for trial in range(5)])
+    assert sizer.chunk(100_000, 16) == 1
+    sizer.note(outcomes_of_length(CHUNK_S, 1))
+    assert sizer.chunk(100_000, 16) == 1
+
+
 def test_tasks_are_made_when_they_are_handed_over_not_before() -> None:
     made = []
 

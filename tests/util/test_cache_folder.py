@@ -1,0 +1,48 @@
+"""Compiled code is loaded from folders of the user alone."""
+
+import stat
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from epuck_sim.util import cache_folder
+from epuck_sim.util.cache_folder import USER, cache_root
+
+
+@pytest.fixture
+def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Have no cache folder that can be written to, and an empty folder for temporary files."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/cache")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    cache_root.cache_clear()
+    yield tmp_path
+    cache_root.cache_clear()
+
+
+def test_without_a_cache_folder_there_is_one_of_the_user_among_temporary_files(temporary: Path) -> None:
+    folder = cache_root()
+    assert folder == temporary / f"epuck-sim-{USER}"
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    cache_root.cache_clear()
+    assert cache_root() == folder
+
+
+@pytest.mark.parametrize("kind", ["open to all", "link", "of another user"])
+def test_a_folder_that_others_can_write_to_is_not_taken(
+    temporary: Path, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = temporary / f"epuck-sim-{USER}"
+    if kind == "link":
+        (temporary / "theirs").mkdir()
+        name.symlink_to(temporary / "theirs")
+    else:
+        name.mkdir()
+        name.chmod(0o777 if kind == "open to all" else 0o700)
+    if kind == "of another user":
+        monkeypatch.setattr(cache_folder, "USER", USER + 1)
+        name.rename(temporary / f"epuck-sim-{USER + 1}")
+    folder = cache_root()
+    assert folder.parent == temporary
+    assert folder not in (name, temporary / f"epuck-sim-{USER + 1}")
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
