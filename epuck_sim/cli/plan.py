@@ -44,15 +44,16 @@ def plan(
     axes: AxesOption = None,
     quick: QuickOption = False,
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, max=3600, help="Of a scenario: time trials for so long; 20 by default.")
+        float | None,
+        typer.Option(min=0.1, max=3600, help="Seconds to spend on timing trials of a scenario; 20 by default."),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Worker processes; all cores by default.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Print how long a sweep will take, by timing some of its trials, or how long one will take to go on.
 
-    Of a run folder also how many trials a point show a difference of T_sync, or of a measure, of so many per cent, with
-    the spread of those stored; of a truth value, a difference of shares of so many percentage points.
+    For a run folder, also print how many trials a point needs to show --difference: of T_sync or a measure in per cent,
+    with the spread of the stored trials; of a truth value, whose share of trials is compared, in percentage points.
     """
     with exit_on_error():
         from epuck_sim.cli.plan_tables import print_plan, print_power

@@ -127,7 +127,7 @@ def print_stderr(line: str) -> None:
 
 @contextmanager
 def word_if_slow(doing: str) -> Iterator[Callable[[], None]]:
-    """Say on stderr what is being done if it takes long; yield what is called when it is over before the block is."""
+    """Print a note on stderr if the block takes longer than `SLOW_S`; yield a function that cancels the note."""
     timer = threading.Timer(SLOW_S, print_stderr, (f"{doing} takes a while; Ctrl-C ends it",))
     timer.daemon = True
     timer.start()

@@ -88,7 +88,7 @@ def check(
             metavar="SECONDS",
             min=0.1,
             max=3600,
-            help="Run some trials for so long, and say how long all of them will take.",
+            help="Time some trials for this long, and say how long all of them will take.",
         ),
     ] = None,
 ) -> None:

@@ -7,7 +7,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 
 def trials_bar(trials: int) -> Callable[[Iterable[int]], Iterable[int]]:
-    """Return what passes numbers of trials on and shows on a terminal's stderr how many of these there were."""
+    """Return a function that passes numbers of trials on, and shows on a terminal's stderr how many there were."""
 
     def show(numbers: Iterable[int]) -> Iterator[int]:
         console = Console(stderr=True)

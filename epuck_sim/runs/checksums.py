@@ -10,7 +10,7 @@ CHECKSUM = "checksum"
 """Column that holds the checksum of a row's other columns, and of their names."""
 
 KEYS = {"points": ("key",), "trials": ("point", "trial")}
-"""Columns that tell the rows of each table apart."""
+"""Primary key of each table."""
 
 MARSHAL_VERSION = 2
 """Format in which values are summed: the first with floats in binary, without references, and never changed again."""
@@ -56,7 +56,7 @@ def find_damaged_row(connection: sqlite3.Connection, table: str) -> str | None:
     except sqlite3.OperationalError as error:
         if "decode" not in str(error):
             raise
-        return f"a row of {table} is no text"
+        return f"{table} holds text that is not UTF-8"
     return None
 
 

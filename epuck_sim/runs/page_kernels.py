@@ -1,7 +1,7 @@
 """Compiled code that walks through the pages of a table WITHOUT ROWID and compares each row with its checksum.
 
-The format of files: https://www.sqlite.org/fileformat2.html. This code may give up on what it does not understand, but
-it must never find whole what is not.
+The format of files: https://www.sqlite.org/fileformat2.html. This code may give up on a sound file,
+but it must never accept a damaged one.
 """
 
 from typing import NamedTuple

@@ -52,7 +52,7 @@ class Scratch(NamedTuple):
 
 
 def make_scratch(columns: int, longest: int) -> Scratch:
-    """Return memory for records of so many columns and bytes."""
+    """Return memory for records of at most `columns` values and `longest` bytes."""
     real = np.zeros(1)
     per_column = np.zeros(columns, np.int64)
     text = np.zeros(longest + LONGEST_NUMBER * (columns + 1), np.uint8)
@@ -114,7 +114,7 @@ def size_of(kind: int) -> int:
 
 @jit_inline
 def put_little_endian(text: ByteArray, end: int, number: int, count: int) -> int:
-    """Append a number in so many bytes; return where it ends."""
+    """Append the lowest `count` bytes of a number; return where it ends."""
     for place in range(count):
         text[end + place] = np.uint8((number >> (8 * place)) & 0xFF)
     return end + count

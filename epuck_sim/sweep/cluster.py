@@ -118,7 +118,7 @@ def _slots(client: "Client") -> Callable[[], int]:
     return count
 
 
-class Asked(NamedTuple):
+class RequiredVersions(NamedTuple):
     """What workers must have in common with the command, so that results are those of one program."""
 
     versions: dict[str, str]
@@ -139,25 +139,25 @@ class SameVersionsExecutor(Executor):
         used = {task.scenario.compiled: task.scenario for task in tasks}
         for names in used.keys() - self._files.keys():
             self._files[names] = own_files(used[names])
-        asked = Asked(versions(), {names: self._files[names] for names in used})
+        required = RequiredVersions(versions(), {names: self._files[names] for names in used})
         try:
-            return self._executor.submit(call_if_same, asked, function, tasks)
+            return self._executor.submit(call_if_same, required, function, tasks)
         except Exception as error:  # of any kind: the client was closed when it lost the scheduler
             gone: Future[Any] = Future()
             gone.set_exception(SchedulerGoneError(str(error)))
             return gone
 
 
-def call_if_same(asked: Asked, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Any:
+def call_if_same(required: RequiredVersions, function: Callable[[Sequence[Task]], Any], tasks: Sequence[Task]) -> Any:
     """Call a function with tasks, on a worker.
 
     Raises:
         ClusterError: This worker has other versions, or other controllers, curves or measures.
     """
     ours = versions()
-    other = {name: value for name, value in ours.items() if value != asked.versions.get(name)}
+    other = {name: value for name, value in ours.items() if value != required.versions.get(name)}
     if other:
-        wanted = {name: asked.versions.get(name, "none") for name in other}
+        wanted = {name: required.versions.get(name, "none") for name in other}
         raise ClusterError(
             f"a worker on {host()} has {format_versions(other)}, this command has {format_versions(wanted)}; start "
             "workers with the same versions"
@@ -167,7 +167,7 @@ def call_if_same(asked: Asked, function: Callable[[Sequence[Task]], Any], tasks:
             found = own_files(scenario)
         except EpuckSimError as error:
             raise ClusterError(f"a worker on {host()} cannot run trials: {error}") from error
-        for here, there in zip(found, asked.files[scenario.compiled], strict=True):
+        for here, there in zip(found, required.files[scenario.compiled], strict=True):
             if here != there:
                 raise ClusterError(f"a worker on {host()} has {here}, this command {there}; give both the same")
     return function(tasks)

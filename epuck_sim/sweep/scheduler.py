@@ -23,7 +23,7 @@ CHUNK_S = 0.5
 
 
 LOOK_S = 5.0
-"""Time in seconds after which, if no chunk has ended, it is asked whether there are workers at all."""
+"""Time in seconds without an ended chunk after which it is checked that there are workers at all."""
 
 
 class TaskQueue:
