@@ -86,15 +86,17 @@ def plan(
 
 def _duration_of_folder(folder: Path, trials: int | None, workers: int) -> "Duration":
     from epuck_sim.cli.plan_tables import Duration
-    from epuck_sim.runs.status import read_wall_times
+    from epuck_sim.runs.share import WHOLE, Share
+    from epuck_sim.runs.status import read_status, read_wall_times
     from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
     from epuck_sim.statistics.estimate import without_interval
 
-    stored = read_wall_times(folder)
+    stored, of_sweep = read_wall_times(folder), read_status(folder).share
+    share = Share.parse(of_sweep) if of_sweep else WHOLE
     wanted = trials or load_scenario(folder / RUN_SCENARIO).trials
     times = [time for of_point in stored.values() for time in of_point]
     mean = sum(times) / len(times) if times else 0.0
-    left = {number: max(0, wanted - len(of_point)) for number, of_point in stored.items()}
+    left = {number: max(0, len(share.trials(number, wanted)) - len(of_point)) for number, of_point in stored.items()}
     means = {number: sum(of_point) / len(of_point) if of_point else mean for number, of_point in stored.items()}
     seconds = sum(left[number] * means[number] for number in left)
     compute = without_interval(seconds)

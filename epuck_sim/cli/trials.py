@@ -1,5 +1,6 @@
 """What `epuck-sim run` does: some trials at once, one trial of a sweep again, or a sweep into its run folder."""
 
+import shlex
 from collections.abc import Iterable, Sequence
 from contextlib import ExitStack, nullcontext
 from functools import partial
@@ -132,6 +133,9 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
                 )
         except KeyboardInterrupt:
             progress = bar.progress
+            if not (folder / DATABASE).exists():
+                print_stderr("stopped before the first trial; nothing was written")
+                raise typer.Exit(130) from None
             # the last progress may lack a trial that was just stored
             stored = f"{read_status(folder).stored} of {progress.trials} trials are stored" if progress else ""
             print_stderr(f"stopped; {stored or 'nothing is lost'}; go on with: {again}")
@@ -152,9 +156,9 @@ def _begin_sweep(found: Sequence[Point], options: RunOptions) -> None:
 
 def _command_to_go_on(folder: Path, options: RunOptions) -> str:
     flags = {"--interpret": options.interpret, "--durable": options.durable}
-    given = {"--workers": options.workers, "--dask": options.dask, **{name: "" for name in flags if flags[name]}}
-    words = [f"{name} {value}".rstrip() for name, value in given.items() if value is not None]
-    return " ".join([f"epuck-sim run {folder}/", *words])
+    given = {"--workers": options.workers, "--dask": options.dask}
+    words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
+    return shlex.join(["epuck-sim", "run", f"{folder}/", *words, *(name for name in flags if flags[name])])
 
 
 def _note_other_versions(folder: Path) -> None:

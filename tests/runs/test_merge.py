@@ -1,5 +1,6 @@
 """Shares that are put together are the table that one run would have made, and what does not belong is refused."""
 
+import json
 from pathlib import Path
 from random import Random
 
@@ -186,3 +187,10 @@ def test_shares_that_are_run_by_the_command_are_merged_to_what_one_run_makes(tmp
     ]
     assert "5 of 5 trials" in call("run", tmp_path / "1").stdout
     assert "--share needs a run folder of its own" in refused("run", "pair", "--share", "1/2")
+
+
+def test_a_plan_of_a_share_is_of_its_own_trials(tmp_path) -> None:
+    found = [json.loads(called("plan", folder, "--json"))["duration"] for folder in shares(tmp_path, 2, part=0.5)]
+    for number, duration in enumerate(found, start=1):
+        status = read_status(tmp_path / f"{number}")
+        assert duration["left"] == status.trials - status.stored > 0
