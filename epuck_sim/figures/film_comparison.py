@@ -31,10 +31,9 @@ def comparison_table(rows: Sequence[QuantityComparison]) -> Table:
     """
     cells: list[list[Any]] = []
     for row in rows:
-        values: dict[str | int, float] = {"film": row.film} | dict(enumerate(row.trials.tolist()))
+        values = [("film", row.film), *enumerate(row.trials.tolist())]
         cells += [
-            [row.quantity.name, row.quantity.unit, trial, rounded(value), _status(value)]
-            for trial, value in values.items()
+            [row.quantity.name, row.quantity.unit, trial, rounded(value), _status(value)] for trial, value in values
         ]
     return Table(("quantity", "unit", "trial", "value", "status"), cells)
 
