@@ -1,16 +1,15 @@
 """Calibrates a lens from pictures of a board, and keeps it in a file that `track` and `film` take."""
 
 import json
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import cv2
 import numpy as np
 from pydantic import BaseModel, Field, ValidationError
 
-from epuck_sim.arrays import Float32Array
+from epuck_sim.arrays import Float32Array, FloatArray
 from epuck_sim.errors import FilmError
 from epuck_sim.overhead.camera_model import Lens
 from epuck_sim.overhead.film.frame import Frame, Picture
@@ -37,12 +36,9 @@ MIN_MOVE_PX = 8.0
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
 """Termination criterion (iterations, tolerance in px) by which corners are refined."""
 
-UNSURE_FOCUS = 0.02
-"""Standard deviation of the focal length, relative to it, from which the views do not determine a lens."""
-
-LEAST_TILT_DEG = 10.0
-"""Angle between the board and the picture that some view must have: seen straight on, a board nearby looks as one that
-is farther away through a longer lens."""
+UNSURE_FOCUS = 0.05
+"""Relative difference of the focal lengths by half of the views and by all from which they do not determine a lens:
+seen straight on, or always askew in the same way, a board nearby looks as one farther away through a longer lens."""
 
 MARKER_SHARE = 0.7
 """Side of a ChArUco board's markers, relative to that of its squares."""
@@ -165,25 +161,10 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
     undetermined = (
         f"{name}: the views of the board do not determine a lens; show it tilted, near and far, and in the corners"
     )
-    points, pixels = [view.board for view in views], [view.pixels for view in views]
     try:
-        if is_fisheye:
-            flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
-            error, matrix, terms, turns, _ = cv2.fisheye.calibrate(
-                [each.astype(float).reshape(1, -1, 3) for each in points],
-                [each.astype(float).reshape(1, -1, 2) for each in pixels],
-                size_px,
-                np.zeros((3, 3)),
-                np.zeros((4, 1)),
-                flags=flags,
-            )
-        else:
-            error, matrix, terms, turns, _, deviations, *_ = cv2.calibrateCameraExtended(
-                points, pixels, size_px, np.eye(3), np.zeros(5)
-            )
-            if not deviations[:2].max() <= UNSURE_FOCUS * matrix[0, 0]:
-                raise FilmError(undetermined)
-        if _largest_tilt_deg(turns) < LEAST_TILT_DEG:
+        error, matrix, terms = _fit_lens(views, size_px, is_fisheye)
+        halves = [_fit_lens(views[first::2], size_px, is_fisheye) for first in (0, 1)]
+        if not all(abs(half[0, 0] / matrix[0, 0] - 1) <= UNSURE_FOCUS for _, half, _ in halves):
             raise FilmError(undetermined)
         return LensFile(
             width_px=size_px[0],
@@ -194,16 +175,29 @@ def calibrate_lens(name: str, views: list[View], size_px: tuple[int, int], is_fi
             coefficients=tuple(np.ravel(terms).tolist()),
             is_fisheye=is_fisheye,
             views=len(views),
-            error_px=float(error),
+            error_px=error,
         )
     except (cv2.error, ValidationError) as failed:
         raise FilmError(undetermined) from failed
 
 
-def _largest_tilt_deg(turns: Sequence[Any]) -> float:
-    """Return the largest angle between the picture and a board that is turned by one of these Rodrigues vectors."""
-    towards = [abs(float(cv2.Rodrigues(np.ravel(turn))[0][2, 2])) for turn in turns]
-    return math.degrees(math.acos(min(1.0, *towards)))
+def _fit_lens(
+    views: Sequence[View], size_px: tuple[int, int], is_fisheye: bool
+) -> tuple[float, FloatArray, FloatArray]:
+    """Return the root mean square error in px, the (3, 3) camera matrix and the coefficients of a lens."""
+    points, pixels = [view.board for view in views], [view.pixels for view in views]
+    if is_fisheye:
+        error, matrix, terms, _, _ = cv2.fisheye.calibrate(
+            [each.astype(float).reshape(1, -1, 3) for each in points],
+            [each.astype(float).reshape(1, -1, 2) for each in pixels],
+            size_px,
+            np.zeros((3, 3)),
+            np.zeros((4, 1)),
+            flags=cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW,
+        )
+    else:
+        error, matrix, terms, _, _ = cv2.calibrateCamera(points, pixels, size_px, np.eye(3), np.zeros(5))
+    return float(error), np.asarray(matrix, float), np.asarray(terms, float)
 
 
 def check_lens_target(path: Path) -> None:

@@ -24,7 +24,7 @@ from epuck_sim.scenario.overhead import OverheadSection
 DESCRIPTION = "the film's description"
 CORNERS = "the corners given"
 LIGHT = "the floor's corners in the lit beginning"
-RINGS = "the size of the rings, as if the camera looked straight down at the arena's middle"
+RINGS = "the size and shape of the rings, with the camera aimed at the arena's middle"
 
 LIT_FRAMES = 30
 """Number of frames of a lit beginning in which the floor is searched; robots or a hand may hide its corners in some."""

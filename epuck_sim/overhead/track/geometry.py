@@ -27,8 +27,7 @@ class Geometry(NamedTuple):
     tilt_deg: float = 0.0
     """Angle between the camera's axis and straight down."""
     background: Picture | None = None
-    """What of the light is there all the time, as far as it was seen."""
-
+    """Constant light: picture of the dark scene without rings."""
     ring_light: float = 0.0
     """Levels by which rings in the dark are usually brighter than their inside; 0 if it is not known."""
 
@@ -38,7 +37,7 @@ class Geometry(NamedTuple):
         return not self.knows_floor or (0 <= x_cm <= width_cm and 0 <= y_cm <= height_cm)
 
     def floor_outline_px(self) -> FloatArray:
-        """Return (n, 2) px: the outline of the floor at the height of the rings, in order."""
+        """Return (n, 2) px: the outline of the floor, in order."""
         share = np.arange(OUTLINE_POINTS) / OUTLINE_POINTS
         corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * self.floor_cm
         sides = [

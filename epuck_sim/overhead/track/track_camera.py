@@ -16,6 +16,7 @@ from epuck_sim.overhead.lens_file import read_lens
 from epuck_sim.overhead.track.analysis import analyse, current_threshold_s
 from epuck_sim.overhead.track.annotate import Annotator
 from epuck_sim.overhead.track.film_calibration import TrackOptions, calibrate
+from epuck_sim.overhead.track.light import is_lit
 from epuck_sim.overhead.track.result import Track
 from epuck_sim.overhead.track.ring_counter import RingCounter, TrackedFrame, track_frames
 from epuck_sim.overhead.track.spread import is_synchronised
@@ -28,7 +29,7 @@ HEAD_FRAMES = 90
 LIVE_FRAMES = 30
 """Number of frames in which rings are studied while a live camera waits, once the room is dark."""
 
-LIVE_LIT_S = 60.0
+LIVE_LIT_S = 30.0
 """Time for which a live camera waits for the room to be dark before it is tracked as it is."""
 
 
@@ -76,7 +77,7 @@ def track_camera(
     with LiveCamera(number, tell) as live, _Outputs(live, watching, period_s, tell) as outputs:
         if lens is not None:
             options = options._replace(lens=read_lens(lens, (live.width_px, live.height_px)))
-        waiting = _Waiting(live, outputs)
+        waiting = _Waiting(live, outputs, tell)
         counter = RingCounter(calibrate(waiting, options, LIVE_FRAMES, LIVE_LIT_S))
         outputs.begin()
         ends: list[str] = []
@@ -192,7 +193,8 @@ class _Outputs(ExitStack):
 class _Waiting:
     """A camera whose last frames are kept, so that those read for the calibration are tracked, too."""
 
-    def __init__(self, camera: LiveCamera, outputs: _Outputs) -> None:
+    def __init__(self, camera: LiveCamera, outputs: _Outputs, tell: Callable[[str], None]) -> None:
+        self._tell = tell
         self.name, self.width_px, self.height_px = camera.name, camera.width_px, camera.height_px
         self._camera, self._outputs = camera, outputs
         self._head: deque[Frame] = deque(maxlen=HEAD_FRAMES)
@@ -201,6 +203,8 @@ class _Waiting:
         """Yield the frames as they arrive."""
         for frame in map(self._outputs.record, self._camera.frames()):
             self._outputs.show(frame.picture)
+            if not self._head and is_lit(frame.picture):
+                self._tell(f"the room is lit; tracking begins when it is dark, or after {LIVE_LIT_S:g} s")
             self._head.append(frame)
             yield frame
 

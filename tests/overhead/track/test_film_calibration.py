@@ -191,6 +191,18 @@ def test_rings_give_the_camera_if_the_beginning_shows_no_floor(lit: int) -> None
     assert worst_cm(found) <= 1.0
 
 
+def test_a_long_lit_beginning_leaves_the_frames_in_which_rings_are_studied() -> None:
+    corners = tuple(map(tuple, make_camera().project(np.array([(0, 0, 0), (60, 0, 0), (60, 60, 0), (0, 60, 0)]))))
+    options = TrackOptions(corners_px=corners)
+    after = calibrate(Reel(plain(120, 90) + film(1.2)), options, 30)
+    at_once = calibrate(Reel(film(1.2)), options, 30)
+    assert after.ring_light == at_once.ring_light > 0
+    assert after.error_cm == pytest.approx(at_once.error_cm)
+    waited = Reel(plain(120, 90) + film(1.2))
+    assert calibrate(waited, options, 30, most_lit_s=1.0).ring_light == 0
+    assert waited.asked == 60
+
+
 @pytest.mark.parametrize("settings", [{}, {"height_cm": 150.0}, {"field_of_view_deg": 45.0}, {"distortion": 0.0}])
 def test_rings_of_a_dark_film_give_its_scale(settings: dict[str, float]) -> None:
     found, origin = camera_and_origin(Reel(film(1.2, robots=5, **settings)), TrackOptions())
