@@ -174,6 +174,7 @@ def test_the_third_request_in_a_row_ends_what_catches_every_one(tmp_path) -> Non
     for _ in range(2):
         os.kill(process.pid, signal.SIGINT)
         assert process.stdout.readline() == "caught\n"
+        time.sleep(0.2)  # until it sleeps again: what catches one request is not to be hit by the next
     os.kill(process.pid, signal.SIGINT)
     _, stderr = process.communicate(timeout=20)
     assert (process.returncode, stderr) == (130, "ended at the third request\n")

@@ -91,7 +91,7 @@ def test_the_result_is_one_json_object(shelf) -> None:
     assert found["flashes_per_period"] == pytest.approx(ROBOTS, rel=0.15)
     assert found["estimated"] == ["period_s", "threshold_ms"]
     assert found["warnings"] == []
-    assert "size of the rings" in found["calibration"]
+    assert "size and shape of the rings" in found["calibration"]
 
 
 def test_a_table_is_printed_for_people(shelf) -> None:
