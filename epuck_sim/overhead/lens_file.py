@@ -36,7 +36,7 @@ MIN_MOVE_PX = 8.0
 SUBPIXEL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 40, 1e-3)
 """Termination criterion (iterations, tolerance in px) by which corners are refined."""
 
-UNSURE_FOCUS = 0.05
+UNSURE_FOCUS = 0.03
 """Relative difference of the focal lengths by half of the views and by all from which they do not determine a lens:
 seen straight on, or always askew in the same way, a board nearby looks as one farther away through a longer lens."""
 

@@ -92,10 +92,11 @@ def test_a_board_that_is_never_tilted_does_not_determine_a_lens(is_fisheye: bool
         calibrate_lens("film", views_of_a_board([0.0] * 12, is_fisheye, seed), SIZE, is_fisheye)
 
 
+@pytest.mark.parametrize("is_fisheye", [False, True])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_board_that_is_always_tilted_alike_does_not_determine_a_lens(seed: int) -> None:
+def test_a_board_that_is_always_tilted_alike_does_not_determine_a_lens(is_fisheye: bool, seed: int) -> None:
     with pytest.raises(FilmError, match=r"^film: the views of the board do not determine a lens; show it tilted"):
-        calibrate_lens("film", views_of_a_board([12.0] * 12, False, seed), SIZE, False)
+        calibrate_lens("film", views_of_a_board([12.0] * 12, is_fisheye, seed), SIZE, is_fisheye)
 
 
 def test_corners_that_come_and_go_are_no_movement() -> None:
