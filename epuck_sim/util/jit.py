@@ -18,26 +18,28 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
 
-from llvmlite import ir
 from numba import __version__ as numba_version
-from numba import njit
-from numba.core import config, types
-from numba.extending import intrinsic
+from numba import config, njit, types
 
 from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
-from epuck_sim.util.kernel import Kernel
+from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
 PACKAGE = Path(__file__).parents[1]
 """Folder of the package."""
 
-VALUE_FILES = (
-    *("epuck.py", "control/error_lines.py", "control/interface.py"),
-    *("embodied/faulty_swarm.py", "embodied/rigid_bodies.py", "particles/rules.py"),
-    "util/kernel.py",
-)
+SHARED = ("util", "control")
+"""Rooms on whose kernels and values those of all others may depend, beside the files of the package's root."""
+
+VALUE_FILES = ("epuck.py", "util/native.py", "control/interface.py", "embodied/swarm.py")
 """Files without kernels on whose constants, types or ways of compiling compiled code depends."""
+
+BLOCK = types.Array(types.uint8, 1, "C")
+"""numba's type of a block of memory that holds a swarm."""
+
+ADDRESSES = types.Array(types.int64, 1, "C")
+"""numba's type of the addresses, in this process, of what a swarm calls."""
 
 _redirecting = threading.Lock()
 
@@ -51,14 +53,17 @@ def digest(contents: Iterable[bytes]) -> str:
 
 
 @lru_cache
-def kernel_digest(package: Path = PACKAGE) -> str:
-    """Return the digest of all files that the package's kernels depend on.
+def kernel_digest(room: str = "util", package: Path = PACKAGE) -> str:
+    """Return the digest of all files that the kernels of a room depend on.
 
-    These are the files which import this module, and `VALUE_FILES`; a test makes sure that there are no others.
+    These are the files of the room, and of those in `SHARED`, which import this module, and `VALUE_FILES`; a test makes
+    sure that there are no others. So an edit of one room's kernels does not compile the other rooms'.
     """
-    values = [(package / name).read_bytes() for name in VALUE_FILES]
-    sources = [source.read_bytes() for source in sorted(package.rglob("*.py"))]
-    return digest([*values, *(source for source in sources if b"epuck_sim.util.jit import" in source)])
+    rooms = {*SHARED, room}
+    files = [package / name for name in VALUE_FILES if "/" not in name or name.partition("/")[0] in rooms]
+    sources = [path.read_bytes() for each in sorted(rooms) for path in sorted((package / each).rglob("*.py"))]
+    used = (source for source in sources if b"epuck_sim.util.jit import" in source)
+    return digest([*(path.read_bytes() for path in files), *used])
 
 
 def _open_cache(contents_digest: str) -> Path:
@@ -135,7 +140,8 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
 
 def _kernel(function: Function, **options: object) -> Function:
     """Return a kernel of this package; the functions that it calls must be kernels, too."""
-    for_python: Any = compile_cached(function, kernel_digest(), careful=False, **options)
+    room = function.__module__.removeprefix("epuck_sim.").partition(".")[0]
+    for_python: Any = compile_cached(function, kernel_digest(room), careful=False, nogil=True, **options)
     return cast(Function, Kernel(function, for_python, error_model="numpy", **options))
 
 
@@ -149,30 +155,19 @@ def jit_no_alloc(function: Function) -> Function:
 
     Without allocations there is no reference counting, which takes longer than the work of small kernels.
     """
-    return _kernel(function, _nrt=False)
-
-
-def jit_nogil(function: Function) -> Function:
-    """Return a kernel as `jit_no_alloc` does, that lets other threads run when Python calls it."""
-    return _kernel(function, _nrt=False, nogil=True)
+    return _kernel(function, **WITHOUT_ALLOCATION)
 
 
 def jit_inline(function: Function) -> Function:
     """Return a kernel as `jit_no_alloc` does, which is inlined wherever it is called: passing arrays takes time."""
-    return _kernel(function, _nrt=False, forceinline=True)
+    return _kernel(function, **WITHOUT_ALLOCATION, forceinline=True)
 
 
-_intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
+def compile_call(function: Any, contents_digest: str) -> Any:
+    """Compile a function (block, addresses, number), which other compiled code calls by its address.
 
-
-@_intrinsic
-def unlikely(context: Any, flag: Any) -> Any:  # noqa: ARG001
-    """Return a flag, which compiled code expects to be false: what it leads to is laid out of the way of the rest."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
-        boolean = ir.IntType(1)
-        kind = ir.FunctionType(boolean, [boolean, boolean])
-        expect = builder.module.declare_intrinsic("llvm.expect", [boolean], kind)
-        return builder.call(expect, [*arguments, boolean(0)])
-
-    return types.boolean(types.boolean), generate
+    A division by 0 and an index out of bounds raise, as in Python. See `native.call` and `native.function_address`.
+    """
+    compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
+    compiled.compile((BLOCK, ADDRESSES, types.intp))
+    return compiled

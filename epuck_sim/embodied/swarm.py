@@ -1,0 +1,352 @@
+"""A swarm of robots as records in one block of memory, which Python and compiled code read alike.
+
+`swarm_at` carves the block into arrays, in a fixed order: `swarm.robots[3].ring_on`, `swarm.scene[0].step`. Nothing in
+the block is an address: its arrays stand at offsets that the scene knows, and what is called, controllers, sensors and
+Chipmunk, has a number in an array of addresses that each process fills for itself. So a copy of the block is a copy of
+the swarm, but for the contacts that Chipmunk remembers, in this process or another.
+
+A record is a reference in compiled code. Only arrays of the block are taken apart into records there: a record of an
+array that is made in compiled code would outlive it.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
+from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.native import array_at
+
+RAYS = 3
+"""Rays of each infrared sensor."""
+
+
+def _record(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:
+    """Return a type of records whose fields Python, too, reads as attributes."""
+    return np.dtype((np.record, np.dtype(fields, align=True)))
+
+
+SENSED = _record(
+    [
+        ("step_ms", "i8"),  # whole ms on the robot's own clock since its last control step
+        ("infrared", "f8", SENSORS),  # counts: readings of the proximity sensors
+        ("distance_mm", "i8", SENSORS),  # distances that belong to them
+        ("new_picture", "?"),  # whether the camera's row is one that the controller has not seen
+        ("pulses", "i8"),  # number of radio pulses that arrive
+        ("messages", "i8", MAX_MESSAGES),  # what the first of them say
+    ]
+)
+"""What a robot's controller reads in a control step, beside its row of pixels."""
+
+ROBOT = _record(
+    [
+        ("x", "f8"),  # cm
+        ("y", "f8"),  # cm
+        ("heading", "f8"),  # rad, counts full turns
+        ("vx", "f8"),  # cm/s: what the body moves with until the next control step
+        ("vy", "f8"),  # cm/s
+        ("spin", "f8"),  # rad/s
+        ("left_cm_s", "f8"),  # wheels as commanded, within their limit
+        ("right_cm_s", "f8"),
+        ("turn_rad", "f8"),  # turn on the spot, as commanded
+        ("ring_command", "?"),  # whether the ring is commanded to be lit
+        ("ring_on", "?"),  # whether it is lit: the same, unless it has a fault
+        ("ring_before", "?"),  # whether it was lit a control step before, which is what others see
+        ("present", "?"),  # whether the robot is in the arena; others are parked far outside, at rest, in the dark
+        ("may_touch", "?"),  # whether it may touch something in this control step
+        ("in_space", "?"),  # whether its body is in Chipmunk's space
+        ("is_stuck", "?"),
+        ("sends", "?"),  # whether its radio pulse is on the air
+        ("actuators", ACTUATORS),  # what its controller sets
+        ("sensors", SENSED),
+        ("wheel_gain", "f8", 2),  # factor of each wheel's speed, 0 while the robot is stuck
+        ("free_gain", "f8", 2),  # the same when it is not
+        ("clock_rate", "f8"),  # rate of its clock, relative to real time
+        ("infrared_gain", "f8", SENSORS),  # factor of each sensor's reading
+        ("stuck_until_s", "f8"),  # time until which it stays stuck, or free
+        ("infrared_noise", "f8", SENSORS),  # standard normal numbers of this control step
+        ("wheel_noise", "f8", 2),  # numbers from [0, 1) of this control step
+        ("first_picture", "f8"),  # instant of its camera's first picture, in control steps
+        ("pictures", "i8"),  # number of pictures that its camera has taken
+        ("picture_arrives", "i8"),  # control step in which the last of them arrives
+        ("random", "u8", 4),  # stream from which its controller draws
+        ("signal_random", "u8", 4),  # from which its camera, or radio, draws
+        ("variation_random", "u8", 4),  # from which its imperfections are drawn
+        ("flash_number", "i8"),  # number of flashes that it has begun; counted where there are faults
+        ("starts_anew_at", "f8"),  # share of its period at which a fault has its oscillator start anew now; -1: none
+        ("left_over_ms", "f8"),  # fraction of a millisecond that a faulty clock has not counted yet
+        ("held_phase", "i8"),  # phase, as bits, and ring's command before its controller runs, for a frozen oscillator
+        ("held_ring", "i8"),
+    ]
+)
+"""A robot."""
+
+CAMERA = _record(
+    [
+        ("first", "i8"),  # first pixel of the central window; pixels outside are always 0
+        ("end", "i8"),  # pixel after the last one of the central window
+        ("left_rad", "f8"),  # angle of the middle of pixel 0, left of straight ahead
+        ("pixels_per_rad", "f8"),  # pixels in one radian, counted to the right
+        ("half_view_rad", "f8"),  # largest angle between straight ahead and the edge of the central window
+        ("range_cm", "f8"),  # rings farther away are not seen
+        ("reflection_range_cm", "f8"),  # longest way, by a wall, on which a ring's reflection is seen; 0: none
+        ("forward_cm", "f8"),  # distance of the camera ahead of the robot's centre
+        ("radius_cm", "f8"),  # radius of the robots that it sees
+        ("interval", "f8"),  # control steps from one picture to the next; 0: a picture in each, without delay
+        ("latency", "f8"),  # longest time, in control steps, that a picture takes to arrive
+    ]
+)
+"""The camera of a group's robots; where its pixels look stands in `Swarm.rays`."""
+
+RAY = _record([("cos", "f8"), ("sin", "f8")])
+"""Direction of a pixel in the body's frame."""
+
+CONE = _record(
+    [
+        ("range_cm", "f8"),
+        ("cos", "f8"),  # cosine of half the opening angle; -2 for a full circle
+        ("of_vision", "?"),  # whether the cone is the receiver's; else it is the sender's
+        ("occlusion", "?"),  # whether robots and obstacles hide rings
+    ]
+)
+"""Where flashes, or radio pulses, reach."""
+
+RADIO = _record(
+    [
+        ("loss", "f8"),  # probability with which a receiver misses a pulse
+        ("collisions", "?"),  # whether several pulses at once destroy each other
+        ("half_duplex", "?"),  # whether a robot that sends receives nothing
+        ("slots", "i8"),  # control steps of which pulses are on their way, and one
+        ("first", "i8"),  # index of its first record in `Swarm.air`
+    ]
+)
+"""The radio of a group's robots."""
+
+PULSES = _record([("count", "i8"), ("messages", "i8", MAX_MESSAGES)])
+"""Pulses that arrive at one robot in one control step."""
+
+INFRARED = _record(
+    [
+        ("count", "i8"),  # number of sensors
+        ("x", "f8", SENSORS),  # cm ahead of the axle's centre
+        ("y", "f8", SENSORS),  # cm to the left of it
+        ("cos", "f8", (SENSORS, RAYS)),  # directions of the rays in the body's frame
+        ("sin", "f8", (SENSORS, RAYS)),
+        ("stretch", "f8"),  # distance of a flat wall on a side ray, relative to that on the centre ray
+        ("reach_cm", "f8"),  # largest distance from the body's centre to the end of a ray
+        ("radius_cm", "f8"),  # radius of the robots that rays meet
+        ("range_cm", "f8"),  # distance beyond which a reading is 0
+        ("peak_counts", "f8"),  # largest reading, m
+        ("peak_cm", "f8"),  # distance of the largest reading, x0
+        ("width_cm2", "f8"),  # width of the peak, c
+        ("by_table", "?"),  # whether distances come from the firmware's table instead of the inverse response
+        ("sees_robots", "?"),  # whether rays end at robots; else only at walls and obstacles
+        ("noise_counts", "f8"),  # standard deviation of the noise
+    ]
+)
+"""The proximity sensors of a group's robots."""
+
+GROUP = _record(
+    [
+        ("first", "i8"),  # number of its first robot
+        ("count", "i8"),  # number of its robots
+        ("pixels", "i8"),  # length of the row that its controllers read
+        ("row", "i8"),  # index in `Swarm.pixels` of the rows that controllers read
+        ("view", "i8"),  # of those that show what is in view now: the same, unless pictures are delivered later
+        ("waiting", "i8"),  # of those that wait for delivery
+        ("ray", "i8"),  # index in `Swarm.rays` of pixel 0
+        ("camera", CAMERA),
+        ("cone", CONE),
+        ("radio", RADIO),
+        ("infrared", INFRARED),
+        ("memory", "i8"),  # offset in the block of what its robots remember: records of their controller's type
+        ("memory_bytes", "i8"),  # size of such a record
+        ("parameters", "i8"),  # offset in the block of the record of its controller's parameters
+        ("phase", "i8"),  # offset in a memory of the phase in ms; -1 for robots that are no oscillators
+        ("phase_is_float", "?"),  # else it is a whole number
+        ("period", "i8"),  # offset in the parameters of the period in s
+    ]
+)
+"""A group of robots with the same controller and sensors."""
+
+MEMBER = _record([("x", "f8"), ("y", "f8"), ("robot", "i8")])
+"""A robot in a cell, and where it is, cm."""
+
+CIRCLE = _record([("x", "f8"), ("y", "f8"), ("radius", "f8")])
+"""A round obstacle or a movable, cm."""
+
+EDGE = _record([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8")])
+"""An edge of another obstacle, cm, from a to b."""
+
+FAULT = _record(
+    [
+        ("kind", "i8"),  # see `changes.faults.KINDS`
+        ("strength", "f8"),  # rate of a clock, its jitter, or the share of flashes that is missed; 0 for others
+        ("nearer_cm", "f8"),  # flashes from nearer than this are missed ...
+        ("farther_cm", "f8"),  # ... or from farther than this
+        ("begin_ms", "f8"),  # when it begins, or may begin; infinity for those that are scheduled
+        ("end_ms", "f8"),
+        ("mean_free_ms", "f8"),  # mean time without it; 0 for those that begin once
+        ("mean_faulty_ms", "f8"),  # mean time with it; infinity for those that last
+    ]
+)
+"""A fault that robots may have."""
+
+AFFECTED = _record(
+    [
+        ("random", "u8", 4),
+        ("key", "u8"),  # decides, with a flash's sender and number, whether it is missed
+        ("is_member", "?"),  # whether the robot may have the fault in this trial
+        ("is_active", "?"),  # whether it has
+        ("change_ms", "f8"),  # when the fault begins or ends next
+    ]
+)
+"""A robot and a fault; that of robot r and fault f has index f * robots + r."""
+
+CHANGE = _record([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("begins", "?")])
+"""A fault of a robot that has begun or ended."""
+
+CALL = _record([("function", "i8"), ("argument", "i8")])
+"""A call: number of a function (block, addresses, argument) in the addresses, and its argument."""
+
+ARRAYS = 17
+"""Number of arrays in a block, the scene included."""
+
+SCENE = _record(
+    [
+        ("at", "i8", ARRAYS + 1),  # offsets of the arrays, see `Swarm`; the last is the size of the block
+        ("step", "i8"),  # number of the last control step; -1 before the first
+        ("step_ms", "i8"),
+        ("step_s", "f8"),
+        ("physics_steps", "i8"),  # physics steps in a control step
+        ("physics_s", "f8"),  # seconds of a physics step
+        ("width_cm", "f8"),
+        ("height_cm", "f8"),
+        ("circles", "i8"),  # numbers of circles and edges that are there now, of those for which there is room
+        ("edges", "i8"),
+        ("first_movable", "i8"),  # index of the first circle that is a movable
+        ("columns", "i8"),  # of the cell list
+        ("rows", "i8"),
+        ("cell_width_cm", "f8"),
+        ("cell_height_cm", "f8"),
+        ("radius_cm", "f8"),  # of a robot
+        ("touch", "?"),  # whether robots touch each other; else they pass through each other
+        ("clocks_differ", "?"),
+        ("get_stuck", "?"),
+        ("hides_flashes", "?"),  # whether faults may keep robots from seeing flashes: `CALL_HIDE` is called
+        ("wheel_limit_cm_s", "f8"),
+        ("wheel_base_cm", "f8"),
+        ("slip", "f8"),  # largest relative deviation of a wheel's speed; 0: no noise
+        ("infrared_noise", "?"),  # whether noise is drawn
+        ("mean_free_s", "f8"),  # mean time for which a robot is free, and stuck
+        ("mean_stuck_s", "f8"),
+        ("noise_random", "u8", 4),  # SFC64 generator of the infrared noise
+        ("slip_random", "u8", 4),  # and of the wheels'
+        ("serving", "i8"),  # robot whose controller is running; -1 if none is
+        ("changes", "i8"),  # number of records in `Swarm.log`
+        ("late", "i8"),  # index in `Swarm.calls` of the first call that follows when commands have been carried out
+    ]
+)
+"""What is one for all robots."""
+
+
+class Swarm(NamedTuple):
+    """The arrays of a block, in their order; a record has the same names in Python and in compiled code."""
+
+    scene: Any
+    """(1,) SCENE."""
+    robots: Any
+    """(robots,) ROBOT."""
+    groups: Any
+    """(groups,) GROUP."""
+    calls: Any
+    """(calls,) CALL: all groups sense, then all controllers run; from `scene.late` on, what follows when commands have
+    been carried out."""
+    cells: Any
+    """(cells + 1,) index in `members` at which each cell's robots begin; cell (column, row) is row * columns + column.
+    There is room for those of the largest arena."""
+    members: Any
+    """(robots,) MEMBER: the robots, cell by cell, within a cell by their numbers."""
+    circles: Any
+    """(room,) CIRCLE: round obstacles, and movables behind them."""
+    edges: Any
+    """(room,) EDGE: edges of the other obstacles."""
+    pixels: Any
+    """(n,) int64: rows of cameras, group by group; see `GROUP`. 1 where a lit ring is seen."""
+    rays: Any
+    """(n,) RAY: directions of the pixels of each group."""
+    air: Any
+    """(n,) PULSES: of each group with radios, (slots, robots)."""
+    faults: Any
+    """(faults,) FAULT."""
+    affected: Any
+    """(faults * robots,) AFFECTED."""
+    log: Any
+    """(room,) CHANGE: what faults did since Python looked."""
+    numbers: Any
+    """(2 * robots,) int64: scratch."""
+    depths: Any
+    """(2 * pixels of the longest row,) float64: scratch."""
+    bytes: Any
+    """(n,) uint8: what robots remember, and the parameters of their controllers."""
+
+
+INT64, FLOAT64, BYTE = np.dtype(np.int64), np.dtype(np.float64), np.dtype(np.uint8)
+
+_DTYPES = (
+    *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, INT64, RAY, PULSES, FAULT, AFFECTED, CHANGE),
+    *(INT64, FLOAT64, BYTE),
+)
+assert len(_DTYPES) == len(Swarm._fields) == ARRAYS
+
+SCENE_BYTES = SCENE.itemsize
+
+
+@jit_inline
+def swarm_at(block: npt.NDArray[np.uint8]) -> Swarm:
+    """Return the arrays of a block in compiled code; Python has `open_block`."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    at = scene[0].at
+    return Swarm(
+        scene,
+        array_at(block, at[1], at[2], ROBOT),
+        array_at(block, at[2], at[3], GROUP),
+        array_at(block, at[3], at[4], CALL),
+        array_at(block, at[4], at[5], INT64),
+        array_at(block, at[5], at[6], MEMBER),
+        array_at(block, at[6], at[7], CIRCLE),
+        array_at(block, at[7], at[8], EDGE),
+        array_at(block, at[8], at[9], INT64),
+        array_at(block, at[9], at[10], RAY),
+        array_at(block, at[10], at[11], PULSES),
+        array_at(block, at[11], at[12], FAULT),
+        array_at(block, at[12], at[13], AFFECTED),
+        array_at(block, at[13], at[14], CHANGE),
+        array_at(block, at[14], at[15], INT64),
+        array_at(block, at[15], at[16], FLOAT64),
+        array_at(block, at[16], at[17], BYTE),
+    )
+
+
+def make_block(lengths: Mapping[str, int]) -> npt.NDArray[np.uint8]:
+    """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, 0 for those that are left out."""
+    sizes = [dtype.itemsize * lengths.get(name, 0) for name, dtype in zip(Swarm._fields, _DTYPES, strict=True)]
+    sizes[0] = SCENE_BYTES
+    offsets = np.cumsum([0, *(-(-size // 8) * 8 for size in sizes[:-1]), sizes[-1]])  # each array begins at a word
+    block = np.zeros(int(offsets[-1]), np.uint8)
+    block[:SCENE_BYTES].view(SCENE)[0].at = offsets
+    return block
+
+
+def open_block(block: npt.NDArray[np.uint8]) -> Swarm:
+    """Return the arrays of a block for Python: `swarm.robots.x` is the x of all robots, (robots,), in place."""
+    at = block[:SCENE_BYTES].view(SCENE)[0].at.tolist()
+    arrays = (block[first:end].view(dtype) for first, end, dtype in zip(at[:-1], at[1:], _DTYPES, strict=True))
+    return Swarm(*(array.view(np.recarray) if array.dtype.names else array for array in arrays))
+
+
+def poses_of(robots: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:
+    """Return (robots, 3) cm, cm, rad: x, y and heading of robots, in place."""
+    return np.ndarray((len(robots), 3), np.float64, robots, ROBOT.fields["x"][1], (robots.strides[0], 8))  # type: ignore[index]

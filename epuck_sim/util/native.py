@@ -1,0 +1,225 @@
+"""What numba's public interface lacks: the one file of the package that imports its inside.
+
+Kernels are functions that are compiled for Python when Python calls them, and as parts of others when others do. numba
+makes machine code of every function, with everything that it calls inside: of what is called through eight others,
+eight times. A part of another kernel needs no machine code of its own, which saves a fifth of the time of compiling.
+
+Functions are called by addresses, which the caller takes from an array: code that calls a controller, or Chipmunk, is
+compiled once, and kept on disk, whatever it calls.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import _dynfunc, njit, types  # type: ignore[attr-defined]
+from numba.core import cgutils
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.typed_passes import NativeLowering
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+
+compiled: list[str] = []
+"""Names of the functions that this process has compiled so far, for those who wait."""
+
+WITHOUT_ALLOCATION = {"_nrt": False}
+"""Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
+
+
+class _PartLibrary(JITCodeLibrary):
+    """The code of a function, to be linked into that of others, which is where it is optimised."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _PartLowering(NativeLowering):
+    """numba's pass that makes machine code, which here stops before it does."""
+
+    _name = "lowering_of_a_part"
+
+    def run_pass(self, state: Any) -> bool:
+        library: Any = _PartLibrary
+        state.library = library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)  # type: ignore[no-untyped-call]
+        lowered = state["cr"]
+        function = lowered.fndesc
+        # callers find it by what Python would call; Python cannot, at address 0
+        name = _dynfunc.make_function(function.lookup_module(), function.qualname, "", 0, lowered.env, (state.library,))
+        state.targetctx.insert_user_function(name, function, [state.library])
+        state["cr"] = lowered._replace(cfunc=name)
+        compiled.append(function.qualname)
+        return True
+
+
+class _PartCompiler(CompilerBase):
+    """numba's compiler for parts of other functions."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return numba's passes, with `_PartLowering`."""
+        manager: Any = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        manager.passes = [(_PartLowering if each is NativeLowering else each, text) for each, text in manager.passes]
+        manager.finalize()
+        return [manager]
+
+
+class Kernel:
+    """A function that Python and compiled code can call."""
+
+    def __init__(self, function: Any, for_python: Callable[..., Any], **options: object) -> None:
+        """Prepare to compile a function.
+
+        Args:
+            function: The function.
+            for_python: The function as Python calls it: compiled when it is first called.
+            options: Those of numba's `njit`.
+        """
+        self.function = function
+        self.__doc__ = function.__doc__
+        self.for_python = for_python
+        compiler: Any = njit
+        self._part = compiler(pipeline_class=_PartCompiler, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(
+            function
+        )
+
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes it for when compiled code refers to it."""
+        return types.Dispatcher(self._part)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the function from Python."""
+        return self.for_python(*arguments)
+
+
+def function_address(function: Any) -> int:
+    """Return the address at which compiled code calls a function of one signature, which numba has compiled."""
+    (result,) = function.overloads.values()
+    return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+
+
+_intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
+
+
+def _plain(kinds: Any) -> Any:
+    """Return types of arguments, of constants that of other numbers like them."""
+    return tuple(map(types.unliteral, kinds))
+
+
+def _call_compiled(result: Any) -> Any:
+    """Return the generator of a call of a compiled function, which raises what that raises."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kinds, convention = signature.args[1:], context.call_conv
+        function = builder.inttoptr(arguments[0], convention.get_function_type(result, kinds).as_pointer())
+        status, value = convention.call_function(builder, function, result, kinds, arguments[1:])
+        with cgutils.if_unlikely(builder, status.is_error):
+            convention.return_status_propagate(builder, status)
+        return context.get_dummy_value() if result == types.void else value
+
+    return generate
+
+
+@_intrinsic
+def call(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
+    """Call the compiled function at an address, which returns nothing."""
+    return types.void(types.intp, *_plain(arguments)), _call_compiled(types.void)
+
+
+@_intrinsic
+def evaluate(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
+    """Return the float of the compiled function at an address."""
+    return types.float64(types.intp, *_plain(arguments)), _call_compiled(types.float64)
+
+
+_POINTER = ir.IntType(8).as_pointer()
+
+
+def _call_c(result: ir.Type) -> Any:
+    """Return the generator of a call of a C function: whole numbers are pointers, floats are doubles."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        values = [
+            value if isinstance(kind, types.Float) else builder.inttoptr(value, _POINTER)
+            for kind, value in zip(signature.args[1:], arguments[1:], strict=True)
+        ]
+        kind = ir.FunctionType(result, [value.type for value in values])
+        returned = builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
+        if isinstance(result, ir.PointerType):
+            return builder.ptrtoint(returned, context.get_value_type(types.intp))
+        return context.get_dummy_value() if isinstance(result, ir.VoidType) else returned
+
+    return generate
+
+
+@_intrinsic
+def call_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
+    """Call the C function at an address, which returns nothing; a struct of doubles is given as doubles."""
+    return types.void(types.intp, *_plain(arguments)), _call_c(ir.VoidType())
+
+
+@_intrinsic
+def pointer_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
+    """Return the pointer that the C function at an address returns."""
+    return types.intp(types.intp, *_plain(arguments)), _call_c(_POINTER)
+
+
+@_intrinsic
+def double_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
+    """Return the double that the C function at an address returns."""
+    return types.float64(types.intp, *_plain(arguments)), _call_c(ir.DoubleType())
+
+
+@_intrinsic
+def vector_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
+    """Return the struct of two doubles that the C function at an address returns, as a tuple."""
+    pair = ir.LiteralStructType([ir.DoubleType(), ir.DoubleType()])
+    kind = types.UniTuple(types.float64, 2)
+    generate = _call_c(pair)
+
+    def generate_tuple(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        returned = generate(context, builder, signature, arguments)
+        return context.make_tuple(builder, kind, [builder.extract_value(returned, index) for index in range(2)])
+
+    return kind(types.intp, *_plain(arguments)), generate_tuple
+
+
+@_intrinsic
+def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:  # noqa: ARG001
+    """Return part of a block of bytes as an array of some type, which does not own it: nothing counts references.
+
+    That is `block[first:end].view(dtype)`, which takes numba thirty times as long to compile.
+    """
+    kind = types.Array(dtype.dtype, 1, "C")
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        block, first, end, _ = arguments
+        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        data = context.make_array(signature.args[0])(context, builder, block).data
+        array = context.make_array(kind)(context, builder)
+        begin = builder.bitcast(builder.gep(data, [first]), array.data.type)
+        length = builder.sdiv(builder.sub(end, first), size)
+        populate_array(array, data=begin, shape=[length], strides=[size], itemsize=size, meminfo=None)
+        return array._getvalue()
+
+    return kind(block, types.intp, types.intp, dtype), generate
+
+
+@_intrinsic
+def unlikely(context: Any, flag: Any) -> Any:  # noqa: ARG001
+    """Return a flag, which compiled code expects to be false: what it leads to is laid out of the way of the rest."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001
+        boolean = ir.IntType(1)
+        kind = ir.FunctionType(boolean, [boolean, boolean])
+        expect = builder.module.declare_intrinsic("llvm.expect", [boolean], kind)
+        return builder.call(expect, [*arguments, boolean(0)])
+
+    return types.boolean(types.boolean), generate
