@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 from epuck_sim.embodied.bodies import Bodies
 from epuck_sim.embodied.cell_list import sort_into_cells
 from epuck_sim.embodied.contact_candidates import find_contact_candidates
-from epuck_sim.util.jit import jit_nogil
+from epuck_sim.util.jit import jit_no_alloc
 
 CALLS = np.dtype(
     [
@@ -84,7 +84,7 @@ def _set_int(context: Any, address: Any, value: Any) -> Any:  # noqa: ARG001
     return types.void(types.intp, types.intp), generate
 
 
-@jit_nogil
+@jit_no_alloc
 def move_bodies(bodies: Bodies, steps: int) -> None:
     """Move all bodies for a number of physics steps.
 
@@ -109,7 +109,7 @@ def move_bodies(bodies: Bodies, steps: int) -> None:
     sort_into_cells(poses, bodies.cells)
 
 
-@jit_nogil
+@jit_no_alloc
 def _step_space(bodies: Bodies, steps: int) -> None:
     """Take physics steps, and get the poses of the robots in the space."""
     call = bodies.calls[0]
@@ -125,7 +125,7 @@ def _step_space(bodies: Bodies, steps: int) -> None:
         _call(call.get_body, bodies.movables[movable], call.circles)
 
 
-@jit_nogil
+@jit_no_alloc
 def _enter_or_leave(bodies: Bodies, robot: int) -> None:
     """Put a robot that may touch something into the space, and take one that cannot out of it."""
     if bodies.is_candidate[robot] == bodies.is_in_space[robot]:
@@ -141,7 +141,7 @@ def _enter_or_leave(bodies: Bodies, robot: int) -> None:
     bodies.is_in_space[robot] = bodies.is_candidate[robot]
 
 
-@jit_nogil
+@jit_no_alloc
 def _set_body(bodies: Bodies, robot: int) -> None:
     """Set the pose of a robot's body, and its velocities, or those to which its wheels drive it."""
     call = bodies.calls[0]

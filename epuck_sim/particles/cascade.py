@@ -25,7 +25,8 @@ from epuck_sim.particles.neighbourhood import Neighbourhood
 from epuck_sim.particles.oscillators import Oscillators, firing_now, phase_at, set_next_firing
 from epuck_sim.particles.phase_response import phase_after_pulse
 from epuck_sim.particles.rules import Rules
-from epuck_sim.util.jit import jit_inline, unlikely
+from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.native import unlikely
 
 INSTANTS = 0
 """Index of the counter of instants at which agents fired."""

@@ -19,7 +19,8 @@ from epuck_sim.particles.headings import heading_from_wall, random_heading, turn
 from epuck_sim.particles.oscillators import argmin, minimum
 from epuck_sim.particles.walks import Walk, begin_run, rest_of_run
 from epuck_sim.scenario.particles import SpaceSection
-from epuck_sim.util.jit import jit_inline, unlikely
+from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.native import unlikely
 from epuck_sim.util.rng import randint
 
 NO_WALL = -1

@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.util.addresses import evaluate_at
-from epuck_sim.util.jit import jit_inline, jit_no_alloc, unlikely
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import unlikely
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
 """Names of the shipped response curves; the index of a name is the number of its curve."""
