@@ -211,6 +211,10 @@ CHANGE = _record([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("begins"
 CALL = _record([("function", "i8"), ("argument", "i8")])
 """A call: number of a function (block, addresses, argument) in the addresses, and its argument."""
 
+SPACE, GROUND, HIDE = range(3)
+"""Indices in the addresses: Chipmunk's space, the body of the floor, and the function (block, addresses, robot) that
+writes to the scratch numbers which lit rings faults leave visible to a robot."""
+
 ARRAYS = 17
 """Number of arrays in a block, the scene included."""
 
@@ -247,6 +251,11 @@ SCENE = _record(
         ("serving", "i8"),  # robot whose controller is running; -1 if none is
         ("changes", "i8"),  # number of records in `Swarm.log`
         ("late", "i8"),  # index in `Swarm.calls` of the first call that follows when commands have been carried out
+        ("bodies", "i8"),  # index in the addresses of the first robot's body; its shape follows, then the next robot's
+        ("surfaces", "i8"),  # of the shapes of walls and obstacles
+        ("surface_count", "i8"),
+        ("movables", "i8"),  # of the bodies of movables
+        ("drives", "i8"),  # of the bodies whose velocities the wheels of robots give them; -1 without movables
     ]
 )
 """What is one for all robots."""
@@ -286,7 +295,8 @@ class Swarm(NamedTuple):
     log: Any
     """(room,) CHANGE: what faults did since Python looked."""
     numbers: Any
-    """(2 * robots,) int64: scratch."""
+    """(2 * robots,) int64: scratch; sensors of flashes have the numbers of lit robots, and then a label of each robot:
+    what a pixel that shows it becomes, 0 for rings that are dark, or that faults hide."""
     depths: Any
     """(2 * pixels of the longest row,) float64: scratch."""
     bytes: Any

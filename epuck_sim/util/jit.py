@@ -22,7 +22,7 @@ from numba import __version__ as numba_version
 from numba import config, njit, types
 
 from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
-from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel
+from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, function_address
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -171,3 +171,11 @@ def compile_call(function: Any, contents_digest: str) -> Any:
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
     compiled.compile((BLOCK, ADDRESSES, types.intp))
     return compiled
+
+
+def address_of(kernel: Any) -> int:
+    """Return the address at which compiled code calls a kernel (block, addresses, number); see `native.call`."""
+    function = kernel.for_python
+    if not function.overloads:
+        function.compile((BLOCK, ADDRESSES, types.intp))
+    return function_address(function)
