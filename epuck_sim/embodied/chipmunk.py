@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from epuck_sim.embodied.bodies import Bodies
+from epuck_sim.embodied.bodies_tuple import Bodies
 from epuck_sim.embodied.cell_list import sort_into_cells
 from epuck_sim.embodied.contact_candidates import find_contact_candidates
 from epuck_sim.util.jit import jit_no_alloc

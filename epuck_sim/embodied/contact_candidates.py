@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from epuck_sim.embodied.bodies import Bodies
+from epuck_sim.embodied.bodies_tuple import Bodies
 from epuck_sim.embodied.cell_list import cells_around, members_in_row
 from epuck_sim.util.jit import jit_no_alloc
 

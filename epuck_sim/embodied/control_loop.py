@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
 from epuck_sim.control.interface import Wheels
-from epuck_sim.embodied.bodies import Bodies
+from epuck_sim.embodied.bodies_tuple import Bodies
 from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.differential_drive import apply_commands
 from epuck_sim.embodied.swarm_arrays import NOISE_STEPS, SwarmArrays

@@ -16,7 +16,7 @@ from pymunk.batch import BodyFields
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.bodies import Bodies
+from epuck_sim.embodied.bodies_tuple import Bodies
 from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
 from epuck_sim.embodied.chipmunk import move_bodies
 from epuck_sim.embodied.contact_candidates import MARGIN_CM

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
+from epuck_sim.util.generators import GENERATOR_WORDS
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import array_at
 
@@ -177,8 +178,8 @@ MEMBER = _record([("x", "f8"), ("y", "f8"), ("robot", "i8")])
 CIRCLE = _record([("x", "f8"), ("y", "f8"), ("radius", "f8")])
 """A round obstacle or a movable, cm."""
 
-EDGE = _record([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8")])
-"""An edge of another obstacle, cm, from a to b."""
+EDGE = _record([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8"), ("polygon", "i8")])
+"""An edge of another obstacle, cm, from a to b counter-clockwise, and the obstacle's number."""
 
 FAULT = _record(
     [
@@ -246,8 +247,12 @@ SCENE = _record(
         ("infrared_noise", "?"),  # whether noise is drawn
         ("mean_free_s", "f8"),  # mean time for which a robot is free, and stuck
         ("mean_stuck_s", "f8"),
-        ("noise_random", "u8", 4),  # SFC64 generator of the infrared noise
-        ("slip_random", "u8", 4),  # and of the wheels'
+        ("noise_random", "u8", GENERATOR_WORDS),  # generator of the infrared noise, see `util.generators`
+        ("slip_random", "u8", GENERATOR_WORDS),  # of the wheels'
+        ("placement_random", "u8", GENERATOR_WORDS),  # of places
+        ("robots_vary", "?"),  # whether `ROBOT.variation_random` is drawn from
+        ("signals_draw", "?"),  # whether `ROBOT.signal_random` is
+        ("spread", "f8", 4),  # half-widths of the factors of both wheels, each wheel, clocks, and infrared readings
         ("serving", "i8"),  # robot whose controller is running; -1 if none is
         ("changes", "i8"),  # number of records in `Swarm.log`
         ("late", "i8"),  # index in `Swarm.calls` of the first call that follows when commands have been carried out
@@ -341,7 +346,7 @@ def swarm_at(block: npt.NDArray[np.uint8]) -> Swarm:
 
 
 def make_block(lengths: Mapping[str, int]) -> npt.NDArray[np.uint8]:
-    """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, 0 for those that are left out."""
+    """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, or 0 if it is left out."""
     sizes = [dtype.itemsize * lengths.get(name, 0) for name, dtype in zip(Swarm._fields, _DTYPES, strict=True)]
     sizes[0] = SCENE_BYTES
     offsets = np.cumsum([0, *(-(-size // 8) * 8 for size in sizes[:-1]), sizes[-1]])  # each array begins at a word

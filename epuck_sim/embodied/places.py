@@ -1,0 +1,251 @@
+"""Placement of robots at the start: at given poses, on the grid of the physical experiments, or at random.
+
+Places that are taken are listed by the cells of the swarm's cell list, which are larger than a robot: who touches a
+robot at some place is in its cell, or in one of the eight around it. `Swarm.cells` holds the first robot of each cell,
+counted from 1, and the scratch numbers the next one behind each robot.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.embodied.cells import cell_index
+from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robot_checks import GRID_SPACING_CM
+from epuck_sim.util.generators import integer_between, next_double
+from epuck_sim.util.jit import jit, jit_no_alloc
+from epuck_sim.util.selections import choose
+
+GRID_HEADINGS = 8
+"""Number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)."""
+
+MAX_DRAWS = 10_000
+"""Number of random positions tried for a robot before the arena counts as full."""
+
+OUTSIDE_CM = -1e6
+"""Coordinates of where robots are parked that are not in the arena, cm: out of the way of all that has a range."""
+
+APART_CM = 1e3
+"""Distance of parked robots along each axis, cm."""
+
+_TOLERANCE_CM = 1e-6
+_NO_PLACE = -1
+
+Block = npt.NDArray[np.uint8]
+
+
+@jit_no_alloc
+def clearance_cm(swarm: Swarm, x: float, y: float) -> float:
+    """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
+    scene = swarm.scene[0]
+    clearance = min(x, y, scene.width_cm - x, scene.height_cm - y)
+    for index in range(scene.circles):
+        circle = swarm.circles[index]
+        clearance = min(clearance, math.hypot(circle.x - x, circle.y - y) - circle.radius)
+    index = 0
+    while index < scene.edges:
+        polygon, inside, outside, all_left = swarm.edges[index].polygon, -math.inf, math.inf, True
+        while index < scene.edges and swarm.edges[index].polygon == polygon:
+            edge = swarm.edges[index]
+            along_x, along_y, to_x, to_y = edge.bx - edge.ax, edge.by - edge.ay, x - edge.ax, y - edge.ay
+            length = math.hypot(along_x, along_y)
+            outward = (along_y * to_x - along_x * to_y) / length
+            all_left &= outward <= 0.0
+            inside = max(inside, outward)
+            share = min(max((to_x * along_x + to_y * along_y) / (length * length), 0.0), 1.0)
+            outside = min(outside, math.hypot(to_x - share * along_x, to_y - share * along_y))
+            index += 1
+        clearance = min(clearance, inside if all_left else outside)
+    return clearance
+
+
+@jit_no_alloc
+def _cell_of(swarm: Swarm, x: float, y: float) -> int:
+    scene = swarm.scene[0]
+    row = cell_index(y, scene.cell_height_cm, scene.rows)
+    return row * scene.columns + cell_index(x, scene.cell_width_cm, scene.columns)
+
+
+@jit_no_alloc
+def _take(swarm: Swarm, robot: int) -> None:
+    """Take the place at which a robot is."""
+    cell = _cell_of(swarm, swarm.robots[robot].x, swarm.robots[robot].y)
+    swarm.numbers[robot] = swarm.cells[cell]
+    swarm.cells[cell] = robot + 1
+
+
+@jit_no_alloc
+def _distance_to_taken(swarm: Swarm, x: float, y: float) -> float:
+    """Return the square of the distance to the nearest place that is taken in the cells around; infinity if none is."""
+    scene = swarm.scene[0]
+    row, column = cell_index(y, scene.cell_height_cm, scene.rows), cell_index(x, scene.cell_width_cm, scene.columns)
+    nearest = math.inf
+    for r in range(max(row - 1, 0), min(row + 2, scene.rows)):
+        for c in range(max(column - 1, 0), min(column + 2, scene.columns)):
+            other = swarm.cells[r * scene.columns + c]
+            while other > 0:
+                dx, dy = swarm.robots[other - 1].x - x, swarm.robots[other - 1].y - y
+                nearest = min(nearest, dx * dx + dy * dy)
+                other = swarm.numbers[other - 1]
+    return nearest
+
+
+@jit_no_alloc
+def is_free(swarm: Swarm, x: float, y: float) -> bool:
+    """Return whether a robot at (x, y) touches none whose place is taken, no wall, no obstacle and no movable."""
+    radius = swarm.scene[0].radius_cm
+    touches = _distance_to_taken(swarm, x, y) < 4.0 * radius * radius
+    return not touches and clearance_cm(swarm, x, y) >= radius - _TOLERANCE_CM
+
+
+@jit_no_alloc
+def begin_placement(block: Block) -> None:
+    """Take the places of the robots that are in the arena; others are parked far outside."""
+    swarm = swarm_at(block)
+    for cell in range(len(swarm.cells)):
+        swarm.cells[cell] = 0
+    for robot in range(len(swarm.robots)):
+        if swarm.robots[robot].x > OUTSIDE_CM / 2:
+            _take(swarm, robot)
+
+
+@jit_no_alloc
+def place_at_random(block: Block, first: int, end: int) -> int:
+    """Put robots at uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3).
+
+    Returns:
+        The first robot for which no place was found, or -1.
+    """
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    radius, random = scene.radius_cm, scene.placement_random
+    width, height = scene.width_cm - 2 * radius, scene.height_cm - 2 * radius
+    for number in range(first, end):
+        robot = swarm.robots[number]
+        is_placed = False
+        for _ in range(MAX_DRAWS):
+            x = radius + width * next_double(random)
+            y = radius + height * next_double(random)
+            if is_free(swarm, x, y):
+                is_placed = True
+                robot.x, robot.y = x, y
+                robot.heading = 2 * math.pi * next_double(random)
+                _take(swarm, number)
+                break
+        if not is_placed:
+            return number
+    return _NO_PLACE
+
+
+@jit
+def place_on_grid(block: Block, first: int, end: int) -> int:
+    """Put robots on free points of a grid of 10 cm, as far from the walls or farther, with headings of 45 degrees.
+
+    Returns:
+        The number of free points, if there are too few, or -1.
+    """
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    columns, rows = _grid_points(scene.width_cm), _grid_points(scene.height_cm)
+    free = np.empty(columns * rows, np.int64)
+    found = 0
+    for point in range(columns * rows):
+        x = _grid_coordinate(scene.width_cm, columns, point % columns)
+        y = _grid_coordinate(scene.height_cm, rows, point // columns)
+        free[found] = point
+        found += is_free(swarm, x, y)
+    count = end - first
+    if found < count:
+        return found
+    chosen = np.empty(count, np.int64)
+    choose(chosen, np.empty(found, np.int64), scene.placement_random)
+    for row in range(count):
+        point, robot = free[chosen[row]], swarm.robots[first + row]
+        robot.x = _grid_coordinate(scene.width_cm, columns, point % columns)
+        robot.y = _grid_coordinate(scene.height_cm, rows, point // columns)
+        _take(swarm, first + row)
+    for row in range(count):
+        heading = integer_between(0, GRID_HEADINGS, scene.placement_random)
+        swarm.robots[first + row].heading = heading * (2 * math.pi / GRID_HEADINGS)
+    return _NO_PLACE
+
+
+@jit_no_alloc
+def _grid_points(length_cm: float) -> int:
+    """Return the number of the grid's points along one side of the arena."""
+    return max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
+
+
+@jit_no_alloc
+def _grid_coordinate(length_cm: float, points: int, point: int) -> float:
+    return length_cm / 2 + GRID_SPACING_CM * (point - (points - 1) / 2)
+
+
+def put_at_given_poses(swarm: Swarm, scenario: EmbodiedScenario) -> None:
+    """Put the robots of groups with given poses there, and park all others; places do not depend on a seed.
+
+    Raises:
+        ScenarioError: Robots overlap, or stand in a wall or an obstacle.
+    """
+    robots, touch_cm = swarm.robots, 2 * scenario.robot.radius_cm
+    robots.x = robots.y = OUTSIDE_CM - APART_CM * np.arange(len(robots))
+    robots.heading = 0.0
+    placed = np.zeros(len(robots), np.bool_)
+    for number, (group, section) in enumerate(zip(swarm.groups, scenario.robots, strict=True)):
+        if not section.present or section.poses is None:
+            continue
+        for row, (x, y, heading) in enumerate(section.poses):
+            key = f"{scenario.name}: robots.{number}.poses.{row}"
+            gap = float(clearance_cm(swarm, x, y)) - scenario.robot.radius_cm
+            if gap < -_TOLERANCE_CM:
+                raise ScenarioError(
+                    f"{key}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
+                    f"allowed: at least {scenario.robot.radius_cm:g} cm away from them"
+                )
+            others = np.flatnonzero(placed)
+            distances = np.hypot(robots.x[others] - x, robots.y[others] - y)
+            if len(others) and distances.min() < touch_cm - _TOLERANCE_CM:
+                other = others[distances.argmin()]
+                raise ScenarioError(
+                    f"{key}: is [{x:g}, {y:g}] and overlaps the robot at [{robots.x[other]:g}, {robots.y[other]:g}]; "
+                    f"allowed: at least {touch_cm:g} cm between centres"
+                )
+            robot = group.first + row
+            robots[robot].x, robots[robot].y, robots[robot].heading = x, y, heading
+            placed[robot] = True
+
+
+def place_robots(block: Block, scenario: EmbodiedScenario) -> None:
+    """Put the robots in the arena that have no given poses, by draws from `scene.placement_random`.
+
+    Groups with given poses are there already, then come those on the grid, then those at random, so that none takes a
+    place that another one needs.
+
+    Raises:
+        ScenarioError: Robots do not fit.
+    """
+    begin_placement(block)
+    bounds = [(int(group.first), int(group.first + group.count)) for group in open_block(block).groups]
+    for number, (section, (first, end)) in enumerate(zip(scenario.robots, bounds, strict=True)):
+        if section.present and section.placement == "grid":
+            free = place_on_grid(block, first, end)
+            if free != _NO_PLACE:
+                width, height = (
+                    _grid_points(float(side)) for side in (scenario.arena.width_cm, scenario.arena.height_cm)
+                )
+                raise ScenarioError(
+                    f"{scenario.name}: robots.{number}.count: is {section.count}; allowed: up to {free}, the free "
+                    f"points of the grid of {width} x {height} in this arena; give fewer robots or a larger arena"
+                )
+    for number, (section, (first, end)) in enumerate(zip(scenario.robots, bounds, strict=True)):
+        if section.present and section.placement == "random":
+            robot = place_at_random(block, first, end)
+            if robot != _NO_PLACE:
+                raise ScenarioError(
+                    f"{scenario.name}: robots.{number}.count: is {section.count}; no free place was found for robot "
+                    f"{robot - first} in {MAX_DRAWS} draws: random placement fills at most about half of the floor; "
+                    "give fewer robots, a larger arena, or poses"
+                )
