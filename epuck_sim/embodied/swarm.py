@@ -55,6 +55,7 @@ ROBOT = _record(
         ("ring_command", "?"),  # whether the ring is commanded to be lit
         ("ring_on", "?"),  # whether it is lit: the same, unless it has a fault
         ("ring_before", "?"),  # whether it was lit a control step before, which is what others see
+        ("starts", "?"),  # whether its controller is to start, where `scene.starts` says that controllers do
         ("present", "?"),  # whether the robot is in the arena; others are parked far outside, at rest, in the dark
         ("may_touch", "?"),  # whether it may touch something in this control step
         ("in_space", "?"),  # whether its body is in Chipmunk's space
@@ -65,6 +66,7 @@ ROBOT = _record(
         ("wheel_gain", "f8", 2),  # factor of each wheel's speed, 0 while the robot is stuck
         ("free_gain", "f8", 2),  # the same when it is not
         ("clock_rate", "f8"),  # rate of its clock, relative to real time
+        ("own_step_ms", "f8"),  # ms of a control step by its clock
         ("infrared_gain", "f8", SENSORS),  # factor of each sensor's reading
         ("stuck_until_s", "f8"),  # time until which it stays stuck, or free
         ("infrared_noise", "f8", SENSORS),  # standard normal numbers of this control step
@@ -162,8 +164,10 @@ GROUP = _record(
         ("cone", CONE),
         ("radio", RADIO),
         ("infrared", INFRARED),
-        ("memory", "i8"),  # offset in the block of what its robots remember: records of their controller's type
+        ("memory", "i8"),  # offset in the block of what its robots remember: records of their controller's type, and a
+        # further one with what the robot of `scene.serving` remembered before its controller ran
         ("memory_bytes", "i8"),  # size of such a record
+        ("controller", "i8"),  # index in the addresses of what runs its controllers, see `controllers.GroupControllers`
         ("parameters", "i8"),  # offset in the block of the record of its controller's parameters
         ("phase", "i8"),  # offset in a memory of the phase in ms; -1 for robots that are no oscillators
         ("phase_is_float", "?"),  # else it is a whole number
@@ -238,6 +242,7 @@ SCENE = _record(
         ("cell_height_cm", "f8"),
         ("radius_cm", "f8"),  # of a robot
         ("touch", "?"),  # whether robots touch each other; else they pass through each other
+        ("moved_publicly", "?"),  # whether bodies move by pymunk's public interface, between calls of compiled code
         ("clocks_differ", "?"),
         ("get_stuck", "?"),
         ("hides_flashes", "?"),  # whether faults may keep robots from seeing flashes: `CALL_HIDE` is called
@@ -254,6 +259,9 @@ SCENE = _record(
         ("signals_draw", "?"),  # whether `ROBOT.signal_random` is
         ("spread", "f8", 4),  # half-widths of the factors of both wheels, each wheel, clocks, and infrared readings
         ("serving", "i8"),  # robot whose controller is running; -1 if none is
+        ("kept_random", "u8", 4),  # its stream and its actuators before its controller ran
+        ("kept_actuators", ACTUATORS),
+        ("starts", "?"),  # whether controllers start on the robots with `starts`, instead of running a step
         ("changes", "i8"),  # number of records in `Swarm.log`
         ("late", "i8"),  # index in `Swarm.calls` of the first call that follows when commands have been carried out
         ("bodies", "i8"),  # index in the addresses of the first robot's body; its shape follows, then the next robot's
