@@ -147,6 +147,7 @@ INFRARED = _record(
         ("by_table", "?"),  # whether distances come from the firmware's table instead of the inverse response
         ("sees_robots", "?"),  # whether rays end at robots; else only at walls and obstacles
         ("noise_counts", "f8"),  # standard deviation of the noise
+        ("met_cm", "f8", (SENSORS, RAYS)),  # scratch: distances at which rays of the robot that senses end
     ]
 )
 """The proximity sensors of a group's robots."""
@@ -308,10 +309,10 @@ class Swarm(NamedTuple):
     log: Any
     """(room,) CHANGE: what faults did since Python looked."""
     numbers: Any
-    """(2 * robots,) int64: scratch; sensors of flashes have the numbers of lit robots, and then a label of each robot:
-    what a pixel that shows it becomes, 0 for rings that are dark, or that faults hide."""
+    """(3 * robots + 2 * pixels of the longest row,) int64: scratch; sensors of flashes have the numbers of lit robots, and
+    then a label of each robot: what a pixel that shows it becomes, 0 for rings that are dark, or that faults hide."""
     depths: Any
-    """(2 * pixels of the longest row,) float64: scratch."""
+    """(3 * pixels of the longest row,) float64: scratch."""
     bytes: Any
     """(n,) uint8: what robots remember, and the parameters of their controllers."""
 
