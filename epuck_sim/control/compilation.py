@@ -1,4 +1,4 @@
-"""Compiles a controller's functions, and the loops that call them, into a cache that no edit leaves stale."""
+"""Compiles a controller's functions, and what calls them, into a cache that no edit leaves stale."""
 
 import re
 import warnings
@@ -11,51 +11,46 @@ from typing import Any
 import numba
 import numpy as np
 
-from epuck_sim.control.error_lines import FILE_NUMBER, ErrorPlaceCompiler
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.addresses import compile_at
-from epuck_sim.util.held_values import layout
-from epuck_sim.util.jit import bind, digest, kernel_digest, name_after
+from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
 from epuck_sim.util.python_files import fingerprint
 
 _compiled: dict[Hashable, Any] = {}
 
 
-def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object) -> Any:
-    """Return functions compiled that call the controller's `start` and `step`.
+def compile_for(controller: Controller, function: Any, room_digest: str) -> Any:
+    """Compile a function (block, addresses, number) that calls the controller's `start` and `step`, by these names.
 
-    They are cached under the sources and the global values that they are made from.
+    `MEMORY` and `PARAMETERS` stand in it for the types of the controller's records. What is compiled is cached under
+    the sources and the global values that it is made from.
 
     Args:
         controller: The controller.
-        loops: Functions of the address of `arrays`, see `util.addresses.compile_at`.
-        arrays: What they work on.
+        function: The function.
+        room_digest: The `kernel_digest` of the function's room.
 
     Raises:
         ControllerError: The controller cannot be compiled.
     """
-    contents_digest = _contents_digest(controller)
-    key = controller, contents_digest, loops, layout(arrays)
+    records = (controller.memory, controller.parameter_type)
+    values = frozen_values(controller.modules.values())
+    contents_digest = digest([_static_digest(controller).encode(), *values, repr(records).encode(), room_digest.encode()])
+    key = controller, function, contents_digest
     if key not in _compiled:
         start, step = jit_functions((controller.start, controller.step), controller.modules, contents_digest)
-        bound = [bind(loop, start=start, step=step) for loop in loops]
+        bound = bind(function, start=start, step=step, MEMORY=records[0], PARAMETERS=records[1])
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
-                _compiled[key] = tuple(compile_at(loop, arrays, contents_digest, careful=True) for loop in bound)
+                _compiled[key] = compile_call(bound, contents_digest)
         except Exception as error:  # numba's own errors, and what escapes it
             message = explain_refusal(
                 error, controller.path, controller.sources, "; --interpret runs it as plain Python"
             )
             raise ControllerError(message) from error
     return _compiled[key]
-
-
-def _contents_digest(controller: Controller) -> str:
-    """Return the digest of the sources and the global values from which a controller is compiled."""
-    return digest([_static_digest(controller).encode(), *frozen_values(controller.modules.values())])
 
 
 @lru_cache
@@ -118,13 +113,12 @@ def jit_functions(
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
             named = name_after(copy, contents_digest)
-            compiler: Any = numba.njit(boundscheck=True, forceinline=True, pipeline_class=ErrorPlaceCompiler)
+            compiler: Any = numba.njit(boundscheck=True, forceinline=True)
             dispatchers[value] = compiler(named)
         return dispatchers[value]
 
-    for number, module in enumerate(modules.values()):
-        named_values = {name: twin(value) for name, value in vars(module).items()}
-        vars(twins[id(vars(module))]).update(named_values, **{FILE_NUMBER: number})
+    for module in modules.values():
+        vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})
     return tuple(map(twin, functions))
 
 

@@ -3,24 +3,26 @@
 Both run the same source, the controller's file and `_step_all` below, with equal results bit for bit.
 """
 
+import warnings
 from bdb import BdbQuit
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numba
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray, StreamArray
-from epuck_sim.control.compilation import compile_loops
+from epuck_sim.control.compilation import _static_digest, explain_refusal, frozen_values, jit_functions
 from epuck_sim.control.error_lines import take_error_place
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.firmware_loop import firmware_loops
 from epuck_sim.control.interface import ACTUATORS, EPUCK_WHEELS, Controller, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.addresses import function_address
-from epuck_sim.util.held_values import hold
-from epuck_sim.util.jit import bind
+from epuck_sim.util.addresses import compile_at, function_address
+from epuck_sim.util.held_values import hold, layout
+from epuck_sim.util.jit import bind, digest
 from epuck_sim.util.messages import describe_error
 from epuck_sim.util.python_files import line_of_error
 
@@ -234,6 +236,41 @@ class ControllerRunner:
             return line_of_error(error, sources) or str(self.controller.path)
         place = take_error_place()
         return f"{list(sources)[place.file]}:{place.line}" if place else str(self.controller.path)
+
+
+def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object) -> Any:
+    """Return functions compiled that call the controller's `start` and `step`.
+
+    They are cached under the sources and the global values that they are made from.
+
+    Args:
+        controller: The controller.
+        loops: Functions of the address of `arrays`, see `util.addresses.compile_at`.
+        arrays: What they work on.
+
+    Raises:
+        ControllerError: The controller cannot be compiled.
+    """
+    contents_digest = digest(
+        [_static_digest(controller).encode(), *frozen_values(controller.modules.values())]
+    )
+    key = controller, contents_digest, loops, layout(arrays)
+    if key not in _compiled:
+        start, step = jit_functions((controller.start, controller.step), controller.modules, contents_digest)
+        bound = [bind(loop, start=start, step=step) for loop in loops]
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
+                _compiled[key] = tuple(compile_at(loop, arrays, contents_digest, careful=True) for loop in bound)
+        except Exception as error:  # numba's own errors, and what escapes it
+            message = explain_refusal(
+                error, controller.path, controller.sources, "; --interpret runs it as plain Python"
+            )
+            raise ControllerError(message) from error
+    return _compiled[key]
+
+
+_compiled: dict[Any, Any] = {}
 
 
 def _interpreted_loops(controller: Controller, arrays: ControllerArrays) -> tuple[Any, Any]:

@@ -169,7 +169,7 @@ GROUP = _record(
         # further one with what the robot of `scene.serving` remembered before its controller ran
         ("memory_bytes", "i8"),  # size of such a record
         ("controller", "i8"),  # index in the addresses of what runs its controllers, see `controllers.GroupControllers`
-        ("parameters", "i8"),  # offset in the block of the record of its controller's parameters
+        ("parameters", "i8"),  # offset in the block of the record of its controller's parameters, right before `memory`
         ("phase", "i8"),  # offset in a memory of the phase in ms; -1 for robots that are no oscillators
         ("phase_is_float", "?"),  # else it is a whole number
         ("period", "i8"),  # offset in the parameters of the period in s
