@@ -8,7 +8,7 @@ import pytest
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
-from tests.embodied.test_faults import steps_of
+from tests.embodied.changes.test_faults import steps_of
 
 GATE = [{"shape": "box", "x_cm": 30, "y_cm": 30, "width_cm": 2, "height_cm": 60}]
 PILLARS = [

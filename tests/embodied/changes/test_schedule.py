@@ -7,7 +7,7 @@ import pytest
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.schedule import TrialEvent
-from tests.embodied.test_faults import steps_of
+from tests.embodied.changes.test_faults import steps_of, swarm_of
 
 APART = {
     "robots": [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}],
@@ -99,7 +99,7 @@ def test_faults_that_entries_begin_and_end_at_once_are_as_the_last_entry_says(be
             {**APART, "faults": [LIGHT], "schedule": [*schedule, *({"at_s": 1, key: [0]} for key in keys)]}, 1
         )
         simulation.advance(12)
-        assert simulation._faults.is_active.tolist() == [[False, expected, False]]
+        assert swarm_of(simulation).affected.is_active.tolist() == [False, expected, False]
 
 
 def test_a_scheduled_restart_happens_once():

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.control.loader import load_controller
-from epuck_sim.embodied import controller_files
-from epuck_sim.embodied.controller_files import SETTLED_S, ControllerFiles
+from epuck_sim.embodied.changes import controller_files
+from epuck_sim.embodied.changes.controller_files import SETTLED_S, ControllerFiles
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.loader import load_scenario

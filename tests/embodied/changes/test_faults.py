@@ -11,15 +11,32 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller, load_controller
-from epuck_sim.embodied.fault_effects import random_share
-from epuck_sim.embodied.faults import KINDS, change_faults, make_faults, restart_faults
+from epuck_sim.embodied.changes.faults import (
+    KINDS,
+    LOGGED_STEPS,
+    change_faults,
+    hide_flashes,
+    log_length,
+    random_share,
+    restart_faults,
+    set_faults,
+    take_events,
+)
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 
 STEP_MS = 100
+NOWHERE = np.zeros(0, np.int64)
+"""Addresses for kernels that call nothing."""
+
+
+def swarm_of(simulation):
+    """Return what a simulation of robots knows of them."""
+    return open_block(simulation._block)
 
 
 def steps_of(scenario, steps, seed=3, *, interpret=False):
@@ -61,23 +78,33 @@ MIXED = {
 # --- who, and when ----------------------------------------------------------------------------------
 
 
+def faulty_block(faults, robots, seed):
+    """Return a block of robots that begin a trial with faults."""
+    size = {"width_cm": 500, "height_cm": 500}
+    scenario = load_scenario({"faults": faults, "robots": [{"count": robots}], "arena": size})
+    lengths = {"robots": robots, "faults": len(faults), "affected": len(faults) * robots, "numbers": 2 * robots}
+    block = make_block({**lengths, "log": log_length(scenario)})
+    swarm = open_block(block)
+    swarm.scene[0].step_ms = STEP_MS
+    set_faults(swarm, scenario)
+    restart_faults(block, scenario, np.random.SeedSequence(seed))
+    return block
+
+
 def active_over(fault, steps, robots=10, seed=3):
     """Return (steps, robots) whether robots have a fault."""
-    size = {"width_cm": 500, "height_cm": 500}
-    scenario = load_scenario({"faults": [fault], "robots": [{"count": robots}], "arena": size})
-    faults = make_faults(scenario)
-    restart_faults(faults, scenario, np.random.SeedSequence(seed))
-    found = np.empty((steps, robots), bool)
+    block = faulty_block([fault], robots, seed)
+    swarm, found = open_block(block), np.empty((steps, robots), bool)
     for step in range(steps):
-        change_faults(faults, float(step * STEP_MS))
-        faults.log_length[0] = 0
-        found[step] = faults.is_active[0]
+        swarm.scene[0].step, swarm.scene[0].changes = step, 0
+        change_faults(block, NOWHERE, 0)
+        found[step] = swarm.affected.is_active
     return found
 
 
 def test_every_kind_has_a_number():
     assert list(KINDS) == list(FAULTS)
-    assert list(KINDS.values()) == list(range(len(FAULTS)))
+    assert [kind.number for kind in KINDS.values()] == list(range(len(FAULTS)))
 
 
 @given(st.integers(0, 200), st.integers(1, 200), st.sets(st.integers(0, 9), min_size=1))
@@ -227,7 +254,7 @@ def test_a_flash_is_missed_as_a_whole_and_independently_of_others():
     """The slow twin draws for each flash whether the one robot that looks at the flasher misses it."""
     group = {"poses": [[10, 10, 0], [30, 10, 0]], "controller": "external"}
     simulation = Simulation({"robots": [group], "noise": "off", **with_fault("camera_misses", missed=0.3)}, 7)
-    key = simulation._faults.keys[0, 0]
+    key = swarm_of(simulation).affected.key[0]
     next(simulation)
     expected, found = [], []
     for flash in range(1, 301):
@@ -240,6 +267,37 @@ def test_a_flash_is_missed_as_a_whole_and_independently_of_others():
         assert not next(simulation).camera[0].any()
     assert found == expected
     assert np.mean(found) == pytest.approx(0.7, abs=4 * math.sqrt(0.21 / 300))
+
+
+def test_who_sees_which_flashes_is_as_a_slow_twin_says():
+    faults = [
+        {"kind": "camera_misses", "missed": 0.6, "nearer_than_cm": 20, "share": 0.7},
+        {"kind": "camera_misses", "missed": 0.5, "farther_than_cm": 30},
+        {"kind": "camera_misses", "missed": 0.2, "nearer_than_cm": 10, "farther_than_cm": 40},
+        {"kind": "camera_blind", "robots": [3]},
+    ]
+    block = faulty_block(faults, 20, 3)
+    swarm, random = open_block(block), np.random.default_rng(1)
+    swarm.robots.x, swarm.robots.y = random.random((2, 20)) * 60
+    swarm.robots.ring_on, swarm.robots.flash_number = random.random(20) < 0.7, random.integers(0, 99, 20)
+    change_faults(block, NOWHERE, 0)
+    affected, robots = swarm.affected.reshape(4, 20), swarm.robots
+
+    def is_missed(robot, other, fault):
+        section, distance = faults[fault], math.dist(*((robots.x[each], robots.y[each]) for each in (robot, other)))
+        if not affected.is_member[fault, robot] or section["kind"] == "camera_blind":
+            return section["kind"] == "camera_blind" and robot == 3
+        share = random_share(affected.key[fault, robot], other, robots.flash_number[other])
+        near, far = section.get("nearer_than_cm", 0), section.get("farther_than_cm", math.inf)
+        return (distance < near or distance > far) and share < section["missed"]
+
+    seen = []
+    for robot in range(20):
+        hide_flashes(block, NOWHERE, robot)
+        seen.append(swarm.numbers[20:].tolist())
+        hidden = [any(is_missed(robot, other, fault) for fault in range(4)) for other in range(20)]
+        assert seen[-1] == (robots.ring_on & ~np.array(hidden)).astype(int).tolist()
+    assert 100 < np.sum(seen) < 20 * robots.ring_on.sum() - 50
 
 
 def test_random_shares_are_uniform_and_do_not_depend_on_each_other():
@@ -297,16 +355,17 @@ def test_oscillators_start_anew_at_uniform_phases_with_dark_rings():
 def test_events_are_the_beginnings_and_ends_of_faults_in_whom_they_began_and_ended():
     """The slow twin looks at who has which fault in each step."""
     simulation = Simulation(MIXED, 3)
+    swarm = swarm_of(simulation)
     active, expected = np.zeros((len(EVERYTHING), 8), bool), []
     for number in range(150):
         next(simulation)
-        now = simulation._faults.is_active
+        now = swarm.affected.is_active.reshape(-1, 8)
         for fault, change in np.ndindex(len(EVERYTHING), 2):
             robots = np.flatnonzero((now[fault] != active[fault]) & (now[fault] == change))
             if len(robots):
                 what = f"{EVERYTHING[fault]['kind']} {('ends', 'begins')[change]}"
                 expected.append((number, f"faults.{fault}", what, tuple(robots.tolist())))
-        restarted = np.flatnonzero(simulation._faults.starts_anew_at >= 0)
+        restarted = np.flatnonzero(swarm.robots.starts_anew_at >= 0)
         if len(restarted):
             expected.append((number, f"faults.{len(EVERYTHING) - 1}", "restart", tuple(restarted.tolist())))
         active = now.copy()
@@ -315,6 +374,29 @@ def test_events_are_the_beginnings_and_ends_of_faults_in_whom_they_began_and_end
     unseen = Simulation(MIXED, 3)
     unseen.advance(150)
     assert unseen.events == simulation.events
+
+
+def test_changes_are_told_once_by_their_times_faults_and_kinds_and_the_log_has_room_for_all():
+    faults = [
+        {"kind": "restart", "per_hour": 360_000},
+        {"kind": "ring_dead", "robots": [2, 5], "at_s": 0.3, "until_s": 0.5},
+        {"kind": "infrared_dead", "per_hour": 360_000, "mean_s": 0.01},
+    ]
+    block = faulty_block(faults, 6, 3)
+    swarm = open_block(block)
+    for step in range(LOGGED_STEPS):
+        swarm.scene[0].step = step
+        change_faults(block, NOWHERE, 0)
+    events = take_events(swarm)
+    assert [event[:4] for event in events if event.source == "faults.1"] == [
+        (3, 0.3, "faults.1", "ring_dead begins"),
+        (5, 0.5, "faults.1", "ring_dead ends"),
+    ]
+    assert {event.what for event in events if event.source != "faults.1"} == {
+        *("restart", "infrared_dead begins", "infrared_dead ends")
+    }
+    assert [event.step for event in events] == sorted(event.step for event in events)
+    assert take_events(swarm) == []
 
 
 # --- determinism ------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import pytest
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.trial.model import run_trial
-from tests.embodied.test_faults import steps_of
+from tests.embodied.changes.test_faults import steps_of
 
 POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
 SIGNALS = [
