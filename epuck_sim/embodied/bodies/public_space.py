@@ -1,0 +1,127 @@
+"""Motion by pymunk's public interface alone, slowly: for versions whose C functions compiled code cannot call.
+
+Each function here is the twin of one in `chipmunk`, and does the same in the same order: outcomes are equal to the bit.
+"""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import pymunk
+
+from epuck_sim.embodied.bodies.chipmunk import SLOP_CM, Block, sort_robots
+from epuck_sim.embodied.bodies.contact_candidates import PUSHED_CM, add_reached, find_contact_candidates, move_straight
+from epuck_sim.embodied.bodies.shapes import Bodies
+from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
+from epuck_sim.util.jit import jit_no_alloc
+
+
+class PublicSpace:
+    """The space of one trial after the other."""
+
+    def __init__(self, block: Block) -> None:
+        """Move the robots of a block."""
+        self._block = block
+        self._swarm: Swarm = open_block(block)
+        self._space = pymunk.Space()
+        self._bodies: Bodies | None = None
+
+    @property
+    def bodies(self) -> Bodies:
+        """What is in the space, or enters it."""
+        assert self._bodies is not None
+        return self._bodies
+
+    def place(self, bodies: Bodies) -> None:
+        """Begin a trial with bodies that have never been in a space; robots are where the block says."""
+        self._bodies = bodies
+        self._space = pymunk.Space()
+        self._space.collision_slop, self._space.collision_bias = SLOP_CM, 0.0
+        self._space.add(bodies.ground, *bodies.surfaces)
+        for disc in bodies.movables:
+            self._space.add(*disc)
+        self._space.add(*bodies.holds, *(joint for _, joint in bodies.drives))
+        robots = self._swarm.robots
+        robots.in_space = False
+        robots.vx = robots.vy = robots.spin = 0.0
+        sort_robots(self._block)
+
+    def rest(self, number: int) -> None:
+        """Put a robot at rest, as one that has touched nothing yet, and sort all robots into cells."""
+        robot, (body, _) = self._swarm.robots[number], self.bodies.robots[number]
+        if robot.in_space:
+            self._leave(number)
+        body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
+        pymunk.Body.update_position(body, 0.0)
+        body.position, body.angle = (0.0, 0.0), 0.0
+        robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
+        sort_robots(self._block)
+
+    def exchange_shapes(self, old: Iterable[pymunk.Shape], new: Iterable[pymunk.Shape]) -> None:
+        """Take shapes out of the space, and put others into it."""
+        self._space.remove(*old)
+        self._space.add(*new)
+
+    def step(self) -> None:
+        """Move all bodies for a control step."""
+        scene, robots, numbers = self._swarm.scene[0], self._swarm.robots, self._swarm.numbers
+        fastest_cm_s = _find_contact_candidates(self._block)
+        for number in np.flatnonzero(robots.in_space & ~robots.may_touch):
+            self._leave(number)
+        candidates = np.flatnonzero(robots.may_touch)
+        for number in candidates:
+            self._enter(number)
+        numbers[: len(candidates)] = candidates
+        if len(candidates):
+            self._step_space(len(candidates), fastest_cm_s)
+        for number in np.flatnonzero(~robots.in_space):
+            move_straight.function(robots[number], scene.physics_steps * scene.physics_s)
+        sort_robots(self._block)
+
+    def _step_space(self, inside: int, fastest_cm_s: float) -> None:
+        scene, robots, numbers = self._swarm.scene[0], self._swarm.robots, self._swarm.numbers
+        bodies = [body for body, _ in self.bodies.robots]
+        too_far = False
+        for step in range(scene.physics_steps):
+            past_s = step * scene.physics_s
+            if scene.touch and step > 0:
+                ways = [math.dist(bodies[each].position, (robots[each].x, robots[each].y)) for each in numbers[:inside]]
+                too_far = too_far or max(ways) > fastest_cm_s * past_s + PUSHED_CM
+            index = 0
+            while too_far and index < inside:
+                body = bodies[numbers[index]]
+                speed = math.hypot(*body.velocity) + fastest_cm_s
+                entered, inside = inside, _add_reached(self._block, inside, *body.position, speed, past_s)
+                for entering in numbers[entered:inside]:
+                    self._enter(entering)
+                index += 1
+            self._space.step(scene.physics_s)
+        for number in numbers[:inside]:
+            robot, body = robots[number], bodies[number]
+            robot.x, robot.y, robot.heading = *body.position, body.angle
+        for circle, (body, _) in zip(self._swarm.circles[scene.first_movable :], self.bodies.movables, strict=False):
+            circle.x, circle.y = body.position
+
+    def _enter(self, number: int) -> None:
+        robot, disc = self._swarm.robots[number], self.bodies.robots[number]
+        if not robot.in_space:
+            self._space.add(*disc)
+            robot.in_space = True
+        driven = self.bodies.drives[number].body if self.bodies.drives else disc.body
+        disc.body.position, disc.body.angle = (robot.x, robot.y), robot.heading
+        driven.velocity, disc.body.angular_velocity = (robot.vx, robot.vy), robot.spin
+
+    def _leave(self, number: int) -> None:
+        disc = self.bodies.robots[number]
+        self._space.remove(disc.shape, disc.body)
+        self._swarm.robots[number].in_space = False
+
+
+@jit_no_alloc
+def _find_contact_candidates(block: Block) -> float:
+    return find_contact_candidates(swarm_at(block))
+
+
+@jit_no_alloc
+def _add_reached(block: Block, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
+    return add_reached(swarm_at(block), found, x, y, approach_cm_s, past_s)
