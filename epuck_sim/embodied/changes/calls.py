@@ -3,16 +3,8 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from epuck_sim.embodied.changes import faults
 from epuck_sim.embodied.changes.attendance import blank, rest
-from epuck_sim.embodied.changes.faults import (
-    AFTER_CONTROLLERS,
-    AFTER_SENSING,
-    BEFORE_SENSING,
-    BEGIN,
-    LATE,
-    WHILE_SENSING,
-    hooks_at,
-)
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 
@@ -38,17 +30,17 @@ def plan_calls(scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], con
     groups = range(len(scenario.robots))
 
     def for_groups(moment: int) -> list[tuple[Any, int]]:
-        return [(hook, group) for hook in hooks_at(moment, scenario) for group in groups]
+        return [(hook, group) for hook in faults.hooks_at(moment, scenario) for group in groups]
 
     absent = scenario.members_change
     early = [
-        *((hook, 0) for hook in hooks_at(BEGIN, scenario)),
-        *for_groups(BEFORE_SENSING),
+        *((hook, 0) for hook in faults.hooks_at(faults.BEGIN, scenario)),
+        *for_groups(faults.BEFORE_SENSING),
         *((sense, group) for group in groups for sense in sensors[group]),
-        *for_groups(AFTER_SENSING),
+        *for_groups(faults.AFTER_SENSING),
         *((blank, group) for group in groups if absent),
         *((controllers[group], group) for group in groups),
-        *for_groups(AFTER_CONTROLLERS),
+        *for_groups(faults.AFTER_CONTROLLERS),
     ]
-    late = [*((hook, 0) for hook in hooks_at(LATE, scenario)), *([(rest, 0)] if absent else [])]
-    return Calls(early, late, next(iter(hooks_at(WHILE_SENSING, scenario)), None))
+    late = [*((hook, 0) for hook in faults.hooks_at(faults.LATE, scenario)), *([(rest, 0)] if absent else [])]
+    return Calls(early, late, next(iter(faults.hooks_at(faults.WHILE_SENSING, scenario)), None))

@@ -1,7 +1,7 @@
 """Faults of robots: who has them, from when to when, and what they change (thesis 4.4).
 
-A fault changes one reading, actuator or clock, which `KINDS` names; `HOOKS` has the kernels that change them, and the
-moment of a control step at which they do. A step calls only those that the faults of its scenario need.
+A fault changes one reading, actuator or clock, which its section of a scenario names. `HOOKS` has the kernels that
+change these, and their moments of a control step. A step calls only those that the faults of its scenario need.
 
 Times are in milliseconds. Each fault draws from streams of its own, one for each robot, so that neither other faults
 nor further robots change it; what robots draw without faults stays as it is.
@@ -9,7 +9,7 @@ nor further robots change it; what robots draw without faults stays as it is.
 
 import math
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from epuck_sim.arrays import IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.swarm import FLOAT64, INT64, Swarm, open_block, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.faults import FaultSection
+from epuck_sim.scenario.faults import FAULTS, FaultSection
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at
@@ -30,32 +30,10 @@ Block = npt.NDArray[np.uint8]
 
 RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
 CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART = range(5, 10)
+"""Numbers of the kinds of faults: those in `scenario.faults.FAULTS`, in order."""
 
-
-class FaultKind(NamedTuple):
-    """A kind of faults."""
-
-    number: int
-    """Its number in records and in compiled code."""
-    changes: str
-    """The reading, the actuator or the clock that it changes; see `HOOKS`."""
-    strength: str = ""
-    """Key of its section that says how strong it is."""
-
-
-KINDS = {
-    "ring_dead": FaultKind(RING_DEAD, "ring"),
-    "ring_stuck_on": FaultKind(RING_STUCK_ON, "ring"),
-    "oscillator_frozen": FaultKind(OSCILLATOR_FROZEN, "phase"),
-    "clock_drift": FaultKind(CLOCK_DRIFT, "clock", "rate"),
-    "clock_jitter": FaultKind(CLOCK_JITTER, "clock", "jitter"),
-    "camera_blind": FaultKind(CAMERA_BLIND, "flashes"),
-    "camera_misses": FaultKind(CAMERA_MISSES, "flashes", "missed"),
-    "infrared_dead": FaultKind(INFRARED_DEAD, "infrared"),
-    "wheels_dead": FaultKind(WHEELS_DEAD, "wheels"),
-    "restart": FaultKind(RESTART, "phase"),
-}
-"""All kinds of faults, by the name that a scenario gives them."""
+KINDS = tuple(FAULTS)
+"""Names of the kinds, by their numbers."""
 
 LOGGED_STEPS = 16
 """Control steps of which the log has room for all changes: after no more of them, `take_events` is to be called."""
@@ -77,15 +55,15 @@ def log_length(scenario: EmbodiedScenario) -> int:
 def set_faults(swarm: Swarm, scenario: EmbodiedScenario) -> None:
     """Write a scenario's faults to a swarm; nobody has them before `restart_faults` has begun a trial."""
     for fault, section in zip(swarm.faults, scenario.faults, strict=True):
-        kind, nearer, farther = KINDS[section.kind], *_missed_cm(section)
-        fault.kind = kind.number
-        fault.strength = getattr(section, kind.strength) if kind.strength else 0.0
-        fault.nearer_cm, fault.farther_cm = nearer, farther
+        fault.kind = KINDS.index(section.kind)
+        for key in ("rate", "jitter", "missed"):
+            fault.strength = getattr(section, key, fault.strength)
+        fault.nearer_cm, fault.farther_cm = _missed_cm(section)
         fault.begin_ms = math.inf if section.scheduled else _in_ms(section.at_s or 0.0)
         fault.end_ms = _in_ms(_or_infinity(section.until_s))
         fault.mean_free_ms = 3.6e6 / section.per_hour if section.per_hour else 0.0
         fault.mean_faulty_ms = 1000 * _or_infinity(section.mean_s)
-    swarm.scene[0].hides_flashes = any(KINDS[section.kind].changes == "flashes" for section in scenario.faults)
+    swarm.scene[0].hides_flashes = any(section.changes == "flashes" for section in scenario.faults)
 
 
 def _missed_cm(section: FaultSection) -> tuple[float, float]:
@@ -161,17 +139,16 @@ def _change(swarm: Swarm, fault: int, robot: int) -> None:
     section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]
     if section.kind == RESTART:
         swarm.robots[robot].starts_anew_at = uniform(affected.random)
-        _await_next(swarm, fault, robot)
-    elif affected.is_active:
-        affected.is_active = False
-        _await_next(swarm, fault, robot)
     else:
-        affected.is_active = True
+        affected.is_active = not affected.is_active
+    if affected.is_active:
         end_ms = section.end_ms
         if section.mean_faulty_ms < math.inf:
             lasting_ms = -section.mean_faulty_ms * math.log(1.0 - uniform(affected.random))
             end_ms = min(end_ms, affected.change_ms + lasting_ms)
         affected.change_ms = end_ms
+    else:
+        _await_next(swarm, fault, robot)
 
 
 @jit_no_alloc
@@ -226,7 +203,7 @@ def take_events(swarm: Swarm) -> list[TrialEvent]:
 
 def _what(kind: int, *, begins: bool) -> str:
     """Return in words what a fault of a kind did."""
-    name = list(KINDS)[kind]
+    name = KINDS[kind]
     return name if kind == RESTART else f"{name} {'begins' if begins else 'ends'}"
 
 
@@ -395,6 +372,6 @@ HOOKS: tuple[tuple[str, int, Any], ...] = (
 
 def hooks_at(moment: int, scenario: EmbodiedScenario) -> list[Any]:
     """Return the kernels that the faults of a scenario need at a moment of a control step, in order."""
-    changed = {KINDS[section.kind].changes for section in scenario.faults}
+    changed = {section.changes for section in scenario.faults}
     first = [change_faults] if moment == BEGIN and changed else []
     return first + [kernel for what, when, kernel in HOOKS if when == moment and what in changed]

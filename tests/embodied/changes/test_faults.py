@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.control.loader import find_controller, load_controller
+from epuck_sim.embodied.changes import faults
 from epuck_sim.embodied.changes.faults import (
     KINDS,
     LOGGED_STEPS,
@@ -103,8 +104,8 @@ def active_over(fault, steps, robots=10, seed=3):
 
 
 def test_every_kind_has_a_number():
-    assert list(KINDS) == list(FAULTS)
-    assert [kind.number for kind in KINDS.values()] == list(range(len(FAULTS)))
+    assert [getattr(faults, kind.upper()) for kind in FAULTS] == list(range(len(FAULTS)))
+    assert {section.changes for section in FAULTS.values()} == {changed for changed, *_ in faults.HOOKS}
 
 
 @given(st.integers(0, 200), st.integers(1, 200), st.sets(st.integers(0, 9), min_size=1))
