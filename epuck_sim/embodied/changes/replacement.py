@@ -18,8 +18,11 @@ from epuck_sim.scenario.controllers import resolve_parameters
 
 Block = npt.NDArray[np.uint8]
 
-_OF_CONTROLLERS = ("parameters", "memory", "memory_bytes", "phase", "phase_is_float", "period")
-"""Fields of a group that depend on its controller, and on where the block has its bytes."""
+_PLACES = {
+    "scene": ("at", "reference_phase", "reference_is_float"),
+    "groups": ("parameters", "memory", "memory_bytes", "phase", "phase_is_float", "period"),
+}
+"""Fields that depend on controllers, and on where a block has their bytes."""
 
 
 class Replaced(NamedTuple):
@@ -111,14 +114,12 @@ def replace_controller(
 def move(old_block: Block, block: Block, replaced: int) -> None:
     """Copy a swarm to another block: all but memories and parameters of the group whose controller is replaced."""
     old, new = open_block(old_block), open_block(block)
-    at, places = new.scene[0].at.copy(), {name: new.groups[name].copy() for name in _OF_CONTROLLERS}
-    for name in Swarm._fields:
-        if name != "bytes":
-            getattr(new, name)[:] = getattr(old, name)
-    new.scene[0].at = at
-    for name, values in places.items():
-        new.groups[name] = values
-    for number, (before, after) in enumerate(zip(old.groups, new.groups, strict=True)):
+    for name in Swarm._fields[:-1]:
+        array, before = getattr(new, name), getattr(old, name).copy()
+        for field in _PLACES.get(name, ()):
+            before[field] = array[field]
+        array[:] = before
+    for number, (group, after) in enumerate(zip(old.groups, new.groups, strict=True)):
         if number != replaced:
-            size = before.memory - before.parameters + before.count * before.memory_bytes
-            block[after.parameters :][:size] = old_block[before.parameters :][:size]
+            size = group.memory - group.parameters + group.count * group.memory_bytes
+            block[after.parameters :][:size] = old_block[group.parameters :][:size]

@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuck_sim.control.loader import load_controller
+from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.embodied.changes import controller_files
 from epuck_sim.embodied.changes.controller_files import SETTLED_S, ControllerFiles
+from epuck_sim.embodied.changes.replacement import replace_controller
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import open_block
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.loader import load_scenario
+from tests.embodied.changes.blocks import controlled_block
 
 COUNTER = """
 from epuck_sim.util.rng import uniform
@@ -151,6 +154,33 @@ def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
     for step, other in islice(zip(simulation, twin, strict=True), 30):
         assert step.poses.tobytes() == other.poses.tobytes()
         assert step.memories[0].tobytes() == other.memories[0].tobytes()
+
+
+# --- blocks -----------------------------------------------------------------------------------------
+
+
+@INTERPRET
+def test_a_new_block_has_all_but_what_another_controller_remembers(interpret: bool, tmp_path) -> None:
+    save(tmp_path / "a.py", source())
+    save(tmp_path / "b.py", source(memory='"drawn": int, "more": (float, 3)', rise="7"))
+    a, b, firefly = load_controller(tmp_path / "a.py"), load_controller(tmp_path / "b.py"), find_controller("firefly")
+    (block, runs), (new, others) = (controlled_block([each, firefly], [3, 2], interpret=interpret) for each in (a, b))
+    for _ in range(5):
+        for each in runs:
+            each.step()
+    before, swarm, moved = block.copy(), open_block(block), open_block(new)
+    parameters = {"speed_cm_s": 5.0, "left_over": 0.0}
+    assert replace_controller(block, new, 0, runs[0], others[0], parameters) == (("steps",), ("drawn", "more"))
+    assert block.tobytes() == before.tobytes()
+    assert others[0].memory[["steps", "drawn"]].tolist() == [(5, 0)] * 3
+    assert not others[0].memory["more"].any()
+    assert others[0].parameters.tolist() == [(5, 0)]
+    assert others[1].memory.tobytes() == runs[1].memory.tobytes()
+    assert moved.robots.actuators.tobytes() == swarm.robots.actuators.tobytes()
+    assert moved.robots.random[3:].tobytes() == swarm.robots.random[3:].tobytes()
+    others[0].step()
+    assert others[0].memory["steps"].tolist() == [12] * 3
+    assert (moved.robots.actuators.left_cm_s[:3] == 5).all()
 
 
 # --- files that are watched -------------------------------------------------------------------------

@@ -5,8 +5,13 @@ import copy
 import numpy as np
 import pytest
 
+from epuck_sim.control.loader import find_controller, load_controller
+from epuck_sim.embodied.changes.schedule import displace_phases
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import open_block
+from epuck_sim.scenario.robot_schedule import RobotDisplacement
 from epuck_sim.scenario.schedule import TrialEvent
+from tests.embodied.changes.blocks import controlled_block
 from tests.embodied.changes.test_faults import steps_of, swarm_of
 
 APART = {
@@ -111,3 +116,29 @@ def test_a_scheduled_restart_happens_once():
     assert ideal[:10].tobytes() == anew[:10].tobytes()
     assert (ideal[10] != anew[10]).all()
     assert np.isin(np.diff(anew[10:25], axis=0), [100]).mean() > 0.8
+
+
+@pytest.mark.parametrize("robots", [None, (1, 2, 5)])
+@pytest.mark.parametrize("by_cycles", [0.29, -0.5, 3.25, "random"])
+def test_whole_and_broken_phases_are_displaced_as_a_slow_twin_says(by_cycles, robots, tmp_path):
+    path = tmp_path / "broken.py"
+    path.write_text(find_controller("oscillator").path.read_text().replace('"phase_ms": int', '"phase_ms": float'))
+    controllers = [find_controller("firefly"), find_controller("random_walk"), load_controller(path)]
+    assert [each.is_oscillator for each in controllers] == [True, False, True]
+    block, runs = controlled_block(controllers, [3, 1, 2])
+    swarm = open_block(block)
+    swarm.robots.actuators.ring_on = 1
+    for run, phases in zip(runs[::2], ([0, 1449, 4999], [3.5, 77.25]), strict=True):
+        run.memory["phase_ms"] = phases
+    displaced = range(6) if robots is None else robots
+    drawn = np.random.Generator(np.random.SFC64(np.random.SeedSequence(7))).random(6)
+    expected = [0, 1449, 4999, None, 3.5, 77.25]
+    for robot in displaced:
+        if robot != 3:
+            ahead = round(by_cycles * 5000, 6) if by_cycles != "random" else None
+            phase = drawn[robot] * 5000 if ahead is None else (expected[robot] + ahead) % 5000
+            expected[robot] = int(phase) if robot < 3 else phase
+    displacement = RobotDisplacement(by_cycles=by_cycles, robots=robots)
+    displace_phases(swarm, runs, displacement, np.random.SeedSequence(7))
+    assert [*runs[0].memory["phase_ms"], None, *runs[2].memory["phase_ms"]] == expected
+    assert swarm.robots.actuators.ring_on.tolist() == [int(each == 3 or each not in displaced) for each in range(6)]
