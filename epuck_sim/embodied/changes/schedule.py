@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arena import Arena
+from epuck_sim.arena import Arena, clearance_cm, without_movables
+from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
 from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.changes.arena_change import check_bodies_outside
 from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.controllers import GroupControllers, RobotError
 from epuck_sim.embodied.swarm import Swarm, open_block
-from epuck_sim.errors import ControllerError
+from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robot_schedule import RobotDisplacement, RobotScheduleEntry
@@ -21,6 +21,9 @@ from epuck_sim.scenario.schedule import TimedEntries, TrialEvent
 
 NEVER = 2**62
 """Number of a control step that no simulation takes."""
+
+DEEPEST_CM = 2 * MARGIN_CM
+"""How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
 
 _PLACES = 0  # spawn key of the places of robots that come
 
@@ -83,6 +86,27 @@ def carry_out(
         for fault in faults:
             begin_or_end(swarm, fault, begins=begins, time_ms=time_ms)
     return TrialEvent(step, time_ms / 1000, f"schedule.{number}", entry.what)
+
+
+def check_bodies_outside(swarm: Swarm, arena: Arena, origin: str) -> None:
+    """Raise ScenarioError if a robot or a movable would be in a wall or an obstacle, or beyond the walls.
+
+    Args:
+        swarm: Where robots and movables are now.
+        arena: The new arena.
+        origin: Begins the message: what changes the arena, and when.
+    """
+    fixed, scene, robots = without_movables(arena), swarm.scene[0], swarm.robots
+    bodies = [(f"robot {robot}", robots[robot], scene.radius_cm) for robot in np.flatnonzero(robots.present)]
+    movables = swarm.circles[scene.first_movable : scene.circles]
+    bodies += [(f"movable {number}", circle, circle.radius) for number, circle in enumerate(movables)]
+    for name, place, radius_cm in bodies:
+        overlap_cm = radius_cm - clearance_cm(fixed, float(place.x), float(place.y))
+        if overlap_cm > DEEPEST_CM:
+            raise ScenarioError(
+                f"{origin}: {name} at [{place.x:.4g}, {place.y:.4g}] would be {overlap_cm:.3g} cm into a wall or an "
+                "obstacle; change the arena where, and when, no body is"
+            )
 
 
 def displace_phases(
