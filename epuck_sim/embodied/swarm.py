@@ -158,7 +158,7 @@ GROUP = _record(
         ("count", "i8"),  # number of its robots
         ("pixels", "i8"),  # length of the row that its controllers read
         ("row", "i8"),  # index in `Swarm.pixels` of the rows that controllers read
-        ("view", "i8"),  # of those that show what is in view now: the same, unless pictures are delivered later
+        ("in_view", "i8"),  # of those that show what is in view now: the same, unless pictures are delivered later
         ("waiting", "i8"),  # of those that wait for delivery
         ("ray", "i8"),  # index in `Swarm.rays` of pixel 0
         ("camera", CAMERA),
@@ -264,7 +264,12 @@ SCENE = _record(
         ("kept_actuators", ACTUATORS),
         ("starts", "?"),  # whether controllers start on the robots with `starts`, instead of running a step
         ("changes", "i8"),  # number of records in `Swarm.log`
+        ("reference", "i8"),  # robot whose firings are counted, if it is an oscillator; else -1
+        ("reference_phase", "i8"),  # offset in the block of its phase, and whether that is a float
+        ("reference_is_float", "?"),
+        ("lit_phase", "f8"),  # its phase in the last control step, if its ring was commanded to be lit; else NaN
         ("late", "i8"),  # index in `Swarm.calls` of the first call that follows when commands have been carried out
+        ("calls", "i8"),  # number of calls
         ("bodies", "i8"),  # index in the addresses of the first robot's body; its shape follows, then the next robot's
         ("surfaces", "i8"),  # of the shapes of walls and obstacles
         ("surface_count", "i8"),
@@ -360,17 +365,31 @@ def make_block(lengths: Mapping[str, int]) -> npt.NDArray[np.uint8]:
     sizes[0] = SCENE_BYTES
     offsets = np.cumsum([0, *(-(-size // 8) * 8 for size in sizes[:-1]), sizes[-1]])  # each array begins at a word
     block = np.zeros(int(offsets[-1]), np.uint8)
-    block[:SCENE_BYTES].view(SCENE)[0].at = offsets
+    block[_AT].view(np.int64)[:] = offsets
     return block
 
 
 def open_block(block: npt.NDArray[np.uint8]) -> Swarm:
     """Return the arrays of a block for Python: `swarm.robots.x` is the x of all robots, (robots,), in place."""
-    at = block[:SCENE_BYTES].view(SCENE)[0].at.tolist()
-    arrays = (block[first:end].view(dtype) for first, end, dtype in zip(at[:-1], at[1:], _DTYPES, strict=True))
-    return Swarm(*(array.view(np.recarray) if array.dtype.names else array for array in arrays))
+    at = block[_AT].view(np.int64).tolist()
+    return Swarm(*(_array(block, *each) for each in zip(at[:-1], at[1:], _DTYPES, strict=True)))
+
+
+_AT = slice(8 * (ARRAYS + 1))  # where a scene has its offsets
+
+
+def _array(block: npt.NDArray[np.uint8], first: int, end: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    kind: Any = np.recarray if dtype.names else np.ndarray
+    array: npt.NDArray[Any] = np.ndarray.__new__(kind, ((end - first) // dtype.itemsize,), dtype, block, first)
+    return array
+
+
+def offset_of(field: str) -> int:
+    """Return the offset of a field in the record of a robot, in bytes."""
+    assert ROBOT.fields
+    return ROBOT.fields[field][1]
 
 
 def poses_of(robots: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:
     """Return (robots, 3) cm, cm, rad: x, y and heading of robots, in place."""
-    return np.ndarray((len(robots), 3), np.float64, robots, ROBOT.fields["x"][1], (robots.strides[0], 8))  # type: ignore[index]
+    return np.ndarray((len(robots), 3), np.float64, robots, offset_of("x"), (robots.strides[0], 8))
