@@ -16,7 +16,8 @@ def controlled_block(controllers, counts, *, interpret=True):
     """
     sizes = [bytes_needed(*group) for group in zip(controllers, counts, strict=True)]
     robots, groups = sum(counts), len(counts)
-    block = make_block({"robots": robots, "groups": groups, "pixels": 3 * robots, "bytes": sum(sizes)})
+    rooms = {"cells": 99, "members": robots, "circles": 9, "numbers": 2 * robots, "pixels": 3 * robots}
+    block = make_block({"robots": robots, "groups": groups, **rooms, "bytes": sum(sizes)})
     swarm = open_block(block)
     swarm.groups.count, swarm.groups.pixels = counts, 1
     swarm.groups.first = swarm.groups.row = np.cumsum([0, *counts])[:-1]

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from epuck_sim.control.loader import find_controller
-from epuck_sim.embodied.changes.attendance import blank, parked, rest, take_out
+from epuck_sim.embodied.cells import set_cells
+from epuck_sim.embodied.changes.attendance import blank, parked, put_in, rest, take_out
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.swarm import open_block
-from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.embodied.changes.blocks import controlled_block
 from tests.embodied.changes.test_faults import NOWHERE, steps_of
@@ -66,6 +68,47 @@ def test_who_is_taken_out_is_parked_and_forgets_senses_and_does_nothing():
     assert not robots.actuators[outside].tobytes().strip(b"\0")
     poses = np.column_stack([robots.x, robots.y, robots.heading])
     assert poses[outside].tobytes() == parked(np.full((5, 3), np.nan))[outside].tobytes()
+
+
+@pytest.mark.parametrize("obstacle", [[], [(20, 30, 7.5)]])
+def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_says(obstacle):
+    """The slow twin draws from numpy's generator until a place is free."""
+    memory = {"phase_ms": [100, 200, 300, 400]}
+    groups = [{"count": 3, "controller": "firefly"}, {"count": 4, "controller": "firefly", "memory": memory}]
+    scenario = load_scenario({"robots": groups})
+    controller = find_controller("firefly")
+    block, runs = controlled_block([controller, controller], [3, 4])
+    swarm, sequence = open_block(block), np.random.SeedSequence(7, spawn_key=(7, 2, 0))
+    bodies, robots = Bodies(swarm), swarm.robots
+    swarm.scene[0].radius_cm = RADIUS_CM
+    set_cells(swarm, 40, 50, 8)
+    swarm.scene[0].circles = len(obstacle)
+    for number, circle in enumerate(obstacle):
+        swarm.circles[number] = circle
+    robots.x[[0, 2, 4]], robots.y[[0, 2, 4]] = [5, 15, 30], [6, 14, 20]
+    take_out([1, 3, 5, 6], block, bodies, runs)
+    random, taken, expected = np.random.default_rng(sequence), [(5, 6), (15, 14), (30, 20)], []
+    while len(expected) < 3:
+        x, y = (RADIUS_CM + (side - 2 * RADIUS_CM) * random.random() for side in (40, 50))
+        is_clear = all(math.dist((x, y), (cx, cy)) - radius >= RADIUS_CM for cx, cy, radius in obstacle)
+        if is_clear and all(math.dist((x, y), other) >= 2 * RADIUS_CM for other in taken):
+            taken.append((x, y))
+            expected.append((x, y, 2 * math.pi * random.random()))
+    kept = runs[1].memory[1].copy()
+    put_in([6, 1, 4, 3], None, scenario, block, bodies, runs, sequence, "here")
+    poses = np.column_stack([robots.x, robots.y, robots.heading])
+    assert poses[[6, 1, 3]].tolist() == [list(pose) for pose in expected]
+    assert robots.present.tolist() == [True, True, True, True, True, False, True]
+    assert runs[1].memory["phase_ms"][[0, 3]].tolist() == [100, 400]
+    assert runs[1].memory[1] == kept
+    x, y = poses[6, :2]
+    for place in ((x + 2 * RADIUS_CM - 1e-5, y, 0), (RADIUS_CM - 1e-5, 25, 0), (50, 5, 0)):
+        with pytest.raises(ScenarioError, match=r"here: robot 5 cannot come to \["):
+            put_in([5], [place], scenario, block, bodies, runs, sequence, "here")
+    free = (40 - RADIUS_CM, 50 - RADIUS_CM, 1)
+    assert min(math.dist(free[:2], pose[:2]) for pose in poses[robots.present]) > 2 * RADIUS_CM
+    put_in([5], [free], scenario, block, bodies, runs, sequence, "here")
+    assert (robots.x[5], robots.y[5], robots.heading[5]) == free
 
 
 def quiet(groups, **others):
