@@ -14,16 +14,16 @@ def _count_cells(width_cm: float, height_cm: float, robots: int, least_cm: float
 
 
 def cells_needed(width_cm: float, height_cm: float, robots: int, least_cm: float) -> int:
-    """Return the length of `Swarm.cells` for an arena of this size, cm; see `set_cells`."""
+    """Return the number of cells in an arena of this size, cm; `Swarm.cells` has one entry more."""
     columns, rows = _count_cells(width_cm, height_cm, robots, least_cm)
-    return columns * rows + 1
+    return columns * rows
 
 
 def set_cells(swarm: Swarm, width_cm: float, height_cm: float, least_cm: float) -> None:
     """Set the size of the arena, and with it the grid of a swarm, of `open_block`.
 
     Args:
-        swarm: The swarm, whose cells have room for `cells_needed`.
+        swarm: The swarm, which has room for `cells_needed`.
         width_cm: Width of the arena.
         height_cm: Height of the arena.
         least_cm: Least side of a cell, the `cell_cm` of the kind of robot.
@@ -89,4 +89,5 @@ def sort_into_cells(swarm: Swarm) -> None:
 @jit_inline
 def _cell_of(robot: Any, scene: Any) -> int:
     column = cell_index(robot.x, scene.cell_width_cm, scene.columns)
-    return cell_index(robot.y, scene.cell_height_cm, scene.rows) * scene.columns + column
+    row = cell_index(robot.y, scene.cell_height_cm, scene.rows)
+    return row * int(scene.columns) + column

@@ -190,7 +190,9 @@ def reading_at(distance_cm: float, sensors: Any) -> float:
         distance_cm: The distance, x.
         sensors: INFRARED.
     """
-    peak, peak_cm, width = sensors.peak_counts, sensors.peak_cm, sensors.width_cm2
+    peak: float = sensors.peak_counts
+    peak_cm: float = sensors.peak_cm
+    width: float = sensors.width_cm2
     if distance_cm > sensors.range_cm:
         return 0.0
     if distance_cm < peak_cm:
