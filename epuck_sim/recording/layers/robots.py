@@ -10,8 +10,8 @@ from rerun.chunk import Chunk
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.attendance import parked
 from epuck_sim.embodied.cell_list import CellList, make_cell_list
+from epuck_sim.embodied.changes.attendance import parked
 from epuck_sim.embodied.contacts import find_contacts
 from epuck_sim.embodied.sensing import build_camera
 from epuck_sim.embodied.visibility import View, find_sightings, view_of
