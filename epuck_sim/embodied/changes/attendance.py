@@ -14,7 +14,15 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
 from epuck_sim.embodied.controllers import GroupControllers
-from epuck_sim.embodied.places import APART_CM, OUTSIDE_CM, begin_placement, clearance_cm, place_at_random
+from epuck_sim.embodied.places import (
+    APART_CM,
+    OUTSIDE_CM,
+    PLACED,
+    TOLERANCE_CM,
+    begin_placement,
+    clearance_cm,
+    place_at_random,
+)
 from epuck_sim.embodied.sensors.signals import forget_signals
 from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
 from epuck_sim.errors import ScenarioError
@@ -26,7 +34,6 @@ if TYPE_CHECKING:  # it imports pymunk, which readers of recordings do without
 
 Block = npt.NDArray[np.uint8]
 
-_TOLERANCE_CM = 1e-6
 _WORD = 2**64
 
 
@@ -122,7 +129,7 @@ def put_in(
             continue
         if poses is None:
             begin_placement(block)
-            if place_at_random(block, robot, robot + 1) >= 0:
+            if place_at_random(block, robot, robot + 1) != PLACED:
                 raise ScenarioError(f"{origin}: no free place was found for robot {robot}")
             world.move(robot, (record.x, record.y, record.heading))
         else:
@@ -147,8 +154,8 @@ def _check_free(swarm: Swarm, robot: int, pose: Sequence[float], origin: str) ->
     """Raise ScenarioError unless a robot at this pose touches nothing."""
     radius_cm, others = float(swarm.scene[0].radius_cm), swarm.robots[swarm.robots.present]
     x, y, _ = pose
-    is_apart = (np.hypot(others.x - x, others.y - y) >= 2 * radius_cm - _TOLERANCE_CM).all()
-    if not is_apart or clearance_cm(swarm, x, y) < radius_cm - _TOLERANCE_CM:
+    is_apart = (np.hypot(others.x - x, others.y - y) >= 2 * radius_cm - TOLERANCE_CM).all()
+    if not is_apart or clearance_cm(swarm, x, y) < radius_cm - TOLERANCE_CM:
         raise ScenarioError(
             f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an obstacle "
             "or a movable; give a free place, or no poses"
