@@ -300,23 +300,25 @@ def take_pictures(block: ByteArray, addresses: IntArray, number: int) -> None:  
     group, step = swarm.groups[number], swarm.scene[0].step
     interval, latency = group.camera.interval, group.camera.latency
     for place in range(group.count):
-        robot, offset = swarm.robots[group.first + place], place * group.pixels
-        row, view, waiting = group.row + offset, group.in_view + offset, group.waiting + offset
+        robot, first, length = swarm.robots[group.first + place], place * group.pixels, group.pixels
+        row = swarm.pixels[group.row + first : group.row + first + length]
+        in_view = swarm.pixels[group.in_view + first : group.in_view + first + length]
+        waiting = swarm.pixels[group.waiting + first : group.waiting + first + length]
         robot.sensors.new_picture = robot.picture_arrives == step
         if robot.sensors.new_picture:
-            _copy_picture(swarm.pixels, waiting, row, group.pixels)
+            _copy_picture(waiting, row)
         instant = robot.first_picture + robot.pictures * interval
         if instant < step + 1.0:
             robot.pictures += 1
-            _copy_picture(swarm.pixels, view, waiting, group.pixels)
+            _copy_picture(in_view, waiting)
             robot.picture_arrives = int(instant + latency * uniform(robot.signal_random))
             if robot.picture_arrives == step:
                 robot.sensors.new_picture = True
-                _copy_picture(swarm.pixels, view, row, group.pixels)
+                _copy_picture(in_view, row)
 
 
 @jit_inline
-def _copy_picture(pixels: IntArray, source: int, target: int, length: int) -> None:
+def _copy_picture(source: IntArray, target: IntArray) -> None:
     """Copy a picture; a loop, as numba compiles the assignment of an array for four seconds."""
-    for pixel in range(length):
-        pixels[target + pixel] = pixels[source + pixel]
+    for pixel in range(len(target)):
+        target[pixel] = source[pixel]
