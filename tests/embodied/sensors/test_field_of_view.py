@@ -1,14 +1,14 @@
 """Claims about view culling: nothing is ruled out that a ray meets, and what is ruled out is enough."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.cell_list import CellList, cell_index, make_cell_list
-from epuck_sim.embodied.field_of_view import (
+from epuck_sim.embodied.cells import cell_index, set_cells
+from epuck_sim.embodied.sensors.field_of_view import (
     ATAN2_ERROR_RAD,
     SECTOR_RAD,
     SLACK_CM,
@@ -21,7 +21,9 @@ from epuck_sim.embodied.field_of_view import (
     make_wedge,
     may_contain_robot,
 )
-from epuck_sim.embodied.ray_casting import to_disc
+from epuck_sim.embodied.sensors.ray_casting import to_disc
+from epuck_sim.embodied.swarm import make_block, open_block
+from epuck_sim.scenario.robot_kind import EPUCK
 from tests.embodied.scenes import RADIUS_CM
 
 WIDTH_CM, HEIGHT_CM = 150.0, 230.0
@@ -34,7 +36,8 @@ class Sight(NamedTuple):
     """A camera somewhere in an arena, and a robot that one of its rays meets."""
 
     view: FieldOfView
-    cells: CellList
+    scene: Any
+    """SCENE with the grid."""
     x: float
     y: float
     reach: float
@@ -47,6 +50,12 @@ def view_of(x: float, y: float, heading: float, width: float) -> FieldOfView:
     return FieldOfView(x, y, *edges, width >= math.pi, REACH_CM)
 
 
+def scene_of(width_cm: float, height_cm: float, robots: int) -> Any:
+    swarm = open_block(make_block({"robots": robots}))
+    set_cells(swarm, width_cm, height_cm, EPUCK.cell_cm)
+    return swarm.scene[0]
+
+
 @st.composite
 def sights(draw: st.DrawFn) -> Sight:
     x, y = draw(shares) * WIDTH_CM, draw(shares) * HEIGHT_CM
@@ -55,21 +64,21 @@ def sights(draw: st.DrawFn) -> Sight:
     along, beside = draw(st.floats(1e-3, 5) | st.floats(1e-3, 60)), (2 * draw(shares) - 1) * RADIUS_CM
     at_x = min(max(x + along * math.cos(ray) - beside * math.sin(ray), 0.0), WIDTH_CM)
     at_y = min(max(y + along * math.sin(ray) + beside * math.cos(ray), 0.0), HEIGHT_CM)
-    cells = make_cell_list(WIDTH_CM, HEIGHT_CM, draw(st.sampled_from([1, 20, 90])))
+    scene = scene_of(WIDTH_CM, HEIGHT_CM, draw(st.sampled_from([1, 20, 90])))
     reach = to_disc(x, y, math.cos(ray), math.sin(ray), at_x, at_y, RADIUS_CM)
-    return Sight(view_of(x, y, heading, width), cells, at_x, at_y, reach)
+    return Sight(view_of(x, y, heading, width), scene, at_x, at_y, reach)
 
 
 def visited(sight: Sight) -> dict[int, int]:
     """Return the strip of each cell that a search visits."""
-    view, cells = sight.view, sight.cells
-    strips = make_strips(view, cells)
+    view, scene = sight.view, sight.scene
+    strips = make_strips(view, scene)
     wedge = make_wedge(view, strips)
     strip, found = strips.first, {}
     while 0 <= strip < strips.total:
-        cell, spans, length = cells_in_strip(view, wedge, strips, strip, cells)
+        cell, spans, length = cells_in_strip(view, wedge, strips, strip, scene)
         for span in range(spans):
-            start = cell + span * cells.columns
+            start = cell + span * scene.columns
             assert not found.keys() & set(range(start, start + length))
             found.update(dict.fromkeys(range(start, start + length), strip))
         strip += strips.step
@@ -77,9 +86,9 @@ def visited(sight: Sight) -> dict[int, int]:
 
 
 def cell_of(sight: Sight) -> int:
-    cells = sight.cells
-    column = cell_index(sight.x, cells.width_cm, cells.columns)
-    return cell_index(sight.y, cells.height_cm, cells.rows) * cells.columns + column
+    scene = sight.scene
+    column = cell_index(sight.x, scene.cell_width_cm, scene.columns)
+    return cell_index(sight.y, scene.cell_height_cm, scene.rows) * scene.columns + column
 
 
 @settings(max_examples=200)
@@ -87,7 +96,7 @@ def cell_of(sight: Sight) -> int:
 def test_a_robot_that_a_ray_meets_is_in_a_cell_that_is_visited_and_not_beyond_an_earlier_strip(sight: Sight) -> None:
     assume(sight.reach < math.inf)  # or else it was moved back into the arena, out of the ray's way
     assert may_contain_robot(sight.view, sight.x - sight.view.x, sight.y - sight.view.y)
-    strips = make_strips(sight.view, sight.cells)
+    strips = make_strips(sight.view, sight.scene)
     wedge = make_wedge(sight.view, strips)
     strip = visited(sight)[cell_of(sight)]
     for earlier in range(strips.first, strip, strips.step):
@@ -96,11 +105,11 @@ def test_a_robot_that_a_ray_meets_is_in_a_cell_that_is_visited_and_not_beyond_an
 
 @pytest.mark.parametrize("heading", [0.3, 1.4, -2.0, -0.9])
 def test_a_search_visits_a_part_of_the_cells_and_ends_where_all_is_met(heading: float) -> None:
-    cells = make_cell_list(700, 700, 1000)
+    scene = scene_of(700, 700, 1000)
     view = view_of(350, 350, heading, 0.5)
-    sight = Sight(view, cells, 350, 350, 0.0)
-    assert len(visited(sight)) < 0.25 * cells.columns * cells.rows
-    strips = make_strips(view, cells)
+    sight = Sight(view, scene, 350, 350, 0.0)
+    assert len(visited(sight)) < 0.25 * scene.columns * scene.rows
+    strips = make_strips(view, scene)
     wedge = make_wedge(view, strips)
     fifth = distance_beyond(wedge, strips, strips.first + 5 * strips.step)
     assert 5 * strips.width_cm - 2 * RADIUS_CM < fifth < 6 * strips.width_cm * math.sqrt(2)

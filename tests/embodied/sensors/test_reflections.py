@@ -11,23 +11,23 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.infrared import make_infrared_sensors
-from epuck_sim.embodied.reflections import see_with_reflections
-from epuck_sim.embodied.sensing import SensingArrays
+from epuck_sim.embodied.sensors.camera import look
+from epuck_sim.embodied.sensors.reflections import add_reflections
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
 from tests.embodied.scenes import (
+    ADDRESSES,
     BODIES,
     EDGE_CM,
     RADIUS_CM,
     CameraSettings,
     Scene,
+    block_of,
     camera_settings,
     cast_on_discs,
     cast_on_segments,
     rows,
     scenes,
-    sorted_cells,
 )
 
 SIDE = 200.0
@@ -37,31 +37,10 @@ MIRRORS = CameraSettings(reflection_range_cm=FAR)
 
 def mirrored_rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
     """Return the rows of pixels of the robots from `observer` on."""
-    robots = len(scene.poses) - observer
-    written = np.full((robots, camera.pixels), 77, np.int64)
-    arrays = SensingArrays(
-        poses=scene.poses,
-        ring_on=scene.lit,
-        width_cm=scene.arena.width_cm,
-        height_cm=scene.arena.height_cm,
-        circles=scene.arena.circles,
-        edges=scene.arena.edges,
-        cells=sorted_cells(scene),
-        camera=camera.make(scene.body),
-        radius_cm=scene.body.radius_cm,
-        infrared_sensors=make_infrared_sensors(scene.body.kind()),
-        first_robot=observer,
-        infrared_gain=np.ones((robots, 8)),
-        infrared_noise=np.zeros((1, len(scene.poses), 8)),
-        noise_counts=0.0,
-        by_table=False,
-        sees_robots=True,
-        infrared=np.zeros((robots, 8)),
-        distance_mm=np.zeros((robots, 8), np.int64),
-        pixels=written,
-    )
-    see_with_reflections(arrays, scene.lit, observer, written)
-    return written
+    block = block_of(scene, camera, observer)
+    look(block.bytes, ADDRESSES, 0)
+    add_reflections(block.bytes, ADDRESSES, 0)
+    return block.swarm.pixels.reshape(-1, camera.pixels)
 
 
 def seen_by_first(poses, lit, camera: CameraSettings = MIRRORS, obstacles=((), ()), side: float = SIDE) -> list[int]:

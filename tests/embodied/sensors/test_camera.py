@@ -9,25 +9,25 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.cell_list import make_cell_list, sort_into_cells
-from epuck_sim.embodied.infrared import make_infrared_sensors
-from epuck_sim.embodied.infrared_response import to_distances
-from epuck_sim.embodied.line_camera import see
-from epuck_sim.embodied.sensing import SensingArrays, sense
+from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.embodied.sensors.camera import look
+from epuck_sim.embodied.swarm import HIDE, swarm_at
 from epuck_sim.geometry import box_corners
+from epuck_sim.util.jit import address_of, jit_no_alloc
 from tests.embodied.scenes import (
+    ADDRESSES,
     BODIES,
     RADIUS_CM,
     CameraSettings,
     Scene,
+    block_of,
     camera_settings,
     empty_arena,
+    numbered_rows,
     random_poses,
-    readings,
     rows,
     scenes,
     slow_rows,
-    sorted_cells,
 )
 
 ME = (100.0, 100.0)
@@ -138,13 +138,14 @@ def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
     for _ in range(quarter):
         places = np.column_stack([200 - places[:, 1], places[:, 0]])
     poses = np.column_stack([places, np.full(3, math.radians(60 + 90 * quarter))])
-    cells = make_cell_list(200, 200, 100)  # 20 cm wide
-    sort_into_cells(poses, cells)
-    nothing, row = empty_arena(), np.zeros((1, 1), np.int64)
+    parked = np.repeat([(-5e5, -5e5, 0.0)], 97, axis=0)
     for near_is_lit in (False, True):
         lit = np.array([False, not near_is_lit, near_is_lit])
-        see(poses, lit, nothing.circles, nothing.edges, cells, CameraSettings(1, 56.0, 1).make(), 0, row)
-        assert row[0, 0] == near_is_lit
+        scene = Scene(np.vstack([poses, parked]), np.append(lit, np.zeros(97, bool)), empty_arena())
+        block = block_of(scene, CameraSettings(1, 56.0, 1))
+        assert block.swarm.scene[0].columns == block.swarm.scene[0].rows == 10  # cells are 20 cm wide
+        look(block.bytes, ADDRESSES, 0)
+        assert block.swarm.pixels[0] == near_is_lit
 
 
 def _obstacle(kind, ahead):
@@ -247,9 +248,7 @@ def test_rows_are_those_of_the_slow_twin():
 @given(scenes(robots=(10, 60, 300)), camera_settings(), st.sampled_from([0.02, 0.1, 0.4]), st.integers(0, 2**32 - 1))
 def test_it_does_not_matter_whether_lit_rings_are_few_or_robots_are_told_by_numbers(scene, camera, share, seed):
     lit = np.random.default_rng(seed).random(len(scene.poses)) < share
-    numbers = np.arange(1, len(scene.poses) + 1)
-    shown = rows(Scene(scene.poses, numbers, scene.arena), camera)
-    expected = np.concatenate([[False], lit])[shown]
+    expected = np.concatenate([[False], lit])[numbered_rows(scene, camera)]
     np.testing.assert_array_equal(rows(Scene(scene.poses, lit, scene.arena), camera), expected)
 
 
@@ -284,43 +283,31 @@ def test_rows_do_not_depend_on_the_order_of_robots(scene, camera, seed):
     np.testing.assert_array_equal(rows(shuffled, camera), rows(scene, camera)[order])
 
 
-@settings(max_examples=50)
-@given(scenes(robots=(2, 10, 60)), camera_settings(), st.booleans(), st.integers(0, 2**32 - 1))
-def test_a_group_senses_at_once_what_its_sensors_do_one_by_one(scene, camera, by_table, seed):
-    random = np.random.default_rng(seed)
-    observer = random.integers(len(scene.poses))
-    observers = random.integers(1, len(scene.poses) - observer + 1)
-    group = slice(observer, observer + observers)
-    cells = sorted_cells(scene)
-    gain, noise = random.uniform(0.5, 1.5, (observers, 8)), random.standard_normal((3, len(scene.poses), 8))
-    counts, distance_mm = np.full((observers, 8), np.nan), np.zeros((observers, 8), np.int64)
-    seen = np.full((observers, camera.pixels), 77, np.int64)
-    sensors = make_infrared_sensors(scene.body.kind())
-    arrays = SensingArrays(
-        poses=scene.poses,
-        ring_on=scene.lit,
-        width_cm=scene.arena.width_cm,
-        height_cm=scene.arena.height_cm,
-        circles=scene.arena.circles,
-        edges=scene.arena.edges,
-        cells=cells,
-        camera=camera.make(),
-        radius_cm=RADIUS_CM,
-        infrared_sensors=sensors,
-        first_robot=observer,
-        infrared_gain=gain,
-        infrared_noise=noise,
-        noise_counts=10.0,
-        by_table=by_table,
-        sees_robots=True,
-        infrared=counts,
-        distance_mm=distance_mm,
-        pixels=seen,
-    )
-    noise_step = random.integers(3)
-    sense(arrays, noise_step)
-    expected, expected_mm = readings(scene)[group].copy(), np.zeros((observers, 8), np.int64)
-    to_distances(expected, sensors.response, 8, gain, noise[noise_step, group].copy(), 10.0, by_table, expected_mm)
-    np.testing.assert_array_equal(counts, expected)
-    np.testing.assert_array_equal(distance_mm, expected_mm)
-    np.testing.assert_array_equal(seen, rows(scene, camera)[group])
+@settings(max_examples=40)
+@given(scenes(robots=(10, 60)), camera_settings())
+def test_the_robots_from_a_number_on_see_what_they_do_among_all(scene, camera):
+    observer = len(scene.poses) // 2
+    np.testing.assert_array_equal(rows(scene, camera, observer), rows(scene, camera)[observer:])
+
+
+@jit_no_alloc
+def hide_every_third(block: ByteArray, addresses: IntArray, robot: int) -> None:  # noqa: ARG001
+    swarm = swarm_at(block)
+    robots = len(swarm.robots)
+    for sender in range(robots):
+        swarm.numbers[robots + sender] = 1 if swarm.robots[sender].ring_on and (robot + sender) % 3 else 0
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(3, 10, 60)), camera_settings())
+def test_rings_that_faults_hide_from_a_robot_are_dark_to_it_alone(scene, camera):
+    addresses = ADDRESSES.copy()
+    addresses[HIDE] = address_of(hide_every_third)
+    block = block_of(scene, camera)
+    block.swarm.scene[0].hides_flashes = True
+    look(block.bytes, addresses, 0)
+    numbers = np.arange(len(scene.poses))
+    for robot in range(0, len(scene.poses), 7):
+        visible = scene._replace(lit=scene.lit & ((robot + numbers) % 3 > 0))
+        found = block.swarm.pixels.reshape(-1, camera.pixels)[robot]
+        np.testing.assert_array_equal(found, rows(visible, camera)[robot])

@@ -7,11 +7,23 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.flash_cone import Obstruction, make_cone, perceive_flashes, perceives
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
+from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, perceives, set_cone
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import swarm_at
 from epuck_sim.scenario.signals import ConeSection
-from tests.embodied.scenes import EDGE_CM, RADIUS_CM, Scene, empty_arena, scenes, sorted_cells
+from epuck_sim.util.jit import jit_no_alloc
+from tests.embodied.scenes import (
+    ADDRESSES,
+    EDGE_CM,
+    RADIUS_CM,
+    Block,
+    CameraSettings,
+    Scene,
+    block_of,
+    empty_arena,
+    scenes,
+)
 
 sections = st.builds(
     ConeSection,
@@ -21,14 +33,29 @@ sections = st.builds(
 )
 
 
-def obstruction(scene: Scene) -> Obstruction:
-    return Obstruction(scene.poses, scene.arena.circles, scene.arena.edges, sorted_cells(scene), RADIUS_CM)
+def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> Block:
+    """Return the robots of a scene; those from `observer` on have the ideal sensor."""
+    block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
+    cone = block.swarm.groups[0].cone
+    set_cone(cone, section)
+    cone.occlusion = occlusion
+    return block
 
 
 def pairs(scene: Scene, section: ConeSection, occlusion: bool) -> BoolArray:
     """Return (robots, robots) whether the first perceives the ring of the second."""
-    among, cone, numbers = obstruction(scene), make_cone(section), range(len(scene.poses))
-    return np.array([[perceives(cone, occlusion, among, one, other) for other in numbers] for one in numbers])
+    found = np.zeros((len(scene.poses), len(scene.poses)), bool)
+    find_pairs(with_cone(scene, section, occlusion).bytes, found)
+    return found
+
+
+@jit_no_alloc
+def find_pairs(block: ByteArray, found: BoolArray) -> None:
+    swarm = swarm_at(block)
+    cone = swarm.groups[0].cone
+    for one in range(len(swarm.robots)):
+        for other in range(len(swarm.robots)):
+            found[one, other] = perceives(swarm, cone, one, other)
 
 
 def slow_cone(scene: Scene, section: ConeSection) -> tuple[BoolArray, BoolArray]:
@@ -103,10 +130,10 @@ def test_a_ring_is_hidden_where_the_line_between_the_centres_meets_something(sce
 @given(scenes(robots=(2, 10, 40)), sections, st.booleans(), st.integers(0, 3))
 def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, occlusion, observer):
     assume(observer < len(scene.poses))
-    flashes = np.full((len(scene.poses) - observer, 1), 7)
-    perceive_flashes(make_cone(section), occlusion, scene.lit, obstruction(scene), observer, flashes)
+    block = with_cone(scene, section, occlusion, observer)
+    perceive_flashes(block.bytes, ADDRESSES, 0)
     expected = pairs(scene, section, occlusion)[observer:, scene.lit].any(axis=1)
-    np.testing.assert_array_equal(flashes[:, 0], expected)
+    np.testing.assert_array_equal(block.swarm.pixels, expected)
 
 
 def test_a_cone_of_emission_is_the_senders():

@@ -10,17 +10,39 @@ from hypothesis import strategies as st
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.infrared_response import Response, firmware_table_mm, reading_at, to_distances
-from epuck_sim.embodied.infrared_response import inverse_response_mm as inverse_of
+from epuck_sim.embodied.sensors.infrared import (
+    firmware_table_mm,
+    inverse_response_mm,
+    reading_at,
+    sense_infrared,
+    set_infrared,
+)
+from epuck_sim.embodied.swarm import INFRARED
 from epuck_sim.geometry import box_corners
-from tests.embodied.scenes import BODIES, RADIUS_CM, SENSORS, Scene, empty_arena, readings, scenes, slow_readings
+from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.robots import InfraredSection
+from tests.embodied.scenes import (
+    ADDRESSES,
+    BODIES,
+    RADIUS_CM,
+    SENSORS,
+    Scene,
+    block_of,
+    empty_arena,
+    readings,
+    scenes,
+    slow_readings,
+)
 
 NOTHING_MM = 65535
 SPREAD = math.radians(15)
-RESPONSE = Response(range_cm=12.0, peak_counts=3731.0, peak_cm=0.3, width_cm2=0.7)
+E_PUCKS = np.zeros(1, INFRARED).view(np.recarray)[0]
+"""The e-puck's sensors."""
+
+set_infrared(E_PUCKS, EPUCK, InfraredSection(), 0.0)
+
 sensors = pytest.mark.parametrize("sensor", range(8))
 distances = st.floats(0.3, 12)
-outputs = st.floats(0, 3731)
 
 
 def _f(x):
@@ -40,20 +62,23 @@ def _readings(poses, arena):
     return readings(Scene(np.array(poses), np.zeros(len(poses), bool), arena))
 
 
-def _distances(counts, by_table=False, noise_counts=0.0, noise=None, gain=1.0):
-    """Return the readings with noise and the distances that `to_distances` writes for (robots, 8) counts."""
-    written, distance_mm = np.array(counts, float), np.full(np.shape(counts), -1)
-    noise, gain = np.zeros_like(written) if noise is None else noise, np.broadcast_to(gain, written.shape).copy()
-    to_distances(written, RESPONSE, 8, gain, noise, noise_counts, by_table, distance_mm)
-    return written, distance_mm
+def _sensed(poses, arena, by_table=False, noise_counts=0.0, noise=0.0, gain=1.0):
+    """Return readings and distances, of robots' (robots, 8) gains and noise."""
+    scene = Scene(np.array(poses), np.zeros(len(poses), bool), arena)
+    infrared = InfraredSection(distance="firmware_table" if by_table else "inverse_response")
+    block = block_of(scene, infrared=infrared, noise_counts=noise_counts)
+    robots = block.swarm.robots
+    robots.infrared_noise, robots.infrared_gain = noise, gain
+    sense_infrared(block.bytes, ADDRESSES, 0)
+    return robots.sensors.infrared, robots.sensors.distance_mm
 
 
 def response(distance):
-    return reading_at(distance, RESPONSE)
+    return reading_at(distance, E_PUCKS)
 
 
-def inverse_response_mm(reading):
-    return inverse_of(reading, RESPONSE)
+def distance_mm(reading):
+    return inverse_response_mm(reading, E_PUCKS)
 
 
 # --- the response and the distances it stands for ---------------------------------------------------
@@ -74,29 +99,25 @@ def test_the_response_peaks_nearer_than_3_mm_and_ends_after_12_cm():
 @example(0.3)
 @example(12.0)
 def test_a_distance_comes_back_from_its_response_in_whole_mm(distance):
-    assert inverse_response_mm(response(distance)) in {int(10 * distance - 1e-6), int(10 * distance + 1e-6)}
+    assert distance_mm(response(distance)) in {int(10 * distance - 1e-6), int(10 * distance + 1e-6)}
 
 
 @given(st.floats(16.56, 3731))
 def test_a_reading_lies_between_the_responses_at_its_mm_and_at_the_next(reading):
-    distance_mm = inverse_response_mm(reading)
-    assert _f((distance_mm + 1) / 10) - 1e-6 <= reading <= _f(distance_mm / 10) + 1e-6
+    found = distance_mm(reading)
+    assert _f((found + 1) / 10) - 1e-6 <= reading <= _f(found / 10) + 1e-6
 
 
-def test_less_than_the_response_at_12_cm_is_out_of_range():
-    assert 119 <= inverse_response_mm(response(12.0)) <= 120
-    assert inverse_response_mm(math.nextafter(response(12.0), 0.0)) == inverse_response_mm(0.0) == NOTHING_MM
-
-
-def test_the_largest_reading_is_3_mm():
-    assert inverse_response_mm(3731.0) == 3
+def test_the_largest_reading_is_3_mm_and_the_least_12_cm():
+    assert distance_mm(3731.0) == 3
+    assert 119 <= distance_mm(response(12.0)) <= 120
 
 
 @pytest.mark.parametrize(
-    ("reading", "distance_mm"), [(4095, 0), (3756, 3), (3591, 10), (558, 25), (133, 50), (58, 75), (29, 100)]
+    ("reading", "mm"), [(4095, 0), (3756, 3), (3591, 10), (558, 25), (133, 50), (58, 75), (29, 100)]
 )
-def test_the_firmware_s_table_holds_at_its_entries(reading, distance_mm):
-    assert firmware_table_mm(float(reading)) == distance_mm
+def test_the_firmware_s_table_holds_at_its_entries(reading, mm):
+    assert firmware_table_mm(float(reading)) == mm
 
 
 @given(st.floats(29, 4095))
@@ -147,18 +168,17 @@ def test_a_robot_straight_ahead_reads_nearer_than_its_centre_ray_where_the_side_
 
 
 def test_a_wall_at_exactly_12_cm_is_in_range_and_a_hair_further_is_not():
-    at_range, beyond = (_readings([(50.0, y, 0.0)], empty_arena(100, 30.6)) for y in (15.3, 15.3 - 1e-9))
-    assert at_range[0, 5] == response(12.0)
-    assert beyond[0, 5] == 0.0
-    assert _distances(at_range)[1][0, 5] != NOTHING_MM
-    assert _distances(beyond)[1][0, 5] == NOTHING_MM
+    at_range, beyond = (_sensed([(50.0, y, 0.0)], empty_arena(100, 30.6)) for y in (15.3, 15.3 - 1e-9))
+    assert (at_range[0][0, 5], beyond[0][0, 5]) == (response(12.0), 0.0)
+    assert at_range[1][0, 5] in {119, 120}
+    assert beyond[1][0, 5] == NOTHING_MM
 
 
-def test_nothing_in_range_reads_nothing():
-    counts = _readings([(50, 50, 1.0), (50, 75, 2.0)], empty_arena(100, 100))
+@pytest.mark.parametrize("by_table", [False, True])
+def test_nothing_in_range_reads_nothing(by_table):
+    counts, mm = _sensed([(50, 50, 1.0), (50, 75, 2.0)], empty_arena(100, 100), by_table)
     assert (counts == 0).all()
-    for by_table in (False, True):
-        assert (_distances(counts, by_table)[1] == NOTHING_MM).all()
+    assert (mm == NOTHING_MM).all()
 
 
 def test_a_reading_is_never_more_than_the_peak():
@@ -186,20 +206,18 @@ def test_only_the_sensors_that_look_there_read_an_obstacle(sensor):
 # --- noise ------------------------------------------------------------------------------------------
 
 
-@given(st.lists(outputs, min_size=8, max_size=8), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 10.0, 3000.0]))
-def test_noise_is_added_and_readings_stay_within_0_and_the_peak(counts, seed, noise_counts):
-    noise = np.random.default_rng(seed).standard_normal((1, 8))
-    written, _ = _distances([counts], noise_counts=noise_counts, noise=noise)
-    np.testing.assert_array_equal(written, np.clip(counts + noise_counts * noise, 0, 3731))
-
-
-@pytest.mark.parametrize(("by_table", "convert"), [(False, inverse_response_mm), (True, firmware_table_mm)])
-def test_distances_are_those_of_the_noisy_readings(by_table, convert):
-    random = np.random.default_rng(1)
-    counts, noise = random.uniform(0, 500, (20, 8)), random.standard_normal((20, 8))
-    written, distance_mm = _distances(counts, by_table, 100.0, noise)
-    assert distance_mm.tolist() == [[convert(reading) for reading in robot] for robot in written]
-    assert (distance_mm == NOTHING_MM).any()
+@settings(max_examples=50)
+@given(scenes(robots=(2, 10)), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 10.0, 3000.0]), st.booleans())
+def test_readings_are_amplified_and_noisy_within_0_and_the_peak_and_distances_are_theirs(scene, seed, noise, by_table):
+    random = np.random.default_rng(seed)
+    gain, normal = random.uniform(0.5, 1.5, (len(scene.poses), 8)), random.standard_normal((len(scene.poses), 8))
+    counts, mm = _sensed(scene.poses, scene.arena, by_table, noise, normal, gain)
+    np.testing.assert_array_equal(counts, np.clip(readings(scene) * gain + noise * normal, 0, 3731))
+    for reading, found in zip(counts.ravel(), mm.ravel(), strict=True):
+        if by_table or reading >= response(12.0):
+            assert found == (firmware_table_mm(reading) if by_table else distance_mm(reading))
+        else:
+            assert found == NOTHING_MM
 
 
 # --- a slow twin ------------------------------------------------------------------------------------

@@ -8,8 +8,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from epuck_sim.embodied.camera_clock import start_camera_clock, take_pictures
+from epuck_sim.embodied.sensors.camera import take_pictures
+from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.rng import uniform
 from epuck_sim.util.seeds import robot_streams
@@ -24,15 +26,21 @@ def paces(draw):
 
 def filmed(interval, latency, steps, robots=1, seed=4):
     """Return (steps, robots) the step whose picture each controller has, -1 for none, and whether it is new."""
-    camera, new = np.zeros((robots, 3), np.int64), np.ones(robots, bool)
-    clock = start_camera_clock(interval, latency, robot_streams(np.random.SeedSequence(seed), robots), camera, new)
+    pixels = 3 * robots
+    block, addresses = make_block({"robots": robots, "groups": 1, "pixels": 3 * pixels}), np.zeros(3, np.int64)
+    swarm = open_block(block)
+    swarm.robots.signal_random = robot_streams(np.random.SeedSequence(seed), robots)
+    group = swarm.groups[0]
+    group.count, group.pixels, group.in_view, group.waiting = robots, 3, pixels, 2 * pixels
+    group.camera.interval, group.camera.latency = interval, latency
+    begin_pictures(block, 0)
+    camera, in_view = swarm.pixels[:pixels].reshape(robots, 3), swarm.pixels[pixels : 2 * pixels]
     shown, is_new = np.empty((steps, robots), np.int64), np.empty((steps, robots), bool)
-    take_pictures(clock, -1)
     for step in range(steps):
-        clock.in_view[:] = step + 1
-        take_pictures(clock, step)
+        swarm.scene[0].step, in_view[:] = step, step + 1
+        take_pictures(block, addresses, 0)
         assert (camera == camera[:, :1]).all()
-        shown[step], is_new[step] = camera[:, 0] - 1, new
+        shown[step], is_new[step] = camera[:, 0] - 1, swarm.robots.sensors.new_picture
     return shown, is_new
 
 
