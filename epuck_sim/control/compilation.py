@@ -15,6 +15,7 @@ from epuck_sim.control.interface import Controller
 from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
+from epuck_sim.util.native import Kernel
 from epuck_sim.util.python_files import fingerprint
 
 _compiled: dict[Hashable, Any] = {}
@@ -36,7 +37,7 @@ def compile_for(controller: Controller, function: Any, room_digest: str) -> Any:
     """
     records = (controller.memory, controller.parameter_type)
     values = frozen_values(controller.modules.values())
-    contents_digest = digest([_static_digest(controller).encode(), *values, repr(records).encode(), room_digest.encode()])
+    contents_digest = digest([_static_digest(controller).encode(), *values, room_digest.encode()])
     key = controller, function, contents_digest
     if key not in _compiled:
         start, step = jit_functions((controller.start, controller.step), controller.modules, contents_digest)
@@ -55,8 +56,9 @@ def compile_for(controller: Controller, function: Any, room_digest: str) -> Any:
 
 @lru_cache
 def _static_digest(controller: Controller) -> str:
-    """Return what `digest_sources` returns, which takes long, of a controller."""
-    return digest_sources(controller.sources, controller.modules)
+    """Return the digest of what cannot change in a controller that is loaded, which takes long."""
+    records = repr((controller.memory, controller.parameter_type))
+    return digest([digest_sources(controller.sources, controller.modules).encode(), records.encode()])
 
 
 def digest_sources(sources: Mapping[Path, bytes], modules: Mapping[Path, ModuleType]) -> str:
@@ -94,28 +96,26 @@ def _can_be_frozen(value: object) -> bool:
 def jit_functions(
     functions: Iterable[Any], modules: Mapping[Path, ModuleType], contents_digest: str
 ) -> tuple[Any, ...]:
-    """Return functions of a user's file as numba's dispatchers.
+    """Return functions of a user's file as parts of other compiled functions, which raise as Python does.
 
-    Each module of the file gets a twin, in which dispatchers stand in for functions and twins for modules, so
-    that the two find compiled helpers under the names that their sources use. The modules themselves do not change.
+    Each module of the file gets a twin, in which such parts stand in for functions and twins for modules, so that
+    the parts find each other under the names that their sources use. The modules themselves do not change.
     """
     twins = {id(vars(module)): ModuleType(module.__name__) for module in modules.values()}
-    dispatchers: dict[FunctionType, Any] = {}
+    parts: dict[FunctionType, Kernel] = {}
 
     def twin(value: Any) -> Any:
         if isinstance(value, ModuleType):
             return twins.get(id(vars(value)), value)
         if not isinstance(value, FunctionType) or id(value.__globals__) not in twins:
             return value
-        if value not in dispatchers:
+        if value not in parts:
             namespace = vars(twins[id(value.__globals__)])
             copy = FunctionType(value.__code__, namespace, value.__name__, value.__defaults__, value.__closure__)
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
-            named = name_after(copy, contents_digest)
-            compiler: Any = numba.njit(boundscheck=True, forceinline=True)
-            dispatchers[value] = compiler(named)
-        return dispatchers[value]
+            parts[value] = Kernel(name_after(copy, contents_digest), value, boundscheck=True, forceinline=True)
+        return parts[value]
 
     for module in modules.values():
         vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})

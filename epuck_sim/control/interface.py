@@ -17,6 +17,7 @@ A controller may import files that lie beside it, and the built-in controllers, 
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple, TypeVar
@@ -150,7 +151,7 @@ class Controller:
                 raise ValueError(said.partition(": ")[2] if own else f"{where}: {said}") from error
         return values
 
-    @property
+    @cached_property
     def parameter_type(self) -> np.dtype[Any]:
         """Record type of its parameters."""
         return record_type({name: type(value) for name, value in self.parameters.items()})

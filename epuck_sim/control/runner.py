@@ -251,9 +251,7 @@ def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object
     Raises:
         ControllerError: The controller cannot be compiled.
     """
-    contents_digest = digest(
-        [_static_digest(controller).encode(), *frozen_values(controller.modules.values())]
-    )
+    contents_digest = digest([_static_digest(controller).encode(), *frozen_values(controller.modules.values())])
     key = controller, contents_digest, loops, layout(arrays)
     if key not in _compiled:
         start, step = jit_functions((controller.start, controller.step), controller.modules, contents_digest)

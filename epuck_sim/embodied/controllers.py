@@ -316,7 +316,9 @@ def _e_groups(swarm: Swarm, number: int, controller: Controller) -> npt.NDArray[
     for name in ("step_ms", "distance_mm", "infrared", "new_picture", "pulses", "messages"):
         each[name] = _rows(sensors[name])
     each["camera"] = _rows(swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, -1))
-    each["actuators"], each["random"], each["present"] = map(_rows, (members.actuators, members.random, members.present))
+    each["actuators"], each["random"], each["present"] = map(
+        _rows, (members.actuators, members.random, members.present)
+    )
     block = swarm.scene.ctypes.data
     each["memory"] = block + group.memory + group.memory_bytes * np.arange(group.count)
     each["parameters"] = block + group.parameters

@@ -245,7 +245,6 @@ SCENE = _record(
         ("touch", "?"),  # whether robots touch each other; else they pass through each other
         ("moved_publicly", "?"),  # whether bodies move by pymunk's public interface, between calls of compiled code
         ("clocks_differ", "?"),
-        ("get_stuck", "?"),
         ("hides_flashes", "?"),  # whether faults may keep robots from seeing flashes: `CALL_HIDE` is called
         ("wheel_limit_cm_s", "f8"),
         ("wheel_base_cm", "f8"),
@@ -314,8 +313,8 @@ class Swarm(NamedTuple):
     log: Any
     """(room,) CHANGE: what faults did since Python looked."""
     numbers: Any
-    """(3 * robots + 2 * pixels of the longest row,) int64: scratch; sensors of flashes have the numbers of lit robots, and
-    then a label of each robot: what a pixel that shows it becomes, 0 for rings that are dark, or that faults hide."""
+    """(3 * robots + 2 * pixels of the longest row,) int64: scratch; sensors of flashes have the numbers of lit robots,
+    and then a label of each robot: what a pixel that shows it becomes, 0 for dark rings and those that faults hide."""
     depths: Any
     """(3 * pixels of the longest row,) float64: scratch."""
     bytes: Any

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
@@ -173,6 +173,7 @@ def compile_call(function: Any, contents_digest: str) -> Any:
     return compiled
 
 
+@cache
 def address_of(kernel: Any) -> int:
     """Return the address at which compiled code calls a kernel (block, addresses, number); see `native.call`."""
     function = kernel.for_python

@@ -9,6 +9,7 @@ compiled once, and kept on disk, whatever it calls.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from llvmlite import ir
@@ -99,6 +100,7 @@ class Kernel:
         return self.for_python(*arguments)
 
 
+@cache
 def function_address(function: Any) -> int:
     """Return the address at which compiled code calls a function of one signature, which numba has compiled."""
     (result,) = function.overloads.values()

@@ -19,7 +19,14 @@ import numpy.typing as npt
 import pymunk
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM, PUSHED_CM, add_reached, find_contact_candidates, move_straight
+from epuck_sim.embodied.bodies.contact_candidates import (
+    MARGIN_CM,
+    PUSHED_CM,
+    add_reached,
+    find_contact_candidates,
+    list_candidates,
+    move_straight,
+)
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
@@ -97,19 +104,15 @@ def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
     robots, scene = swarm.robots, swarm.scene[0]
     time_s = scene.physics_steps * scene.physics_s
     fastest_cm_s = find_contact_candidates(swarm)
-    inside, outside = 0, 0
     for number in range(len(robots)):
         robot = robots[number]
         if robot.in_space and not robot.may_touch:
             _leave(swarm, addresses, number)
         if robot.may_touch:
             _enter(swarm, addresses, number)
-            swarm.numbers[inside] = number
-            inside += 1
-        elif robot.present:
-            outside += 1
+    inside = list_candidates(swarm)
     if inside > 0:
-        _step_space(swarm, addresses, inside, fastest_cm_s, scene.touch and outside > 0)
+        _step_space(swarm, addresses, inside, fastest_cm_s)
     for number in range(len(robots)):
         if not robots[number].in_space:
             move_straight(robots[number], time_s)
@@ -117,27 +120,16 @@ def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
 
 
 @jit_inline
-def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: float, may_grow: bool) -> None:
-    """Take physics steps, and get where robots and movables are then.
-
-    Args:
-        swarm: The swarm; its scratch numbers begin with those of the robots in the space.
-        addresses: See the module.
-        inside: Number of robots in the space.
-        fastest_cm_s: Speed of the fastest robot.
-        may_grow: Whether there are others, which robots in the space touch if they come too far.
-    """
+def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: float) -> None:
+    """Take physics steps, and get where robots and movables are then; inside: number of robots in the space."""
     scene, robots = swarm.scene[0], swarm.robots
-    too_far = False
+    candidates = inside
     for step in range(scene.physics_steps):
-        if may_grow and step > 0:
-            past_s = step * scene.physics_s
-            too_far = too_far or _came_too_far(swarm, addresses, inside, fastest_cm_s * past_s + PUSHED_CM)
-            if too_far:
-                inside = _bring_in(swarm, addresses, inside, fastest_cm_s, past_s)
+        if scene.touch and step > 0 and inside < len(robots):
+            inside = _bring_in(swarm, addresses, candidates, inside, fastest_cm_s, step * scene.physics_s)
         call_c(addresses[_STEP], addresses[SPACE], scene.physics_s)
     for index in range(inside):
-        number = swarm.numbers[index]
+        number = swarm.members[swarm.numbers[index]].robot
         body = addresses[scene.bodies + 2 * number]
         robots[number].x, robots[number].y = vector_from_c(addresses[_GET_POSITION], body)
         robots[number].heading = double_from_c(addresses[_GET_ANGLE], body)
@@ -148,36 +140,41 @@ def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: fl
 
 
 @jit_inline
-def _came_too_far(swarm: Swarm, addresses: IntArray, inside: int, path_cm: float) -> bool:
-    """Return whether a robot in the space is farther from where it began the control step than robots should be."""
-    first = swarm.scene[0].bodies
-    for index in range(inside):
-        number = swarm.numbers[index]
-        x, y = vector_from_c(addresses[_GET_POSITION], addresses[first + 2 * number])
-        dx, dy = x - swarm.robots[number].x, y - swarm.robots[number].y
-        if dx * dx + dy * dy > path_cm * path_cm:
-            return True
-    return False
+def _bring_in(
+    swarm: Swarm, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past_s: float
+) -> int:
+    """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
 
+    Args:
+        swarm: The swarm.
+        addresses: See the module.
+        candidates: Number of robots that were candidates, the first ones in the list.
+        inside: Number of robots in the space, which the list has.
+        fastest_cm_s: Speed of the fastest robot.
+        past_s: Time since the control step began.
 
-@jit_no_alloc
-def _bring_in(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: float, past_s: float) -> int:
-    """Bring into the space all that those in it may reach next; return the number of robots that are in it then."""
+    Returns:
+        The number of robots that are in the space then.
+    """
+    first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past_s + PUSHED_CM
     index = 0
-    while index < inside:  # those that are brought in have their turn, too
-        body = addresses[swarm.scene[0].bodies + 2 * swarm.numbers[index]]
+    while index < inside:
+        start = swarm.members[swarm.numbers[index]]
+        body = addresses[first + 2 * start.robot]
         x, y = vector_from_c(addresses[_GET_POSITION], body)
-        vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
-        entered, inside = inside, add_reached(swarm, inside, x, y, math.hypot(vx, vy) + fastest_cm_s, past_s)
-        for entering in range(entered, inside):
-            _enter(swarm, addresses, swarm.numbers[entering])
+        dx, dy = x - start.x, y - start.y
+        if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
+            vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
+            entered, inside = inside, add_reached(swarm, inside, x, y, math.hypot(vx, vy) + fastest_cm_s, past_s)
+            for entering in range(entered, inside):
+                _enter(swarm, addresses, swarm.members[swarm.numbers[entering]].robot)
         index += 1
     return inside
 
 
 @jit_no_alloc
 def _enter(swarm: Swarm, addresses: IntArray, number: int) -> None:
-    """Put a robot into the space unless it is there, with its pose and its velocities, or those of its wheels' drive.
+    """Put a robot into the space unless it is there, and give its body, or its wheels' drive, the robot's velocities.
 
     Its shape enters where its body was last, which decides on the order in which Chipmunk finds contacts.
     """
@@ -186,10 +183,10 @@ def _enter(swarm: Swarm, addresses: IntArray, number: int) -> None:
     if not robot.in_space:
         call_c(addresses[_ADD_BODY], addresses[SPACE], body)
         call_c(addresses[_ADD_SHAPE], addresses[SPACE], addresses[scene.bodies + 2 * number + SHAPE])
+        call_c(addresses[_SET_POSITION], body, robot.x, robot.y)
+        call_c(addresses[_SET_ANGLE], body, robot.heading)
         robot.in_space = True
     driven = body if scene.drives < 0 else addresses[scene.drives + 2 * number]
-    call_c(addresses[_SET_POSITION], body, robot.x, robot.y)
-    call_c(addresses[_SET_ANGLE], body, robot.heading)
     call_c(addresses[_SET_VELOCITY], driven, robot.vx, robot.vy)
     call_c(addresses[_SET_SPIN], body, robot.spin)
 

@@ -157,22 +157,33 @@ def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int
     return found
 
 
+@jit_inline
+def list_candidates(swarm: Swarm) -> int:
+    """Write the indices of candidates among the members of cells to the scratch numbers; return how many there are."""
+    found = 0
+    for index in range(len(swarm.members)):
+        if swarm.robots[swarm.members[index].robot].may_touch:
+            swarm.numbers[found] = index
+            found += 1
+    return found
+
+
 @jit_no_alloc
 def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
     """Find robots that were no candidates, but may touch a robot at (x, y) within the next physics step.
 
-    Straight lines take them to where they are now. Their numbers are added to the first ones among the scratch numbers.
+    Straight lines take them to where they are now. They are added to the list of candidates.
 
     Args:
         swarm: The swarm.
-        found: Number of robots that may touch something so far.
+        found: Length of the list, see `list_candidates`.
         x: Where the robot is, cm.
         y: Where the robot is, cm.
         approach_cm_s: Speed with which another robot may come nearer, but for contacts.
         past_s: Time since the control step began.
 
     Returns:
-        The number of robots that may touch something.
+        The length of the list with those that were added.
     """
     reach_cm = touch_cm(swarm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM
     near = cells_around(x, y, swarm.scene[0])
@@ -184,7 +195,7 @@ def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: flo
             if other.present and not other.may_touch and math.hypot(dx, dy) <= reach_cm:
                 move_straight(other, past_s)
                 other.may_touch = True
-                swarm.numbers[found] = swarm.members[index].robot
+                swarm.numbers[found] = index
                 found += 1
     return found
 

@@ -12,29 +12,17 @@ import pymunk
 from epuck_sim.embodied.bodies.chipmunk import SLOP_CM, Block, sort_robots
 from epuck_sim.embodied.bodies.contact_candidates import PUSHED_CM, add_reached, find_contact_candidates, move_straight
 from epuck_sim.embodied.bodies.shapes import Bodies
-from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc
 
 
 class PublicSpace:
     """The space of one trial after the other."""
 
-    def __init__(self, block: Block) -> None:
-        """Move the robots of a block."""
-        self._block = block
-        self._swarm: Swarm = open_block(block)
-        self._space = pymunk.Space()
-        self._bodies: Bodies | None = None
-
-    @property
-    def bodies(self) -> Bodies:
-        """What is in the space, or enters it."""
-        assert self._bodies is not None
-        return self._bodies
-
-    def place(self, bodies: Bodies) -> None:
+    def __init__(self, block: Block, bodies: Bodies) -> None:
         """Begin a trial with bodies that have never been in a space; robots are where the block says."""
-        self._bodies = bodies
+        self.use(block)
+        self.bodies = bodies
         self._space = pymunk.Space()
         self._space.collision_slop, self._space.collision_bias = SLOP_CM, 0.0
         self._space.add(bodies.ground, *bodies.surfaces)
@@ -44,7 +32,11 @@ class PublicSpace:
         robots = self._swarm.robots
         robots.in_space = False
         robots.vx = robots.vy = robots.spin = 0.0
-        sort_robots(self._block)
+        sort_robots(block)
+
+    def use(self, block: Block) -> None:
+        """Work on a block that is like the first one from now on."""
+        self._block, self._swarm = block, open_block(block)
 
     def rest(self, number: int) -> None:
         """Put a robot at rest, as one that has touched nothing yet, and sort all robots into cells."""
@@ -64,14 +56,15 @@ class PublicSpace:
 
     def step(self) -> None:
         """Move all bodies for a control step."""
-        scene, robots, numbers = self._swarm.scene[0], self._swarm.robots, self._swarm.numbers
-        fastest_cm_s = _find_contact_candidates(self._block)
-        for number in np.flatnonzero(robots.in_space & ~robots.may_touch):
-            self._leave(number)
-        candidates = np.flatnonzero(robots.may_touch)
-        for number in candidates:
-            self._enter(number)
-        numbers[: len(candidates)] = candidates
+        scene, robots = self._swarm.scene[0], self._swarm.robots
+        fastest_cm_s = find_candidates(self._block)
+        for number, robot in enumerate(robots):
+            if robot.in_space and not robot.may_touch:
+                self._leave(number)
+            if robot.may_touch:
+                self._enter(number)
+        candidates = np.flatnonzero(robots.may_touch[self._swarm.members.robot])
+        self._swarm.numbers[: len(candidates)] = candidates
         if len(candidates):
             self._step_space(len(candidates), fastest_cm_s)
         for number in np.flatnonzero(~robots.in_space):
@@ -80,24 +73,24 @@ class PublicSpace:
 
     def _step_space(self, inside: int, fastest_cm_s: float) -> None:
         scene, robots, numbers = self._swarm.scene[0], self._swarm.robots, self._swarm.numbers
-        bodies = [body for body, _ in self.bodies.robots]
-        too_far = False
+        members = self._swarm.members
+        candidates = inside
         for step in range(scene.physics_steps):
-            past_s = step * scene.physics_s
-            if scene.touch and step > 0:
-                ways = [math.dist(bodies[each].position, (robots[each].x, robots[each].y)) for each in numbers[:inside]]
-                too_far = too_far or max(ways) > fastest_cm_s * past_s + PUSHED_CM
-            index = 0
-            while too_far and index < inside:
-                body = bodies[numbers[index]]
-                speed = math.hypot(*body.velocity) + fastest_cm_s
-                entered, inside = inside, _add_reached(self._block, inside, *body.position, speed, past_s)
-                for entering in numbers[entered:inside]:
-                    self._enter(entering)
+            past_s, index = step * scene.physics_s, 0
+            while scene.touch and step > 0 and index < inside:
+                start = members[numbers[index]]
+                body = self.bodies.robots[start.robot].body
+                way_cm = math.dist(body.position, (start.x, start.y))
+                if way_cm > fastest_cm_s * past_s + PUSHED_CM or index >= candidates:
+                    speed = math.hypot(*body.velocity) + fastest_cm_s
+                    entered, inside = inside, add_robots_reached(self._block, inside, *body.position, speed, past_s)
+                    for member in numbers[entered:inside]:
+                        self._enter(members[member].robot)
                 index += 1
             self._space.step(scene.physics_s)
-        for number in numbers[:inside]:
-            robot, body = robots[number], bodies[number]
+        for member in numbers[:inside]:
+            number = members[member].robot
+            robot, body = robots[number], self.bodies.robots[number].body
             robot.x, robot.y, robot.heading = *body.position, body.angle
         for circle, (body, _) in zip(self._swarm.circles[scene.first_movable :], self.bodies.movables, strict=False):
             circle.x, circle.y = body.position
@@ -106,9 +99,9 @@ class PublicSpace:
         robot, disc = self._swarm.robots[number], self.bodies.robots[number]
         if not robot.in_space:
             self._space.add(*disc)
+            disc.body.position, disc.body.angle = (robot.x, robot.y), robot.heading
             robot.in_space = True
         driven = self.bodies.drives[number].body if self.bodies.drives else disc.body
-        disc.body.position, disc.body.angle = (robot.x, robot.y), robot.heading
         driven.velocity, disc.body.angular_velocity = (robot.vx, robot.vy), robot.spin
 
     def _leave(self, number: int) -> None:
@@ -118,10 +111,12 @@ class PublicSpace:
 
 
 @jit_no_alloc
-def _find_contact_candidates(block: Block) -> float:
+def find_candidates(block: Block) -> float:
+    """Find the robots of a block that may touch something; return the speed of the fastest, cm/s."""
     return find_contact_candidates(swarm_at(block))
 
 
 @jit_no_alloc
-def _add_reached(block: Block, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
+def add_robots_reached(block: Block, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
+    """Find further robots of a block that may touch one; see `contact_candidates.add_reached`."""
     return add_reached(swarm_at(block), found, x, y, approach_cm_s, past_s)

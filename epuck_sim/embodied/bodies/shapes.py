@@ -41,7 +41,7 @@ class Disc(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What drives a robot where there are movables: a body with the commanded velocity, and its joint with the robot."""
+    """What drives a robot where there are movables: a body with the commanded velocity, and its joint with it."""
 
     body: pymunk.Body
     joint: pymunk.Constraint

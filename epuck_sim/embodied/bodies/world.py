@@ -9,6 +9,7 @@ import warnings
 import weakref
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from epuck_sim.arrays import IntArray
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.public_space import PublicSpace
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
-from epuck_sim.embodied.swarm import GROUND, open_block
+from epuck_sim.embodied.swarm import GROUND, SPACE, open_block
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 from epuck_sim.util.jit import address_of
 
@@ -52,6 +53,7 @@ class World:
         """
         reason = chipmunk.reason_for_public_way()
         self._block, self._swarm = block, open_block(block)
+        self._finalizer: weakref.finalize[Any, Any] | None = None
         self._arenas, self._arena = arenas, arenas[0]
         self._friction = friction
         scene, robots = self._swarm.scene[0], len(self._swarm.robots)
@@ -65,7 +67,6 @@ class World:
         scene.surface_count = len(self._bodies.surfaces)
         scene.moved_publicly = self.is_public = bool(reason)
         if self.is_public:
-            self._public_space = PublicSpace(block)
             warnings.warn(
                 f"{chipmunk.versions()}: {reason}; robots are moved by pymunk's public interface, to the same outcome, "
                 "but many times as slowly; install pymunk 7.3",
@@ -87,10 +88,20 @@ class World:
             addresses[chipmunk.PLACE_MOVABLES] = address_of(chipmunk.place_movables)
         return addresses + [address(each) for each in [*things, *bodies.surfaces]] + [0] * room
 
-    def use(self, addresses: IntArray) -> None:
-        """Take the array that begins with `addresses`, for as long as the world lives; its space is freed with it."""
-        self._addresses = addresses
-        weakref.finalize(self, _free, addresses, self._bodies)
+    def use(self, block: chipmunk.Block, addresses: IntArray) -> None:
+        """Work on a block, the first one or one that is like it, from now on; the space is freed with the world.
+
+        Args:
+            block: The swarm.
+            addresses: The array that begins with what `addresses` returns.
+        """
+        if self._finalizer:
+            addresses[SPACE] = self._addresses[SPACE]
+            self._finalizer.detach()
+            if self.is_public:
+                self._public_space.use(block)
+        self._block, self._swarm, self._addresses = block, open_block(block), addresses
+        self._finalizer = weakref.finalize(self, _free, addresses, self._bodies)
 
     def place(self) -> None:
         """Begin a trial in the first arena, which the block is in, with robots at rest where it says: all is as new.
@@ -102,7 +113,7 @@ class World:
         self._put_movables(self._arena.circles[self._arena.first_movable :, :2])
         if self.is_public:
             self._bodies = self._make_bodies()
-            self._public_space.place(self._bodies)
+            self._public_space = PublicSpace(self._block, self._bodies)
         else:
             chipmunk.place(self._block, self._addresses)
 
@@ -146,8 +157,9 @@ class World:
 
     def _put_movables(self, places_cm: np.ndarray) -> None:  # type: ignore[type-arg]
         """Write (movables, 2) cm to the block."""
-        circles = self._swarm.circles[self._swarm.scene[0].first_movable :][: len(places_cm)]
-        circles.x, circles.y = places_cm.T
+        if len(places_cm):
+            circles = self._swarm.circles[self._swarm.scene[0].first_movable :][: len(places_cm)]
+            circles.x, circles.y = places_cm.T
 
 
 def _free(addresses: IntArray, bodies: Bodies) -> None:

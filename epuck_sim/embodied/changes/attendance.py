@@ -14,7 +14,7 @@ from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
 from epuck_sim.embodied.controllers import GroupControllers
-from epuck_sim.embodied.places import (
+from epuck_sim.embodied.placement import (
     APART_CM,
     OUTSIDE_CM,
     PLACED,

@@ -64,12 +64,18 @@ def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, 
     record.end = record.first + central
     record.left_rad = angles[0]
     record.pixels_per_rad = 1 / pitch
-    record.half_view_rad = central * pitch / 2
+    record.half_view_rad = half_view_rad(section)
     record.range_cm = section.range_cm or math.inf
     record.reflection_range_cm = section.reflection_range_cm
     record.forward_cm, record.radius_cm = kind.camera_forward_cm, kind.radius_cm
     record.interval = 0 if section.frames_per_s is None else control_hz / section.frames_per_s
     record.latency = section.latency_ms * control_hz / 1000
+
+
+def half_view_rad(section: CameraSection) -> float:
+    """Return the largest angle between straight ahead and the edge of a camera's central window."""
+    pitch = math.radians(section.field_of_view_deg) / section.pixels
+    return (section.central_pixels or section.pixels) * pitch / 2
 
 
 class Eye(NamedTuple):

@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 
+from epuck_sim.arrays import ByteArray
 from epuck_sim.embodied.sensors.camera import NEVER, look, take_pictures
 from epuck_sim.embodied.sensors.flash_cone import perceive_flashes
 from epuck_sim.embodied.sensors.infrared import sense_infrared
 from epuck_sim.embodied.sensors.radio import receive_pulses
 from epuck_sim.embodied.sensors.reflections import add_reflections
-from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.jit import jit_no_alloc
 from epuck_sim.util.rng import uniform
 
 
@@ -22,23 +23,14 @@ def sensors_of(section: RobotGroup) -> list[Callable[..., None]]:
     return [sense_infrared, look, *[add_reflections] * mirrors, *[take_pictures] * waits]
 
 
-@jit_inline
-def restart_signals(swarm: Swarm, number: int) -> None:
-    """Set what brings flashes to a group to before the first step; cameras draw when they take their first pictures."""
+@jit_no_alloc
+def begin_pictures(block: ByteArray, number: int) -> None:
+    """Draw when the cameras of a group take their first pictures, which is in the first interval."""
+    swarm = swarm_at(block)
     group = swarm.groups[number]
-    interval, pictures = group.camera.interval, group.count * group.pixels
-    for pixel in range(pictures):
-        swarm.pixels[group.row + pixel] = 0
-        swarm.pixels[group.in_view + pixel] = 0
-        swarm.pixels[group.waiting + pixel] = 0
-    for place in range(group.radio.slots * group.count):
-        swarm.air[group.radio.first + place].count = 0
-    if interval == 0.0:
-        return
-    for place in range(group.count):
-        robot = swarm.robots[group.first + place]
-        robot.first_picture = interval * uniform(robot.signal_random)
-        robot.pictures = 0
+    for member in range(group.count):
+        robot = swarm.robots[group.first + member]
+        robot.first_picture = group.camera.interval * uniform(robot.signal_random)
         robot.picture_arrives = NEVER
 
 
