@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.contacts import find_contacts
-from epuck_sim.embodied.rigid_bodies import MARGIN_CM
+from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.observers.contacts import find_contacts
+from epuck_sim.embodied.observers.scene import Scene as ObservedScene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
+from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied.scenes import RADIUS_CM, Scene, scenes
 
 GAP_CM = 2 * MARGIN_CM
@@ -23,8 +25,8 @@ EDGE_CM = 1e-9
 
 def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
     """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
-    cells = make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1])
-    found, points = find_contacts(poses, arena, cells, RADIUS_CM)
+    scene = ObservedScene([RobotGroup(count=poses.shape[1])], EPUCK, arena)
+    found, points = find_contacts(scene, poses)
     steps = found[:, 0]
     assert steps.tolist() == sorted(steps)
     assert points.shape == (len(steps), 2)

@@ -5,11 +5,10 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.contacts import find_contacts
-from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.embodied.observers.contacts import find_contacts
+from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.visibility import find_sightings
 from epuck_sim.scenario.loader import load_scenario
 
 CROWD = load_scenario(
@@ -31,13 +30,12 @@ CROWD = load_scenario(
 
 
 def test_the_sightings_of_a_step_are_the_lit_ones_in_view() -> None:
-    arena = CROWD.arena.build()
-    cells = make_cell_list(arena.width_cm, arena.height_cm, 16)
+    scene = Scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
     lit, total = np.zeros(16, bool), 0
     for step in islice(Simulation(CROWD, 1), 200):
         expected = []
-        for first, group in zip((0, 8), CROWD.robots, strict=True):
-            found = find_sightings(step.poses[None], arena, cells, build_camera(group.camera, CROWD.robot), first, 8)
+        for group in range(2):
+            found = find_sightings(scene, step.poses[None].copy(), group)
             expected += [[looks, seen] for _, looks, seen in found.tolist() if lit[seen]]
         assert step.sightings.tolist() == expected
         total += len(expected)
@@ -51,11 +49,10 @@ def test_who_sees_red_sees_somebody_lit() -> None:
 
 
 def test_the_contacts_of_a_step_are_those_of_its_poses() -> None:
-    arena = CROWD.arena.build()
-    cells = make_cell_list(arena.width_cm, arena.height_cm, 16)
+    scene = Scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
     total = 0
     for step in islice(Simulation(CROWD, 1), 200):
-        found, points = find_contacts(step.poses[None], arena, cells, CROWD.robot.radius_cm)
+        found, points = find_contacts(scene, step.poses[None].copy())
         assert step.contacts.tolist() == found[:, 1:].tolist()
         for (_, robot, other), point in zip(found, points, strict=True):
             if other >= 0:

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.visibility import find_sightings
+from epuck_sim.embodied.observers.scene import Scene as ObservedScene
+from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.geometry import box_corners
+from epuck_sim.scenario.robot_kind import EPUCK
+from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied.scenes import (
     EDGE_CM,
     RADIUS_CM,
@@ -34,9 +36,10 @@ def sightings(
 ) -> list[list[int]]:
     """Return what `find_sightings` does of (steps, robots, 3) poses; of all robots from `first` on by default."""
     robots = poses.shape[1]
-    cells = make_cell_list(arena.width_cm, arena.height_cm, robots)
     number = robots - first if observers is None else observers
-    return find_sightings(poses, arena, cells, camera.make(), first, number).tolist()
+    counts = (first, number, robots - first - number)
+    groups = [RobotGroup(count=count, camera=camera.section()) for count in counts if count]
+    return find_sightings(ObservedScene(groups, EPUCK, arena), poses, min(first, 1)).tolist()
 
 
 def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
