@@ -38,6 +38,7 @@ except ImportError:
     ffi = lib = None
 
 Block = npt.NDArray[np.uint8]
+Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
 SLOP_CM = 2 * MARGIN_CM
 """Overlap of enlarged bodies that is not corrected."""
@@ -316,7 +317,7 @@ def _add_joint(addresses: IntArray, joint: int, one: int, other: int) -> None:
 # --- for Python ---------------------------------------------------------------------------------------
 
 
-def address(thing: pymunk.Body | pymunk.Shape | pymunk.Constraint) -> int:
+def address(thing: Thing) -> int:
     """Return the address of the C struct behind an object of pymunk."""
     name = {pymunk.Body: "_body", pymunk.Shape: "_shape", pymunk.Constraint: "_constraint"}
     return _value(next(getattr(thing, name[kind]) for kind in name if isinstance(thing, kind)))
@@ -334,7 +335,7 @@ def exchange_shapes(space: int, old: Iterable[pymunk.Shape], new: Iterable[pymun
         lib.cpSpaceAddShape(ffi.cast("cpSpace *", space), shape._shape)
 
 
-def free_space(addresses: IntArray, things: Iterable[pymunk.Body | pymunk.Shape | pymunk.Constraint]) -> None:
+def free_space(addresses: IntArray, things: Iterable[Thing]) -> None:
     """Free a space, if there is one, and take out first what may be in it; bodies are last among the things.
 
     pymunk's objects free their structs themselves, and would otherwise ask for a space that is gone.

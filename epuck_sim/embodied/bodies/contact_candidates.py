@@ -1,11 +1,16 @@
 """Which robots may touch something soon: only they need a physics engine, all others move in straight lines.
 
 Candidates are the robots that would touch something in a control step if all moved in straight lines, and all that they
-may push or be pushed into, one by the other. From a candidate, others are farther than the two could come if both were
-as fast as the fastest robot, and each were moved `PUSHED_CM` farther by contacts. No contact is missed as long as
-candidates come no farther from where they began. Mostly they do not, but no bound holds: rows of robots that drive at
-each other squeeze out one between them, the faster the longer the rows. So who moves bodies looks after each physics
-step, and when one has come farther than the fastest robot and `PUSHED_CM`, brings in who may be reached next.
+may push or be pushed into, one by the other. All others are farther from a candidate than the two could come if both
+were as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
+
+Nothing bounds how far contacts move a robot: rows of robots that drive at each other squeeze out one between them, the
+faster the longer the rows. So whoever moves bodies looks before each physics step for candidates that have come farther
+than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and whom those
+may touch that were brought in. The others touch nobody: a candidate that has not come too far may take a step longer
+than the fastest robot's by `PUSHED_CM` and still be out of reach. Thus a contact is found in the same step as with all
+robots in the space, unless the correction of overlaps moves a robot by more than `PUSHED_CM` in a single physics step,
+which is part of no velocity; then it is found a physics step later.
 """
 
 import math
@@ -27,10 +32,7 @@ for this.
 """
 
 PUSHED_CM = 0.1
-"""Distance in cm by which contacts may move a robot farther than the fastest robot drives before anybody looks.
-
-Contacts take overlaps away, and squeeze robots out between others; 0.06 cm was the most in crowds at full speed.
-"""
+"""Distance in cm by which contacts may move a robot farther than the fastest robot drives before anybody looks."""
 
 _ROUNDING_CM = 1e-6
 
@@ -38,13 +40,15 @@ _ROUNDING_CM = 1e-6
 @jit_inline
 def touch_cm(swarm: Swarm) -> float:
     """Return the distance of the centres of two enlarged robots that touch."""
-    return 2.0 * (swarm.scene[0].radius_cm + MARGIN_CM) + _ROUNDING_CM
+    radius_cm: float = swarm.scene[0].radius_cm
+    return 2.0 * (radius_cm + MARGIN_CM) + _ROUNDING_CM
 
 
 @jit_inline
 def wall_touch_cm(swarm: Swarm) -> float:
     """Return the distance from a wall or an obstacle to the centre of a robot, both enlarged, that touches it."""
-    return swarm.scene[0].radius_cm + 2.0 * MARGIN_CM + _ROUNDING_CM
+    radius_cm: float = swarm.scene[0].radius_cm
+    return radius_cm + 2.0 * MARGIN_CM + _ROUNDING_CM
 
 
 @jit_no_alloc

@@ -10,7 +10,7 @@ import numpy as np
 import pymunk
 
 from epuck_sim.embodied.bodies.chipmunk import SLOP_CM, Block, sort_robots
-from epuck_sim.embodied.bodies.contact_candidates import PUSHED_CM, add_reached, find_contact_candidates, move_straight
+from epuck_sim.embodied.bodies.contact_candidates import PUSHED_CM, add_reached, find_contact_candidates
 from epuck_sim.embodied.bodies.shapes import Bodies
 from epuck_sim.embodied.swarm import open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc
@@ -67,8 +67,9 @@ class PublicSpace:
         self._swarm.numbers[: len(candidates)] = candidates
         if len(candidates):
             self._step_space(len(candidates), fastest_cm_s)
-        for number in np.flatnonzero(~robots.in_space):
-            move_straight.function(robots[number], scene.physics_steps * scene.physics_s)
+        outside, time_s = ~robots.in_space, scene.physics_steps * scene.physics_s
+        for part, rate in ("x", "vx"), ("y", "vy"), ("heading", "spin"):
+            robots[part][outside] += robots[rate][outside] * time_s
         sort_robots(self._block)
 
     def _step_space(self, inside: int, fastest_cm_s: float) -> None:
@@ -77,13 +78,15 @@ class PublicSpace:
         candidates = inside
         for step in range(scene.physics_steps):
             past_s, index = step * scene.physics_s, 0
+            path_cm = fastest_cm_s * past_s + PUSHED_CM
             while scene.touch and step > 0 and index < inside:
                 start = members[numbers[index]]
                 body = self.bodies.robots[start.robot].body
-                way_cm = math.dist(body.position, (start.x, start.y))
-                if way_cm > fastest_cm_s * past_s + PUSHED_CM or index >= candidates:
+                x, y = body.position
+                dx, dy = x - start.x, y - start.y
+                if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
                     speed = math.hypot(*body.velocity) + fastest_cm_s
-                    entered, inside = inside, add_robots_reached(self._block, inside, *body.position, speed, past_s)
+                    entered, inside = inside, add_robots_reached(self._block, inside, x, y, speed, past_s)
                     for member in numbers[entered:inside]:
                         self._enter(members[member].robot)
                 index += 1
@@ -91,7 +94,8 @@ class PublicSpace:
         for member in numbers[:inside]:
             number = members[member].robot
             robot, body = robots[number], self.bodies.robots[number].body
-            robot.x, robot.y, robot.heading = *body.position, body.angle
+            robot.x, robot.y = body.position
+            robot.heading = body.angle
         for circle, (body, _) in zip(self._swarm.circles[scene.first_movable :], self.bodies.movables, strict=False):
             circle.x, circle.y = body.position
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arena import Arena
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.public_space import PublicSpace
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
@@ -32,6 +32,8 @@ class World:
 
     is_public: bool
     """Whether Python moves the bodies."""
+    _addresses: IntArray
+    _public_space: PublicSpace
 
     def __init__(
         self,
@@ -79,7 +81,7 @@ class World:
             return [0] * chipmunk.END
         bodies, address = self._bodies, chipmunk.address
         room = max(map(count_surfaces, self._arenas)) - len(bodies.surfaces)
-        things = [each for disc in bodies.robots for each in disc]
+        things: list[chipmunk.Thing] = [each for disc in bodies.robots for each in disc]
         things += [each for parts in zip(bodies.movables, bodies.holds, strict=True) for each in (*parts[0], parts[1])]
         things += [each for drive in bodies.drives for each in drive]
         addresses = [0] * (chipmunk.PLACE_MOVABLES + 1) + chipmunk.function_addresses()
@@ -151,11 +153,11 @@ class World:
         if self.is_public:
             self._public_space.exchange_shapes(old, bodies.surfaces)
         else:
-            chipmunk.exchange_shapes(int(self._addresses[chipmunk.SPACE]), old, bodies.surfaces)
+            chipmunk.exchange_shapes(int(self._addresses[SPACE]), old, bodies.surfaces)
             first = scene.surfaces
             self._addresses[first : first + len(bodies.surfaces)] = [chipmunk.address(each) for each in bodies.surfaces]
 
-    def _put_movables(self, places_cm: np.ndarray) -> None:  # type: ignore[type-arg]
+    def _put_movables(self, places_cm: FloatArray) -> None:
         """Write (movables, 2) cm to the block."""
         if len(places_cm):
             circles = self._swarm.circles[self._swarm.scene[0].first_movable :][: len(places_cm)]

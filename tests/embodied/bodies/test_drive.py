@@ -8,14 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.control.interface import ACTUATORS, Wheels
-from epuck_sim.embodied.differential_drive import apply_commands, chord_velocities
-from epuck_sim.embodied.rigid_bodies import World
+from epuck_sim.embodied.loop import act
 from epuck_sim.embodied.simulation import Simulation
+from tests.embodied.bodies.worlds import MovedWorld
 
 BASE_CM = 5.1
 LIMIT_CM_S = 12.8
-WHEELS = Wheels(LIMIT_CM_S, BASE_CM)
+ARENA = make_arena(1000, 1000, [], [])
 
 starts = st.tuples(st.floats(300, 700), st.floats(300, 700), st.floats(-10, 10))
 speeds = st.floats(-LIMIT_CM_S, LIMIT_CM_S)
@@ -40,18 +39,36 @@ def arc(pose, left, right, seconds):
     return x + ahead * cos - aside * sin, y + ahead * sin + aside * cos, heading + turn
 
 
+def driving(poses, commands, gains=1.0, slip=0.0, noise=0.0, step_s=0.1, physics_hz=100):
+    """Return a world whose robots have been commanded; commands: (robots, 2) cm/s."""
+    world = MovedWorld(ARENA, poses, 0.0, physics_hz)
+    scene, robots = world.swarm.scene[0], world.swarm.robots
+    scene.step_s, scene.slip = step_s, slip
+    robots.wheel_gain, robots.wheel_noise = gains, noise
+    command(world, commands)
+    return world
+
+
+def command(world, commands):
+    """Have actuators command wheels, and carry that out."""
+    actuators = world.swarm.robots.actuators
+    actuators["left_cm_s"], actuators["right_cm_s"] = np.transpose(commands)
+    assert act(world.block) == -1
+
+
+def wheels_of(world):
+    """Return (robots, 2) cm/s: left and right wheel as commanded."""
+    return np.column_stack([world.swarm.robots.left_cm_s, world.swarm.robots.right_cm_s])
+
+
 @pytest.mark.parametrize("timing", [(10, 100), (40, 200), (1, 50)], ids=lambda timing: "{} Hz of {} Hz".format(*timing))
 @given(start=starts, commands=st.lists(wheels, max_size=9))
 def test_a_robot_that_touches_nothing_ends_each_control_step_on_the_exact_arc(timing, start, commands):
     control_hz, physics_hz = timing
-    world = World(make_arena(1000, 1000, [], []), np.array([start]), 0.0, physics_hz)
+    world = driving([start], [(0, 0)], step_s=1 / control_hz, physics_hz=physics_hz)
     expected = start
     for left, right in commands:
-        wheel_speeds = np.array([(left, right)])
-        still = np.zeros((1, 2))
-        chord_velocities(
-            world.poses, np.zeros(1), wheel_speeds, still + 1, still, 0.0, 1 / control_hz, world.velocities, BASE_CM
-        )
+        command(world, [(left, right)])
         world.advance(physics_hz // control_hz)
         expected = arc(expected, left, right, 1 / control_hz)
         np.testing.assert_allclose(world.poses[0], expected, rtol=0, atol=1e-9)
@@ -68,63 +85,49 @@ def test_scene_arc_stays_on_its_circle_for_a_minute():
 
 @given(st.lists(st.tuples(st.floats(allow_nan=False), st.floats(allow_nan=False)), min_size=1, max_size=5))
 def test_wheels_never_turn_faster_than_their_limit(commands):
-    robots = len(commands)
-    actuators = np.zeros(robots, ACTUATORS)
-    actuators["left_cm_s"], actuators["right_cm_s"] = np.transpose(commands)
-    poses, driven, velocities = np.zeros((robots, 3)), np.full((robots, 2), np.nan), np.zeros((robots, 3))
-    gain, noise = np.ones((robots, 2)), np.zeros((1, robots, 2))
-    invalid = apply_commands(
-        actuators, driven, np.zeros(robots, bool), np.zeros(robots), poses, gain, 0.0, 0.1, velocities, noise, 0, WHEELS
-    )
-    assert invalid == -1
-    np.testing.assert_array_equal(driven, np.clip(commands, -LIMIT_CM_S, LIMIT_CM_S))
-    ends = [arc((0, 0, 0), left, right, 0.1) for left, right in driven]
-    np.testing.assert_allclose(velocities * 0.1, ends, rtol=0, atol=1e-9)
+    world = driving(np.zeros((len(commands), 3)), commands)
+    np.testing.assert_array_equal(wheels_of(world), np.clip(commands, -LIMIT_CM_S, LIMIT_CM_S))
+    ends = [arc((0, 0, 0), left, right, 0.1) for left, right in wheels_of(world)]
+    np.testing.assert_allclose(world.velocities * 0.1, ends, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("command", ["left_cm_s", "right_cm_s", "turn_rad"])
-def test_a_command_that_is_not_a_number_is_reported_with_its_robot(command):
-    actuators = np.zeros(4, ACTUATORS)
-    actuators[command][2:] = np.nan
-    arrays = np.zeros((4, 2)), np.zeros(4, bool), np.zeros(4), np.zeros((4, 3)), np.ones((4, 2))
-    assert apply_commands(actuators, *arrays, 0.0, 0.1, np.zeros((4, 3)), np.zeros((1, 4, 2)), 0, WHEELS) == 2
+@pytest.mark.parametrize("part", ["left_cm_s", "right_cm_s", "turn_rad"])
+def test_a_command_that_is_not_a_number_is_reported_with_its_robot(part):
+    world = driving(np.zeros((4, 3)), np.zeros((4, 2)))
+    world.swarm.robots.actuators[part][2:] = np.nan
+    assert act(world.block) == 2
 
 
-@given(start=starts, command=wheels, gains=st.tuples(st.floats(0, 2), st.floats(0, 2)))
-def test_a_wheel_with_a_gain_turns_that_much_faster_and_its_command_is_reported_as_given(start, command, gains):
-    actuators, driven, velocities = np.zeros(1, ACTUATORS), np.empty((1, 2)), np.empty((1, 3))
-    actuators["left_cm_s"], actuators["right_cm_s"] = command
-    poses, noise, gain = np.array([start]), np.zeros((1, 1, 2)), np.array([gains])
-    apply_commands(
-        actuators,
-        driven,
-        np.zeros(1, bool),
-        np.zeros(1),
-        poses,
-        gain,
-        0.0,
-        0.1,
-        velocities,
-        noise,
-        0,
-        WHEELS,
-    )
-    np.testing.assert_array_equal(driven, [command])
-    expected = arc(start, command[0] * gains[0], command[1] * gains[1], 0.1)
-    np.testing.assert_allclose(poses + velocities * 0.1, [expected], rtol=0, atol=1e-9)
+@given(start=starts, wheels=wheels, gains=st.tuples(st.floats(0, 2), st.floats(0, 2)))
+def test_a_wheel_with_a_gain_turns_that_much_faster_and_its_command_is_reported_as_given(start, wheels, gains):
+    world = driving([start], [wheels], gains)
+    np.testing.assert_array_equal(wheels_of(world), [wheels])
+    expected = arc(start, wheels[0] * gains[0], wheels[1] * gains[1], 0.1)
+    np.testing.assert_allclose(world.poses + world.velocities * 0.1, [expected], rtol=0, atol=1e-9)
 
 
-def test_the_noise_of_the_given_step_is_used():
-    actuators, velocities, expected = np.zeros(3, ACTUATORS), np.empty((3, 3)), np.empty((3, 3))
-    actuators["left_cm_s"], actuators["right_cm_s"] = 5.0, -3.0
-    driven, poses, gain = np.empty((3, 2)), np.zeros((3, 3)), np.ones((3, 2))
-    noise = np.random.default_rng(1).random((4, 3, 2))
-    for step in range(4):
-        apply_commands(
-            actuators, driven, np.zeros(3, bool), np.zeros(3), poses, gain, 0.05, 0.1, velocities, noise, step, WHEELS
-        )
-        chord_velocities(poses, np.zeros(3), driven, gain, noise[step], 0.05, 0.1, expected, BASE_CM)
-        np.testing.assert_array_equal(velocities, expected)
+def test_a_turn_on_the_spot_comes_before_the_arc():
+    world = driving([(500, 500, 1)], [(3, 4)])
+    world.swarm.robots.actuators["turn_rad"] = 0.5
+    assert act(world.block) == -1
+    expected = arc((500, 500, 1.5), 3, 4, 0.1)
+    np.testing.assert_allclose(world.poses + world.velocities * 0.1, [expected], rtol=0, atol=1e-9)
+
+
+def test_noise_makes_each_wheel_faster_or_slower_by_up_to_the_slip():
+    noise = np.random.default_rng(1).random((3, 2))
+    slipping = driving(np.zeros((3, 3)), np.full((3, 2), 5.0), slip=0.05, noise=noise)
+    exact = driving(np.zeros((3, 3)), 5.0 * (1 + 0.05 * (2 * noise - 1)))
+    np.testing.assert_allclose(slipping.velocities, exact.velocities, rtol=1e-14)
+
+
+def test_rings_are_lit_as_commanded_and_seen_as_they_were():
+    world = driving(np.zeros((2, 3)), np.zeros((2, 2)))
+    robots = world.swarm.robots
+    robots.actuators["ring_on"] = [0, 7]
+    act(world.block)
+    assert robots.ring_command.tolist() == robots.ring_on.tolist() == [False, True]
+    assert not robots.ring_before.any()
 
 
 # --- noise of the wheels ----------------------------------------------------------------------------

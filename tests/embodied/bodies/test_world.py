@@ -9,12 +9,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from epuck_sim.arena import clearance_cm, make_arena
-from epuck_sim.embodied.pymunk_functions import function_address
-from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.errors import EpuckSimError
 from epuck_sim.geometry import box_corners
-from tests.embodied.full_space import FullSpaceWorld
+from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld
 
 RADIUS_CM = 3.7
 FULL_CM_S = 12.8
@@ -283,7 +280,7 @@ def test_in_scene_wall_the_robot_turns_away_from_the_wall_and_gets_further_from_
 OBSTACLES = [([], []), ([(20, 20, 5)], [box_corners(40, 40, 10, 2, 0.5)])]
 
 
-def crowded_worlds(random, obstacles, friction, kinds=(World, FullSpaceWorld)):
+def crowded_worlds(random, obstacles, friction, kinds=(MovedWorld, FullSpaceWorld)):
     """Return worlds of each kind with the same robots, some at rest, some slow, some quick."""
     side = random.uniform(46, 80)
     arena = make_arena(side, side, *obstacles)
@@ -292,7 +289,7 @@ def crowded_worlds(random, obstacles, friction, kinds=(World, FullSpaceWorld)):
         if clearance_cm(arena, x, y) >= 3.7 and all(math.hypot(x - other[0], y - other[1]) >= 7.4 for other in placed):
             placed.append([x, y, heading])
     velocities = random.uniform(-9, 9, (len(placed), 3)) * random.choice([0, 0.1, 1], (len(placed), 1))
-    worlds = [kind(arena, np.array(placed), friction, 100) for kind in kinds]
+    worlds = [kind(arena, placed, friction) for kind in kinds]
     for world in worlds:
         world.velocities[:] = velocities
     return worlds
@@ -308,7 +305,7 @@ def test_robots_move_as_pymunk_moves_them_when_all_are_in_its_space(friction, ob
         start = world.poses.copy()
         for each in (world, twin):
             each.advance(10)
-        apart = ~world.bodies.is_in_space
+        apart = ~world.is_in_space
         free += apart.sum()
         np.testing.assert_allclose(world.poses[apart], twin.poses[apart], rtol=0, atol=1e-9)
         straight = start + 0.1 * world.velocities
@@ -322,26 +319,26 @@ def test_robots_move_as_pymunk_moves_them_when_all_are_in_its_space(friction, ob
 
 def test_who_is_pushed_is_in_the_space_with_who_pushes_it_and_nobody_else():
     row = [[20 + 7.4 * place, 30, 0] for place in range(5)]
-    world = World(make_arena(100, 60, [], []), np.array([*row, [80, 10, 0], [80, 50, 0]], float), 0.0, 100)
+    world = MovedWorld(make_arena(100, 60, [], []), np.array([*row, [80, 10, 0], [80, 50, 0]], float))
     world.velocities[0, 0] = FULL_CM_S
     world.velocities[5, 1] = FULL_CM_S
     world.advance(10)
-    assert world.bodies.is_in_space.tolist() == [True] * 5 + [False] * 2
+    assert world.is_in_space.tolist() == [True] * 5 + [False] * 2
     world.velocities[0, 0] = -FULL_CM_S
     for _ in range(5):
         world.advance(10)
-    assert not world.bodies.is_in_space[0]
+    assert not world.is_in_space[0]
 
 
 def test_robots_take_their_turns_in_the_space_without_a_trace():
     """A robot that was in the space, left it and met something again moves as one that is new there."""
     arena = make_arena(60, 60, [], [])
-    used = World(arena, np.array([[30.0, 30, 0], [40, 30, 0]]), 0.0, 100)
+    used = MovedWorld(arena, np.array([[30.0, 30, 0], [40, 30, 0]]))
     for speed in (*[FULL_CM_S] * 4, *[-FULL_CM_S] * 4):
         used.velocities[0, 0] = speed
         used.advance(10)
-    assert not used.bodies.is_in_space.any()
-    fresh = World(arena, used.poses, 0.0, 100)
+    assert not used.is_in_space.any()
+    fresh = MovedWorld(arena, used.poses)
     for world in (used, fresh):
         world.velocities[:] = 0
         world.velocities[0, 0] = FULL_CM_S
@@ -352,8 +349,8 @@ def test_robots_take_their_turns_in_the_space_without_a_trace():
 
 def test_steps_too_long_for_the_cell_list_leave_no_robot_out():
     world, twin = (
-        kind(make_arena(200, 200, [], []), np.array([[20.0, 100, 0], [180, 100, 0]]), 0.0, 100)
-        for kind in (World, FullSpaceWorld)
+        kind(make_arena(200, 200, [], []), np.array([[20.0, 100, 0], [180, 100, 0]]))
+        for kind in (MovedWorld, FullSpaceWorld)
     )
     for each in (world, twin):
         each.velocities[:, 0] = FULL_CM_S, -FULL_CM_S
@@ -362,20 +359,8 @@ def test_steps_too_long_for_the_cell_list_leave_no_robot_out():
     assert world.poses[1, 0] - world.poses[0, 0] == pytest.approx(2 * RADIUS_CM, abs=2 * MILLIMETRE)
 
 
-@pytest.mark.parametrize("robots", [1, 2, 7])
-def test_poses_are_where_they_were_given_however_many_bodies_have_been_read(robots):
-    """pymunk replaces an array that it takes to be full by one of its own."""
-    places = np.array([[4.0 + 7.5 * place, 4.0, 0.5] for place in range(robots)])
-    world = World(make_arena(60, 60, [], []), places, 0.0, 100)
-    for _ in range(100):
-        world.velocities[:, 1] = -1.0
-        world.advance(1)
-    assert world.bodies.is_in_space.all()
-    np.testing.assert_allclose(world.poses[:, 0], places[:, 0], rtol=0, atol=2 * MILLIMETRE)
-
-
 def test_other_threads_run_while_bodies_move():
-    world = World(make_arena(60, 60, [], []), np.array([[30.0, 30.0, 0.0]]), 0.0, 100)
+    world = MovedWorld(make_arena(60, 60, [], []), np.array([[30.0, 30.0, 0.0]]))
     world.advance(1)
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1000)  # this thread gives way where it must, and nowhere else
@@ -392,10 +377,3 @@ def test_other_threads_run_while_bodies_move():
         sys.setswitchinterval(interval)
     assert other.is_set()
     thread.join()
-
-
-def test_a_function_of_another_kind_is_refused():
-    with pytest.raises(
-        EpuckSimError, match=r"function cpSpaceStep is void\(\*\)\(struct cpSpace \*, double\), not void"
-    ):
-        function_address("cpSpaceStep", "void(*)(cpSpace *)")

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.cell_list import sort_into_cells
-from epuck_sim.embodied.contact_candidates import MARGIN_CM, PUSHED_CM, find_contact_candidates
-from epuck_sim.embodied.rigid_bodies import World
+from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM, PUSHED_CM
+from epuck_sim.embodied.bodies.public_space import find_candidates
 from epuck_sim.geometry import box_corners
+from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld, overlap_cm, squeeze
 
 RADIUS_CM = 3.7
 FULL_CM_S = 12.8
@@ -20,10 +20,10 @@ WALL_CM = RADIUS_CM + 2 * MARGIN_CM
 
 def candidates(poses, velocities, side=100.0, obstacles=([], [])):
     """Return (robots,) whether each may touch something."""
-    world = World(make_arena(side, side, *obstacles), np.array(poses, float), 0.0, 100)
+    world = MovedWorld(make_arena(side, side, *obstacles), poses)
     world.velocities[:] = velocities
-    find_contact_candidates(world.bodies, STEP_S)
-    return world.bodies.is_candidate.tolist()
+    find_candidates(world.block)
+    return world.swarm.robots.may_touch.tolist()
 
 
 def slow_twin(positions, velocities, side, slack_cm):
@@ -93,8 +93,52 @@ def test_whom_a_pushed_robot_may_reach_is_a_candidate_and_so_on_along_the_row():
 
 
 def test_where_paths_are_longer_than_a_cell_all_are_candidates():
-    world = World(make_arena(200, 200, [], []), np.array([[50.0, 50, 0], [150, 150, 0]]), 0.0, 100)
+    world = MovedWorld(make_arena(200, 200, [], []), [[50, 50, 0], [150, 150, 0]])
     world.velocities[0, 0] = FULL_CM_S
-    sort_into_cells(world.poses, world.bodies.cells)
-    find_contact_candidates(world.bodies, 10.0)
-    assert world.bodies.is_candidate.all()
+    world.swarm.scene[0].physics_steps = 1000
+    assert find_candidates(world.block) == FULL_CM_S
+    assert world.swarm.robots.may_touch.all()
+
+
+# --- robots that come farther than candidates should --------------------------------------------------
+
+
+@pytest.mark.parametrize("robots", [1, 3, 5, 7, 8, 10, 15, 16])
+def test_whom_rows_squeeze_out_between_them_touches_the_next_one_in_time(robots):
+    arena, poses, velocities = squeeze(robots)
+    worlds = [kind(arena, poses) for kind in (MovedWorld, FullSpaceWorld)]
+    for world in worlds:
+        world.velocities[:] = velocities
+        world.advance()
+    world, twin = worlds
+    assert overlap_cm(world.poses[:, :2]) <= max(overlap_cm(twin.poses[:, :2]), 0) + 0.005
+    np.testing.assert_allclose(world.poses[[0, -1]], twin.poses[[0, -1]], rtol=0, atol=0.05)
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    robots=st.integers(4, 12),
+    aside=st.floats(0.2, 3),
+    step=st.sampled_from([(10, 100), (5, 50), (20, 200)]),
+)
+def test_no_contact_is_missed_however_far_robots_are_squeezed_out(seed, robots, aside, step):
+    """Who is not in the space has touched nobody, and has moved as in the slow twin, where all are in the space."""
+    random = np.random.default_rng(seed)
+    steps, physics_hz = step
+    arena, poses, velocities = squeeze(robots, aside)
+    for x, y in random.uniform(100, 150, (300, 2)):
+        if np.hypot(poses[:, 0] - x, poses[:, 1] - y).min() > 2 * RADIUS_CM:
+            poses = np.vstack([poses, [x, y, 0]])
+    others = len(poses) - len(velocities)
+    velocities = np.vstack([velocities, np.pad(random.uniform(-1, 1, (others, 2)), ((0, 0), (0, 1)))])
+    worlds = [kind(arena, poses, 0.0, physics_hz) for kind in (MovedWorld, FullSpaceWorld)]
+    for world in worlds:
+        world.velocities[:] = velocities
+        world.advance(steps)
+    world, twin = worlds
+    apart = np.linalg.norm(world.poses[:, None, :2] - world.poses[None, :, :2], axis=2) + 100 * np.eye(len(poses))
+    assert apart[~world.is_in_space].min(initial=100) > TOUCH_CM
+    free = ~world.is_in_space
+    np.testing.assert_allclose(world.poses[free], twin.poses[free], rtol=0, atol=1e-9)
+    assert overlap_cm(world.poses[:, :2]) <= max(overlap_cm(twin.poses[:, :2]), 0) + 0.05

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.movables import DYNES_PER_NEWTON, GRAVITY_CM_S2
-from epuck_sim.embodied.rigid_bodies import World
+from epuck_sim.embodied.bodies.shapes import DYNES_PER_NEWTON, GRAVITY_CM_S2
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
+from tests.embodied.bodies.worlds import MovedWorld
 
 DIAMETER_CM = 2 * epuck.RADIUS_CM
 DISC_CM = 6.0
@@ -31,17 +31,17 @@ def row_of(pushers, force_n, friction_n, mass_g, discs=1):
     friction = friction_n * DYNES_PER_NEWTON / (mass_g * GRAVITY_CM_S2)
     movables = [(first + 2 * DISC_CM * place, 30, DISC_CM, mass_g, friction) for place in range(discs)]
     poses = np.array([[10 + DIAMETER_CM * place, 30, 0] for place in range(pushers)])
-    return World(make_arena(900, 60, [], [], movables), poses, 0.0, 100, drive_force_n=force_n)
+    return MovedWorld(make_arena(900, 60, [], [], movables), poses, drive_force_n=force_n)
 
 
 def way_cm(world, speed, seconds):
     """Return how far the first disc comes in some seconds when all robots drive at a speed, cm/s."""
-    circles = world.bodies.circles
-    start = circles[0, 0]
+    disc = world.swarm.circles[0]
+    start = disc.x
     for _ in range(round(10 * seconds)):
         world.velocities[:] = speed, 0, 0
         world.advance(10)
-    return circles[0, 0] - start
+    return disc.x - start
 
 
 # --- the balance of forces --------------------------------------------------------------------------
@@ -83,13 +83,13 @@ def abreast(speeds, friction_n):
     """Return how far a disc comes in 10 s that two robots in a lane push at different speeds, cm/s."""
     friction = friction_n * DYNES_PER_NEWTON / (1000 * GRAVITY_CM_S2)
     arena = make_arena(300, 14.9, [], [], [(25, 7.45, 7, 1000, friction)])
-    world = World(arena, np.array([[10, 3.74, 0], [10, 11.16, 0]]), 0.0, 100, drive_force_n=0.5)
+    world = MovedWorld(arena, [[10, 3.74, 0], [10, 11.16, 0]], drive_force_n=0.5)
     places = []
     for _ in range(250):
         world.velocities[:, 0] = speeds
         world.velocities[:, 1:] = 0
         world.advance(10)
-        places.append(arena.circles[0, 0])
+        places.append(world.swarm.circles[0].x)
     return places[-1] - places[-101]
 
 
@@ -109,7 +109,7 @@ def test_what_is_pushed_by_what_is_pushed_adds_its_friction(discs, moves):
 def test_a_disc_stops_at_a_wall_and_its_pushers_with_it():
     world = row_of(3, force_n=0.5, friction_n=0.5, mass_g=500)
     way_cm(world, 12.8, seconds=100)
-    assert world.bodies.circles[0, 0] == pytest.approx(900 - DISC_CM, abs=0.1)
+    assert world.swarm.circles[0].x == pytest.approx(900 - DISC_CM, abs=0.1)
     assert world.poses[-1, 0] == pytest.approx(900 - 2 * DISC_CM - epuck.RADIUS_CM, abs=0.2)
 
 
