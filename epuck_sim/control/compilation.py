@@ -15,7 +15,7 @@ from epuck_sim.control.interface import Controller
 from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
-from epuck_sim.util.native import Kernel
+from epuck_sim.util.native import WITHOUT_WRAPPERS
 from epuck_sim.util.python_files import fingerprint
 
 _compiled: dict[Hashable, Any] = {}
@@ -96,26 +96,28 @@ def _can_be_frozen(value: object) -> bool:
 def jit_functions(
     functions: Iterable[Any], modules: Mapping[Path, ModuleType], contents_digest: str
 ) -> tuple[Any, ...]:
-    """Return functions of a user's file as parts of other compiled functions, which raise as Python does.
+    """Return functions of a user's file as numba's dispatchers, for other compiled functions.
 
-    Each module of the file gets a twin, in which such parts stand in for functions and twins for modules, so that
-    the parts find each other under the names that their sources use. The modules themselves do not change.
+    Each module of the file gets a twin, in which dispatchers stand in for functions and twins for modules, so
+    that the two find compiled helpers under the names that their sources use. The modules themselves do not change.
     """
     twins = {id(vars(module)): ModuleType(module.__name__) for module in modules.values()}
-    parts: dict[FunctionType, Kernel] = {}
+    dispatchers: dict[FunctionType, Any] = {}
+    compiler: Any = numba.njit
 
     def twin(value: Any) -> Any:
         if isinstance(value, ModuleType):
             return twins.get(id(vars(value)), value)
         if not isinstance(value, FunctionType) or id(value.__globals__) not in twins:
             return value
-        if value not in parts:
+        if value not in dispatchers:
             namespace = vars(twins[id(value.__globals__)])
             copy = FunctionType(value.__code__, namespace, value.__name__, value.__defaults__, value.__closure__)
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
-            parts[value] = Kernel(name_after(copy, contents_digest), value, boundscheck=True, forceinline=True)
-        return parts[value]
+            named = name_after(copy, contents_digest)
+            dispatchers[value] = compiler(boundscheck=True, forceinline=True, **WITHOUT_WRAPPERS)(named)
+        return dispatchers[value]
 
     for module in modules.values():
         vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})

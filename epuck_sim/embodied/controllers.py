@@ -73,20 +73,21 @@ def _run(block: Block, addresses: IntArray, number: int) -> None:  # noqa: ARG00
         scene.kept_random = robot.random
         scene.kept_actuators = robot.actuators
         if scene.starts:
-            start(memories[member], parameters, robot.random)
+            start(memories[member], parameters, robot.random[:])
             continue
         sensed, row = robot.sensors, group.row + member * group.pixels
+        # slices, as numba takes arrays of different lengths in records for different types
         sensors = Sensors(
             int(sensed.step_ms),
-            sensed.infrared,
-            sensed.distance_mm,
+            sensed.infrared[:],
+            sensed.distance_mm[:],
             swarm.pixels[row : row + group.pixels],
             bool(sensed.new_picture),
             int(sensed.pulses),
-            sensed.messages,
+            sensed.messages[:],
             wheels,
         )
-        step(sensors, memories[member], robot.actuators, parameters, robot.random)
+        step(sensors, memories[member], robot.actuators, parameters, robot.random[:])
     scene.serving = -1
 
 

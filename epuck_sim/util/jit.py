@@ -22,7 +22,7 @@ from numba import __version__ as numba_version
 from numba import config, njit, types
 
 from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
-from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, function_address
+from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, function_address, is_recursive
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -170,6 +170,8 @@ def compile_call(function: Any, contents_digest: str) -> Any:
     """
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
     compiled.compile((BLOCK, ADDRESSES, types.intp))
+    if is_recursive(compiled):  # numba would end the process that takes it from the cache
+        shutil.rmtree(_open_cache(contents_digest), ignore_errors=True)
     return compiled
 
 
