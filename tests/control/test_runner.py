@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.control.loader import find_controller
-from epuck_sim.control.runner import RobotError
+from epuck_sim.embodied.controllers import RobotError
 from epuck_sim.errors import ControllerError
 from epuck_sim.util import jit
 from tests.control.bench import EMPTY, Bench, with_step, write_controller, write_soon_after
@@ -112,8 +112,8 @@ def assert_equal_in_both_modes(controller, parameters, steps=300, robots=10, ste
     assert states == {quick.state()}, "start"
     for number in range(steps):
         plain.sense(chance)
-        for mine, theirs in zip(quick.senses, plain.senses, strict=True):
-            mine[:] = theirs
+        for name, readings in vars(plain.senses).items():
+            vars(quick.senses)[name][:] = readings
         plain.control.step()
         quick.control.step()
         assert plain.state() == quick.state(), f"step {number}"
@@ -214,12 +214,12 @@ def test_actuators_keep_their_values_until_they_are_set_anew(interpret, tmp_path
 
 
 @MODES
-def test_each_robot_has_its_own_senses_parameters_memory_and_stream(interpret, tmp_path):
-    line = "memory.x += parameters.gain * sensors.infrared[2] + sensors.camera[59] + uniform(random)"
+def test_each_robot_has_its_own_senses_memory_and_stream(interpret, tmp_path):
+    line = "memory.x += 2 * sensors.infrared[2] + sensors.camera[59] + uniform(random)"
     line += " + 1000000 * (sensors.step_ms - 100) + 100000 * sensors.new_picture"
-    text = "from epuck_sim.util.rng import uniform\n" + with_step(line, PARAMETERS="{'gain': 1.0}")
+    text = "from epuck_sim.util.rng import uniform\n" + with_step(line)
     controller = write_controller(tmp_path / "mine.py", text)
-    bench = Bench(controller, each={"gain": [1, 2, 4]}, robots=3, interpret=interpret)
+    bench = Bench(controller, robots=3, interpret=interpret)
     bench.senses.infrared[:, 2] = (10, 20, 30)
     bench.senses.camera[1, 59] = 1
     bench.senses.step_ms[:] = (101, 100, 102)
@@ -227,18 +227,18 @@ def test_each_robot_has_its_own_senses_parameters_memory_and_stream(interpret, t
     bench.memory["x"] = (1000, 2000, 3000)
     bench.control.step()
     whole, chance = divmod(bench.memory["x"], 1)
-    assert whole.tolist() == [1_101_010, 102_041, 2_003_120]
+    assert whole.tolist() == [1_101_020, 102_041, 2_003_060]
     assert len(set(chance)) == 3
 
 
 # --- failures --------------------------------------------------------------------------------------
 
 RAISES = """
-PARAMETERS = {"ill": False}
+PARAMETERS = {}
 MEMORY = {}
 
 def start(memory, parameters, random):
-    if parameters.ill:
+    if random[0] == 7:
         raise RuntimeError("born ill")
 
 def step(sensors, memory, actuators, parameters, random):
@@ -262,8 +262,10 @@ def test_a_controller_that_raises_is_named_with_what_it_raised_and_the_robot(rob
 @MODES
 def test_a_controller_that_raises_in_start_is_named_likewise(interpret, tmp_path):
     controller = write_controller(tmp_path / "mine.py", RAISES)
+    bench = Bench(controller, robots=3, interpret=interpret, start=False)
+    bench.streams[2, 0] = 7
     with pytest.raises(RobotError, match=r"mine\.py:7: RuntimeError: born ill") as raised:
-        Bench(controller, each={"ill": [0, 0, 1]}, robots=3, interpret=interpret)
+        bench.control.start()
     assert raised.value.robot == 2
 
 
