@@ -92,7 +92,7 @@ def test_what_robots_remember_at_the_start_reaches_firmware(interpret):
         for controller in (FIREFLY, "firefly")
     )
     for _ in range(2):
-        assert in_c._groups[0].runner.memory["phase_ms"].tolist() == [0, 1200, 4900]
+        assert in_c._groups[0].memory["phase_ms"].tolist() == [0, 1200, 4900]
         assert in_c.advance(50).memories[0].tobytes() == in_python.advance(50).memories[0].tobytes()
         in_c.reset()
         in_python.reset()
