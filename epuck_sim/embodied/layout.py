@@ -48,7 +48,7 @@ def _lengths(scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: S
     """Return how long each array of the block is."""
     robots, faults = scenario.robot_count, len(scenario.faults)
     groups = scenario.robots
-    most_calls = 6 + 7 * len(groups)  # of the swarm: imperfections, faults; of a group: sensors, controllers, faults
+    most_calls = 7 + 9 * len(groups)  # of the swarm: imperfections, faults; of a group: sensors, controllers, faults
     return {
         "robots": robots,
         "groups": len(groups),

@@ -44,7 +44,7 @@ Block = npt.NDArray[np.uint8]
 def clearance_cm(swarm: Swarm, x: float, y: float) -> float:
     """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
     scene = swarm.scene[0]
-    clearance = min(x, y, scene.width_cm - x, scene.height_cm - y)
+    clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
     for index in range(scene.circles):
         circle = swarm.circles[index]
         clearance = min(clearance, math.hypot(circle.x - x, circle.y - y) - circle.radius)
@@ -69,7 +69,8 @@ def clearance_cm(swarm: Swarm, x: float, y: float) -> float:
 def _cell_of(swarm: Swarm, x: float, y: float) -> int:
     scene = swarm.scene[0]
     row = cell_index(y, scene.cell_height_cm, scene.rows)
-    return row * scene.columns + cell_index(x, scene.cell_width_cm, scene.columns)
+    cell: int = row * scene.columns + cell_index(x, scene.cell_width_cm, scene.columns)
+    return cell
 
 
 @jit_no_alloc
@@ -179,7 +180,8 @@ def place_on_grid(block: Block, first: int, end: int) -> int:
 @jit_no_alloc
 def _grid_points(length_cm: float) -> int:
     """Return the number of the grid's points along one side of the arena."""
-    return max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
+    points: int = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
+    return points
 
 
 @jit_no_alloc

@@ -18,7 +18,7 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
-from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
+from epuck_sim.embodied.changes.replacement import Replaced, check_alike, move, parameters_for, replace_controller
 from epuck_sim.embodied.changes.schedule import carry_out, timed_entries
 from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.controllers import GroupControllers
@@ -105,7 +105,6 @@ class Simulation:
         self._timed = timed_entries(scenario.schedule, self._step_ms)
         self._varies = scenario.spread != SpreadSection() or scenario.stuck.per_hour > 0
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
-        self._world: World | None = None
         controllers = [find_controller(group.controller) for group in scenario.robots]
         groups = zip(controllers, scenario.robots, strict=True)
         self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
@@ -119,14 +118,13 @@ class Simulation:
         self._placement = Placement(swarm, scenario)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
-        if self._world is None:
-            contact = scenario.contact
-            self._world = World(
-                *(block, self._arenas),
-                friction=contact.friction,
-                drive_force_n=contact.drive_force_n,
-                kind=scenario.robot,
-            )
+        contact = scenario.contact
+        self._world = vars(self).get("_world") or World(
+            *(block, self._arenas),
+            friction=contact.friction,
+            drive_force_n=contact.drive_force_n,
+            kind=scenario.robot,
+        )
         self._groups = [
             GroupControllers(block, number, controller, interpret=self._interpret)
             for number, controller in enumerate(controllers)
@@ -149,7 +147,8 @@ class Simulation:
         """Find the arrays that steps show in an arena, which the swarm is in."""
         self._arena = arena
         self._relations.change_arena(arena)
-        self._shown = ShownArrays(self.scenario, self._swarm, arena, [group.memory for group in self._groups])
+        memories = [group.memory for group in self._groups]
+        self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, self._relations)
 
     def reset(self, seed: int | None = None) -> None:
         """Start anew, to the same outcome as a new simulation with this seed, but many times as fast.
@@ -382,6 +381,7 @@ class Simulation:
         try:
             self._build([controller if each is old else each.controller for each in self._groups], first_parameters)
             replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
+            move(before["_template"], self._template, group)
         except BaseException:
             vars(self).update(before)
             self._world.use(self._block, self._loop.addresses)
@@ -429,7 +429,7 @@ class Simulation:
     def last_step(self) -> Step:
         """The step that was taken last; before the first one, number -1: where robots are placed, with their phases."""
         number = int(self._step[0])
-        return self._shown.step(number, number * self._step_ms / 1000, self._relations)
+        return self._shown.step(number, number * self._step_ms / 1000)
 
     def _run(self, steps: int, *, until_firing: bool) -> None:
         """Take control steps; a robot whose controller fails is named."""

@@ -93,7 +93,12 @@ class ShownArrays:
     """The arrays that the steps of a simulation show: those of its block, as views that refuse to be written to."""
 
     def __init__(
-        self, scenario: EmbodiedScenario, swarm: Swarm, arena: Arena, memories: Sequence[npt.NDArray[Any]]
+        self,
+        scenario: EmbodiedScenario,
+        swarm: Swarm,
+        arena: Arena,
+        memories: Sequence[npt.NDArray[Any]],
+        relations: Relations,
     ) -> None:
         """Find the arrays.
 
@@ -102,6 +107,7 @@ class ShownArrays:
             swarm: The swarm.
             arena: Its present arena.
             memories: What the robots of each group remember.
+            relations: What finds who sees, and who touches, whom.
         """
         self._swarm, robots = swarm, swarm.robots
         self._poses = poses_of(robots)
@@ -121,15 +127,16 @@ class ShownArrays:
             _read_only(robots.present),
             replace(arena, circles=circles),
             tuple(map(_read_only, memories)),
+            relations,
         )
 
-    def step(self, number: int, time_s: float, relations: Relations) -> Step:
+    def step(self, number: int, time_s: float) -> Step:
         """Return the present step."""
         for shown, row in self._rows:
             shown[:] = row
         if self._copied_poses is not None:
             self._copied_poses[:] = np.where(self._swarm.robots.present[:, None], self._poses, np.nan)
-        return Step(number, time_s, *self._arrays, relations)
+        return Step(number, time_s, *self._arrays)
 
 
 def _rows_of_cameras(swarm: Swarm, scenario: EmbodiedScenario) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
