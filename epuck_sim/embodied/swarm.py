@@ -323,7 +323,7 @@ class Swarm(NamedTuple):
 
 INT64, FLOAT64, BYTE = np.dtype(np.int64), np.dtype(np.float64), np.dtype(np.uint8)
 
-_DTYPES = (
+_DTYPES: tuple[np.dtype[Any], ...] = (
     *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, INT64, RAY, PULSES, FAULT, AFFECTED, CHANGE),
     *(INT64, FLOAT64, BYTE),
 )

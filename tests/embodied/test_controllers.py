@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.control.loader import find_controller
+from epuck_sim.embodied import controllers
 from epuck_sim.embodied.controllers import RobotError
 from epuck_sim.errors import ControllerError
 from epuck_sim.util import jit
@@ -173,6 +174,11 @@ def test_a_helper_may_be_called_in_a_comprehension(tmp_path):
         bench.senses.infrared[:] = 1.5
         bench.control.step()
         assert bench.memory["x"].tolist() == [24]
+
+
+def test_arrays_of_sensors_are_of_one_type_whatever_their_lengths(tmp_path):
+    line = "memory.x = 0\n    for each in [sensors.distance_mm, sensors.camera, sensors.messages]: memory.x += each.sum()"
+    assert outcome(write_controller(tmp_path / "mine.py", with_step(line))) == 8 * 65535
 
 
 def test_a_value_read_from_elsewhere_is_never_stale(tmp_path):
@@ -343,6 +349,59 @@ def test_every_error_names_file_and_line(way, said, interpret, tmp_path):
             bench.control.step()
 
 
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "k = 2**62\n    k = k * 4\n    memory.x = 1 // k",
+        "k = 1\n    while k > 0:\n        k = k * 2\n    memory.x = memory.row[9]",
+    ],
+    ids=["raises nothing", "ends after a second"],
+)
+def test_an_error_that_python_would_not_make_names_the_file_alone(lines, tmp_path, monkeypatch):
+    """Compiled whole numbers have 64 bits; run again to find the line, the step goes another way."""
+    monkeypatch.setattr(controllers, "AGAIN_S", 0.1)
+    text = with_step(lines, MEMORY="{'x': float, 'row': (float, 4)}")
+    bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=False)
+    with pytest.raises(RobotError, match=r"mine\.py: (ZeroDivision|Index)Error: "):
+        bench.control.step()
+
+
+@MODES
+def test_an_error_late_in_a_trial_leaves_the_swarm_as_it_found_it(interpret, tmp_path):
+    """To find its line, only what failed runs again, on a copy, and from what the robot remembered before."""
+    text = "from epuck_sim.util.rng import uniform\n" + with_step(
+        "memory.x += 1\n    actuators.left_cm_s = uniform(random)\n    if memory.x == 10_000: memory.x /= 0"
+    )
+    bench = Bench(write_controller(tmp_path / "mine.py", text), robots=3, interpret=interpret)
+    bench.memory["x"] = 0, 9_000, 0
+    for _ in range(999):
+        bench.control.step()
+    with pytest.raises(RobotError, match=r"mine\.py:12: ") as raised:
+        bench.control.step()
+    assert raised.value.robot == 1
+    assert bench.memory["x"].tolist() == [1000, 10_000, 999]
+    left, streams = bench.actuators.left_cm_s.copy(), bench.streams.copy()
+    assert bench.control.fault(ValueError()) is None, "it is told once"
+    bench.memory["x"] = 0
+    bench.control.step()
+    assert (bench.actuators.left_cm_s != left).all()
+    assert (bench.streams != streams).any(axis=1).all()
+
+
+@MODES
+def test_controllers_of_absent_robots_do_not_run_and_robots_can_start_alone(interpret, tmp_path):
+    text = EMPTY.replace("    pass", "    memory.x += 1", 2).replace("float", "float, 'y': float")
+    bench = Bench(write_controller(tmp_path / "mine.py", text), robots=3, interpret=interpret)
+    bench.swarm.robots.present[1] = False
+    for _ in range(4):
+        bench.control.step()
+    assert bench.memory["x"].tolist() == [5, 1, 5]
+    bench.actuators.send = 7
+    bench.control.start([1, 2])
+    assert bench.memory["x"].tolist() == [5, 1, 1]
+    assert bench.actuators.send.tolist() == [7, 0, 0]
+
+
 UNCOMPILABLE = "memory.x = len({'any': object()})"
 
 
@@ -425,6 +484,13 @@ def test_an_edit_between_loading_and_compiling_leaves_nothing_stale(tmp_path):
     file = write_version(tmp_path, "mine", 20)
     assert outcome(old) == 1
     assert outcome(find_controller(str(file))) == 20
+
+
+@pytest.mark.usefixtures("_caches")
+def test_a_helper_that_calls_itself_runs_in_the_next_process_too(tmp_path):
+    text = "def helper(n):\n    return 1 if n < 2 else n * helper(n - 1)\n" + with_step("memory.x = helper(5)")
+    file = write_controller(tmp_path / "mine.py", text).path
+    assert [outcome_elsewhere(file, tmp_path / "cache") for _ in range(2)] == [120, 120]
 
 
 # --- compiling leaves the controller as it is ----------------------------------------------------------
