@@ -5,10 +5,15 @@ import time
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from epuck_sim.arena import make_arena
-from epuck_sim.embodied.placement import Floor, place_robots
+from epuck_sim.arena import clearance_cm
+from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.placement import Placement, begin_placement, is_free
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.start import Part, draw_start, spawned
+from epuck_sim.embodied.swarm import poses_of
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
@@ -27,7 +32,71 @@ CHI_SQUARE_7 = 24.3  # the same with 7
 def placed(*groups, width=60, height=60, obstacles=(), seed=0):
     """Return (robots, 3) the poses at the start of a trial."""
     arena = {"width_cm": width, "height_cm": height, "obstacles": list(obstacles)}
-    return place_robots(load_scenario({"arena": arena, "robots": list(groups)}), np.random.SeedSequence(seed))
+    return placed_as(load_scenario({"arena": arena, "robots": list(groups)}), seed)
+
+
+def placed_as(scenario, seed):
+    """Return (robots, 3) the poses at the start of the trial of a scenario with this seed."""
+    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    draw_start(scene.block, seed)
+    Placement(scene.swarm, scenario).place(scene.block)
+    return poses_of(scene.swarm.robots).copy()
+
+
+def placed_slowly(scenario, seed):
+    """Return what `placed_as` does: with numpy's generator, and each robot compared with all before it."""
+    arena, radius = scenario.arena.build(), scenario.robot.radius_cm
+    random = np.random.default_rng(spawned(seed, Part.PLACEMENT))
+    poses, first = {}, 0
+
+    def is_free_of_all(x, y):
+        others = np.array(list(poses.values())).reshape(-1, 3)
+        apart = (others[:, 0] - x) ** 2 + (others[:, 1] - y) ** 2 >= (2 * radius) ** 2
+        return apart.all() and clearance_cm(arena, x, y) >= radius - 1e-6
+
+    numbered = []
+    for group in scenario.robots:
+        numbered.append((group, range(first, first + group.count)))
+        first += group.count
+    for group, numbers in numbered:
+        if group.placement == "poses":
+            poses.update(zip(numbers, group.poses, strict=True))
+    for group, numbers in numbered:
+        if group.placement == "grid":
+            lines = [length / 2 + 10 * (np.arange(n) - (n - 1) / 2) for length, n in grid_sizes(arena)]
+            free = np.array([(x, y) for y in lines[1] for x in lines[0] if is_free_of_all(x, y)])
+            chosen = random.choice(free, group.count, replace=False)
+            headings = random.integers(8, size=group.count) * (2 * math.pi / 8)
+            poses.update(zip(numbers, np.column_stack([chosen, headings]).tolist(), strict=True))
+    for group, numbers in numbered:
+        if group.placement == "random":
+            for number in numbers:
+                free = False
+                while not free:
+                    x = radius + (arena.width_cm - 2 * radius) * random.random()
+                    y = radius + (arena.height_cm - 2 * radius) * random.random()
+                    free = is_free_of_all(x, y)
+                poses[number] = (x, y, 2 * math.pi * random.random())
+    return np.array([poses[number] for number in range(first)])
+
+
+def grid_sizes(arena):
+    return [(length, max(1, math.floor(length / 10) - 1)) for length in (arena.width_cm, arena.height_cm)]
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.tuples(st.sampled_from(["random", "grid"]), st.integers(1, 8)), min_size=1, max_size=4),
+    st.booleans(),
+    st.booleans(),
+    st.integers(0, 2**70),
+)
+def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, has_poses, seed):
+    robots = [{"placement": placement, "count": count} for placement, count in groups]
+    robots += [{"poses": [[10.0, 70.0, 1.0], [20.0, 62.0, 0.0]]}] * has_poses
+    arena = {"width_cm": 130, "height_cm": 90, "obstacles": OBSTACLES * has_obstacles}
+    scenario = load_scenario({"arena": arena, "robots": robots})
+    np.testing.assert_array_equal(placed_as(scenario, seed), placed_slowly(scenario, seed))
 
 
 def nearest_cm(poses):
@@ -96,7 +165,7 @@ SHIPPED = {name: load_scenario(name) for name in [*builtin_files(ARENAS), *built
 def test_every_shipped_arena_has_room_for_its_robots_whatever_the_seed(arena):
     scenario = SHIPPED[arena]
     for seed in range(100):
-        assert len(place_robots(scenario, np.random.SeedSequence(seed))) == scenario.robot_count
+        assert len(placed_as(scenario, seed)) == scenario.robot_count
 
 
 # --- grid -------------------------------------------------------------------------------------------
@@ -217,7 +286,7 @@ POSES = [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]]
 def start_of(memory, controller="firefly", **group):
     """Return what three robots remember before the first step."""
     robots = [{"poses": POSES, "controller": controller, "memory": memory, **group}]
-    return Simulation({"robots": robots}, 4)._groups[0].runner.memory
+    return Simulation({"robots": robots}, 4)._groups[0].memory
 
 
 def test_phases_of_robots_may_be_given_and_all_else_is_as_the_controller_starts() -> None:
@@ -285,7 +354,7 @@ def test_twice_the_groups_take_little_more_than_twice_the_time_to_place():
     def place_s(groups):
         scenario = load_scenario({"arena": {"width_cm": 2000, "height_cm": 2000}, "robots": [{"count": 1}] * groups})
         begin = time.process_time()
-        place_robots(scenario, np.random.SeedSequence(0))
+        placed_as(scenario, 0)
         return time.process_time() - begin
 
     place_s(10)
@@ -294,8 +363,9 @@ def test_twice_the_groups_take_little_more_than_twice_the_time_to_place():
 
 
 def test_a_robot_that_joins_may_touch_others_as_one_that_starts_may() -> None:
-    floor = Floor(make_arena(60.0, 60.0, [], []), 3.7)
-    placed = np.array([(10.0, 10.0, 0.0)])
-    assert 17.4 - 10.0 < 7.4
-    assert floor.is_free(placed, 17.4, 10.0)
-    assert not floor.is_free(placed, 17.39, 10.0)
+    scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
+    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    Placement(scene.swarm, scenario)
+    begin_placement(scene.block)
+    assert is_free(scene.swarm, 17.4001, 10.0)
+    assert not is_free(scene.swarm, 17.39, 10.0)

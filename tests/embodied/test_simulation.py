@@ -419,31 +419,27 @@ def test_steps_taken_at_once_are_the_steps_taken_one_by_one(arena, interpret):
     assert simulation.steps == 84
 
 
-def test_steps_taken_at_once_end_where_the_ring_of_the_given_robot_is_lit():
-    lit = np.array([step.ring_on for step in kept(Simulation("thesis", 3), 200)])
-    for robot in (0, 4):
-        simulation, seen = Simulation("thesis", 3), []
-        while simulation.steps < 200:
-            step = simulation.advance(min(40, 200 - simulation.steps), until_lit=robot)
+@pytest.mark.parametrize("interpret", [False, True])
+@pytest.mark.parametrize("reference", [0, 4])
+def test_steps_taken_at_once_end_where_the_reference_fires(reference, interpret):
+    scenario = load_scenario("thesis", [f"stop.reference_robot={reference}"])
+    steps = kept(Simulation(scenario, 3), 200)
+    lit = np.array([step.ring_commands[reference] for step in steps])
+    phase = np.array([step.phase_ms[reference] for step in steps])
+    expected = np.flatnonzero(lit & (~np.roll(lit, 1) | (phase < np.roll(phase, 1))))
+    simulation, seen = Simulation(scenario, 3, interpret=interpret), []
+    while simulation.steps < 200:
+        step = simulation.advance(min(40, 200 - simulation.steps), until_firing=True)
+        if simulation.is_firing:
             seen.append(step.number)
-        dark = set(range(200)) - set(seen)
-        assert not lit[sorted(dark), robot].any()
-        assert lit[seen, robot].sum() == lit[:, robot].sum() > 2
-        assert len(seen) < 30
+    assert seen == expected.tolist()
+    assert len(seen) > 2
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((0,), "steps is 0; allowed: 1 and above"),
-        ((5, 10), "until_lit is 10; allowed: 0 to 9"),
-        ((5, -1), "until_lit is -1"),
-    ],
-)
-def test_no_step_and_no_such_robot_are_refused(arguments, message):
+def test_no_step_is_refused():
     simulation = Simulation("thesis", 3)
-    with pytest.raises(ValueError, match=message):
-        simulation.advance(*arguments)
+    with pytest.raises(ValueError, match="steps is 0; allowed: 1 and above"):
+        simulation.advance(0)
     assert simulation.steps == 0
 
 

@@ -5,11 +5,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from epuck_sim.embodied.variation import RobotClocks, begin_stoppages, draw_variation, stop_and_release, tick
 from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.variation import RobotClocks, begin_stoppages, draw_variation, stop_and_release, tick
 from epuck_sim.scenario.imperfections import SpreadSection, StuckSection
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
