@@ -68,3 +68,6 @@ INFRARED_TABLE_MM = np.array([0.0, 3.0, 10.0, 25.0, 50.0, 75.0, 100.0])
 
 OUT_OF_RANGE_MM = 65535
 """Distance that stands for "nothing in range" (e-puck firmware); no real distance is as large."""
+
+GRID_SPACING_CM = 10.0
+"""Distance between the points of the grid in cm (thesis 4.3.1)."""

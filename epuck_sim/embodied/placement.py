@@ -12,9 +12,9 @@ import numpy.typing as npt
 
 from epuck_sim.embodied.cells import cell_index
 from epuck_sim.embodied.swarm import Swarm, swarm_at
+from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.robot_checks import GRID_SPACING_CM
 from epuck_sim.util.generators import integer_between, next_double
 from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.selections import choose

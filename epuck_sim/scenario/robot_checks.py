@@ -3,15 +3,13 @@
 import math
 from collections.abc import Sequence
 
+from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.robot_kind import RobotKind
 from epuck_sim.scenario.robots import RobotGroup
 
 STEP_CM = 0.13
 """Largest distance in cm that wheels may drive in a physics step: bodies that meet head-on overlap by 1 mm at most."""
-
-GRID_SPACING_CM = 10.0
-"""Distance between the points of the grid in cm (thesis 4.3.1)."""
 
 
 def check_robots(robot: RobotKind, groups: Sequence[RobotGroup], arena: ArenaSection, physics_hz: int) -> None:

@@ -52,18 +52,22 @@ def digest(contents: Iterable[bytes]) -> str:
     return name.hexdigest()[:16]
 
 
+def kernel_files(room: str, package: Path = PACKAGE) -> list[Path]:
+    """Return all files that the kernels of a room depend on; a test makes sure that there are no others.
+
+    These are the files of the room, and of those in `SHARED`, which import this module, and `VALUE_FILES`. So an edit
+    of one room's kernels does not compile the other rooms'.
+    """
+    rooms = sorted({*SHARED, room})
+    values = [package / name for name in VALUE_FILES if "/" not in name or name.partition("/")[0] in rooms]
+    sources = [path for each in rooms for path in sorted((package / each).rglob("*.py"))]
+    return [*values, *(path for path in sources if b"epuck_sim.util.jit import" in path.read_bytes())]
+
+
 @lru_cache
 def kernel_digest(room: str = "util", package: Path = PACKAGE) -> str:
-    """Return the digest of all files that the kernels of a room depend on.
-
-    These are the files of the room, and of those in `SHARED`, which import this module, and `VALUE_FILES`; a test makes
-    sure that there are no others. So an edit of one room's kernels does not compile the other rooms'.
-    """
-    rooms = {*SHARED, room}
-    files = [package / name for name in VALUE_FILES if "/" not in name or name.partition("/")[0] in rooms]
-    sources = [path.read_bytes() for each in sorted(rooms) for path in sorted((package / each).rglob("*.py"))]
-    used = (source for source in sources if b"epuck_sim.util.jit import" in source)
-    return digest([*(path.read_bytes() for path in files), *used])
+    """Return the digest of all files that the kernels of a room depend on."""
+    return digest(path.read_bytes() for path in kernel_files(room, package))
 
 
 def _open_cache(contents_digest: str) -> Path:

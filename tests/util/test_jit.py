@@ -16,16 +16,12 @@ from numba import njit
 
 from epuck_sim.util import jit
 from epuck_sim.util.cache_folder import UNUSED_S
-from epuck_sim.util.jit import PACKAGE, VALUE_FILES, digest, kernel_digest, remove_unused_caches, unlikely
-from epuck_sim.util.kernel import Kernel
+from epuck_sim.util.jit import PACKAGE, digest, kernel_digest, kernel_files, remove_unused_caches
+from epuck_sim.util.native import Kernel, unlikely
 
 MARK = "epuck_sim.util.jit import"
 
 # --- what the digest covers ---------------------------------------------------------------------------
-
-
-def is_covered(file: Path) -> bool:
-    return str(file.relative_to(PACKAGE)) in VALUE_FILES or MARK in file.read_text()
 
 
 @lru_cache
@@ -82,38 +78,45 @@ def sources_of(file: Path, name: str, seen: set[tuple[Path, str]]) -> None:
                     sources_of(file, inner.id, seen)
 
 
-def kernels() -> set[tuple[Path, str]]:
-    """Return the file and name of every compiled function of the package."""
-    runner = PACKAGE / "control" / "runner.py"
-    found = {(runner, "_start_all"), (runner, "_step_all")}  # compiled with each controller
+def room_of(file: Path) -> str:
+    return file.relative_to(PACKAGE).parts[0]
+
+
+def kernels() -> dict[str, set[tuple[Path, str]]]:
+    """Return, for each room, the file and name of every compiled function of the package."""
+    runner = PACKAGE / "embodied" / "controllers.py"
+    found = {"embodied": {(runner, "_run")}}  # compiled with each controller
     for file in PACKAGE.rglob("*.py"):
         if MARK in file.read_text() or "njit" in file.read_text():
             module = import_module(".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts))
             for value in vars(module).values():
                 if isinstance(value, Kernel):
                     code = value.function.__code__
-                    found.add((Path(code.co_filename), code.co_name))
+                    kernel = Path(code.co_filename), code.co_name
+                    found.setdefault(room_of(kernel[0]), set()).add(kernel)
     return found
 
 
 def test_every_value_that_a_kernel_refers_to_comes_from_a_file_that_the_digest_covers() -> None:
-    seen: set[tuple[Path, str]] = set()
-    assert len(kernels()) > 50
-    for file, name in kernels():
-        assert name in definitions(file)
-        sources_of(file, name, seen)
-    # `jit` itself, and where it keeps compiled code, is no value of a kernel
-    outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if not is_covered(file)}
-    assert {
-        each for each in outside if not each.startswith(("util/jit.py", "util/cache_folder.py", "arrays.py"))
-    } == set()
+    rooms = kernels()
+    assert sum(map(len, rooms.values())) > 50
+    for room, functions in rooms.items():
+        seen: set[tuple[Path, str]] = set()
+        for file, name in functions:
+            assert name in definitions(file)
+            sources_of(file, name, seen)
+        covered = set(kernel_files(room))
+        outside = {f"{file.relative_to(PACKAGE)}: {name}" for file, name in seen if file not in covered}
+        # `jit` itself, and where it keeps compiled code, is no value of a kernel
+        free = ("util/jit.py", "util/cache_folder.py", "arrays.py")
+        assert {each for each in outside if not each.startswith(free)} == set(), room
 
 
 def test_the_check_above_finds_a_constant_in_a_file_that_is_not_covered() -> None:
     seen: set[tuple[Path, str]] = set()
     sources_of(PACKAGE / "runs" / "run_lock.py", "acquire", seen)
     assert (PACKAGE / "runs" / "schema.py", "DATABASE") in seen
-    assert not is_covered(PACKAGE / "runs" / "schema.py")
+    assert PACKAGE / "runs" / "schema.py" not in kernel_files("embodied")
 
 
 @pytest.fixture
@@ -122,23 +125,37 @@ def package(tmp_path: Path) -> Path:
     return Path(shutil.copytree(PACKAGE, tmp_path / "epuck_sim", ignore=shutil.ignore_patterns("__pycache__")))
 
 
+ROOMS = ("embodied", "particles")
+
+
 def test_the_digest_is_of_the_contents_not_of_the_folder(package: Path) -> None:
-    assert kernel_digest(package) == kernel_digest()
+    for room in ROOMS:
+        assert kernel_digest(room, package) == kernel_digest(room)
 
 
 @pytest.mark.parametrize("file", ["errors.py", "trial/result.py", "cli/app.py", "scenario/scenario.py"])
 def test_an_edit_of_a_file_without_kernels_leaves_compiled_code_as_it_is(package: Path, file: str) -> None:
     (package / file).write_text('"""Another docstring."""\n')
-    assert kernel_digest(package) == kernel_digest()
+    for room in ROOMS:
+        assert kernel_digest(room, package) == kernel_digest(room)
 
 
 @pytest.mark.parametrize(
-    "file", ["epuck.py", "util/rng.py", "embodied/infrared.py", "particles/events.py", "control/runner.py"]
+    ("file", "rooms"),
+    [
+        ("epuck.py", ROOMS),
+        ("util/rng.py", ROOMS),
+        ("util/native.py", ROOMS),
+        ("control/interface.py", ROOMS),
+        ("embodied/swarm.py", ["embodied"]),
+        ("embodied/sensors/infrared.py", ["embodied"]),
+        ("particles/events.py", ["particles"]),
+    ],
 )
-def test_an_edit_of_a_kernel_s_file_or_of_the_constants_makes_a_cache_of_its_own(package: Path, file: str) -> None:
+def test_an_edit_of_kernels_or_constants_compiles_the_rooms_anew_that_use_them(package: Path, file: str, rooms) -> None:
     with (package / file).open("a") as source:
         source.write("\nMORE = 1\n")
-    assert kernel_digest(package) != kernel_digest()
+    assert [room for room in ROOMS if kernel_digest(room, package) != kernel_digest(room)] == list(rooms)
 
 
 def test_the_digest_depends_on_where_one_content_ends_and_the_next_begins() -> None:
