@@ -1,7 +1,6 @@
-"""The cost of a control step, compared with a loop that has Python between its parts. Run by `make bench`.
+"""The cost of a control step, compared with ten bare steps of pymunk with as many bodies. Run by `make bench`.
 
-Machines are noisy, so that speeds are compared within one run only: simulations of one seed take turns. Sensors and
-controllers are the same in all of them.
+Machines are noisy, so that speeds are compared within one run only: simulations and the space take turns.
 """
 
 import statistics
@@ -9,13 +8,13 @@ import subprocess
 import sys
 import time
 
+import pymunk
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.seeds import trial_seed
-from tests.benchmarks.python_steps import PythonSteps
 
 pytestmark = pytest.mark.benchmark
 
@@ -38,30 +37,38 @@ BLOCK = 50
 
 @pytest.fixture(scope="module")
 def costs():
-    """(robots, side, speed) -> us a step taken at once, one by one, and with Python in between; printed as a table."""
+    """(robots, side, speed) -> us a step taken at once, one by one, and of a bare space; printed as a table."""
     found: dict[tuple[int, int, float], tuple[float, ...]] = {}
     yield found
     print("\n\nCPU time of a control step in us, median of blocks that took turns")
-    print("robots  side cm   cm/s  at once   a robot  one by one  in Python  ratio")
-    for (robots, side, speed), (at_once, one_by_one, in_python, ratio) in found.items():
+    print("robots  side cm   cm/s  at once   a robot  one by one  ten bare physics steps  ratio")
+    for (robots, side, speed), (at_once, one_by_one, bare, ratio) in found.items():
         print(
             f"{robots:6}  {side:7}  {speed:5}  {at_once:7.1f}  {at_once / robots:8.2f}  {one_by_one:10.1f}"
-            f"  {in_python:9.1f}  {ratio:5.2f}"
+            f"  {bare:22.1f}  {ratio:5.2f}"
         )
 
 
+def bare_space(poses: list[list[float]]) -> pymunk.Space:
+    """Return a space with as many discs as robots, which stand still."""
+    space = pymunk.Space()
+    for x, y, _ in poses:
+        body = pymunk.Body(150, pymunk.moment_for_circle(150, 0, 3.7))
+        body.position = x, y
+        space.add(body, pymunk.Circle(body, 3.7))
+    return space
+
+
 @pytest.mark.parametrize(("robots", "side", "speed"), SWARMS)
-def test_a_control_step_beside_one_with_python_in_between(
-    benchmark, costs, robots: int, side: int, speed: float
-) -> None:
+def test_a_control_step_beside_ten_bare_steps_of_pymunk(benchmark, costs, robots: int, side: int, speed: float) -> None:
     settings = [f"robots.0.count={robots}", f"arena.width_cm={side}", f"arena.height_cm={side}"]
     scenario = load_scenario("thesis", [*settings, f"robots.0.parameters.speed_cm_s={speed}"])
     at_once, one_by_one = Simulation(scenario, 1), Simulation(scenario, 1)
-    in_python = PythonSteps(Simulation(scenario, 1))
+    space = bare_space(at_once.last_step.poses.tolist())
     ways = {
         "at_once": lambda: at_once.advance(BLOCK),
         "one_by_one": lambda: [next(one_by_one) for _ in range(BLOCK)],
-        "in_python": lambda: in_python.advance(BLOCK),
+        "bare": lambda: [space.step(0.01) for _ in range(10 * BLOCK)],
     }
     spent_us: dict[str, list[float]] = {name: [] for name in ways}
 
@@ -73,7 +80,7 @@ def test_a_control_step_beside_one_with_python_in_between(
 
     benchmark.pedantic(take_turns, rounds=max(6, 2000 // robots), warmup_rounds=1)
     found = [statistics.median(spent) for spent in spent_us.values()]
-    ratio = statistics.median(a / b for a, b in zip(spent_us["in_python"], spent_us["at_once"], strict=True))
+    ratio = statistics.median(a / b for a, b in zip(spent_us["at_once"], spent_us["bare"], strict=True))
     costs[robots, side, speed] = (*found, ratio)
     benchmark.extra_info.update(zip((*ways, "ratio"), (*found, ratio), strict=True))
 
