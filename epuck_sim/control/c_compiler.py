@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -45,13 +45,7 @@ class Built(NamedTuple):
 def keep_library(path: Path) -> Built:
     """Return a copy of a library under a name made from its contents: one that was loaded must not change."""
     contents = path.read_bytes()
-    kept = _library_path(hashlib.sha256(contents).hexdigest())
-    if not kept.exists():
-        with tempfile.TemporaryDirectory(dir=kept.parent) as folder:
-            part = Path(folder) / "library"
-            part.write_bytes(contents)
-            part.replace(kept)
-    return Built(kept, {path: contents})
+    return Built(_library([contents], lambda part: part.write_bytes(contents)), {path: contents})
 
 
 def build_library(path: Path) -> Built:
@@ -62,22 +56,19 @@ def build_library(path: Path) -> Built:
     """
     compiler = _find_compiler(path)
     sources = {file: file.read_bytes() for file in _files_of(path, compiler)}
-    name = hashlib.sha256(repr((compiler, _version(compiler), FLAGS, ERRORS)).encode())
-    for contents in ((HEADERS / "epuck.h").read_bytes(), *sources.values()):
-        name.update(hashlib.sha256(contents).digest())
-    library = _library_path(name.hexdigest())
-    if not library.exists():
-        with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-            code, part = Path(folder) / "code.o", Path(folder) / "library"
-            _run(path, [*compiler, *FLAGS, *ERRORS, "-isystem", HEADERS, "-c", path, "-o", code])
-            _reject_shared(path, code, sources[path])
-            _run(path, [*compiler, "-shared", "-Wl,-z,defs", code, "-o", part, "-lm"])
-            part.replace(library)
-    return Built(library, sources)
+    settings = repr((compiler, _version(compiler), FLAGS, ERRORS)).encode()
+
+    def build(part: Path) -> None:
+        code = part.with_name("code.o")
+        _run(path, [*compiler, *FLAGS, *ERRORS, "-isystem", HEADERS, "-c", path, "-o", code])
+        _reject_shared(path, code, sources[path])
+        _run(path, [*compiler, "-shared", "-Wl,-z,defs", code, "-o", part, "-lm"])
+
+    contents = [settings, (HEADERS / "epuck.h").read_bytes(), *sources.values()]
+    return Built(_library(contents, build), sources)
 
 
 def _find_compiler(path: Path) -> tuple[str, ...]:
-    """Return the command of the C compiler: $CC, or cc."""
     command = tuple(shlex.split(os.environ.get("CC", "cc"))) or ("cc",)
     if shutil.which(command[0]) is None:
         raise ControllerError(
@@ -93,7 +84,6 @@ def _version(compiler: tuple[str, ...]) -> str:
 
 
 def _files_of(path: Path, compiler: Sequence[str]) -> list[Path]:
-    """Return a C file and the files beside it that it includes."""
     rule = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", path])
     _, _, files = rule.replace("\\\n", " ").partition(":")
     own = [Path(file).resolve() for file in shlex.split(files)]
@@ -110,7 +100,7 @@ def _run(path: Path, command: Sequence[str | Path]) -> str:
 
 
 def _reject_shared(path: Path, code: Path, source: bytes) -> None:
-    """Raise ControllerError for variables that all robots would share, and for random numbers that they would."""
+    """Raise ControllerError for variables, and for random numbers, that all robots would share."""
     lister = shutil.which("nm")
     if lister is None:
         return
@@ -131,18 +121,23 @@ def _reject_shared(path: Path, code: Path, source: bytes) -> None:
 
 
 def _line_of(name: str, source: bytes) -> int:
-    """Return the number of the first line of a source with this name; 1 if there is none."""
     lines = source.decode(errors="replace").splitlines()
     return next((number for number, line in enumerate(lines, 1) if re.search(rf"\b{re.escape(name)}\b", line)), 1)
 
 
-def _library_path(digest: str) -> Path:
-    """Return where a library is kept, marked as used now; those that were not for a month are removed."""
+def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
+    """Return the library that is made from these contents, marked as used now; those unused for a month are removed."""
     folder = cache_root() / "firmware"
     folder.mkdir(parents=True, exist_ok=True)
-    library = folder / f"{digest[:32]}.so"
-    with suppress(OSError):
+    name = hashlib.sha256(b"".join(hashlib.sha256(each).digest() for each in contents))
+    library = folder / f"{name.hexdigest()[:32]}.so"
+    if library.exists():
         os.utime(library)
+    else:
+        with tempfile.TemporaryDirectory(dir=folder) as own:
+            part = Path(own) / "library"
+            make(part)
+            part.replace(library)
     for other in folder.glob("*.so"):
         with suppress(OSError):  # another process is removing it
             if other.stat().st_mtime < time.time() - UNUSED_S:

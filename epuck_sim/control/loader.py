@@ -95,24 +95,23 @@ def _load(path: Path) -> Controller:
         where = line_of_error(error, [path]) or path
         raise ControllerError(f"{where}: cannot be loaded: {describe_error(error)}") from error
     parts = vars(file.module)
-    source = file.sources[path]
+
+    def refusal(part: str, said: str) -> ControllerError:
+        where = f"{path}:{line_of_definition(part, file.sources[path])}" if part in parts else path
+        return ControllerError(f"{where}: {said}")
+
     for part, wanted in PARTS.items():
         if not (isinstance(parts.get(part), dict) if part.isupper() else callable(parts.get(part))):
-            where = f"{path}:{line_of_definition(part, source)}" if part in parts else path
-            raise ControllerError(f"{where}: a controller needs {part}: {wanted}")
+            raise refusal(part, f"a controller needs {part}: {wanted}")
     if not callable(parts.get("check", print)):
-        where = f"{path}:{line_of_definition('check', source)}"
-        raise ControllerError(f"{where}: check must be a function check(parameters), or not be there")
+        raise refusal("check", "check must be a function check(parameters), or not be there")
     external = parts.get("EXTERNAL", ())
     if not isinstance(external, tuple) or any(part not in EXTERNAL for part in external):
-        raise ControllerError(
-            f"{path}:{line_of_definition('EXTERNAL', source)}: EXTERNAL is {short_repr(external)}; allowed: a tuple of "
-            f"{comma_list(list(EXTERNAL))}"
-        )
+        allowed = comma_list(list(EXTERNAL))
+        raise refusal("EXTERNAL", f"EXTERNAL is {short_repr(external)}; allowed: a tuple of {allowed}")
     for name, default in parts["PARAMETERS"].items():
         if not isinstance(default, bool | int | float):
-            where = f"{path}:{line_of_definition('PARAMETERS', source)}"
-            raise ControllerError(f"{where}: PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
+            raise refusal("PARAMETERS", f"PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false")
     part = "PARAMETERS"
     try:
         parameters = {name: typed(name, default, default) for name, default in parts[part].items()}
@@ -120,7 +119,7 @@ def _load(path: Path) -> Controller:
         part = "MEMORY"
         memory = record_type(parts[part])
     except (TypeError, ValueError) as error:
-        raise ControllerError(f"{path}:{line_of_definition(part, source)}: {part}: {error}") from error
+        raise refusal(part, f"{part}: {error}") from error
     start, step, check = parts["start"], parts["step"], parts.get("check")
     controller = Controller(
         path.stem, path, parameters, memory, start, step, check, file.sources, file.modules, external

@@ -7,7 +7,6 @@ import ast
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,22 +14,12 @@ from epuck_sim.control.interface import ACTUATORS, Controller, Sensors
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.messages import comma_list, nearest_name
 
-STEP_ARGUMENTS = ("sensors", "memory", "actuators", "parameters", "random")
-"""What `step` is given, in this order."""
-
-START_ARGUMENTS = ("memory", "parameters", "random")
-"""What `start` is given, in this order."""
-
-CHECK_ARGUMENTS = ("parameters",)
-"""What `check` is given."""
-
-
-class _Known(NamedTuple):
-    """The names that one of the arguments has."""
-
-    names: Sequence[str]
-    kind: type
-    """Type of the argument, whose own attributes are allowed, too."""
+ARGUMENTS: Mapping[str, tuple[str, ...]] = {
+    "step": ("sensors", "memory", "actuators", "parameters", "random"),
+    "start": ("memory", "parameters", "random"),
+    "check": ("parameters",),
+}
+"""What a controller's functions are given, in this order."""
 
 
 def check_names(controller: Controller) -> None:
@@ -43,16 +32,14 @@ def check_names(controller: Controller) -> None:
         ControllerError: The message has file, line, and the nearest name.
     """
     known = {
-        "sensors": _Known(Sensors._fields, Sensors),
-        "memory": _Known(controller.memory.names or (), np.record),
-        "actuators": _Known(ACTUATORS.names or (), np.record),
-        "parameters": _Known(list(controller.parameters), np.record),
+        "sensors": Sensors._fields,
+        "memory": controller.memory.names or (),
+        "actuators": ACTUATORS.names or (),
+        "parameters": tuple(controller.parameters),
     }
     trees = {str(path): ast.parse(source) for path, source in controller.sources.items()}
     todo: list[tuple[object, tuple[str | None, ...]]] = [
-        (controller.step, STEP_ARGUMENTS),
-        (controller.start, START_ARGUMENTS),
-        (controller.check, CHECK_ARGUMENTS),
+        (getattr(controller, name), arguments) for name, arguments in ARGUMENTS.items()
     ]
     done = set()
     while todo:
@@ -81,20 +68,16 @@ def _definition_of(function: FunctionType, trees: Mapping[str, ast.Module]) -> a
 def _names_of_arguments(definition: ast.FunctionDef, roles: Sequence[str | None]) -> dict[str, str]:
     """Return, by their names in a function, which arguments are sensors, memory and so on; not those assigned to."""
     arguments = [each.arg for each in (*definition.args.posonlyargs, *definition.args.args)]
-    assigned = {each.id for each in ast.walk(definition) if isinstance(each, ast.Name) and _is_assigned(each)}
+    named = [each for each in ast.walk(definition) if isinstance(each, ast.Name)]
+    assigned = {each.id for each in named if not isinstance(each.ctx, ast.Load)}
     inner = {each.arg for node in definition.body for each in ast.walk(node) if isinstance(each, ast.arg)}
-    named = zip(arguments, roles, strict=False)
-    return {name: role for name, role in named if role and name not in assigned | inner}
-
-
-def _is_assigned(name: ast.Name) -> bool:
-    return not isinstance(name.ctx, ast.Load)
+    pairs = zip(arguments, roles, strict=False)
+    return {name: role for name, role in pairs if role and name not in assigned | inner}
 
 
 def _check_attributes(
-    definition: ast.FunctionDef, names: Mapping[str, str], known: Mapping[str, _Known], file: str
+    definition: ast.FunctionDef, names: Mapping[str, str], known: Mapping[str, Sequence[str]], file: str
 ) -> None:
-    """Raise ControllerError for the first attribute that its object does not have."""
     used = [
         node
         for node in ast.walk(definition)
@@ -103,8 +86,9 @@ def _check_attributes(
     for node in sorted(used, key=lambda node: (node.lineno, node.col_offset)):
         assert isinstance(node.value, ast.Name)
         role = names[node.value.id]
-        if role in known and node.attr not in known[role].names and not hasattr(known[role].kind, node.attr):
-            raise ControllerError(f"{file}:{node.lineno}: {unknown_name(role, node.attr, known[role].names)}")
+        kind = Sensors if role == "sensors" else np.record  # whose own attributes are allowed, too
+        if role in known and node.attr not in known[role] and not hasattr(kind, node.attr):
+            raise ControllerError(f"{file}:{node.lineno}: {unknown_name(role, node.attr, known[role])}")
 
 
 def unknown_name(role: str, name: str, names: Sequence[str]) -> str:

@@ -61,8 +61,8 @@ def _run(block: Block, addresses: IntArray, number: int) -> None:  # noqa: ARG00
     swarm = swarm_at(block)
     scene, group = swarm.scene[0], swarm.groups[number]
     kept = group.count
-    memories = array_at(block, group.memory, group.memory + (kept + 1) * group.memory_bytes, MEMORY)
-    parameters = array_at(block, group.parameters, group.memory, PARAMETERS)[0]
+    memories = array_at(block, group.memory, group.memory + (kept + 1) * group.memory_bytes, MEMORY)  # noqa: F821
+    parameters = array_at(block, group.parameters, group.memory, PARAMETERS)[0]  # noqa: F821
     wheels = Wheels(float(scene.wheel_limit_cm_s), float(scene.wheel_base_cm))
     for member in range(group.count):
         robot = swarm.robots[group.first + member]
@@ -73,7 +73,7 @@ def _run(block: Block, addresses: IntArray, number: int) -> None:  # noqa: ARG00
         scene.kept_random = robot.random
         scene.kept_actuators = robot.actuators
         if scene.starts:
-            start(memories[member], parameters, robot.random[:])
+            start(memories[member], parameters, robot.random[:])  # noqa: F821
             continue
         sensed, row = robot.sensors, group.row + member * group.pixels
         # slices, as numba takes arrays of different lengths in records for different types
@@ -87,7 +87,7 @@ def _run(block: Block, addresses: IntArray, number: int) -> None:  # noqa: ARG00
             sensed.messages[:],
             wheels,
         )
-        step(sensors, memories[member], robot.actuators, parameters, robot.random[:])
+        step(sensors, memories[member], robot.actuators, parameters, robot.random[:])  # noqa: F821
     scene.serving = -1
 
 
@@ -163,7 +163,7 @@ class GroupControllers:
         self._entries = [0] * ENTRIES
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
         if isinstance(controller, Firmware):
-            self._e_groups = _e_groups(self._swarm, number, controller)
+            self._e_groups = _e_groups(self._swarm, number)
             functions = (controller.library.e_start_all, controller.library.e_step_all)
             self._entries[1:3] = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
             self._entries[3] = self._e_groups.ctypes.data
@@ -255,20 +255,16 @@ class GroupControllers:
         block[memory:][: group.memory_bytes] = block[kept:][: group.memory_bytes]
         others = np.arange(len(swarm.robots)) != scene.serving
         swarm.robots.present[others] = swarm.robots.starts[others] = False
+        expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
         try:
             with _time_limit(AGAIN_S):
                 _interpreted(self.controller, swarm)(block, np.zeros(0, np.int64), self._number)
         except KeyboardInterrupt:
             raise
         except BaseException as second:
-            if _is_alike(error, second):
+            if isinstance(second, expected):
                 return line_of_error(second, self.controller.sources)
         return None
-
-
-def _is_alike(error: BaseException, second: BaseException) -> bool:
-    """Return whether errors of compiled and of interpreted code mean the same: numpy has an error of its own for 1 / 0."""
-    return type(second) is type(error) or (isinstance(error, ArithmeticError) and isinstance(second, ArithmeticError))
 
 
 @contextmanager
@@ -289,7 +285,7 @@ def _time_limit(seconds: float) -> Iterator[None]:
 
 
 def _interpreted(controller: Controller, swarm: Swarm) -> Any:
-    """Return `_run` as plain Python, which raises where numpy would only warn of a division by 0, as compiled code does."""
+    """Return `_run` as plain Python, which raises, as compiled code does, where numpy would warn of a division by 0."""
     names: dict[str, Any] = {
         "start": controller.start,
         "step": controller.step,
@@ -305,8 +301,8 @@ def _call_c(function: int, argument: int) -> None:
     ctypes.CFUNCTYPE(None, ctypes.c_void_p)(int(function))(int(argument))
 
 
-def _e_groups(swarm: Swarm, number: int, controller: Controller) -> npt.NDArray[np.void]:
-    """Return (robots + 1,) a record of each robot for its firmware, and behind them what firmware writes to `serving`."""
+def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
+    """Return (robots + 1,) the record of each robot for its firmware; what firmware says that it serves goes behind."""
     group = swarm.groups[number]
     members = swarm.robots[group.first :][: group.count]
     sensors = members.sensors
@@ -328,7 +324,7 @@ def _e_groups(swarm: Swarm, number: int, controller: Controller) -> npt.NDArray[
 
 def _rows(array: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
     """Return the address of each row of an array."""
-    return array.ctypes.data + array.strides[0] * np.arange(len(array))
+    return int(array.ctypes.data) + array.strides[0] * np.arange(len(array))
 
 
 class RobotError(ControllerError):
