@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, SpinnerColumn, TextColumn
@@ -22,6 +22,9 @@ REFRESH_S = 0.2
 
 LINE_S = 10.0
 """Seconds between two lines in a log."""
+
+COMPILING_S, COMPILING_IN_A_LOG_S = 1.0, 4.0
+"""Seconds between two looks at how much is compiled, on a terminal, and before the only one in a log."""
 
 SLOW_S = 10.0
 """Seconds after which a word is said of what has no progress to show."""
@@ -67,11 +70,30 @@ class TrialProgress(_ProgressLine):
         self._trials = trials
         self._trial = 0
         self._began = 0.0
-        if self._bar:
-            self.show("preparing; a first run compiles what it needs, which takes some seconds")
+        self._is_ready = threading.Event()
+        self._compiling = threading.Thread(target=self._tell_of_compiling, daemon=True)
+
+    def _tell_of_compiling(self) -> None:
+        """Show how much is compiled, if anything is: again and again on a terminal, once in a log."""
+        while not self._is_ready.wait(COMPILING_S if self._bar else COMPILING_IN_A_LOG_S):
+            native = sys.modules.get("epuck_sim.util.native")  # loaded by what compiles
+            done, planned = native.count_compiled() if native else (0, 0)
+            if done < planned:
+                self.show(f"compiling {done} of {planned} functions so far; a further run finds them compiled")
+                if self._bar is None:
+                    return
+
+    def __enter__(self) -> Self:
+        self._compiling.start()
+        return super().__enter__()
+
+    def __exit__(self, *error: Any) -> None:
+        self._is_ready.set()
+        super().__exit__(*error)
 
     def begin(self, trial: int) -> None:
         """Say that trial number `trial` begins."""
+        self._is_ready.set()
         self._trial = trial
         self._began = time.perf_counter()
         self._next = self._began + self._pause_s

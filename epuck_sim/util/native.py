@@ -10,20 +10,18 @@ compiled once, and kept on disk, whatever it calls.
 
 from collections.abc import Callable
 from functools import cache
+from types import CodeType
 from typing import Any
 
 from llvmlite import ir
 from numba import _dynfunc, njit, types  # type: ignore[attr-defined]
-from numba.core import cgutils
+from numba.core import cgutils, event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
 from numba.core.typed_passes import NativeLowering
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
-
-compiled: list[str] = []
-"""Names of the functions that this process has compiled so far, for those who wait."""
 
 WITHOUT_ALLOCATION = {"_nrt": False}
 """Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
@@ -60,7 +58,6 @@ class _PartLowering(NativeLowering):
         name = _dynfunc.make_function(function.lookup_module(), function.qualname, "", 0, lowered.env, (state.library,))
         state.targetctx.insert_user_function(name, function, [state.library])
         state["cr"] = lowered._replace(cfunc=name)
-        compiled.append(function.qualname)
         return True
 
 
@@ -100,6 +97,38 @@ class Kernel:
     def __call__(self, *arguments: Any) -> Any:
         """Call the function from Python."""
         return self.for_python(*arguments)
+
+
+class _Compilations(event.Listener):
+    """Counts the functions that this process compiles, for those who wait."""
+
+    def __init__(self) -> None:
+        self.planned: set[CodeType] = set()
+        self.done: set[CodeType] = set()
+
+    def on_start(self, event: Any) -> None:
+        self._plan(event.data["dispatcher"].py_func)
+
+    def on_end(self, event: Any) -> None:
+        self.done.add(event.data["dispatcher"].py_func.__code__)
+
+    def _plan(self, function: Any) -> None:
+        """Note that a function is compiled, and all kernels that it calls."""
+        if function.__code__ in self.planned:
+            return
+        self.planned.add(function.__code__)
+        for name in function.__code__.co_names:
+            if isinstance(part := function.__globals__.get(name), Kernel):
+                self._plan(part.function)
+
+
+_compilations = _Compilations()
+event.register("numba:compile", _compilations)
+
+
+def count_compiled() -> tuple[int, int]:
+    """Return how many functions this process has compiled, of how many; what the cache holds does not count."""
+    return len(_compilations.done & _compilations.planned), len(_compilations.planned)
 
 
 @cache
