@@ -9,6 +9,7 @@ from bdb import BdbQuit
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
-from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import SENSED, Swarm, open_block, swarm_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
 from epuck_sim.util.messages import describe_error
@@ -286,15 +287,30 @@ def _time_limit(seconds: float) -> Iterator[None]:
 
 def _interpreted(controller: Controller, swarm: Swarm) -> Any:
     """Return `_run` as plain Python, which raises, as compiled code does, where numpy would warn of a division by 0."""
+    views = _views(swarm)
     names: dict[str, Any] = {
         "start": controller.start,
         "step": controller.step,
         "MEMORY": controller.memory,
         "PARAMETERS": controller.parameter_type,
-        "swarm_at": lambda _: swarm,
+        "swarm_at": lambda _: views,
         "array_at": lambda block, first, end, dtype: block[first:end].view(dtype).view(np.recarray),
     }
     return np.errstate(divide="raise", invalid="raise")(bind(_run, **names))
+
+
+def _views(swarm: Swarm) -> Swarm:
+    """Return a swarm whose robots have views of their fields as attributes: a record's own take microseconds."""
+    robots, sensors = swarm.robots, swarm.robots.sensors
+    views = [
+        SimpleNamespace(
+            sensors=SimpleNamespace(**{name: sensors[name][robot, ...] for name in SENSED.names or ()}),
+            actuators=robots.actuators[robot],
+            **{name: robots[name][robot, ...] for name in ("starts", "present", "random")},
+        )
+        for robot in range(len(robots))
+    ]
+    return swarm._replace(robots=views)
 
 
 def _call_c(function: int, argument: int) -> None:

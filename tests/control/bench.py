@@ -80,6 +80,11 @@ class Bench:
         self.senses.step_ms[:] = self._step_ms + chance.integers(-1, 2, robots)
         self.senses.new_picture[:] = chance.random(robots) < 0.7
 
+    def sense_like(self, other: "Bench") -> None:
+        """Have each robot sense what another bench's robots do."""
+        for name, readings in vars(other.senses).items():
+            vars(self.senses)[name][:] = readings
+
     def state(self) -> bytes:
         """What all robots remember, command and will draw, bit for bit."""
         return self.memory.tobytes() + self.actuators.tobytes() + self.streams.tobytes()

@@ -21,8 +21,7 @@ def test_a_firefly_moves_as_one_part_and_flashes_as_the_other(interpret):
     for _ in range(100 if interpret else 1000):
         firefly.sense(chance)
         for part in (avoidance, oscillator):
-            for mine, theirs in zip(part.senses, firefly.senses, strict=True):
-                mine[:] = theirs
+            part.sense_like(firefly)
             part.control.step()
         firefly.control.step()
         assert (firefly.actuators[WHEELS] == avoidance.actuators[WHEELS]).all()

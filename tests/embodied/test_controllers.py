@@ -113,8 +113,7 @@ def assert_equal_in_both_modes(controller, parameters, steps=300, robots=10, ste
     assert states == {quick.state()}, "start"
     for number in range(steps):
         plain.sense(chance)
-        for name, readings in vars(plain.senses).items():
-            vars(quick.senses)[name][:] = readings
+        quick.sense_like(plain)
         plain.control.step()
         quick.control.step()
         assert plain.state() == quick.state(), f"step {number}"
