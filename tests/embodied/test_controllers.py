@@ -451,8 +451,9 @@ def outcome_elsewhere(file, cache):
         capture_output=True,
         text=True,
         check=True,
+        timeout=120,
     )
-    return float(run.stdout)
+    return float(run.stdout.splitlines()[-1])
 
 
 def write_version(folder, edited, number):
@@ -488,9 +489,16 @@ def test_an_edit_between_loading_and_compiling_leaves_nothing_stale(tmp_path):
 
 
 @pytest.mark.usefixtures("_caches")
-def test_a_helper_that_calls_itself_runs_in_the_next_process_too(tmp_path):
-    text = "def helper(n):\n    return 1 if n < 2 else n * helper(n - 1)\n" + with_step("memory.x = helper(5)")
-    file = write_controller(tmp_path / "mine.py", text).path
+@pytest.mark.parametrize(
+    "helper",
+    [
+        "def helper(n):\n    return 1 if n < 2 else n * helper(n - 1)\n",
+        "def helper(n):\n    print('so many:', n)\n    return n * 24\n",
+    ],
+    ids=["calls itself", "prints"],
+)
+def test_a_helper_that_numba_must_look_up_runs_in_this_process_and_in_the_next(helper, tmp_path):
+    file = write_controller(tmp_path / "mine.py", helper + with_step("memory.x = helper(5)")).path
     assert [outcome_elsewhere(file, tmp_path / "cache") for _ in range(2)] == [120, 120]
 
 
