@@ -12,3 +12,5 @@ BoolArray = npt.NDArray[np.bool_]
 ByteArray = npt.NDArray[np.uint8]
 StreamArray = npt.NDArray[np.uint64]
 """(n, 4) states of random number generators, one a row; see `util.rng`."""
+WordArray = npt.NDArray[np.uint64]
+"""(n,) words of the state of a seed sequence or a generator; see `util.seed_sequences` and `util.generators`."""

@@ -1,0 +1,216 @@
+"""Random numbers in compiled code, each compared with numpy's own, bit for bit."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from epuck_sim.util.generators import (
+    GENERATOR_WORDS,
+    fill_doubles,
+    integer_between,
+    next_double,
+    next_uint32,
+    next_uint64,
+    seed_pcg64,
+    seed_sfc64,
+    uniform_between,
+)
+from epuck_sim.util.jit import jit_no_alloc
+from epuck_sim.util.seed_sequences import SEQUENCE_WORDS, begin_sequence, draw_streams, draw_words, seed_words, spawn
+from epuck_sim.util.seeds import robot_streams
+from epuck_sim.util.selections import TAIL_LIMIT, choose, permute
+from epuck_sim.util.ziggurat import (
+    exponential_tables,
+    fill_normals,
+    normal_tables,
+    standard_exponential,
+    standard_normal,
+)
+
+SEEDS = st.integers(0, 2**64 - 1) | st.integers(0, 2**300) | st.sampled_from([0, 2**32 - 1, 2**32, 2**128, 2**160])
+KEYS = st.lists(st.integers(0, 10) | st.integers(0, 2**64 - 1), max_size=4)
+KINDS = st.sampled_from(["sfc64", "pcg64"])
+IN_NUMPY = {"sfc64": np.random.SFC64, "pcg64": np.random.PCG64}
+INT64 = st.integers(-(2**63), 2**63 - 1)
+
+
+def sequence_of(words, keys=()):
+    sequence = np.zeros(SEQUENCE_WORDS, np.uint64)
+    begin_sequence(sequence, words)
+    for key in keys:
+        spawn(sequence, sequence, np.uint64(key))
+    return sequence
+
+
+def words_of(sequence, count=4):
+    words = np.zeros(count, np.uint64)
+    draw_words(words, sequence)
+    return words.tolist()
+
+
+def both(kind, seed, key=()):
+    """Return a generator for compiled code, and numpy's."""
+    generator = np.ones(GENERATOR_WORDS, np.uint64)  # which seeding has to overwrite
+    {"sfc64": seed_sfc64, "pcg64": seed_pcg64}[kind](generator, sequence_of(seed_words(seed), key))
+    return generator, np.random.Generator(IN_NUMPY[kind](np.random.SeedSequence(seed, spawn_key=key)))
+
+
+def drawn(draw, generator, count=10):
+    return [draw(generator) for _ in range(count)]
+
+
+@jit_no_alloc
+def next_lognormal(mean, deviation, generator):
+    """Return what `Generator.lognormal` does, which is compared bit for bit: no product and sum may become one."""
+    return math.exp(mean + deviation * standard_normal(generator))
+
+
+@jit_no_alloc
+def fill_exponentials(numbers, generator):
+    for number in range(len(numbers)):
+        numbers[number] = standard_exponential(generator)
+
+
+@given(seed=SEEDS, key=KEYS, words=st.integers(0, 20))
+def test_a_sequence_draws_what_numpy_s_does(seed, key, words):
+    expected = np.random.SeedSequence(seed, spawn_key=key).generate_state(words, np.uint64)
+    assert words_of(sequence_of(seed_words(seed), key), words) == expected.tolist()
+
+
+@given(seeds=st.lists(SEEDS, min_size=1, max_size=4))
+def test_a_seed_may_be_several_numbers(seeds):
+    expected = np.random.SeedSequence(seeds).generate_state(4, np.uint64)
+    assert words_of(sequence_of(seed_words(*seeds))) == expected.tolist()
+
+
+@given(seed=st.integers(0, 2**64 - 1))
+def test_a_seed_s_words_may_be_filled_up_to_four(seed):
+    words = np.array([seed & 0xFFFFFFFF, seed >> 32, 0, 0], np.uint64)
+    assert (sequence_of(words, [1]) == sequence_of(seed_words(seed), [1])).all()
+
+
+@given(seed=SEEDS, key=st.integers(0, 2**62))
+def test_a_parent_stays_as_it_is(seed, key):
+    parent, child = sequence_of(seed_words(seed)), np.zeros(SEQUENCE_WORDS, np.uint64)
+    before = parent.copy()
+    spawn(child, parent, key)
+    assert (parent == before).all()
+    assert (child == sequence_of(seed_words(seed), [key])).all()
+
+
+@given(seed=SEEDS, robots=st.integers(0, 30))
+def test_streams_are_those_of_the_robots(seed, robots):
+    streams = np.zeros((robots, 4), np.uint64)
+    draw_streams(streams, sequence_of(seed_words(seed), [3]))
+    expected = robot_streams(np.random.SeedSequence(seed, spawn_key=(3,)), robots)
+    assert (streams == expected).all()
+
+
+@given(kind=KINDS, seed=SEEDS, key=KEYS)
+def test_words_and_doubles_are_numpy_s(kind, seed, key):
+    generator, random = both(kind, seed, key)
+    assert drawn(next_uint64, generator) == random.bit_generator.random_raw(10).tolist()
+    assert drawn(next_double, generator) == random.random(10).tolist()
+    numbers = np.zeros(5)
+    fill_doubles(numbers, generator)
+    assert numbers.tolist() == random.random(5).tolist()
+
+
+@given(kind=KINDS, seed=SEEDS, low=st.floats(-1e9, 1e9), high=st.floats(-1e9, 1e9))
+def test_uniform_numbers_are_numpy_s(kind, seed, low, high):
+    generator, random = both(kind, seed)
+    low, high = sorted([low, high])
+    assert [uniform_between(low, high, generator) for _ in range(5)] == random.uniform(low, high, 5).tolist()
+
+
+@given(kind=KINDS, seed=SEEDS, lengths=st.lists(st.integers(0, 3), max_size=10))
+def test_halves_of_words_wait_as_in_numpy(kind, seed, lengths):
+    """Whole words in between leave the half that waits where it is."""
+    generator, random = both(kind, seed)
+    for length in lengths:
+        expected = random.integers(2**32, size=length)  # of exactly 32 bits
+        assert drawn(next_uint32, generator, length) == expected.tolist()
+        assert next_double(generator) == random.random()
+
+
+@given(kind=KINDS, seed=SEEDS, bounds=st.lists(st.tuples(INT64, INT64), min_size=1, max_size=10))
+@example("pcg64", 0, [(0, 1), (0, 2**32), (0, 2**32 - 1), (0, 2**32 + 1), (-5, 3), (0, 8), (-(2**63), 2**63 - 1)])
+@example("sfc64", 0, [(0, 2**31 + 1), (0, 3 * 2**30), (0, 2**63 - 1), (-(2**62), 2**61)] * 20)  # often drawn again
+def test_integers_are_numpy_s(kind, seed, bounds):
+    generator, random = both(kind, seed)
+    for low, high in bounds:
+        low, high = min(low, high), max(low, high, min(low, high) + 1)  # noqa: PLW2901
+        if high < 2**63:
+            assert integer_between(low, high, generator) == random.integers(low, high)
+
+
+@given(kind=KINDS, seed=SEEDS, bounds=st.lists(st.integers(1, 2**33), min_size=1, max_size=30))
+def test_small_integers_are_numpy_s(kind, seed, bounds):
+    generator, random = both(kind, seed)
+    assert [integer_between(0, high, generator) for high in bounds] == [random.integers(high) for high in bounds]
+
+
+@given(kind=KINDS, seed=SEEDS, length=st.integers(0, 300))
+def test_a_permutation_is_numpy_s(kind, seed, length):
+    generator, random = both(kind, seed)
+    numbers = np.zeros(length, np.int64)
+    for _ in range(2):
+        permute(numbers, generator)
+        assert numbers.tolist() == random.permutation(length).tolist()
+
+
+@given(kind=KINDS, seed=SEEDS, among=st.integers(1, 300), data=st.data())
+def test_a_choice_is_numpy_s(kind, seed, among, data):
+    generator, random = both(kind, seed)
+    chosen, room = np.zeros(data.draw(st.integers(0, among)), np.int64), np.ones(among, np.int64)
+    choose(chosen, room, generator)
+    assert chosen.tolist() == random.choice(among, len(chosen), replace=False).tolist()
+    assert next_uint32(generator) == random.integers(2**32)
+
+
+@pytest.mark.parametrize("among", [TAIL_LIMIT, TAIL_LIMIT + 1, 20_050])
+@pytest.mark.parametrize("count", [1, 200, 201, 401, 402, 10_000])
+def test_a_choice_among_many_is_numpy_s(among, count):
+    generator, random = both("pcg64", among + count)
+    chosen = np.zeros(count, np.int64)
+    choose(chosen, np.ones(among, np.int64), generator)
+    assert chosen.tolist() == random.choice(among, count, replace=False).tolist()
+
+
+def test_the_tables_are_those_in_numpy_s_machine_code():
+    compiled = Path(np.random._generator.__file__).read_bytes()
+    tables = [*normal_tables(), *exponential_tables()]
+    assert [table.tobytes() in compiled for table in tables] == [True] * 6
+
+
+@given(kind=KINDS, seed=SEEDS, key=KEYS)
+def test_normal_and_exponential_numbers_are_numpy_s(kind, seed, key):
+    generator, random = both(kind, seed, key)
+    normals = np.zeros(500)
+    fill_normals(normals, generator)
+    assert normals.tolist() == random.standard_normal(500).tolist()
+    assert drawn(standard_exponential, generator, 200) == random.standard_exponential(200).tolist()
+    assert drawn(standard_normal, generator, 20) == random.standard_normal(20).tolist()
+
+
+@given(kind=KINDS, seed=SEEDS, mean=st.floats(-5, 5), deviation=st.floats(0, 3))
+def test_lognormal_numbers_are_numpy_s(kind, seed, mean, deviation):
+    generator, random = both(kind, seed)
+    expected = random.lognormal(mean, deviation, 50).tolist()
+    assert drawn(lambda each: next_lognormal(mean, deviation, each), generator, 50) == expected
+
+
+@pytest.mark.parametrize("kind", IN_NUMPY)
+def test_a_million_normal_and_exponential_numbers_are_numpy_s(kind):
+    generator, random = both(kind, 2016)
+    numbers = np.zeros(1_000_000)
+    fill_normals(numbers, generator)
+    assert (numbers == random.standard_normal(len(numbers))).all()
+    assert (np.abs(numbers) > 3.66).any()  # of the tail
+    fill_exponentials(numbers, generator)
+    assert (numbers == random.standard_exponential(len(numbers))).all()
+    assert (numbers > 7.7).any()
