@@ -108,18 +108,25 @@ def function_address(function: Any) -> int:
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments
 
 
-def _plain(kinds: Any) -> Any:
-    """Return types of arguments, of constants that of other numbers like them."""
-    return tuple(map(types.unliteral, kinds))
+def _takes(result: Any, kinds: Any) -> Any:
+    """Return the signature of what takes an address and further arguments, of constants as other numbers like them."""
+    return result(types.intp, types.Tuple(tuple(map(types.unliteral, kinds))))
+
+
+def _unpack(builder: Any, signature: Any, arguments: Any) -> tuple[Any, Any]:
+    """Return types and values of the arguments after the address."""
+    kinds = tuple(signature.args[1])
+    return kinds, cgutils.unpack_tuple(builder, arguments[1], len(kinds))
 
 
 def _call_compiled(result: Any) -> Any:
     """Return the generator of a call of a compiled function, which raises what that raises."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kinds, convention = signature.args[1:], context.call_conv
+        kinds, values = _unpack(builder, signature, arguments)
+        convention = context.call_conv
         function = builder.inttoptr(arguments[0], convention.get_function_type(result, kinds).as_pointer())
-        status, value = convention.call_function(builder, function, result, kinds, arguments[1:])
+        status, value = convention.call_function(builder, function, result, kinds, values)
         with cgutils.if_unlikely(builder, status.is_error):
             convention.return_status_propagate(builder, status)
         return context.get_dummy_value() if result == types.void else value
@@ -130,13 +137,13 @@ def _call_compiled(result: Any) -> Any:
 @_intrinsic
 def call(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
     """Call the compiled function at an address, which returns nothing."""
-    return types.void(types.intp, *_plain(arguments)), _call_compiled(types.void)
+    return _takes(types.void, arguments), _call_compiled(types.void)
 
 
 @_intrinsic
 def evaluate(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
     """Return the float of the compiled function at an address."""
-    return types.float64(types.intp, *_plain(arguments)), _call_compiled(types.float64)
+    return _takes(types.float64, arguments), _call_compiled(types.float64)
 
 
 _POINTER = ir.IntType(8).as_pointer()
@@ -148,7 +155,7 @@ def _call_c(result: ir.Type) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         values = [
             value if isinstance(kind, types.Float) else builder.inttoptr(value, _POINTER)
-            for kind, value in zip(signature.args[1:], arguments[1:], strict=True)
+            for kind, value in zip(*_unpack(builder, signature, arguments), strict=True)
         ]
         kind = ir.FunctionType(result, [value.type for value in values])
         returned = builder.call(builder.inttoptr(arguments[0], kind.as_pointer()), values)
@@ -162,19 +169,19 @@ def _call_c(result: ir.Type) -> Any:
 @_intrinsic
 def call_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
     """Call the C function at an address, which returns nothing; a struct of doubles is given as doubles."""
-    return types.void(types.intp, *_plain(arguments)), _call_c(ir.VoidType())
+    return _takes(types.void, arguments), _call_c(ir.VoidType())
 
 
 @_intrinsic
 def pointer_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
     """Return the pointer that the C function at an address returns."""
-    return types.intp(types.intp, *_plain(arguments)), _call_c(_POINTER)
+    return _takes(types.intp, arguments), _call_c(_POINTER)
 
 
 @_intrinsic
 def double_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: ARG001
     """Return the double that the C function at an address returns."""
-    return types.float64(types.intp, *_plain(arguments)), _call_c(ir.DoubleType())
+    return _takes(types.float64, arguments), _call_c(ir.DoubleType())
 
 
 @_intrinsic
@@ -188,7 +195,7 @@ def vector_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: 
         returned = generate(context, builder, signature, arguments)
         return context.make_tuple(builder, kind, [builder.extract_value(returned, index) for index in range(2)])
 
-    return kind(types.intp, *_plain(arguments)), generate_tuple
+    return _takes(kind, arguments), generate_tuple
 
 
 @_intrinsic
@@ -204,7 +211,8 @@ def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:
         size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
         data = context.make_array(signature.args[0])(context, builder, block).data
         array = context.make_array(kind)(context, builder)
-        begin = builder.bitcast(builder.gep(data, [first]), array.data.type)
+        # by its address, so that loops vectorise: to LLVM, arrays that begin at one pointer may be one array
+        begin = builder.inttoptr(builder.add(builder.ptrtoint(data, first.type), first), array.data.type)
         length = builder.sdiv(builder.sub(end, first), size)
         populate_array(array, data=begin, shape=[length], strides=[size], itemsize=size, meminfo=None)
         return array._getvalue()

@@ -3,7 +3,7 @@
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.pulse_links import PulseLinks
+from epuck_sim.particles.links import LinkSearch
 from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
 
 RULES = [
@@ -24,13 +24,13 @@ def swarm(rule, **agents):
 )
 def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
     simulation = swarm(rule, reorient_on=reorient_on)
-    found, shifted = PulseLinks(simulation.scenario), 0
+    found, shifted = LinkSearch(simulation.scenario), 0
     before = simulation.headings()
     for _ in range(150):
         event = next(simulation)
         if len(event.fired):
             links = simulation.pulse_links()
-            expected = found.find(simulation.positions(), before, event.fired, event.received)
+            expected = found.pulse_links(simulation.positions(), before, event.fired, event.received)
             assert links.tolist() == expected.tolist()
             assert set(links[links[:, 2] == 1, 1].tolist()) == set(event.received.tolist())
             shifted += int(links[:, 2].sum())
