@@ -27,6 +27,7 @@ lint: $(VENV)/test-tools
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tests.weights
 
 docs: $(VENV)/docs-tools ## build the site of the docs into site/
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --fresh-env --quiet --doctree-dir site/.doctrees docs site

@@ -11,7 +11,7 @@ agents. Trials: `run_trial`, with `record`, `film_trial` and `Trace` as observer
 
 import lazy_loader
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 # `epuck-sim --help` must not wait for numba: names are imported when they are first used; __init__.pyi lists them
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,23 +1,30 @@
-"""Golden values: outcomes of shipped scenarios that no change of names or structure may touch.
+"""Golden values: outcomes of shipped scenarios, and of cases, that no change of names or structure may touch.
 
-`python -m tests.golden` writes golden.json anew; do so in a commit that says why outcomes differ.
+`python -m tests.golden` writes golden.json anew; do so in a commit that says why outcomes differ. The cases are a
+table, golden_cases.yaml: between them, they have each key of a scenario on which outcomes depend. Of each, golden.json
+holds the digest of what happens in a simulation, and how two short trials end.
 """
 
 import hashlib
 import json
+import pickle
 import platform
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from epuck_sim import (
+    EmbodiedScenario,
+    ParticleScenario,
     ParticleSimulation,
     Simulation,
+    Step,
     film_trial,
     load_scenario,
     read_points,
@@ -33,6 +40,12 @@ from epuck_sim.trial.model import simulate
 from epuck_sim.util.builtin import ARENAS, builtin_files
 
 FILE = Path(__file__).with_suffix(".json")
+ROOT = FILE.parent.parent
+CASES: dict[str, dict[str, dict[str, Any]]] = yaml.safe_load((FILE.parent / "golden_cases.yaml").read_text())
+CASE_S = 20
+CASE_CYCLES = 40
+CASE_SEEDS = range(2)
+CASE_EVENTS = 1000
 ENGINES = ("numba", "numpy", "pymunk")
 STEPS = 200
 EVENTS = 2000
@@ -54,6 +67,86 @@ def digest(arrays: Iterable[np.ndarray]) -> str:
     for array in arrays:
         bits.update(np.ascontiguousarray(array).tobytes())
     return bits.hexdigest()[:16]
+
+
+def case(kind: str, name: str) -> EmbodiedScenario | ParticleScenario:
+    """Return the scenario of a case of a kind, `robots` or `agents`."""
+    changes = dict(CASES[kind][name])
+    base = changes.pop("base")
+    limit = {"stop.max_time_s": CASE_S} if kind == "robots" else {"stop.max_cycles": CASE_CYCLES}
+    texts = {key: json.dumps(value).replace('"tests/', f'"{ROOT}/tests/') for key, value in (changes | limit).items()}
+    return load_scenario(base, [f"{key}={text}" for key, text in texts.items()])
+
+
+def felt(step: Step) -> Iterator[np.ndarray]:
+    """Yield copies of all that robots sense, do and remember in a step, and of who sees and touches whom."""
+    yield from (step.poses.copy(), step.infrared.copy(), step.distance_mm.copy(), step.camera.copy())
+    yield from (step.wheels_cm_s.copy(), step.ring_on.copy(), step.ring_commands.copy(), step.movables.copy())
+    yield from (step.present.copy(), step.phase_ms, step.flash_seen, step.sightings, step.contacts)
+    for memory in step.memories:
+        for name in memory.dtype.names or ():
+            yield memory[name].copy()
+
+
+def happened(simulation: ParticleSimulation, events: int) -> Iterator[np.ndarray]:
+    """Yield what happens to agents in so many events, and how they are after them."""
+    for event in islice(simulation, events):
+        yield from (np.array([event.time_s]), event.fired, event.received)
+    yield from (simulation.positions(), simulation.headings(), simulation.phases(), simulation.periods_s)
+    if simulation.scenario.neighbourhood.kind != "random":
+        yield simulation.neighbour_links()
+
+
+def endings(scenario: EmbodiedScenario | ParticleScenario) -> list[list[Any]]:
+    """Return how some trials end: cycles, whether they are censored, order parameter, measures and events in short."""
+    results = [run_trial(simulate(scenario, seed)) for seed in CASE_SEEDS]
+    further = [json.dumps([dict(result.measures), list(map(list, result.events))]) for result in results]
+    return [
+        [result.cycles, result.censored, result.order_parameter, digest([np.array(text)])]
+        for result, text in zip(results, further, strict=True)
+    ]
+
+
+def robots_case(name: str, *, steps: int = STEPS, interpret: bool = False) -> dict[str, Any]:
+    """Return the digest of what robots of a case sense and do, and where some are after a second."""
+    simulation = Simulation(case("robots", name), seed=1, interpret=interpret)
+    arrays = [array for step in islice(simulation, steps) for array in felt(step)]
+    early = Simulation(case("robots", name), seed=1).advance(round(1 / simulation.step_s) + 1)
+    return {"digest": digest(arrays), "poses": early.poses[early.present][:3].tolist()}
+
+
+def commanded(*, stop_at: int | None = None) -> dict[str, str]:
+    """Return the digest of robots that are driven from outside, whose parameters change, and others.
+
+    Args:
+        stop_at: Step after which a simulation goes on as a copy of its own, made by pickle; None for none.
+    """
+    robots = [{"count": 3, "controller": "external"}, {"count": 2, "controller": "external_ring"}, {"count": 3}]
+    simulation, arrays = Simulation({"robots": robots}, seed=1), []
+    for number in range(STEPS // 2):
+        step = next(simulation)
+        arrays += felt(step)
+        if number % 7 == 3:
+            speed = 12.0 * np.cos(np.arange(3) + number)
+            simulation.command(speed, speed[::-1] - 2, np.arange(5) % 3 == number % 3)
+        if number == 30:
+            simulation.set_parameters(2, speed_cm_s=3.0, coupling=0.5)
+        if number == stop_at:
+            simulation = pickle.loads(pickle.dumps(simulation))
+    return {"digest": digest(arrays)}
+
+
+def agents_case(name: str) -> dict[str, Any]:
+    """Return the digest of what happens to agents of a case, and some of their phases after half a second."""
+    simulation, early = (ParticleSimulation(case("agents", name), seed=1) for _ in range(2))
+    early.run_to(0.5)
+    return {"digest": digest(happened(simulation, CASE_EVENTS)), "phases": early.phases()[:5].tolist()}
+
+
+def case_values(kind: str, name: str) -> dict[str, Any]:
+    """Return the golden values of a case."""
+    values = robots_case(name) if kind == "robots" else agents_case(name)
+    return {**values, "trials": endings(case(kind, name))}
 
 
 def embodied(name: str, *, interpret: bool = False) -> dict[str, Any]:
@@ -124,6 +217,8 @@ def main() -> None:
             "outcomes": {name: outcomes(name, range(6)) for name in ("thesis", "particles")},
             "sweeps": {model: sweep(model, Path(folder) / model) for model in SWEEPS},
             "pictures": pictures(Path(folder)),
+            "commanded": commanded(),
+            "cases": {kind: {name: case_values(kind, name) for name in names} for kind, names in CASES.items()},
         }
     FILE.write_text(json.dumps(golden, indent=1) + "\n")
 

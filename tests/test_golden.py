@@ -3,20 +3,34 @@
 The bits hold for one kind of machine and one version of each engine. Elsewhere the first second of a trial must agree
 to 1e-9, before contacts and firings magnify the last digit, and the times of synchronisation as samples of one
 distribution.
+
+Of the cases (golden_cases.yaml), robots also start anew with `reset`, go on as copies and from snapshots, and some are
+interpreted, to the same bits.
 """
 
+import copy
 import json
+import pickle
+from collections.abc import Iterator
+from itertools import islice
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu
 
+from epuck_sim import EmbodiedScenario, ParticleScenario, Simulation
+from epuck_sim.scenario.curves import SHIPPED
 from epuck_sim.util.builtin import ARENAS, builtin_files
 from tests import golden
 
 GOLDEN = json.loads(golden.FILE.read_text())
 SAME_PLATFORM = golden.here() == GOLDEN["platform"]
 EARLY = {"poses", "phases"}
+CASES = [(kind, name) for kind, names in golden.CASES.items() for name in names]
+ROBOTS = list(golden.CASES["robots"])
+INTERPRETED = ["camera_slow", "fault_restart", "coming_and_going_by_radio", "groups", "radio_messages"]
+WITHOUT_OUTCOME = ("OverheadSection", "FigureSection", "Condition", "SweepAxes")
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -69,3 +83,97 @@ def test_a_recording_and_a_film_hold_the_same(tmp_path) -> None:
     assert set(found) == set(GOLDEN["pictures"])
     if SAME_PLATFORM:
         assert found == GOLDEN["pictures"]
+
+
+@pytest.mark.parametrize(("kind", "name"), CASES)
+def test_a_case_runs_as_it_did(kind: str, name: str) -> None:
+    found, expected = golden.case_values(kind, name), GOLDEN["cases"][kind][name]
+    for key in EARLY & set(expected):
+        np.testing.assert_allclose(found[key], expected[key], rtol=0, atol=1e-9)
+    if SAME_PLATFORM:
+        assert found == expected
+
+
+def test_no_two_cases_have_the_same_outcomes_so_that_none_is_without_effect() -> None:
+    assert {(kind, name) for kind, cases in GOLDEN["cases"].items() for name in cases} == set(CASES)
+    found = [
+        json.dumps([values["digest"], values["trials"]])
+        for cases in GOLDEN["cases"].values()
+        for values in cases.values()
+    ]
+    assert len(set(found)) == len(found)
+
+
+def choices(schema: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the keys of a model that take one of some words, or a truth value, with each of these values."""
+    for name, section in {"": schema, **schema["$defs"]}.items():
+        for key, value in section.get("properties", {}).items() if name not in WITHOUT_OUTCOME else ():
+            for choice in (value, value.get("items", {}), *value.get("anyOf", ())):
+                words = choice.get("enum", [choice["const"]] if "const" in choice else [])
+                values = [False, True] if choice.get("type") == "boolean" else words
+                yield from ((key, each) for each in values)
+
+
+def chosen(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the plain values in a scenario with the keys that they are at."""
+    parts = (
+        value.items()
+        if isinstance(value, dict)
+        else [(key, part) for part in value]
+        if isinstance(value, list | tuple)
+        else ()
+    )
+    if not isinstance(value, dict | list | tuple):
+        yield key, value
+    for name, part in parts:
+        yield from chosen(part, name)
+
+
+@pytest.mark.parametrize(("kind", "model"), [("robots", EmbodiedScenario), ("agents", ParticleScenario)])
+def test_cases_have_every_word_that_a_scenario_can_choose(kind: str, model: type[Any]) -> None:
+    dumps = [golden.case(kind, name).model_dump() for name in golden.CASES[kind]]
+    held = {pair for dump in dumps for pair in chosen(dump)}
+    assert set(choices(model.model_json_schema())) - held == set()
+    curves = {dump["response"]["curve"] for dump in dumps if kind == "agents"}
+    assert kind == "robots" or set(SHIPPED) < curves
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_case_that_is_reset_or_copied_goes_on_as_it_did(name: str) -> None:
+    """Half of the steps follow a reset, a quarter each a copy and a snapshot."""
+    scenario = golden.case("robots", name)
+    fresh, used = Simulation(scenario, seed=1), Simulation(scenario, seed=2)
+    used.advance(golden.STEPS // 3)
+    snapshots = [used.snapshot()]
+    used.reset(1)
+    half, quarter = golden.STEPS // 2, golden.STEPS // 4
+
+    def felt(simulation: Simulation, steps: int) -> str:
+        return golden.digest(array for step in islice(simulation, steps) for array in golden.felt(step))
+
+    assert felt(used, half) == felt(fresh, half)
+    copied, snapshot = copy.copy(used), pickle.loads(pickle.dumps(used.snapshot()))
+    expected = [felt(fresh, quarter) for _ in range(2)]
+    assert felt(copied, quarter) == expected[0]
+    copied.restore(snapshots[0])
+    assert copied.steps == golden.STEPS // 3
+    copied.restore(snapshot)
+    assert [felt(copied, quarter) for _ in range(2)] == expected
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_steps_of_a_case_that_are_taken_at_once_end_where_single_ones_do(name: str) -> None:
+    one, many = (Simulation(golden.case("robots", name), seed=1) for _ in range(2))
+    *_, last = islice(one, 130)
+    assert golden.digest(golden.felt(last)) == golden.digest(golden.felt(many.advance(130)))
+
+
+@pytest.mark.parametrize("name", INTERPRETED)
+def test_interpreted_controllers_of_a_case_give_the_golden_bits_too(name: str) -> None:
+    steps = golden.STEPS // 4
+    assert golden.robots_case(name, steps=steps, interpret=True) == golden.robots_case(name, steps=steps)
+
+
+@pytest.mark.parametrize("stop_at", [None, 40])
+def test_robots_that_are_driven_from_outside_go_on_as_they_did(stop_at: int | None) -> None:
+    assert golden.commanded(stop_at=stop_at) == (GOLDEN["commanded"] if SAME_PLATFORM else golden.commanded())

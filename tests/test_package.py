@@ -42,6 +42,8 @@ def test_the_source_distribution_holds_what_its_own_commands_need(built: Path) -
         held = {name.partition("/")[2] for name in archive.getnames()}
     needed = {"Makefile", "README.md", "CHANGELOG.md", "CONTRIBUTING.md", "CITATION.cff", "LICENSE", "pyproject.toml"}
     assert needed | {"docs/conf.py", "docs/_ext/reference.py", "arenas/thesis.yaml", "tests/golden.json"} <= held
+    old = {str(path.relative_to(ROOT)) for path in (ROOT / "tests" / "old").rglob("*") if path.suffix != ".pyc"}
+    assert {name for name in old if (ROOT / name).is_file()} <= held
 
 
 @pytest.mark.slow

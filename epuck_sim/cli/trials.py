@@ -99,7 +99,7 @@ def _run_trial(
     with word_if_slow(setting_up) if scenario.population >= LARGE else nullcontext():
         simulation = simulate(scenario, seed, interpret=options.interpret)
     if options.live is not None:
-        from epuck_sim.embodied.controller_files import ControllerFiles  # numba takes a while
+        from epuck_sim.embodied.changes.controller_files import ControllerFiles  # numba takes a while
         from epuck_sim.embodied.simulation import Simulation
 
         assert isinstance(simulation, Simulation), "what is shown live has bodies"

@@ -1,4 +1,4 @@
-"""Compiles a controller's functions, and the loops that call them, into a cache that no edit leaves stale."""
+"""Compiles a controller's functions, and what calls them, into a cache that no edit leaves stale."""
 
 import re
 import warnings
@@ -11,40 +11,41 @@ from typing import Any
 import numba
 import numpy as np
 
-from epuck_sim.control.error_lines import FILE_NUMBER, ErrorPlaceCompiler
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.names import first_use, line_at
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.addresses import compile_at
-from epuck_sim.util.held_values import layout
-from epuck_sim.util.jit import bind, digest, kernel_digest, name_after
+from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
+from epuck_sim.util.native import WITHOUT_WRAPPERS
 from epuck_sim.util.python_files import fingerprint
 
 _compiled: dict[Hashable, Any] = {}
 
 
-def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object) -> Any:
-    """Return functions compiled that call the controller's `start` and `step`.
+def compile_for(controller: Controller, function: Any, room_digest: str) -> Any:
+    """Compile a function (block, addresses, number) that calls the controller's `start` and `step`, by these names.
 
-    They are cached under the sources and the global values that they are made from.
+    `MEMORY` and `PARAMETERS` stand in it for the types of the controller's records. What is compiled is cached under
+    the sources and the global values that it is made from.
 
     Args:
         controller: The controller.
-        loops: Functions of the address of `arrays`, see `util.addresses.compile_at`.
-        arrays: What they work on.
+        function: The function.
+        room_digest: The `kernel_digest` of the function's room.
 
     Raises:
         ControllerError: The controller cannot be compiled.
     """
-    contents_digest = _contents_digest(controller)
-    key = controller, contents_digest, loops, layout(arrays)
+    records = (controller.memory, controller.parameter_type)
+    values = frozen_values(controller.modules.values())
+    contents_digest = digest([_static_digest(controller).encode(), *values, room_digest.encode()])
+    key = controller, function, contents_digest
     if key not in _compiled:
         start, step = jit_functions((controller.start, controller.step), controller.modules, contents_digest)
-        bound = [bind(loop, start=start, step=step) for loop in loops]
+        bound = bind(function, start=start, step=step, MEMORY=records[0], PARAMETERS=records[1])
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
-                _compiled[key] = tuple(compile_at(loop, arrays, contents_digest, careful=True) for loop in bound)
+                _compiled[key] = compile_call(bound, contents_digest)
         except Exception as error:  # numba's own errors, and what escapes it
             message = explain_refusal(
                 error, controller.path, controller.sources, "; --interpret runs it as plain Python"
@@ -53,15 +54,11 @@ def compile_loops(controller: Controller, loops: tuple[Any, ...], arrays: object
     return _compiled[key]
 
 
-def _contents_digest(controller: Controller) -> str:
-    """Return the digest of the sources and the global values from which a controller is compiled."""
-    return digest([_static_digest(controller).encode(), *frozen_values(controller.modules.values())])
-
-
 @lru_cache
 def _static_digest(controller: Controller) -> str:
-    """Return what `digest_sources` returns, which takes long, of a controller."""
-    return digest_sources(controller.sources, controller.modules)
+    """Return the digest of what cannot change in a controller that is loaded, which takes long."""
+    records = repr((controller.memory, controller.parameter_type))
+    return digest([digest_sources(controller.sources, controller.modules).encode(), records.encode()])
 
 
 def digest_sources(sources: Mapping[Path, bytes], modules: Mapping[Path, ModuleType]) -> str:
@@ -99,13 +96,14 @@ def _can_be_frozen(value: object) -> bool:
 def jit_functions(
     functions: Iterable[Any], modules: Mapping[Path, ModuleType], contents_digest: str
 ) -> tuple[Any, ...]:
-    """Return functions of a user's file as numba's dispatchers.
+    """Return functions of a user's file as numba's dispatchers, for other compiled functions.
 
     Each module of the file gets a twin, in which dispatchers stand in for functions and twins for modules, so
     that the two find compiled helpers under the names that their sources use. The modules themselves do not change.
     """
     twins = {id(vars(module)): ModuleType(module.__name__) for module in modules.values()}
     dispatchers: dict[FunctionType, Any] = {}
+    compiler: Any = numba.njit
 
     def twin(value: Any) -> Any:
         if isinstance(value, ModuleType):
@@ -118,13 +116,11 @@ def jit_functions(
             copy.__kwdefaults__ = value.__kwdefaults__
             copy.__module__ = __name__  # numba's cache imports this module, and the controller's cannot be imported
             named = name_after(copy, contents_digest)
-            compiler: Any = numba.njit(boundscheck=True, forceinline=True, pipeline_class=ErrorPlaceCompiler)
-            dispatchers[value] = compiler(named)
+            dispatchers[value] = compiler(boundscheck=True, forceinline=True, **WITHOUT_WRAPPERS)(named)
         return dispatchers[value]
 
-    for number, module in enumerate(modules.values()):
-        named_values = {name: twin(value) for name, value in vars(module).items()}
-        vars(twins[id(vars(module))]).update(named_values, **{FILE_NUMBER: number})
+    for module in modules.values():
+        vars(twins[id(vars(module))]).update({name: twin(value) for name, value in vars(module).items()})
     return tuple(map(twin, functions))
 
 

@@ -17,6 +17,7 @@ A controller may import files that lie beside it, and the built-in controllers, 
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any, NamedTuple, TypeVar
@@ -150,13 +151,18 @@ class Controller:
                 raise ValueError(said.partition(": ")[2] if own else f"{where}: {said}") from error
         return values
 
+    @cached_property
+    def parameter_type(self) -> np.dtype[Any]:
+        """Record type of its parameters."""
+        return record_type({name: type(value) for name, value in self.parameters.items()})
+
     def parameter_values(self, record: np.void) -> dict[str, Value]:
         """Return the parameters that a record holds, by name; see `parameter_record`."""
         return {name: type(default)(record[name]) for name, default in self.parameters.items()}
 
     def parameter_record(self, values: Mapping[str, Value]) -> npt.NDArray[np.void]:
         """Return (1,) a record that holds the value of each parameter."""
-        record = np.zeros(1, record_type({name: type(value) for name, value in self.parameters.items()}))
+        record = np.zeros(1, self.parameter_type)
         for name, value in values.items():
             record[name] = value
         return record

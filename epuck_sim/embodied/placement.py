@@ -1,19 +1,23 @@
-"""Placement of robots at the start: at given poses, on the grid of the physical experiments, or at random."""
+"""Placement of robots at the start: at given poses, on the grid of the physical experiments, or at random.
+
+Places that are taken are listed by the cells of the swarm's cell list, which are larger than a robot: who touches a
+robot at some place is in its cell, or in one of the eight around it. `Swarm.cells` holds the first robot of each cell,
+counted from 1, and the scratch numbers the next one behind each robot.
+"""
 
 import math
-from collections.abc import Iterable
-from itertools import product
-from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from epuck_sim.arena import Arena, clearance_cm
-from epuck_sim.arrays import FloatArray
-from epuck_sim.embodied.attendance import parked_poses
+from epuck_sim.embodied.cells import cell_index
+from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.robot_checks import GRID_SPACING_CM
-from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.util.generators import integer_between, next_double
+from epuck_sim.util.jit import jit, jit_no_alloc
+from epuck_sim.util.selections import choose
 
 GRID_HEADINGS = 8
 """Number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)."""
@@ -21,172 +25,236 @@ GRID_HEADINGS = 8
 MAX_DRAWS = 10_000
 """Number of random positions tried for a robot before the arena counts as full."""
 
-_TOLERANCE_CM = 1e-6
+OUTSIDE_CM = -1e6
+"""Coordinates of where robots are parked that are not in the arena, cm: out of the way of all that has a range."""
+
+APART_CM = 1e3
+"""Distance of parked robots along each axis, cm."""
+
+TOLERANCE_CM = 1e-6
+"""How far bodies may overlap at given poses, cm: what rounding makes of poses that touch."""
+
+PLACED = -1
+"""What functions return that have placed all robots."""
+
+Block = npt.NDArray[np.uint8]
 
 
-def place_robots(scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> FloatArray:
-    """Return the poses at the start of a trial.
+@jit_no_alloc
+def clearance_cm(swarm: Swarm, x: float, y: float) -> float:
+    """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
+    scene = swarm.scene[0]
+    clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
+    for index in range(scene.circles):
+        circle = swarm.circles[index]
+        clearance = min(clearance, math.hypot(circle.x - x, circle.y - y) - circle.radius)
+    index = 0
+    while index < scene.edges:
+        polygon, inside, outside, all_left = swarm.edges[index].polygon, -math.inf, math.inf, True
+        while index < scene.edges and swarm.edges[index].polygon == polygon:
+            edge = swarm.edges[index]
+            along_x, along_y, to_x, to_y = edge.bx - edge.ax, edge.by - edge.ay, x - edge.ax, y - edge.ay
+            length = math.hypot(along_x, along_y)
+            outward = (along_y * to_x - along_x * to_y) / length
+            all_left &= outward <= 0.0
+            inside = max(inside, outward)
+            share = min(max((to_x * along_x + to_y * along_y) / (length * length), 0.0), 1.0)
+            outside = min(outside, math.hypot(to_x - share * along_x, to_y - share * along_y))
+            index += 1
+        clearance = min(clearance, inside if all_left else outside)
+    return clearance
 
-    Groups with given poses are placed first, then those on the grid, then those at random, so that none takes a place
-    that another one needs.
 
-    Args:
-        scenario: The scenario with the arena and the groups.
-        sequence: The seed sequence from which placements are drawn.
+@jit_no_alloc
+def _cell_of(swarm: Swarm, x: float, y: float) -> int:
+    scene = swarm.scene[0]
+    row = cell_index(y, scene.cell_height_cm, scene.rows)
+    cell: int = row * scene.columns + cell_index(x, scene.cell_width_cm, scene.columns)
+    return cell
+
+
+@jit_no_alloc
+def _take(swarm: Swarm, robot: int) -> None:
+    """Take the place at which a robot is."""
+    cell = _cell_of(swarm, swarm.robots[robot].x, swarm.robots[robot].y)
+    swarm.numbers[robot] = swarm.cells[cell]
+    swarm.cells[cell] = robot + 1
+
+
+@jit_no_alloc
+def _distance_to_taken(swarm: Swarm, x: float, y: float) -> float:
+    """Return the square of the distance to the nearest place that is taken in the cells around; infinity if none is."""
+    scene = swarm.scene[0]
+    row, column = cell_index(y, scene.cell_height_cm, scene.rows), cell_index(x, scene.cell_width_cm, scene.columns)
+    nearest = math.inf
+    for r in range(max(row - 1, 0), min(row + 2, scene.rows)):
+        for c in range(max(column - 1, 0), min(column + 2, scene.columns)):
+            other = swarm.cells[r * scene.columns + c]
+            while other > 0:
+                dx, dy = swarm.robots[other - 1].x - x, swarm.robots[other - 1].y - y
+                nearest = min(nearest, dx * dx + dy * dy)
+                other = swarm.numbers[other - 1]
+    return nearest
+
+
+@jit_no_alloc
+def is_free(swarm: Swarm, x: float, y: float) -> bool:
+    """Return whether a robot at (x, y) touches none whose place is taken, no wall, no obstacle and no movable."""
+    radius = swarm.scene[0].radius_cm
+    touches = _distance_to_taken(swarm, x, y) < 4.0 * radius * radius
+    return not touches and clearance_cm(swarm, x, y) >= radius - TOLERANCE_CM
+
+
+@jit_no_alloc
+def begin_placement(block: Block) -> None:
+    """Take the places of the robots that are in the arena; others are parked far outside."""
+    swarm = swarm_at(block)
+    for cell in range(len(swarm.cells)):
+        swarm.cells[cell] = 0
+    for robot in range(len(swarm.robots)):
+        if swarm.robots[robot].x > OUTSIDE_CM / 2:
+            _take(swarm, robot)
+
+
+@jit_no_alloc
+def place_at_random(block: Block, first: int, end: int) -> int:
+    """Put robots at uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3).
 
     Returns:
-        (robots, 3) cm, cm, rad: x, y, heading; those that are not present are parked outside.
-
-    Raises:
-        ScenarioError: Robots do not fit, overlap, or stand in a wall or an obstacle.
+        The first robot for which no place was found, or -1.
     """
-    floor = Floor(scenario.arena.build(), scenario.robot.radius_cm)
-    random = np.random.default_rng(sequence)
-    taken = _TakenPlaces(floor.touch_cm)
-    poses = parked_poses(np.arange(scenario.robot_count))
-    firsts = np.cumsum([0, *(group.count for group in scenario.robots)]).tolist()
-    for placement, place in (("poses", _at_given_poses), ("grid", _on_grid), ("random", _at_random)):
-        for number, group in enumerate(scenario.robots):
-            if group.present and group.placement == placement:
-                found = place(group, f"{scenario.name}: robots.{number}", floor, taken, random)
-                poses[firsts[number] : firsts[number + 1]] = found
-    return poses
-
-
-class Floor(NamedTuple):
-    """The arena, and the robots for which there is to be room."""
-
-    arena: Arena
-    """With its movables where they are."""
-    radius_cm: float
-    """Radius of a robot."""
-
-    @property
-    def touch_cm(self) -> float:
-        """Distance of the centres of two robots that touch."""
-        return 2 * self.radius_cm
-
-    def is_clear(self, x: float, y: float) -> bool:
-        """Return whether a robot at (x, y) touches no wall, no obstacle and no movable."""
-        return clearance_cm(self.arena, x, y) >= self.radius_cm - _TOLERANCE_CM
-
-    def is_free(self, placed: FloatArray, x: float, y: float) -> bool:
-        """Return whether a robot at (x, y) touches no robot that is placed, no wall, no obstacle and no movable."""
-        dx, dy = placed[:, 0] - x, placed[:, 1] - y
-        return bool((np.hypot(dx, dy) >= self.touch_cm - _TOLERANCE_CM).all()) and self.is_clear(x, y)
-
-    def draw_place(self, taken: "_TakenPlaces", random: np.random.Generator) -> tuple[float, float] | None:
-        """Return a random place where a robot touches nothing; None if none is found."""
-        width, height = self.arena.width_cm - self.touch_cm, self.arena.height_cm - self.touch_cm
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    radius, random = scene.radius_cm, scene.placement_random
+    width, height = scene.width_cm - 2 * radius, scene.height_cm - 2 * radius
+    for number in range(first, end):
+        robot = swarm.robots[number]
+        is_placed = False
         for _ in range(MAX_DRAWS):
-            x = self.radius_cm + width * random.random()
-            y = self.radius_cm + height * random.random()
-            if taken.is_free(x, y) and self.is_clear(x, y):
-                return x, y
-        return None
-
-    def draw_pose(self, placed: FloatArray, random: np.random.Generator) -> tuple[float, float, float] | None:
-        """Return a random pose at which a robot touches nothing, (robots, 3) poses of others; None if none is found."""
-        taken = _TakenPlaces(self.touch_cm)
-        for x, y, _ in placed.tolist():
-            taken.add(x, y)
-        place = self.draw_place(taken, random)
-        return None if place is None else (*place, 2 * math.pi * random.random())
+            x = radius + width * next_double(random)
+            y = radius + height * next_double(random)
+            if is_free(swarm, x, y):
+                is_placed = True
+                robot.x, robot.y = x, y
+                robot.heading = 2 * math.pi * next_double(random)
+                _take(swarm, number)
+                break
+        if not is_placed:
+            return number
+    return PLACED
 
 
-def _at_given_poses(
-    group: RobotGroup, key: str, floor: Floor, taken: "_TakenPlaces", _: np.random.Generator
-) -> FloatArray:
-    """Return the poses that the scenario gives; raise ScenarioError if one is not free."""
-    poses = np.array(group.poses, float)
-    for number, (x, y, _heading) in enumerate(poses.tolist()):
-        gap = clearance_cm(floor.arena, x, y) - floor.radius_cm
-        if gap < -_TOLERANCE_CM:
-            raise ScenarioError(
-                f"{key}.poses.{number}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
-                f"allowed: at least {floor.radius_cm:g} cm away from them"
-            )
-        others = taken.around(x, y)
-        other = min(others, key=lambda place: math.dist(place, (x, y)), default=None)
-        if other is not None and math.dist(other, (x, y)) < floor.touch_cm - _TOLERANCE_CM:
-            raise ScenarioError(
-                f"{key}.poses.{number}: is [{x:g}, {y:g}] and overlaps the robot at [{other[0]:g}, {other[1]:g}]; "
-                f"allowed: at least {floor.touch_cm:g} cm between centres"
-            )
-        taken.add(x, y)
-    return poses
+@jit
+def place_on_grid(block: Block, first: int, end: int) -> int:
+    """Put robots on free points of a grid of 10 cm, as far from the walls or farther, with headings of 45 degrees.
+
+    Returns:
+        The number of free points, if there are too few, or -1.
+    """
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    columns, rows = _grid_points(scene.width_cm), _grid_points(scene.height_cm)
+    free = np.empty(columns * rows, np.int64)
+    found = 0
+    for point in range(columns * rows):
+        x = _grid_coordinate(scene.width_cm, columns, point % columns)
+        y = _grid_coordinate(scene.height_cm, rows, point // columns)
+        free[found] = point
+        found += is_free(swarm, x, y)
+    count = end - first
+    if found < count:
+        return found
+    chosen = np.empty(count, np.int64)
+    choose(chosen, np.empty(found, np.int64), scene.placement_random)
+    for row in range(count):
+        point, robot = free[chosen[row]], swarm.robots[first + row]
+        robot.x = _grid_coordinate(scene.width_cm, columns, point % columns)
+        robot.y = _grid_coordinate(scene.height_cm, rows, point // columns)
+        _take(swarm, first + row)
+    for row in range(count):
+        heading = integer_between(0, GRID_HEADINGS, scene.placement_random)
+        swarm.robots[first + row].heading = heading * (2 * math.pi / GRID_HEADINGS)
+    return PLACED
 
 
-def _on_grid(
-    group: RobotGroup, key: str, floor: Floor, taken: "_TakenPlaces", random: np.random.Generator
-) -> FloatArray:
-    """Return free points of a grid of 10 cm, as far from the walls or farther, with headings in steps of 45 degrees."""
-    xs, ys = (_grid_line(length) for length in (floor.arena.width_cm, floor.arena.height_cm))
-    points = np.array([(x, y) for y in ys for x in xs])
-    free = np.array([taken.is_free(x, y) and floor.is_clear(x, y) for x, y in points.tolist()])
-    if free.sum() < group.count:
-        raise ScenarioError(
-            f"{key}.count: is {group.count}; allowed: up to {free.sum()}, the free points of the grid of "
-            f"{len(xs)} x {len(ys)} in this arena; give fewer robots or a larger arena"
-        )
-    chosen = random.choice(points[free], group.count, replace=False)
-    headings = random.integers(GRID_HEADINGS, size=group.count) * (2 * math.pi / GRID_HEADINGS)
-    for x, y in chosen.tolist():
-        taken.add(x, y)
-    return np.column_stack([chosen, headings])
+@jit_no_alloc
+def _grid_points(length_cm: float) -> int:
+    """Return the number of the grid's points along one side of the arena."""
+    points: int = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
+    return points
 
 
-def _grid_line(length_cm: float) -> FloatArray:
-    """Return the coordinates of the grid's points along one side of the arena."""
-    points = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
-    steps: FloatArray = np.arange(points, dtype=float) - (points - 1) / 2
-    return length_cm / 2 + GRID_SPACING_CM * steps
+@jit_no_alloc
+def _grid_coordinate(length_cm: float, points: int, point: int) -> float:
+    return length_cm / 2 + GRID_SPACING_CM * (point - (points - 1) / 2)
 
 
-def _at_random(
-    group: RobotGroup, key: str, floor: Floor, taken: "_TakenPlaces", random: np.random.Generator
-) -> FloatArray:
-    """Return uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3)."""
-    poses = []
-    for robot in range(group.count):
-        place = floor.draw_place(taken, random)
-        if place is None:
-            raise ScenarioError(
-                f"{key}.count: is {group.count}; no free place was found for robot {robot} in "
-                f"{MAX_DRAWS} draws: random placement fills at most about half of the floor; give fewer robots, a "
-                "larger arena, or poses"
-            )
-        taken.add(*place)
-        poses.append((*place, 2 * math.pi * random.random()))
-    return np.array(poses)
+class Placement:
+    """Puts the robots of a scenario where they are at the start of a trial.
 
+    Groups with given poses come first, then those on the grid, then those at random, so that none takes a place that
+    another one needs.
+    """
 
-class _TakenPlaces:
-    """Places of robots in square cells, which are faster to search than one array: most are far away."""
+    def __init__(self, swarm: Swarm, scenario: EmbodiedScenario) -> None:
+        """Put the robots with given poses there, which depend on no seed, and park all others far outside.
 
-    def __init__(self, touch_cm: float) -> None:
-        """Take no place yet; touch_cm: distance of the centres of two robots that touch."""
-        self._touch_cm = touch_cm
-        self._cell_cm = 1.01 * touch_cm  # who touches a robot is in its cell or in one of the eight around it
-        self._cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
+        Raises:
+            ScenarioError: Robots overlap, or stand in a wall or an obstacle.
+        """
+        self._scenario = scenario
+        ends = np.cumsum([group.count for group in scenario.robots]).tolist()
+        self._groups = [
+            (number, group.placement, first, end)
+            for number, (group, first, end) in enumerate(zip(scenario.robots, [0, *ends], ends, strict=False))
+            if group.present
+        ]
+        swarm.robots["x"] = swarm.robots["y"] = OUTSIDE_CM - APART_CM * np.arange(len(swarm.robots))
+        for number, placement, first, _ in self._groups:
+            if placement == "poses":
+                self._put_at_given_poses(swarm, number, first)
 
-    def add(self, x: float, y: float) -> None:
-        """Take a place."""
-        self._cells.setdefault((int(x / self._cell_cm), int(y / self._cell_cm)), []).append((x, y))
+    def _put_at_given_poses(self, swarm: Swarm, number: int, first: int) -> None:
+        robots, radius_cm = swarm.robots, self._scenario.robot.radius_cm
+        for row, (x, y, heading) in enumerate(self._scenario.robots[number].poses or ()):
+            key = f"{self._scenario.name}: robots.{number}.poses.{row}"
+            gap = clearance_cm(swarm, float(x), float(y)) - radius_cm
+            if gap < -TOLERANCE_CM:
+                raise ScenarioError(
+                    f"{key}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "
+                    f"allowed: at least {radius_cm:g} cm away from them"
+                )
+            distances = np.hypot(robots["x"] - x, robots["y"] - y)
+            nearest = distances.argmin()
+            if distances[nearest] < 2 * radius_cm - TOLERANCE_CM:
+                raise ScenarioError(
+                    f"{key}: is [{x:g}, {y:g}] and overlaps the robot at [{robots['x'][nearest]:g}, "
+                    f"{robots['y'][nearest]:g}]; allowed: at least {2 * radius_cm:g} cm between centres"
+                )
+            robots["x"][first + row], robots["y"][first + row], robots["heading"][first + row] = x, y, heading
 
-    def around(self, x: float, y: float) -> list[tuple[float, float]]:
-        """Return the places, in cells around (x, y), of all robots that touch one there, and of some that do not."""
-        return [place for cell in self._cells_around(x, y) for place in self._cells.get(cell, ())]
+    def place(self, block: Block) -> None:
+        """Put robots on the grid, and at random places, by draws from `scene.placement_random`.
 
-    def is_free(self, x: float, y: float) -> bool:
-        """Return whether a robot at (x, y) touches none of those whose places are taken."""
-        for cell in self._cells_around(x, y):
-            for other_x, other_y in self._cells.get(cell, ()):
-                dx, dy = other_x - x, other_y - y
-                if dx * dx + dy * dy < self._touch_cm**2:
-                    return False
-        return True
+        Args:
+            block: The swarm, in which others are parked, or at their given poses.
 
-    def _cells_around(self, x: float, y: float) -> Iterable[tuple[int, int]]:
-        column, row = int(x / self._cell_cm), int(y / self._cell_cm)
-        return product((column - 1, column, column + 1), (row - 1, row, row + 1))
+        Raises:
+            ScenarioError: Robots do not fit.
+        """
+        begin_placement(block)
+        for number, placement, first, end in self._groups:
+            if placement == "grid" and (free := place_on_grid(block, first, end)) != PLACED:
+                arena = self._scenario.arena
+                columns, rows = (max(1, int(side / GRID_SPACING_CM) - 1) for side in (arena.width_cm, arena.height_cm))
+                raise ScenarioError(
+                    f"{self._scenario.name}: robots.{number}.count: is {end - first}; allowed: up to {free}, the free "
+                    f"points of the grid of {columns} x {rows} in this arena; give fewer robots or a larger arena"
+                )
+        for number, placement, first, end in self._groups:
+            if placement == "random" and (robot := place_at_random(block, first, end)) != PLACED:
+                raise ScenarioError(
+                    f"{self._scenario.name}: robots.{number}.count: is {end - first}; no free place was found for "
+                    f"robot {robot - first} in {MAX_DRAWS} draws: random placement fills at most about half of the "
+                    "floor; give fewer robots, a larger arena, or poses"
+                )

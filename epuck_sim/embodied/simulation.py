@@ -12,32 +12,31 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arena import Arena
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller, Value
-from epuck_sim.control.runner import RobotError
-from epuck_sim.embodied.arena_change import check_bodies_outside, in_arena
-from epuck_sim.embodied.coming_and_going import absent_swarm, put_in, show_present, take_out
+from epuck_sim.control.loader import find_controller
+from epuck_sim.embodied.bodies.world import World
+from epuck_sim.embodied.changes.attendance import take_out
+from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
+from epuck_sim.embodied.changes.replacement import Replaced, check_alike, move, parameters_for, replace_controller
+from epuck_sim.embodied.changes.schedule import carry_out, timed_entries
 from epuck_sim.embodied.commands import Commands
-from epuck_sim.embodied.control_loop import make_control_loop, restart_loop
-from epuck_sim.embodied.fault_events import take_events
-from epuck_sim.embodied.faults import make_faults, restart_faults
-from epuck_sim.embodied.group import RobotGroupState, make_group, restart_group, set_parameters
-from epuck_sim.embodied.loop_runners import CompiledLoop, InterpretedLoop
-from epuck_sim.embodied.placement import place_robots
-from epuck_sim.embodied.randomness import Part, Randomness, spawned
-from epuck_sim.embodied.relations import Relations
-from epuck_sim.embodied.replacement import Replaced, replace_controller
-from epuck_sim.embodied.rigid_bodies import World
-from epuck_sim.embodied.schedule import carry_out, timed_entries
+from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.layout import make_swarm_block, set_arena
+from epuck_sim.embodied.loop import FIRED, ControlLoop
+from epuck_sim.embodied.observers.relations import Relations
+from epuck_sim.embodied.placement import Placement
+from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
-from epuck_sim.embodied.step import Step, shown_arrays
-from epuck_sim.embodied.swarm_arrays import NOISE_STEPS, make_swarm_arrays, restart_swarm_arrays
+from epuck_sim.embodied.start import Part, draw_start, spawned, vary
+from epuck_sim.embodied.step import ShownArrays, Step
+from epuck_sim.embodied.swarm import open_block
 from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.arena_changes import arena_after
+from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.imperfections import SpreadSection
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.robot_schedule import RobotScheduleEntry
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.util.memory import lack_of_memory
@@ -67,12 +66,10 @@ class Simulation:
     """(robots,) ms: the oscillators' periods; NaN for robots without an oscillator."""
     events: list[TrialEvent]
     """Entries of the schedule that were carried out, and faults that began and ended, in the order of their steps."""
+    is_firing: bool
+    """Whether the reference, an oscillator, fires in the last step (thesis 4.2.1)."""
     commands: Commands
     """What is commanded from outside; `command` checks it first, and snapshots know of it."""
-    external_wheels: IntArray
-    """(n,) numbers of the robots whose wheels are commanded from outside; see `command`."""
-    external_rings: IntArray
-    """(m,) numbers of the robots whose rings are commanded from outside."""
 
     def __init__(
         self,
@@ -99,65 +96,62 @@ class Simulation:
         seed = seed_of_trial(scenario, seed)
         if lack := lack_of_memory(scenario.memory_bytes):
             raise ScenarioError(f"{scenario.name}: a trial {lack}; give fewer robots, or cameras with fewer pixels")
-        robots, arena = scenario.robot_count, scenario.arena.build()
         self.step_s = scenario.timing.step_ms / 1000
         self._step_ms = scenario.timing.step_ms
         self._interpret = interpret
-        self._step = np.full(1, -1)  # the number of the last step taken
-        self._world = World(
-            *(arena, np.zeros((robots, 3)), scenario.contact.friction, scenario.timing.physics_hz),
-            touch=scenario.contact.robots,
-            drive_force_n=scenario.contact.drive_force_n,
-            robot=scenario.robot,
-        )
-        self._first_arena = arena
-        self._swarm = make_swarm_arrays(scenario, arena, self._world)
-        self._randomness = Randomness(scenario)
-        self._groups = self._make_groups()
-        self.period_ms = np.empty(robots)
-        self._loop = make_control_loop(
-            *(scenario, self._step, self._world.bodies, self._swarm),
-            *(self._randomness.variation, self._randomness.variation_streams),
-        )
-        self._faults = make_faults(scenario) if scenario.faults else None
-        absent = absent_swarm(self._swarm) if scenario.members_change else None
-        interpreted = InterpretedLoop(self._loop, self._groups, self._faults, absent) if interpret else None
-        self._take_steps = interpreted or CompiledLoop(self._loop, self._groups, self._faults, absent)
-        self.commands = Commands(self._loop, self._groups, interpreted)
-        self.external_wheels = self.commands.arrays.wheel_robots
-        self.external_rings = self.commands.arrays.ring_robots
-        self._relations = Relations(scenario, self._swarm)
-        self._show()
-        self._short_rows = self._find_short_rows()
+        later = (arena_after(scenario, entry).build() for entry in arena_entries(scenario))
+        self._arenas = [scenario.arena.build(), *later]
+        self.period_ms = np.empty(scenario.robot_count)
         self._timed = timed_entries(scenario.schedule, self._step_ms)
+        self._varies = scenario.spread != SpreadSection() or scenario.stuck.per_hour > 0
+        self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
+        controllers = [find_controller(group.controller) for group in scenario.robots]
+        groups = zip(controllers, scenario.robots, strict=True)
+        self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
         self.reset(seed)
 
-    def _make_groups(self) -> list[RobotGroupState]:
-        """Return all groups, with their controllers ready to start."""
-        groups: list[RobotGroupState] = []
-        first_robot = 0
-        for section in self.scenario.robots:
-            group = make_group(
-                self.scenario,
-                section,
-                first_robot,
-                self._swarm,
-                infrared_gain=self._randomness.variation.infrared_gain,
-                controller_streams=self._randomness.controller_streams,
-                signal_streams=self._randomness.signal_streams,
-                interpret=self._interpret,
-            )
-            groups.append(group)
-            first_robot += section.count
-        return groups
+    def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
+        """Make the swarm's block, and all that works on it, for these controllers and parameters of the groups."""
+        scenario = self.scenario
+        self._block = block = make_swarm_block(scenario, self._arenas, controllers)
+        self._swarm = swarm = open_block(block)
+        self._placement = Placement(swarm, scenario)
+        self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
+        self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
+        contact = scenario.contact
+        self._world = vars(self).get("_world") or World(
+            *(block, self._arenas),
+            friction=contact.friction,
+            drive_force_n=contact.drive_force_n,
+            kind=scenario.robot,
+        )
+        self._groups = [
+            GroupControllers(block, number, controller, interpret=self._interpret)
+            for number, controller in enumerate(controllers)
+        ]
+        for group, record in zip(self._groups, parameters, strict=True):
+            group.parameters[:] = record
+        self._first_parameters = parameters
+        self._loop = ControlLoop(scenario, block, self._world, self._groups, interpret=self._interpret)
+        counts = [section.count for section in scenario.robots]
+        self.commands = Commands(controllers, counts, block, self._loop.addresses)
+        self._relations = Relations(scenario, swarm, self._arenas[0])
+        self._find_periods()
+        self._first_periods = self.period_ms.copy()
+        swarm.robots["starts"] = self._starts[0] = True
+        self._template = block.copy()
+        self._starts[0] = False
+        self._show(self._arenas[0])
 
-    def _show(self) -> None:
-        """Find the arrays that steps show."""
-        shown = shown_arrays(self._swarm, [group.runner.memory for group in self._groups])
-        self._shown: tuple[Any, ...] = (*shown, self._relations)
+    def _show(self, arena: Arena) -> None:
+        """Find the arrays that steps show in an arena, which the swarm is in."""
+        self._arena = arena
+        self._relations.change_arena(arena)
+        memories = [group.memory for group in self._groups]
+        self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, self._relations)
 
     def reset(self, seed: int | None = None) -> None:
-        """Start anew, to the same outcome as a new simulation with this seed, but several times as fast.
+        """Start anew, to the same outcome as a new simulation with this seed, but many times as fast.
 
         Parameters are the scenario's again, and nothing is commanded.
 
@@ -169,42 +163,63 @@ class Simulation:
             ControllerError: A controller raises at its start.
         """
         scenario = self.scenario
-        seed = self.seed if seed is None else seed_of_trial(scenario, seed)
-        poses = place_robots(scenario, spawned(seed, Part.PLACEMENT))
-        self.seed = seed
+        self.seed = self.seed if seed is None else seed_of_trial(scenario, seed)
         self._changes: list[Change] = []
         self.events = []
         self._timed.restart()
         self._replaced_at: int | None = None
-        self._step[0] = -1
-        if self._swarm.arena is not self._first_arena:
-            self._change_arena(self._first_arena)
-        self._world.place(poses)
-        restart_swarm_arrays(self._swarm, self._step_ms)
-        self._randomness.restart(seed)
-        restart_loop(self._loop, self._step_ms, self._randomness.variation)
-        if self._faults is not None:
-            restart_faults(self._faults, scenario, spawned(seed, Part.FAULTS))
+        self.is_firing = False
+        block, addresses = self._block, self._loop.addresses
+        block[:] = self._template
+        draw_start(block, self.seed)
+        if self._varies:
+            vary(block)
+        self._placement.place(block)
+        self._world.place()
+        if self._arena is not self._arenas[0]:
+            self._show(self._arenas[0])
+        if scenario.faults:
+            restart_faults(block, scenario, spawned(self.seed, Part.FAULTS))
         self.commands.restart()
         self._relations.restart()
-        for group in self._groups:
+        for number, (group, section) in enumerate(zip(self._groups, scenario.robots, strict=True)):
+            if section.signal.kind == "camera" and section.camera.frames_per_s is not None:
+                begin_pictures(block, number)
             try:
-                restart_group(group)
-            except RobotError as error:
-                raise self._located(error, group.robots.start) from error
-            self.period_ms[group.robots] = group.period_ms
+                group.run(block, addresses, number)  # which starts all, as the template says
+            except BaseException as error:  # whatever a user's controller may raise
+                raise self._located(error) from error
+            for name, value in section.memory.items():
+                group.memory[name] = value
+        self._starts[0] = False
+        self.period_ms[:] = self._first_periods
         if scenario.members_change:
-            take_out(np.flatnonzero(~np.array(scenario.present)).tolist(), self._world, self._swarm, self._groups)
+            take_out(self._absent, block, self._world, self._groups)
 
-    def _find_short_rows(self) -> list[tuple[IntArray, IntArray]]:
-        """Return, for each group with fewer pixels than others, the rows that are shown and those of its cameras."""
-        shown, short_rows = self._swarm.sensors.camera, []
-        for group in self._groups:
-            camera = group.runner.arrays.senses.camera
-            pixels = camera.shape[1]
-            if pixels < shown.shape[1]:
-                short_rows.append((shown[group.robots, :pixels], camera))
-        return short_rows
+    def _find_periods(self) -> None:
+        for group, first, end in self._bounds():
+            is_oscillator = group.controller.is_oscillator
+            self.period_ms[first:end] = float(group.parameters["period_s"][0]) * 1000 if is_oscillator else np.nan
+
+    def _bounds(self) -> list[tuple[GroupControllers, int, int]]:
+        """Return the controllers of each group, the number of its first robot, and that after its last."""
+        ends = np.cumsum([section.count for section in self.scenario.robots]).tolist()
+        return list(zip(self._groups, [0, *ends], ends, strict=False))
+
+    @property
+    def controllers(self) -> list[Controller]:
+        """What runs on the robots of each group."""
+        return [group.controller for group in self._groups]
+
+    @property
+    def external_wheels(self) -> IntArray:
+        """(n,) numbers of the robots whose wheels are commanded from outside; see `command`."""
+        return self.commands.wheel_robots
+
+    @property
+    def external_rings(self) -> IntArray:
+        """(m,) numbers of the robots whose rings are commanded from outside."""
+        return self.commands.ring_robots
 
     @property
     def steps(self) -> int:
@@ -213,11 +228,8 @@ class Simulation:
 
     def controller_at_work(self) -> tuple[int, int] | None:
         """Return robot and step of the controller that is running, for another thread; None while none is."""
-        for group in self._groups:
-            robot = int(group.runner.arrays.serving[0])
-            if robot >= 0:
-                return group.robots.start + robot, int(self._step[0])
-        return None
+        robot = int(self._swarm.scene["serving"][0])
+        return (robot, int(self._step[0])) if robot >= 0 else None
 
     def __iter__(self) -> Self:
         """Return the simulation itself: a further loop continues where the last one stopped."""
@@ -236,36 +248,31 @@ class Simulation:
         """
         return self.advance(1)
 
-    def advance(self, steps: int, until_lit: int | None = None) -> Step:
+    def advance(self, steps: int, *, until_firing: bool = False) -> Step:
         """Take several control steps, faster than one by one, and return the last of them.
 
         Args:
             steps: Number of steps to take, at least 1.
-            until_lit: Number of a robot; a step in which its ring is commanded to be lit is the last one.
+            until_firing: Whether a step in which the reference fires is the last one; see `is_firing`.
 
         Returns:
             The last step; its arrays are overwritten by the next one.
 
         Raises:
-            ValueError: There is no step to take, or no such robot.
+            ValueError: There is no step to take.
             ControllerError: See `__next__`.
         """
         if steps < 1:
             raise ValueError(f"steps is {steps}; allowed: 1 and above")
-        if until_lit is not None and not 0 <= until_lit < len(self.period_ms):
-            raise ValueError(f"until_lit is {until_lit}; allowed: 0 to {len(self.period_ms) - 1}")
         end = self.steps + steps
         while True:
             while self._timed.next == self.steps:
                 self._carry_out(self._timed.take())
-            noise_step = self.steps % NOISE_STEPS
-            if noise_step == 0:
-                self._randomness.draw_noise(self._swarm)
-            unseen = min(end - self.steps, NOISE_STEPS - noise_step, self._timed.next - self.steps)
-            self._run(unseen, -1 if until_lit is None else until_lit)
-            if self._faults is not None:
-                self.events += take_events(self._faults, self._step_ms)
-            if self.steps == end or (until_lit is not None and self._swarm.ring_commands[until_lit]):
+            unseen = min(end, self._timed.next) - self.steps
+            self._run(min(unseen, LOGGED_STEPS) if self.scenario.faults else unseen, until_firing=until_firing)
+            if self.scenario.faults:
+                self.events += take_events(self._swarm)
+            if self.steps == end or (until_firing and self.is_firing):
                 return self.last_step
 
     def command(
@@ -294,7 +301,7 @@ class Simulation:
             raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
         self.commands.set(left_cm_s, right_cm_s, ring_on)
         self.commands.carry_out()
-        self._changes.append(Command.of(self.steps, self.commands.arrays))
+        self._changes.append(Command.of(self.steps, self.commands))
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
         """Change parameters of a group's controllers from the next step on; its robots keep what they remember.
@@ -315,10 +322,11 @@ class Simulation:
     def _set_parameters(self, group: int, values: Mapping[str, Value]) -> None:
         """Change parameters of a group's controllers."""
         changed = self._groups[group]
-        origin = f"{self.scenario.name}: robots.{group}"
-        given = {**changed.parameters, **values}
-        set_parameters(changed, resolve_parameters(changed.controller, given, self._step_ms, origin))
-        self.period_ms[changed.robots] = changed.period_ms
+        controller, origin = changed.controller, f"{self.scenario.name}: robots.{group}"
+        given = {**controller.parameter_values(changed.parameters[0]), **values}
+        resolved = resolve_parameters(controller, given, self._step_ms, origin)
+        changed.parameters[:] = controller.parameter_record(resolved)
+        self._find_periods()
 
     def carry_out_scheduled(self, entry: int) -> None:
         """Carry out an entry of the scenario's schedule now: its changes act from the next step on.
@@ -332,48 +340,24 @@ class Simulation:
         self._changes.append(ScheduledChange(self.steps, entry))
 
     def _carry_out(self, entry: int) -> None:
-        time_ms = self.steps * self._step_ms
         sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
-        section = self.scenario.schedule[entry]
-        origin = f"{self.scenario.name}: schedule.{entry}, at {time_ms / 1000:g} s, seed {self.seed}"
-        take_out(section.remove, self._world, self._swarm, self._groups)
-        if section.arena_values():
-            arena = arena_after(self.scenario, entry).build()
-            self._change_arena(arena)
-            radius_cm = self.scenario.robot.radius_cm
-            check_bodies_outside(arena, self._world.poses, radius_cm, self._swarm.sensors.present, origin)
-        self._add(section, np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry, Part.PLACEMENT)), origin)
-        carry_out(section, self._groups, self._faults, self._set_parameters, sequence, time_ms)
-        self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{entry}", section.what))
-
-    def _add(self, section: RobotScheduleEntry, sequence: np.random.SeedSequence, origin: str) -> None:
-        """Put the robots of an entry into the arena."""
-        try:
-            put_in(section, self._world, self._swarm, self._groups, sequence, origin)
-        except RobotError as error:
-            raise ControllerError(f"{origin}: {error}") from error
+        event = carry_out(
+            *(entry, self.scenario, sequence, self._block, self._world, self._groups),
+            *(self._change_arena, self._set_parameters),
+        )
+        self.events.append(event)
 
     def _change_arena(self, arena: Arena) -> None:
         """Have all move and sense in another arena, with the same movables, from the next step on."""
-        world = self._world
-        world.change_arena(arena)
-        self._swarm = self._swarm._replace(arena=arena, cells=world.bodies.cells)
-        self._groups[:] = [in_arena(group, arena, world.bodies.cells) for group in self._groups]
-        self._loop = self._loop._replace(bodies=world.bodies)
-        self._take_steps.begin(self._loop, self._groups)
-        self._relations.change_arena(self._swarm)
-        self._show()
-
-    @property
-    def controllers(self) -> list[Controller]:
-        """What runs on the robots of each group."""
-        return [group.controller for group in self._groups]
+        set_arena(self._swarm, arena, self.scenario.robot.cell_cm)
+        self._world.change_arena(arena)
+        self._show(arena)
 
     def replace_controller(self, group: int, controller: Controller) -> Replaced:
         """Have the robots of a group go on with another controller from the next step on.
 
-        See `embodied.replacement` for what they remember, and which parameters they keep. Until it is reset, the
-        simulation is no longer what its scenario and seed alone decide.
+        See `embodied.changes.replacement` for what they remember, and which parameters they keep. Until it is reset,
+        the simulation is no longer what its scenario and seed alone decide.
 
         Args:
             group: Number of the group in the scenario.
@@ -385,13 +369,26 @@ class Simulation:
         Raises:
             EpuckSimError: It cannot be compiled, raises, or does not fit; then the old one goes on.
         """
-        origin = f"{self.scenario.name}: robots.{group}"
-        replaced = replace_controller(self._groups[group], controller, self._step_ms, origin, interpret=self._interpret)
-        self._groups[group] = replaced.group
-        self._take_steps.call_controllers(self._groups)
-        self.period_ms[replaced.group.robots] = replaced.group.period_ms
+        old, origin = self._groups[group], f"{self.scenario.name}: robots.{group}"
+        check_alike(old.controller, controller)
+        now, at_first = (
+            parameters_for(controller, old.controller, old.controller.parameter_values(record), self._step_ms, origin)
+            for record in (old.parameters[0], self._first_parameters[group][0])
+        )
+        before = dict(vars(self))
+        first_parameters = list(self._first_parameters)
+        first_parameters[group] = controller.parameter_record(at_first)
+        try:
+            self._build([controller if each is old else each.controller for each in self._groups], first_parameters)
+            replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
+            move(before["_template"], self._template, group)
+        except BaseException:
+            vars(self).update(before)
+            self._world.use(self._block, self._loop.addresses)
+            raise
+        self._find_periods()
         self._replaced_at = self.steps
-        self._show()
+        self._show(before["_arena"])
         return replaced
 
     def snapshot(self) -> Snapshot:
@@ -431,28 +428,20 @@ class Simulation:
     @property
     def last_step(self) -> Step:
         """The step that was taken last; before the first one, number -1: where robots are placed, with their phases."""
-        for shown, camera in self._short_rows:
-            shown[:] = camera
-        if self._swarm.shown_poses is not self._swarm.poses:
-            show_present(self._swarm)
         number = int(self._step[0])
-        return Step(number, number * self._step_ms / 1000, *self._shown)
+        return self._shown.step(number, number * self._step_ms / 1000)
 
-    def _run(self, steps: int, until_lit: int) -> None:
-        """Take control steps for which noise is drawn; a robot whose controller fails is named."""
+    def _run(self, steps: int, *, until_firing: bool) -> None:
+        """Take control steps; a robot whose controller fails is named."""
         try:
-            invalid = self._take_steps(steps, until_lit)
+            outcome = self._loop.take(steps, until_firing=until_firing)
         except BaseException as error:  # whatever a user's controller may raise
-            for group in self._groups:
-                if fault := group.runner.fault(error):
-                    raise self._located(fault, group.robots.start) from error
-            raise
-        if invalid >= 0:
-            controller = next(
-                group for group in reversed(self._groups) if group.robots.start <= invalid
-            ).runner.controller
+            raise self._located(error) from error
+        self.is_firing = outcome == FIRED
+        if outcome >= 0:
+            controller = next(group.controller for group, _, end in self._bounds() if outcome < end)
             raise ControllerError(
-                f"{self._location(invalid)}: {controller.path}: sets a wheel speed or a turn that is not a number"
+                f"{self._location(outcome)}: {controller.path}: sets a wheel speed or a turn that is not a number"
             )
 
     def _repr_html_(self) -> str:
@@ -465,9 +454,12 @@ class Simulation:
         """Return where a controller failed, for an error."""
         return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"
 
-    def _located(self, error: RobotError, first_robot: int) -> ControllerError:
-        """Return the error of a controller of the group that begins with `first_robot`, with its location."""
-        return ControllerError(f"{self._location(first_robot + error.robot)}: {error}")
+    def _located(self, error: BaseException) -> BaseException:
+        """Return the error of a controller with its location; any other error as it is."""
+        for group, first, _ in self._bounds():
+            if fault := group.fault(error):
+                return ControllerError(f"{self._location(first + fault.robot)}: {fault}")
+        return error
 
 
 def _from_snapshot(kind: type[Simulation], snapshot: Snapshot, interpret: bool) -> Simulation:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.control.interface import Value
-from epuck_sim.embodied.commands import CommandArrays
+from epuck_sim.embodied.commands import Commands
 from epuck_sim.scenario.embodied import EmbodiedScenario
 
 if TYPE_CHECKING:
@@ -21,9 +21,9 @@ class Command(NamedTuple):
     rings: BoolArray
 
     @classmethod
-    def of(cls, steps: int, arrays: CommandArrays) -> "Command":
+    def of(cls, steps: int, commands: Commands) -> "Command":
         """Return the present command."""
-        return cls(steps, arrays.wheels_cm_s.copy(), arrays.rings.copy())
+        return cls(steps, commands.wheels_cm_s.copy(), commands.rings.copy())
 
     def repeat(self, simulation: "Simulation") -> None:
         """Give the command again."""

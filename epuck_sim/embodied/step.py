@@ -1,6 +1,7 @@
 """One control step of a simulation, as observers see it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy.typing as npt
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.memory import memory_field
-from epuck_sim.embodied.relations import Relations
-from epuck_sim.embodied.swarm_arrays import SwarmArrays
+from epuck_sim.embodied.observers.relations import Relations
+from epuck_sim.embodied.swarm import Swarm, offset_of, poses_of
+from epuck_sim.scenario.embodied import EmbodiedScenario
 
 
 class Step(NamedTuple):
@@ -87,24 +89,70 @@ class Step(NamedTuple):
         return show_step(self)
 
 
-def shown_arrays(swarm: SwarmArrays, memories: Sequence[npt.NDArray[Any]]) -> tuple[Any, ...]:
-    """Return the arrays of every `Step` of a simulation, in order, as views that refuse to be written to."""
-    return (
-        _read_only(swarm.shown_poses),
-        _read_only(swarm.sensors.infrared),
-        _read_only(swarm.sensors.distance_mm),
-        _read_only(swarm.sensors.camera),
-        _read_only(swarm.wheels_cm_s),
-        _read_only(swarm.ring_on),
-        _read_only(swarm.ring_commands),
-        _read_only(swarm.arena.circles[swarm.arena.first_movable :, :2]),
-        _read_only(swarm.sensors.present),
-        swarm.arena,
-        tuple(map(_read_only, memories)),
-    )
+class ShownArrays:
+    """The arrays that the steps of a simulation show: those of its block, as views that refuse to be written to."""
+
+    def __init__(
+        self,
+        scenario: EmbodiedScenario,
+        swarm: Swarm,
+        arena: Arena,
+        memories: Sequence[npt.NDArray[Any]],
+        relations: Relations,
+    ) -> None:
+        """Find the arrays.
+
+        Args:
+            scenario: The scenario.
+            swarm: The swarm.
+            arena: Its present arena.
+            memories: What the robots of each group remember.
+            relations: What finds who sees, and who touches, whom.
+        """
+        self._swarm, robots = swarm, swarm.robots
+        self._poses = poses_of(robots)
+        poses = self._copied_poses = self._poses.copy() if scenario.members_change else None
+        camera, self._rows = _rows_of_cameras(swarm, scenario)
+        circles = swarm.circles[: swarm.scene[0].circles].view(np.ndarray).view(np.float64).reshape(-1, 3)
+        wheels = np.ndarray((len(robots), 2), np.float64, robots, offset_of("left_cm_s"), (robots.strides[0], 8))
+        self._arrays: tuple[Any, ...] = (
+            _read_only(self._poses if poses is None else poses),
+            _read_only(robots.sensors.infrared),
+            _read_only(robots.sensors.distance_mm),
+            _read_only(camera),
+            _read_only(wheels),
+            _read_only(robots.ring_on),
+            _read_only(robots.ring_command),
+            _read_only(circles[swarm.scene[0].first_movable :, :2]),
+            _read_only(robots.present),
+            replace(arena, circles=circles),
+            tuple(map(_read_only, memories)),
+            relations,
+        )
+
+    def step(self, number: int, time_s: float) -> Step:
+        """Return the present step."""
+        for shown, row in self._rows:
+            shown[:] = row
+        if self._copied_poses is not None:
+            self._copied_poses[:] = np.where(self._swarm.robots.present[:, None], self._poses, np.nan)
+        return Step(number, time_s, *self._arrays)
+
+
+def _rows_of_cameras(swarm: Swarm, scenario: EmbodiedScenario) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
+    """Return (robots, pixels) the rows that steps show, and which of them are padded copies of which."""
+    robots, widest = len(swarm.robots), scenario.camera_pixels
+    if all(group.pixels == widest for group in scenario.robots):
+        return swarm.pixels[: robots * widest].reshape(robots, widest), []
+    shown = np.zeros((robots, widest), np.int64)
+    copies = []
+    for group in swarm.groups:
+        rows = swarm.pixels[group.row : group.row + group.count * group.pixels].reshape(group.count, group.pixels)
+        copies.append((shown[group.first : group.first + group.count, : group.pixels], rows))
+    return shown, copies
 
 
 def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    view = array.view()
+    view = array.view(np.ndarray)
     view.flags.writeable = False
     return view

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
+from epuck_sim.util.generators import GENERATOR_WORDS
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import array_at
 
@@ -54,6 +55,7 @@ ROBOT = _record(
         ("ring_command", "?"),  # whether the ring is commanded to be lit
         ("ring_on", "?"),  # whether it is lit: the same, unless it has a fault
         ("ring_before", "?"),  # whether it was lit a control step before, which is what others see
+        ("starts", "?"),  # whether its controller is to start, where `scene.starts` says that controllers do
         ("present", "?"),  # whether the robot is in the arena; others are parked far outside, at rest, in the dark
         ("may_touch", "?"),  # whether it may touch something in this control step
         ("in_space", "?"),  # whether its body is in Chipmunk's space
@@ -64,6 +66,7 @@ ROBOT = _record(
         ("wheel_gain", "f8", 2),  # factor of each wheel's speed, 0 while the robot is stuck
         ("free_gain", "f8", 2),  # the same when it is not
         ("clock_rate", "f8"),  # rate of its clock, relative to real time
+        ("own_step_ms", "f8"),  # ms of a control step by its clock
         ("infrared_gain", "f8", SENSORS),  # factor of each sensor's reading
         ("stuck_until_s", "f8"),  # time until which it stays stuck, or free
         ("infrared_noise", "f8", SENSORS),  # standard normal numbers of this control step
@@ -144,6 +147,7 @@ INFRARED = _record(
         ("by_table", "?"),  # whether distances come from the firmware's table instead of the inverse response
         ("sees_robots", "?"),  # whether rays end at robots; else only at walls and obstacles
         ("noise_counts", "f8"),  # standard deviation of the noise
+        ("met_cm", "f8", (SENSORS, RAYS)),  # scratch: distances at which rays of the robot that senses end
     ]
 )
 """The proximity sensors of a group's robots."""
@@ -154,16 +158,18 @@ GROUP = _record(
         ("count", "i8"),  # number of its robots
         ("pixels", "i8"),  # length of the row that its controllers read
         ("row", "i8"),  # index in `Swarm.pixels` of the rows that controllers read
-        ("view", "i8"),  # of those that show what is in view now: the same, unless pictures are delivered later
+        ("in_view", "i8"),  # of those that show what is in view now: the same, unless pictures are delivered later
         ("waiting", "i8"),  # of those that wait for delivery
         ("ray", "i8"),  # index in `Swarm.rays` of pixel 0
         ("camera", CAMERA),
         ("cone", CONE),
         ("radio", RADIO),
         ("infrared", INFRARED),
-        ("memory", "i8"),  # offset in the block of what its robots remember: records of their controller's type
+        ("memory", "i8"),  # offset in the block of what its robots remember: records of their controller's type, and a
+        # further one with what the robot of `scene.serving` remembered before its controller ran
         ("memory_bytes", "i8"),  # size of such a record
-        ("parameters", "i8"),  # offset in the block of the record of its controller's parameters
+        ("controller", "i8"),  # index in the addresses of what runs its controllers, see `controllers.GroupControllers`
+        ("parameters", "i8"),  # offset in the block of the record of its controller's parameters, right before `memory`
         ("phase", "i8"),  # offset in a memory of the phase in ms; -1 for robots that are no oscillators
         ("phase_is_float", "?"),  # else it is a whole number
         ("period", "i8"),  # offset in the parameters of the period in s
@@ -177,8 +183,8 @@ MEMBER = _record([("x", "f8"), ("y", "f8"), ("robot", "i8")])
 CIRCLE = _record([("x", "f8"), ("y", "f8"), ("radius", "f8")])
 """A round obstacle or a movable, cm."""
 
-EDGE = _record([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8")])
-"""An edge of another obstacle, cm, from a to b."""
+EDGE = _record([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8"), ("polygon", "i8")])
+"""An edge of another obstacle, cm, from a to b counter-clockwise, and the obstacle's number."""
 
 FAULT = _record(
     [
@@ -211,6 +217,10 @@ CHANGE = _record([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("begins"
 CALL = _record([("function", "i8"), ("argument", "i8")])
 """A call: number of a function (block, addresses, argument) in the addresses, and its argument."""
 
+SPACE, GROUND, HIDE = range(3)
+"""Indices in the addresses: Chipmunk's space, the body of the floor, and the function (block, addresses, robot) that
+writes to the scratch numbers which lit rings faults leave visible to a robot."""
+
 ARRAYS = 17
 """Number of arrays in a block, the scene included."""
 
@@ -233,8 +243,8 @@ SCENE = _record(
         ("cell_height_cm", "f8"),
         ("radius_cm", "f8"),  # of a robot
         ("touch", "?"),  # whether robots touch each other; else they pass through each other
+        ("moved_publicly", "?"),  # whether bodies move by pymunk's public interface, between calls of compiled code
         ("clocks_differ", "?"),
-        ("get_stuck", "?"),
         ("hides_flashes", "?"),  # whether faults may keep robots from seeing flashes: `CALL_HIDE` is called
         ("wheel_limit_cm_s", "f8"),
         ("wheel_base_cm", "f8"),
@@ -242,11 +252,28 @@ SCENE = _record(
         ("infrared_noise", "?"),  # whether noise is drawn
         ("mean_free_s", "f8"),  # mean time for which a robot is free, and stuck
         ("mean_stuck_s", "f8"),
-        ("noise_random", "u8", 4),  # SFC64 generator of the infrared noise
-        ("slip_random", "u8", 4),  # and of the wheels'
+        ("noise_random", "u8", GENERATOR_WORDS),  # generator of the infrared noise, see `util.generators`
+        ("slip_random", "u8", GENERATOR_WORDS),  # of the wheels'
+        ("placement_random", "u8", GENERATOR_WORDS),  # of places
+        ("robots_vary", "?"),  # whether `ROBOT.variation_random` is drawn from
+        ("signals_draw", "?"),  # whether `ROBOT.signal_random` is
+        ("spread", "f8", 4),  # half-widths of the factors of both wheels, each wheel, clocks, and infrared readings
         ("serving", "i8"),  # robot whose controller is running; -1 if none is
+        ("kept_random", "u8", 4),  # its stream and its actuators before its controller ran
+        ("kept_actuators", ACTUATORS),
+        ("starts", "?"),  # whether controllers start on the robots with `starts`, instead of running a step
         ("changes", "i8"),  # number of records in `Swarm.log`
+        ("reference", "i8"),  # robot whose firings are counted, if it is an oscillator; else -1
+        ("reference_phase", "i8"),  # offset in the block of its phase, and whether that is a float
+        ("reference_is_float", "?"),
+        ("lit_phase", "f8"),  # its phase in the last control step, if its ring was commanded to be lit; else NaN
         ("late", "i8"),  # index in `Swarm.calls` of the first call that follows when commands have been carried out
+        ("calls", "i8"),  # number of calls
+        ("bodies", "i8"),  # index in the addresses of the first robot's body; its shape follows, then the next robot's
+        ("surfaces", "i8"),  # of the shapes of walls and obstacles
+        ("surface_count", "i8"),
+        ("movables", "i8"),  # of the bodies of movables
+        ("drives", "i8"),  # of the bodies whose velocities the wheels of robots give them; -1 without movables
     ]
 )
 """What is one for all robots."""
@@ -286,16 +313,17 @@ class Swarm(NamedTuple):
     log: Any
     """(room,) CHANGE: what faults did since Python looked."""
     numbers: Any
-    """(2 * robots,) int64: scratch."""
+    """(3 * robots + 2 * pixels of the longest row,) int64: scratch; sensors of flashes have the numbers of lit robots,
+    and then a label of each robot: what a pixel that shows it becomes, 0 for dark rings and those that faults hide."""
     depths: Any
-    """(2 * pixels of the longest row,) float64: scratch."""
+    """(3 * pixels of the longest row,) float64: scratch."""
     bytes: Any
     """(n,) uint8: what robots remember, and the parameters of their controllers."""
 
 
 INT64, FLOAT64, BYTE = np.dtype(np.int64), np.dtype(np.float64), np.dtype(np.uint8)
 
-_DTYPES = (
+_DTYPES: tuple[np.dtype[Any], ...] = (
     *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, INT64, RAY, PULSES, FAULT, AFFECTED, CHANGE),
     *(INT64, FLOAT64, BYTE),
 )
@@ -331,22 +359,36 @@ def swarm_at(block: npt.NDArray[np.uint8]) -> Swarm:
 
 
 def make_block(lengths: Mapping[str, int]) -> npt.NDArray[np.uint8]:
-    """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, 0 for those that are left out."""
+    """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, or 0 if it is left out."""
     sizes = [dtype.itemsize * lengths.get(name, 0) for name, dtype in zip(Swarm._fields, _DTYPES, strict=True)]
     sizes[0] = SCENE_BYTES
     offsets = np.cumsum([0, *(-(-size // 8) * 8 for size in sizes[:-1]), sizes[-1]])  # each array begins at a word
     block = np.zeros(int(offsets[-1]), np.uint8)
-    block[:SCENE_BYTES].view(SCENE)[0].at = offsets
+    block[_AT].view(np.int64)[:] = offsets
     return block
 
 
 def open_block(block: npt.NDArray[np.uint8]) -> Swarm:
     """Return the arrays of a block for Python: `swarm.robots.x` is the x of all robots, (robots,), in place."""
-    at = block[:SCENE_BYTES].view(SCENE)[0].at.tolist()
-    arrays = (block[first:end].view(dtype) for first, end, dtype in zip(at[:-1], at[1:], _DTYPES, strict=True))
-    return Swarm(*(array.view(np.recarray) if array.dtype.names else array for array in arrays))
+    at = block[_AT].view(np.int64).tolist()
+    return Swarm(*(_array(block, *each) for each in zip(at[:-1], at[1:], _DTYPES, strict=True)))
+
+
+_AT = slice(8 * (ARRAYS + 1))  # where a scene has its offsets
+
+
+def _array(block: npt.NDArray[np.uint8], first: int, end: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    kind: Any = np.recarray if dtype.names else np.ndarray
+    array: npt.NDArray[Any] = np.ndarray.__new__(kind, ((end - first) // dtype.itemsize,), dtype, block, first)
+    return array
+
+
+def offset_of(field: str) -> int:
+    """Return the offset of a field in the record of a robot, in bytes."""
+    assert ROBOT.fields
+    return ROBOT.fields[field][1]
 
 
 def poses_of(robots: npt.NDArray[np.void]) -> npt.NDArray[np.float64]:
     """Return (robots, 3) cm, cm, rad: x, y and heading of robots, in place."""
-    return np.ndarray((len(robots), 3), np.float64, robots, ROBOT.fields["x"][1], (robots.strides[0], 8))  # type: ignore[index]
+    return np.ndarray((len(robots), 3), np.float64, robots, offset_of("x"), (robots.strides[0], 8))

@@ -91,12 +91,12 @@ class SwarmBatch:
         wheels, rings = commanded
         for swarm in swarms:
             simulation = self.simulations[swarm]
-            arrays = simulation.commands.arrays
+            commands = simulation.commands
             if wheels is not None:
-                arrays.wheels_cm_s[:] = wheels[swarm]
+                commands.wheels_cm_s[:] = wheels[swarm]
             if rings is not None:
-                arrays.rings[:] = rings[swarm]
-            simulation.commands.carry_out()
+                commands.rings[:] = rings[swarm]
+            commands.carry_out()
             self._steps[swarm] = simulation.advance(self.control_steps)
 
     def look(self) -> Situation:

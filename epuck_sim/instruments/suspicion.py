@@ -11,8 +11,8 @@ import numpy as np
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.visibility import find_sightings, view_of
+from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.visibility import find_sightings
 
 HALF_A_MILLISECOND = 0.0005
 """Allowance in seconds for the sum of many control steps."""
@@ -29,11 +29,7 @@ class _Suspicion:
     def __init__(self, simulation: Any, *, cycles: float = 2.0) -> None:
         scenario, robots = simulation.scenario, len(simulation.period_ms)
         self._simulation = simulation
-        self._arena: Arena | None = None  # for which the cell list is
-        counts = [group.count for group in scenario.robots]
-        firsts = np.cumsum([0, *counts[:-1]]).tolist()
-        views = [view_of(group, scenario.robot) for group in scenario.robots]
-        self._groups = list(zip(views, firsts, counts, strict=True))
+        self._arena: Arena | None = None  # for which the scene is
         self._step_s = 1 / scenario.timing.control_hz
         self._period_s: FloatArray = simulation.period_ms / 1000
         self._patience_s = cycles * self._period_s[:, None]
@@ -52,12 +48,13 @@ class _Suspicion:
         """Have each robot watch those in its view."""
         self._note_faults()
         poses = step.poses.copy()[None]
-        arena = step.arena
-        if arena is not self._arena:
-            cell_cm = self._simulation.scenario.robot.cell_cm
-            self._arena, self._cells = arena, make_cell_list(arena.width_cm, arena.height_cm, poses.shape[1], cell_cm)
-        for view, first, count in self._groups:
-            _, observers, seen = find_sightings(poses, arena, self._cells, view, first, count).T
+        if step.arena is not self._arena:
+            scenario, self._arena = self._simulation.scenario, step.arena
+            self._scene = Scene(scenario.robots, scenario.robot, step.arena)
+        circles = self._scene.swarm.circles
+        circles["x"], circles["y"], circles["radius"] = step.arena.circles.T  # movables move
+        for group in range(len(self._scene.groups)):
+            _, observers, seen = find_sightings(self._scene, poses, group).T
             self._dark_s[observers, seen] += self._step_s
         observers, lit = step.sightings.T
         self._dark_s[observers, lit] = 0

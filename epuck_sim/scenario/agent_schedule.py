@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -27,13 +27,9 @@ PARAMETER = re.compile(r"response\.parameters\.\w+")
 class AgentDisplacement(Displacement):
     """A displacement of phases of agents."""
 
+    whose: ClassVar[str] = "agents"
     agents: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
     """Numbers of the agents; all by default."""
-
-    @property
-    def members(self) -> tuple[int, ...] | None:
-        """Numbers of the agents whose phases are displaced; None for all."""
-        return self.agents
 
 
 class AgentScheduleEntry(ScheduleEntry):

@@ -102,7 +102,7 @@ def check_oscillators(
         first = 0
         for place, group in enumerate(groups):
             known = f"robots.{place}.controller" not in swept
-            if fault.needs_oscillator and fault.may_befall(first, group.count) and known:
+            if fault.changes == "phase" and fault.may_befall(first, group.count) and known:
                 controller = find_controller(group.controller)
                 if not controller.is_oscillator:
                     raise ScenarioError(

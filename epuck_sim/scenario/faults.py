@@ -1,6 +1,6 @@
 """What may fail in robots while a trial runs (thesis 4.4): the section `faults` of a scenario."""
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -13,10 +13,9 @@ _WHEN = ("at_s", "until_s", "per_hour", "mean_s")
 class FaultSection(ConfigModel):
     """A fault: in which robots, from when to when."""
 
-    needs_oscillator: ClassVar[bool] = False
-    """Whether only oscillators can have it."""
-    is_of_sight: ClassVar[bool] = False
-    """Whether it is of what brings flashes to a robot: its camera, or its ideal sensor."""
+    changes: ClassVar[str]
+    """The reading, the actuator or the clock that it changes: `flashes` are what brings these to a robot, its camera or
+    its ideal sensor, and a `phase` is that of an oscillator."""
 
     kind: str
     robots: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
@@ -69,25 +68,28 @@ class FaultSection(ConfigModel):
 class RingDead(FaultSection):
     """The ring stays dark."""
 
+    changes: ClassVar[str] = "ring"
     kind: Literal["ring_dead"]
 
 
 class RingStuckOn(FaultSection):
     """The ring stays lit."""
 
+    changes: ClassVar[str] = "ring"
     kind: Literal["ring_stuck_on"]
 
 
 class OscillatorFrozen(FaultSection):
     """The phase, and with it the ring, stay as they are; the robot moves on."""
 
-    needs_oscillator: ClassVar[bool] = True
+    changes: ClassVar[str] = "phase"
     kind: Literal["oscillator_frozen"]
 
 
 class ClockDrift(FaultSection):
     """The robot's clock runs fast or slow (thesis 4.4)."""
 
+    changes: ClassVar[str] = "clock"
     kind: Literal["clock_drift"]
     rate: Annotated[Number, Field(ge=0.1, le=10)]
     """Factor of the clock's rate: 1.01 runs 1 % fast."""
@@ -96,6 +98,7 @@ class ClockDrift(FaultSection):
 class ClockJitter(FaultSection):
     """The robot's clock runs unevenly (thesis 4.4)."""
 
+    changes: ClassVar[str] = "clock"
     kind: Literal["clock_jitter"]
     jitter: Annotated[Number, Field(gt=0, le=1)]
     """Half-width of the uniform factor around 1 by which each control step is longer by the robot's clock."""
@@ -104,14 +107,14 @@ class ClockJitter(FaultSection):
 class CameraBlind(FaultSection):
     """The camera sees no flash."""
 
-    is_of_sight: ClassVar[bool] = True
+    changes: ClassVar[str] = "flashes"
     kind: Literal["camera_blind"]
 
 
 class CameraMisses(FaultSection):
     """The camera misses some flashes, each as a whole (thesis 4.4)."""
 
-    is_of_sight: ClassVar[bool] = True
+    changes: ClassVar[str] = "flashes"
     kind: Literal["camera_misses"]
     missed: Annotated[Number, Field(gt=0, le=1)]
     """Probability with which a flash is missed, drawn for each flash, sender and receiver."""
@@ -124,19 +127,21 @@ class CameraMisses(FaultSection):
 class InfraredDead(FaultSection):
     """The proximity sensors read 0, as if nothing were in range."""
 
+    changes: ClassVar[str] = "infrared"
     kind: Literal["infrared_dead"]
 
 
 class WheelsDead(FaultSection):
     """The robot stands still, whatever it commands."""
 
+    changes: ClassVar[str] = "wheels"
     kind: Literal["wheels_dead"]
 
 
 class Restart(FaultSection):
     """The oscillator starts anew at a random phase, with a dark ring; it takes no time."""
 
-    needs_oscillator: ClassVar[bool] = True
+    changes: ClassVar[str] = "phase"
     kind: Literal["restart"]
 
     @model_validator(mode="after")
@@ -145,20 +150,6 @@ class Restart(FaultSection):
             raise ValueError("a restart takes no time; leave mean_s out, and until_s, too, unless per_hour is given")
         return self
 
-
-FAULTS: dict[str, type[FaultSection]] = {
-    "ring_dead": RingDead,
-    "ring_stuck_on": RingStuckOn,
-    "oscillator_frozen": OscillatorFrozen,
-    "clock_drift": ClockDrift,
-    "clock_jitter": ClockJitter,
-    "camera_blind": CameraBlind,
-    "camera_misses": CameraMisses,
-    "infrared_dead": InfraredDead,
-    "wheels_dead": WheelsDead,
-    "restart": Restart,
-}
-"""Faults by their kind."""
 
 AnyFault = Annotated[
     RingDead
@@ -174,6 +165,11 @@ AnyFault = Annotated[
     Field(discriminator="kind"),
 ]
 
+FAULTS: dict[str, type[FaultSection]] = {
+    get_args(each.model_fields["kind"].annotation)[0]: each for each in get_args(get_args(AnyFault)[0])
+}
+"""Faults by their kind."""
+
 
 def check_faults(faults: tuple[FaultSection, ...], groups: tuple[Any, ...]) -> None:
     """Raise ValueError unless robots can have these faults; `groups`: the scenario's groups of robots."""
@@ -185,7 +181,7 @@ def check_faults(faults: tuple[FaultSection, ...], groups: tuple[Any, ...]) -> N
             raise ValueError(f"faults.{number}.{error}") from error
         first = 0
         for place, group in enumerate(groups):
-            if fault.is_of_sight and group.signal.kind == "radio" and fault.may_befall(first, group.count):
+            if fault.changes == "flashes" and group.signal.kind == "radio" and fault.may_befall(first, group.count):
                 raise ValueError(
                     f"faults.{number}: kind is {fault.kind!r}, but robots.{place} has no camera: its signal is radio; "
                     "give robots, the numbers of others, or robots.*.signal.loss"

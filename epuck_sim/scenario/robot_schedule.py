@@ -25,13 +25,9 @@ ARENA = re.compile(r"arena\.(width_cm|height_cm|obstacles)")
 class RobotDisplacement(Displacement):
     """A displacement of phases of robots; rings of the displaced are commanded dark."""
 
+    whose: ClassVar[str] = "robots"
     robots: tuple[Annotated[WholeNumber, Field(ge=0)], ...] | None = None
     """Numbers of the robots; all by default."""
-
-    @property
-    def members(self) -> tuple[int, ...] | None:
-        """Numbers of the robots whose phases are displaced; None for all."""
-        return self.robots
 
 
 class RobotScheduleEntry(ScheduleEntry):

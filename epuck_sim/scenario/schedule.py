@@ -31,13 +31,17 @@ class TrialEvent(NamedTuple):
 class Displacement(ConfigModel):
     """A displacement of phases."""
 
+    whose: ClassVar[str]
+    """Key of the numbers of those whose phases are displaced."""
+
     by_cycles: Number | Literal["random"]
     """What is added to each phase, in cycles; or `random`, for phases drawn uniformly instead."""
 
     @property
     def members(self) -> tuple[int, ...] | None:
         """Numbers of the robots or agents whose phases are displaced; None for all."""
-        raise NotImplementedError
+        members: tuple[int, ...] | None = getattr(self, self.whose)
+        return members
 
     def __str__(self) -> str:
         """Return the displacement in words."""

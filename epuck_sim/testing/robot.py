@@ -8,10 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.control.interface import ACTUATORS, EPUCK_WHEELS, MAX_MESSAGES, SENSORS, Value, Wheels
+from epuck_sim.control.interface import EPUCK_WHEELS, Value, Wheels
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.names import unknown_name
-from epuck_sim.control.runner import ControllerRunner, SensorArrays
+from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
+from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.util.seeds import robot_streams
 
@@ -31,7 +32,7 @@ class TestRobot:
     True
     """
 
-    __slots__ = ("_actuators", "_runner", "_senses", "memory", "parameters")
+    __slots__ = ("_actuators", "_camera", "_controllers", "_senses", "memory", "parameters")
     __test__: ClassVar[bool] = False  # or pytest would take this class for tests
 
     memory: "Record"
@@ -69,22 +70,20 @@ class TestRobot:
         """
         found = find_controller(str(controller))
         record = found.parameter_record(found.resolve({**(parameters or {}), **more_parameters}))
-        self._senses = SensorArrays(
-            step_ms=np.full(1, step_ms),
-            infrared=np.zeros((1, SENSORS)),
-            distance_mm=np.full((1, SENSORS), OUT_OF_RANGE_MM),
-            camera=np.zeros((1, pixels), np.int64),
-            new_picture=np.ones(1, np.bool_),
-            pulses=np.zeros(1, np.int64),
-            messages=np.zeros((1, MAX_MESSAGES), np.int64),
-            present=np.ones(1, np.bool_),
-        )
-        self._actuators = np.zeros(1, ACTUATORS)
-        streams = robot_streams(np.random.SeedSequence(seed), 1)
-        self._runner = ControllerRunner(found, record, streams, self._senses, self._actuators, interpret, wheels)
-        self._runner.start()
-        self.memory = Record("memory", self._runner.memory)
-        self.parameters = Record("parameters", record)
+        block = make_block({"robots": 1, "groups": 1, "pixels": pixels, "bytes": bytes_needed(found, 1)})
+        swarm = open_block(block)
+        scene, robot = swarm.scene[0], swarm.robots[0]
+        scene.serving, scene.wheel_limit_cm_s, scene.wheel_base_cm = -1, *wheels
+        swarm.groups[0].count, swarm.groups[0].pixels = 1, pixels
+        robot.present, robot.random = True, robot_streams(np.random.SeedSequence(seed), 1)[0]
+        assign_bytes(swarm, 0, found, 0)
+        self._camera, self._senses, self._actuators = swarm.pixels, robot.sensors, robot.actuators
+        self._senses.step_ms, self._senses.distance_mm, self._senses.new_picture = step_ms, OUT_OF_RANGE_MM, True
+        self._controllers = GroupControllers(block, 0, found, interpret=interpret)
+        self._controllers.parameters[:] = record
+        self._controllers.start()
+        self.memory = Record("memory", self._controllers.memory)
+        self.parameters = Record("parameters", self._controllers.parameters)
 
     def step(self, steps: int = 1) -> None:
         """Run control steps; sensors stay as they are.
@@ -97,12 +96,12 @@ class TestRobot:
         if len(invalid):
             raise ValueError(f"infrared[{invalid[0]}] is {self.infrared[invalid[0]]}; allowed: counts")
         for _ in range(steps):
-            self._runner.step()
+            self._controllers.step()
 
     @property
     def infrared(self) -> FloatArray:
         """(8,) counts: raw readings of the proximity sensors; distances do not follow from them here."""
-        row: FloatArray = self._senses.infrared[0]
+        row: FloatArray = self._senses.infrared
         return row
 
     @infrared.setter
@@ -112,7 +111,7 @@ class TestRobot:
     @property
     def distance_mm(self) -> IntArray:
         """(8,) mm: distances, 65535 where nothing is in range; sensor 0 is front-right, then clockwise."""
-        row: IntArray = self._senses.distance_mm[0]
+        row: IntArray = self._senses.distance_mm
         return row
 
     @distance_mm.setter
@@ -122,7 +121,7 @@ class TestRobot:
     @property
     def camera(self) -> IntArray:
         """(pixels,): 1 where a lit ring is seen, else 0; index 0 is the left edge."""
-        row: IntArray = self._senses.camera[0]
+        row: IntArray = self._camera
         return row
 
     @camera.setter
@@ -132,16 +131,16 @@ class TestRobot:
     @property
     def pulses(self) -> int:
         """Number of radio pulses that arrive."""
-        return int(self._senses.pulses[0])
+        return int(self._senses.pulses)
 
     @pulses.setter
     def pulses(self, count: int) -> None:
-        self._senses.pulses[0] = count
+        self._senses.pulses = count
 
     @property
     def messages(self) -> IntArray:
         """(8,): what the pulses say; 0 for a bare one."""
-        row: IntArray = self._senses.messages[0]
+        row: IntArray = self._senses.messages
         return row
 
     @messages.setter
@@ -151,57 +150,57 @@ class TestRobot:
     @property
     def new_picture(self) -> bool:
         """Whether `camera` is a picture that the robot has not seen before; True unless it is set."""
-        return bool(self._senses.new_picture[0])
+        return bool(self._senses.new_picture)
 
     @new_picture.setter
     def new_picture(self, is_new: bool) -> None:
-        self._senses.new_picture[0] = is_new
+        self._senses.new_picture = is_new
 
     @property
     def step_ms(self) -> int:
         """Milliseconds on the robot's own clock since its last step."""
-        return int(self._senses.step_ms[0])
+        return int(self._senses.step_ms)
 
     @step_ms.setter
     def step_ms(self, milliseconds: int) -> None:
-        self._senses.step_ms[0] = milliseconds
+        self._senses.step_ms = milliseconds
 
     @property
     def left_cm_s(self) -> float:
         """Speed of the left wheel as commanded, which the simulator limits to 12.8 either way."""
-        return float(self._actuators["left_cm_s"][0])
+        return float(self._actuators.left_cm_s)
 
     @left_cm_s.setter
     def left_cm_s(self, speed: float) -> None:
-        self._actuators["left_cm_s"] = speed
+        self._actuators.left_cm_s = speed
 
     @property
     def right_cm_s(self) -> float:
         """Speed of the right wheel as commanded, which the simulator limits to 12.8 either way."""
-        return float(self._actuators["right_cm_s"][0])
+        return float(self._actuators.right_cm_s)
 
     @right_cm_s.setter
     def right_cm_s(self, speed: float) -> None:
-        self._actuators["right_cm_s"] = speed
+        self._actuators.right_cm_s = speed
 
     @property
     def ring_on(self) -> bool:
         """Whether the LED ring is lit."""
-        return bool(self._actuators["ring_on"][0])
+        return bool(self._actuators.ring_on)
 
     @ring_on.setter
     def ring_on(self, is_on: bool) -> None:
-        self._actuators["ring_on"] = is_on
+        self._actuators.ring_on = is_on
 
     @property
     def send(self) -> int:
         """The message that is sent by radio; 0 if none is."""
-        return int(self._actuators["send"][0])
+        return int(self._actuators.send)
 
     @property
     def turn_rad(self) -> float:
         """The turn on the spot, to the left."""
-        return float(self._actuators["turn_rad"][0])
+        return float(self._actuators.turn_rad)
 
 
 class Record:

@@ -23,7 +23,7 @@ def run_robots(
 ) -> TrialResult:
     """Run a fresh simulation of robots to the end of its trial; see `trial.model.Model.run`.
 
-    Without observers, only the steps in which the reference's ring is lit are looked at, which is much quicker.
+    Without observers, only the steps in which the reference fires are looked at, which is much quicker.
     """
     if simulation.steps:
         raise ValueError(f"a trial needs a fresh simulation; this one has taken {simulation.steps} steps")
@@ -34,8 +34,11 @@ def run_robots(
         waiting.look(watch)
         unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
         cycles = watch.cycles
-        step = simulation.advance(unseen, watch.lit_robot)
-        watch.look(step)
+        step = simulation.advance(unseen, until_firing=True)
+        if observers or simulation.is_firing or not watch.measures:
+            watch.look(step)
+        else:
+            watch.pass_over(step)
         if progress is not None:
             progress(watch)
         for observer in observers:

@@ -6,8 +6,6 @@ A further model is one more entry: `register_model`. What depends on a scenario 
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
@@ -66,9 +64,13 @@ def _run_robots(
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
-    from epuck_sim.embodied.placement import place_robots
+    from epuck_sim.embodied.observers.scene import Scene
+    from epuck_sim.embodied.placement import Placement
+    from epuck_sim.embodied.start import draw_start
 
-    place_robots(scenario, np.random.SeedSequence(scenario.seed))
+    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    draw_start(scene.block, scenario.seed)
+    Placement(scene.swarm, scenario).place(scene.block)
 
 
 def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> Simulated:

@@ -31,8 +31,8 @@ class SynchronyWatch:
     """Order parameter at the reference's last firing; None before the first."""
     events: Sequence[TrialEvent]
     """What has changed so far by the schedule, or by faults."""
-    lit_robot: int | None
-    """The reference, if it is an oscillator: steps in which its ring is dark may go unseen."""
+    measures: bool
+    """Whether the reference is an oscillator: then steps in which it does not fire may be passed over."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.events = simulation.events
@@ -45,17 +45,16 @@ class SynchronyWatch:
         self._members_change = simulation.scenario.members_change
         self._oscillators = ~np.isnan(simulation.period_ms)
         self._periods = simulation.period_ms[self._oscillators]
-        self._measures = bool(self._oscillators[self._reference])
-        self.lit_robot = self._reference if self._measures else None
+        self.measures = bool(self._oscillators[self._reference])
         step_ms = simulation.scenario.timing.step_ms
         self._step_s = step_ms / 1000
-        period_ms = simulation.period_ms[self._reference] if self._measures else NOMINAL_PERIOD_S * 1000
+        period_ms = simulation.period_ms[self._reference] if self.measures else NOMINAL_PERIOD_S * 1000
         self._steps_a_cycle = NOMINAL_PERIOD_S * 1000 / step_ms
         # a reference that never fires must not keep a trial for ever: twice the time that its cycles should take
         self._max_steps = math.ceil(2 * stop.max_cycles * (period_ms / step_ms + 1))
         if stop.max_time_s is not None:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_time_s * 1000 / step_ms - 1e-9))
-        if not self._measures:
+        if not self.measures:
             self._max_steps = min(self._max_steps, math.ceil(stop.max_cycles * self._steps_a_cycle))
         self._steps = 0
         self._lit_phase: float | None = None  # of the reference, while its ring is lit
@@ -64,8 +63,8 @@ class SynchronyWatch:
         self.order_parameter = None
 
     def look(self, step: Step) -> None:
-        """Take note of a step; in the steps since the last one that was seen, the ring of `lit_robot` was dark."""
-        if self._measures:
+        """Take note of a step; in the steps since the last one that was seen, the reference did not fire."""
+        if self.measures:
             if step.number > self._steps:
                 self._lit_phase = None
             if step.ring_commands[self._reference]:
@@ -74,6 +73,11 @@ class SynchronyWatch:
                 self._lit_phase = None
         else:
             self.cycles = int((step.number + 1) / self._steps_a_cycle)
+        self._steps = step.number + 1
+
+    def pass_over(self, step: Step) -> None:
+        """Take note of the time of a step in which the reference does not fire."""
+        self._lit_phase = None
         self._steps = step.number + 1
 
     def _look_at_firing(self, step: Step) -> None:
@@ -119,14 +123,14 @@ class SynchronyWatch:
         If the reference is no oscillator, they are no more than the steps until the next cycle is complete.
         """
         end = self._max_steps
-        if not self._measures:
+        if not self.measures:
             end = min(end, math.ceil((self.cycles + 1) * self._steps_a_cycle))
         return max(end - self._steps, 1)
 
     @property
     def has_t_sync(self) -> bool:
         """Whether the trial has a T_sync, known or censored: there is a threshold for an oscillator to fire at."""
-        return self._measures and self._threshold < math.inf
+        return self.measures and self._threshold < math.inf
 
     @property
     def is_synchronised(self) -> bool:

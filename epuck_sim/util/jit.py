@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, TypeVar, cast
@@ -22,7 +22,7 @@ from numba import __version__ as numba_version
 from numba import config, njit, types
 
 from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
-from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel
+from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, function_address, is_recursive
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -170,4 +170,15 @@ def compile_call(function: Any, contents_digest: str) -> Any:
     """
     compiled: Any = compile_cached(name_after(function, contents_digest), contents_digest, careful=True, nogil=True)
     compiled.compile((BLOCK, ADDRESSES, types.intp))
+    if is_recursive(compiled):  # numba would end the process that takes it from the cache
+        shutil.rmtree(_open_cache(contents_digest), ignore_errors=True)
     return compiled
+
+
+@cache
+def address_of(kernel: Any) -> int:
+    """Return the address at which compiled code calls a kernel (block, addresses, number); see `native.call`."""
+    function = kernel.for_python
+    if not function.overloads:
+        function.compile((BLOCK, ADDRESSES, types.intp))
+    return function_address(function)

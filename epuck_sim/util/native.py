@@ -9,6 +9,7 @@ compiled once, and kept on disk, whatever it calls.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from llvmlite import ir
@@ -26,6 +27,10 @@ compiled: list[str] = []
 
 WITHOUT_ALLOCATION = {"_nrt": False}
 """Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
+
+
+WITHOUT_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+"""Options of numba's `njit` for functions that compiled code alone calls, which compile in two thirds of the time."""
 
 
 class _PartLibrary(JITCodeLibrary):
@@ -85,9 +90,7 @@ class Kernel:
         self.__doc__ = function.__doc__
         self.for_python = for_python
         compiler: Any = njit
-        self._part = compiler(pipeline_class=_PartCompiler, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(
-            function
-        )
+        self._part = compiler(pipeline_class=_PartCompiler, **WITHOUT_WRAPPERS, **options)(function)
 
     @property
     def _numba_type_(self) -> Any:
@@ -99,10 +102,18 @@ class Kernel:
         return self.for_python(*arguments)
 
 
+@cache
 def function_address(function: Any) -> int:
     """Return the address at which compiled code calls a function of one signature, which numba has compiled."""
     (result,) = function.overloads.values()
     return int(result.library.get_pointer_to_function(result.fndesc.llvm_func_name))
+
+
+def is_recursive(function: Any) -> bool:
+    """Return whether a function, or one that it calls, calls itself: at an address that no other process can know."""
+    (result,) = function.overloads.values()
+    module = result.library._get_module_for_linking()
+    return any(each.name.startswith(".numba.unresolved$") for each in module.global_variables)
 
 
 _intrinsic: Callable[[Callable[..., Any]], Any] = intrinsic  # its own type leaves the context among the arguments

@@ -16,7 +16,11 @@ _POOL = 4
 _HALF, _LOWER = np.uint64(32), np.uint64(0xFFFFFFFF)
 _SHIFT = np.uint64(16)
 _MIX_BEGIN, _MIX_FACTOR = np.uint64(0x43B0D7E5), np.uint64(0x931E8875)
-_DRAW_BEGIN, _DRAW_FACTOR = np.uint64(0x8B51F9DD), np.uint64(0x58F38DED)
+_DRAW_FACTOR = np.uint64(0x58F38DED)
+
+DRAW_BEGIN = np.uint64(0x8B51F9DD)
+"""Factor with which the first word of a sequence is drawn; see `draw_row`."""
+
 _LEFT, _RIGHT = np.uint64(0xCA01F9DD), np.uint64(0x4973F715)
 
 
@@ -95,7 +99,7 @@ def _drawn(word: np.uint64, factor: np.uint64) -> np.uint64:
 
 
 @jit_no_alloc
-def _draw_row(row: WordArray, sequence: WordArray, factor: np.uint64) -> np.uint64:
+def draw_row(row: WordArray, sequence: WordArray, factor: np.uint64) -> np.uint64:
     """Write words that begin with the pool's first, and return the factor after them."""
     for word in range(len(row)):
         place = 2 * word % _POOL
@@ -115,7 +119,7 @@ def draw_words(words: WordArray, sequence: WordArray) -> None:
         words: (n,) what to write.
         sequence: (`SEQUENCE_WORDS`,) which stays as it is.
     """
-    _draw_row(words, sequence, _DRAW_BEGIN)
+    draw_row(words, sequence, DRAW_BEGIN)
 
 
 @jit_inline
@@ -126,6 +130,6 @@ def draw_streams(streams: StreamArray, sequence: WordArray) -> None:
         streams: (robots, 4) what to write.
         sequence: (`SEQUENCE_WORDS`,) which stays as it is.
     """
-    factor = _DRAW_BEGIN
+    factor = DRAW_BEGIN
     for robot in range(len(streams)):
-        factor = _draw_row(streams[robot], sequence, factor)
+        factor = draw_row(streams[robot], sequence, factor)

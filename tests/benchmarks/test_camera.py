@@ -8,15 +8,14 @@ import time
 import numpy as np
 import pytest
 
-from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.cell_list import CellList, make_cell_list, sort_into_cells
-from epuck_sim.embodied.line_camera import see
-from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from epuck_sim.embodied.observers.scene import place_robots
+from epuck_sim.embodied.sensors.camera import look
 from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import swarm_at
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.scenario.robot_kind import EPUCK
-from epuck_sim.scenario.robots import CameraSection
-from epuck_sim.util.jit import jit
+from epuck_sim.util.jit import jit_no_alloc
+from tests.embodied.scenes import ADDRESSES, Scene, block_of, empty_arena
 
 pytestmark = pytest.mark.benchmark
 
@@ -40,19 +39,22 @@ def costs():
         print(f"{robots:6}  {rings:12}  {share:5.1%}  {seeing:9.1f}  {seeing / robots:7.3f}  {sorting:7.1f}")
 
 
-@jit
-def _sort_states(poses: FloatArray, cells: CellList, times: int) -> None:
+@jit_no_alloc
+def _sort_states(block: ByteArray, poses: FloatArray, times: int) -> None:
     for _ in range(times):
         for state in range(len(poses)):
-            sort_into_cells(poses[state], cells)
+            place_robots(swarm_at(block), poses[state])
 
 
-@jit
-def _see_states(poses, lit, nothing, cells, camera, rows, times) -> None:
+@jit_no_alloc
+def _see_states(block: ByteArray, addresses: IntArray, poses: FloatArray, lit: BoolArray, times: int) -> None:
+    swarm = swarm_at(block)
     for _ in range(times):
         for state in range(len(poses)):
-            sort_into_cells(poses[state], cells)
-            see(poses[state], lit[state], nothing[:, :3], nothing, cells, camera, 0, rows)
+            place_robots(swarm, poses[state])
+            for robot in range(len(swarm.robots)):
+                swarm.robots[robot].ring_on = lit[state, robot]
+            look(block, addresses, 0)
 
 
 def _states(robots: int, side: int) -> tuple[FloatArray, BoolArray]:
@@ -69,8 +71,7 @@ def _states(robots: int, side: int) -> tuple[FloatArray, BoolArray]:
 @pytest.mark.parametrize(("robots", "side"), SWARMS)
 def test_the_pictures_of_a_step(benchmark, costs, robots: int, side: int) -> None:
     poses, as_simulated = _states(robots, side)
-    cells, camera = make_cell_list(side, side, robots), build_camera(CameraSection(), EPUCK)
-    rows, nothing = np.zeros((robots, 60), np.int64), np.empty((0, 4))
+    block = block_of(Scene(poses[0], as_simulated[0], empty_arena(side, side))).bytes
     times = max(1, 300 // robots)
     lit = {"as simulated": as_simulated, "all": np.ones_like(as_simulated)}
     spent_s: dict[str, list[float]] = {rings: [] for rings in ("sorting", *lit)}
@@ -79,9 +80,9 @@ def test_the_pictures_of_a_step(benchmark, costs, robots: int, side: int) -> Non
         for rings, found in spent_s.items():
             began = time.thread_time()
             if rings == "sorting":
-                _sort_states(poses, cells, times)
+                _sort_states(block, poses, times)
             else:
-                _see_states(poses, lit[rings], nothing, cells, camera, rows, times)
+                _see_states(block, ADDRESSES, poses, lit[rings], times)
             found.append(time.thread_time() - began)
 
     benchmark.pedantic(in_turn, rounds=ROUNDS, warmup_rounds=1)

@@ -19,7 +19,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from epuck_sim.cli.observers import LiveView
-from epuck_sim.embodied import controller_files
+from epuck_sim.embodied.changes import controller_files
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.recording import recorder

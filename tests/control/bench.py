@@ -1,7 +1,7 @@
 """Robots on a bench: tests set what they sense, and read what they remember and command."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from itertools import count
 from pathlib import Path
@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, Controller, Sensors, Value
+from epuck_sim.control.interface import EPUCK_WHEELS, Controller, Sensors, Value
 from epuck_sim.control.loader import find_controller
-from epuck_sim.control.runner import ControllerRunner, SensorArrays
+from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
+from epuck_sim.embodied.swarm import SENSED, make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.util.seeds import robot_streams
 
@@ -30,42 +31,45 @@ def step(sensors, memory, actuators, parameters, random):
 
 
 class Bench:
-    """A group of robots under `ControllerRunner`, with sensors to be set by hand."""
+    """A group of robots under `GroupControllers`, with sensors to be set by hand."""
 
     def __init__(
         self,
         controller: Controller | str,
         given: Mapping[str, Value] | None = None,
         *,
-        each: Mapping[str, Sequence[Value]] | None = None,
         robots: int = 1,
         seed: int = 1,
         pixels: int = 60,
         step_ms: int = 100,
         interpret: bool = True,
+        start: bool = True,
     ) -> None:
-        """given: parameters of all robots; each: parameters with a value a robot."""
+        """given: parameters of all robots; start: whether controllers have been started."""
         if isinstance(controller, str):
             controller = find_controller(controller)
-        parameters = np.repeat(controller.parameter_record(controller.resolve(given or {})), robots)
-        for name, values in (each or {}).items():
-            parameters[name] = values
         self._step_ms = step_ms
-        self.senses = SensorArrays(
-            np.full(robots, step_ms),
-            np.zeros((robots, 8)),
-            np.full((robots, 8), OUT_OF_RANGE_MM),
-            np.zeros((robots, pixels), np.int64),
-            np.ones(robots, np.bool_),
-            np.zeros(robots, np.int64),
-            np.zeros((robots, MAX_MESSAGES), np.int64),
-            np.ones(robots, np.bool_),
+        room = bytes_needed(controller, robots)
+        self.block = make_block({"robots": robots, "groups": 1, "pixels": robots * pixels, "bytes": room})
+        self.swarm = open_block(self.block)
+        scene, members = self.swarm.scene[0], self.swarm.robots
+        scene.serving, scene.wheel_limit_cm_s, scene.wheel_base_cm = -1, *EPUCK_WHEELS
+        self.swarm.groups[0].count, self.swarm.groups[0].pixels = robots, pixels
+        self.actuators, self.streams = members.actuators, members.random
+        self.senses = SimpleNamespace(
+            **{name: members.sensors[name] for name in SENSED.names or ()},
+            camera=self.swarm.pixels.reshape(robots, pixels),
         )
-        self.actuators = np.zeros(robots, ACTUATORS)
-        self.streams = robot_streams(np.random.SeedSequence(seed), robots)
-        self.control = ControllerRunner(controller, parameters, self.streams, self.senses, self.actuators, interpret)
-        self.control.start()
+        self.senses.step_ms[:], self.senses.new_picture[:] = step_ms, True
+        self.senses.distance_mm[:] = OUT_OF_RANGE_MM
+        members.present = True
+        self.streams[:] = robot_streams(np.random.SeedSequence(seed), robots)
+        assign_bytes(self.swarm, 0, controller, 0)
+        self.control = GroupControllers(self.block, 0, controller, interpret=interpret)
+        self.control.parameters[:] = controller.parameter_record(controller.resolve(given or {}))
         self.memory = self.control.memory
+        if start:
+            self.control.start()
 
     def sense(self, chance: np.random.Generator) -> None:
         """Have each robot sense something else: anything that the sensors can give."""

@@ -92,7 +92,7 @@ def test_what_robots_remember_at_the_start_reaches_firmware(interpret):
         for controller in (FIREFLY, "firefly")
     )
     for _ in range(2):
-        assert in_c._groups[0].runner.memory["phase_ms"].tolist() == [0, 1200, 4900]
+        assert in_c._groups[0].memory["phase_ms"].tolist() == [0, 1200, 4900]
         assert in_c.advance(50).memories[0].tobytes() == in_python.advance(50).memories[0].tobytes()
         in_c.reset()
         in_python.reset()
@@ -127,7 +127,7 @@ def test_a_robot_reads_its_own_sensors_and_sets_its_own_wheels_and_ring(interpre
     """
     memory = "E_FLOAT(x) E_FLOATS(many, 2) E_INTS(whole, 3)"
     firmware = write_firmware(tmp_path / "mine.c", step, memory=memory)
-    bench = Bench(firmware, each={"whole": [-3, 7]}, robots=2, interpret=interpret)
+    bench = Bench(firmware, robots=2, interpret=interpret)
     bench.senses.infrared[:, 2] = (3, 20)
     bench.senses.distance_mm[:, 7] = (40, 50)
     bench.senses.camera[1, 59] = 1
@@ -135,7 +135,7 @@ def test_a_robot_reads_its_own_sensors_and_sets_its_own_wheels_and_ring(interpre
     bench.senses.step_ms[:] = (99, 101)
     bench.control.step()
     assert bench.memory["x"].tolist() == [3003, 20020]
-    assert bench.memory["many"].tolist() == [[6000, 32.5], [6011, 67.5]]
+    assert bench.memory["many"].tolist() == [[6000, 32.5], [6011, 42.5]]
     assert bench.memory["whole"].tolist() == [[0, 0, 99], [0, 0, 101]]
     assert bench.actuators["left_cm_s"].tolist() == [300 * 12.8 / 1000, 12.8]
     assert bench.actuators["right_cm_s"].tolist() == [-6.4, -6.4]

@@ -12,13 +12,17 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, clearance_cm, make_arena
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.camera_pixels import Camera, make_camera
-from epuck_sim.embodied.cell_list import CellList, make_cell_list, sort_into_cells
-from epuck_sim.embodied.infrared import make_infrared_sensors, sense_infrared
-from epuck_sim.embodied.line_camera import see
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from epuck_sim.embodied.cells import cells_needed, sort_into_cells
+from epuck_sim.embodied.layout import set_arena
+from epuck_sim.embodied.sensors.camera import look, see, set_camera
+from epuck_sim.embodied.sensors.infrared import sense_infrared, set_infrared
+from epuck_sim.embodied.sensors.lit_rings import list_labelled
+from epuck_sim.embodied.swarm import Swarm, make_block, open_block, swarm_at
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import CameraMount, ProximitySection, RobotKind
+from epuck_sim.scenario.robots import CameraSection, InfraredSection
+from epuck_sim.util.jit import jit_no_alloc
 
 RADIUS_CM = 3.7
 EDGE_CM = 1e-9
@@ -95,10 +99,17 @@ class CameraSettings(NamedTuple):
     range_cm: float = math.inf
     reflection_range_cm: float = 0.0
 
-    def make(self, body: Body = E_PUCK) -> Camera:
-        angle_rad = math.radians(self.field_of_view_deg)
-        ranges = self.range_cm, self.reflection_range_cm
-        return make_camera(self.pixels, angle_rad, self.central_pixels, *ranges, body.kind())
+    def section(self) -> CameraSection:
+        """Return what a scenario says of it, checks left out: some tests look farther by walls than straight ahead."""
+        return CameraSection.model_construct(
+            pixels=self.pixels,
+            field_of_view_deg=self.field_of_view_deg,
+            central_pixels=self.central_pixels,
+            range_cm=None if self.range_cm == math.inf else self.range_cm,
+            reflection_range_cm=self.reflection_range_cm,
+            frames_per_s=None,
+            latency_ms=0.0,
+        )
 
     def angles(self) -> FloatArray:
         """Return rad: directions of the middles of the pixels, left of straight ahead, from left to right."""
@@ -108,29 +119,89 @@ class CameraSettings(NamedTuple):
 # --- the sensors under test, for all robots in a scene ----------------------------------------------
 
 
-def sorted_cells(scene: Scene) -> CellList:
-    cells = make_cell_list(scene.arena.width_cm, scene.arena.height_cm, len(scene.poses), scene.body.kind().cell_cm)
-    sort_into_cells(scene.poses, cells)
-    return cells
+ADDRESSES = np.zeros(3, np.int64)
+"""Addresses of a swarm that calls nothing."""
+
+
+class Block(NamedTuple):
+    """A swarm of one group, and of robots before it that only stand there."""
+
+    bytes: ByteArray
+    swarm: Swarm
+
+
+def block_of(
+    scene: Scene,
+    camera: CameraSettings = CameraSettings(),  # noqa: B008 it cannot be changed
+    observer: int = 0,
+    infrared: InfraredSection = InfraredSection(),  # noqa: B008 it cannot be changed
+    noise_counts: float = 0.0,
+) -> Block:
+    """Return the robots of a scene, sorted into cells; those from `observer` on are the group."""
+    arena, kind, robots = scene.arena, scene.body.kind(), len(scene.poses)
+    lengths = {
+        "robots": robots,
+        "groups": 1,
+        "cells": cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1,
+        "members": robots,
+        "circles": len(arena.circles),
+        "edges": len(arena.edges),
+        "pixels": (robots - observer) * camera.pixels,
+        "rays": camera.pixels,
+        "numbers": 3 * robots + 2 * camera.pixels,
+        "depths": 3 * camera.pixels,
+    }
+    block = make_block(lengths)
+    swarm = open_block(block)
+    set_arena(swarm, arena, kind.cell_cm)
+    swarm.scene[0].radius_cm = kind.radius_cm
+    swarm.robots.x, swarm.robots.y, swarm.robots.heading = scene.poses.T
+    swarm.robots.ring_on, swarm.robots.infrared_gain = scene.lit, 1.0
+    group = swarm.groups[0]
+    group.first, group.count, group.pixels = observer, robots - observer, camera.pixels
+    set_infrared(group.infrared, kind, infrared, noise_counts)
+    set_camera(group.camera, swarm.rays, camera.section(), kind, 10.0)
+    swarm.pixels[:] = 77
+    sort_robots(block)
+    return Block(block, swarm)
+
+
+@jit_no_alloc
+def sort_robots(block: ByteArray) -> None:
+    sort_into_cells(swarm_at(block))
 
 
 def readings(scene: Scene, observer: int = 0) -> FloatArray:
     """Return the noiseless infrared readings of the robots from `observer` on."""
-    arena = scene.arena
-    written = np.full((len(scene.poses) - observer, 8), np.nan)
-    surfaces = arena.width_cm, arena.height_cm, arena.circles, arena.edges
-    sensors = make_infrared_sensors(scene.body.kind())
-    sense_infrared(scene.poses, *surfaces, sorted_cells(scene), sensors, True, observer, written)
-    return written[:, : len(sensors.x)]
+    block = block_of(scene, observer=observer)
+    sense_infrared(block.bytes, ADDRESSES, 0)
+    return block.swarm.robots.sensors.infrared[observer:, : len(scene.body.sensors)]
 
 
 def rows(scene: Scene, camera: CameraSettings, observer: int = 0) -> IntArray:
     """Return the rows of pixels of the robots from `observer` on."""
-    arena = scene.arena
-    written = np.full((len(scene.poses) - observer, camera.pixels), 77, np.int64)
-    cells = sorted_cells(scene)
-    see(scene.poses, scene.lit, arena.circles, arena.edges, cells, camera.make(scene.body), observer, written)
-    return written
+    block = block_of(scene, camera, observer)
+    look(block.bytes, ADDRESSES, 0)
+    return block.swarm.pixels.reshape(-1, camera.pixels)
+
+
+def numbered_rows(scene: Scene, camera: CameraSettings) -> IntArray:
+    """Return the rows of all robots, whose pixels show the robots' numbers, counted from 1, instead of their rings."""
+    block = block_of(scene, camera)
+    robots = len(scene.poses)
+    block.swarm.numbers[robots : 2 * robots] = np.arange(1, robots + 1)
+    block.swarm.pixels[:] = 0
+    _see_numbers(block.bytes)
+    return block.swarm.pixels.reshape(-1, camera.pixels)
+
+
+@jit_no_alloc
+def _see_numbers(block: ByteArray) -> None:
+    swarm = swarm_at(block)
+    group = swarm.groups[0]
+    lit = list_labelled(len(swarm.robots), swarm.numbers)
+    for robot in range(group.count):
+        see(swarm, group, robot, lit, swarm.pixels[robot * group.pixels : (robot + 1) * group.pixels])
 
 
 # --- scenes -----------------------------------------------------------------------------------------

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.rigid_bodies import World
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.scenario.loader import load_scenario
-from tests.embodied.full_space import FullSpaceWorld
+from tests.embodied.bodies.worlds import FullSpaceWorld, MovedWorld
 
 KILOBOT = load_scenario("kilobots").robot
 RADIO = {"kind": "radio"}
@@ -73,7 +72,7 @@ def test_a_crowd_of_kilobots_moves_as_if_all_of_them_took_every_physics_step():
     grid = np.array([(x, y) for x in range(2, 30, 4) for y in range(2, 30, 4)], float)
     poses = np.column_stack([grid, np.zeros(len(grid))])
     arena = make_arena(31, 31, [], [])
-    fast = World(arena, poses, 0.0, 100, robot=KILOBOT)
+    fast = MovedWorld(arena, poses, 0.0, 100, KILOBOT)
     slow = FullSpaceWorld(arena, poses, 0.0, 100, KILOBOT)
     shares = []
     for _ in range(60):
@@ -82,7 +81,7 @@ def test_a_crowd_of_kilobots_moves_as_if_all_of_them_took_every_physics_step():
             world.velocities[:] = speeds
             world.advance(10)
         np.testing.assert_allclose(fast.poses, slow.poses, rtol=0, atol=1e-9)
-        shares.append(fast.bodies.is_candidate.mean())
+        shares.append(fast.swarm.robots.may_touch.mean())
     assert min(shares) < 1
     assert max(shares) > 0.2
 

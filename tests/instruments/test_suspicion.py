@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.cell_list import make_cell_list
+from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.embodied.visibility import find_sightings, view_of
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
@@ -65,13 +65,12 @@ def slow_alarms(cycles, seconds, dead, seed):
     """Count by going through all pairs of robots in each step."""
     loaded = load_scenario({**SWARM, "faults": [{"kind": "ring_dead", "robots": [dead]}]})
     simulation, robots = Simulation(loaded, seed), 8
-    arena = loaded.arena.build()
-    cells, view = make_cell_list(arena.width_cm, arena.height_cm, robots), view_of(loaded.robots[0], loaded.robot)
+    scene = Scene(loaded.robots, loaded.robot, loaded.arena.build())
     dark = {(i, j): 0.0 for i in range(robots) for j in range(robots)}
     suspects: set[tuple[int, int]] = set()
     alarms = 0
     for step in (simulation.advance(1) for _ in range(int(10 * seconds))):
-        seen = {(i, j) for _, i, j in find_sightings(step.poses.copy()[None], arena, cells, view, 0, robots).tolist()}
+        seen = {(i, j) for _, i, j in find_sightings(scene, step.poses.copy()[None]).tolist()}
         flashes = set(map(tuple, step.sightings.tolist()))
         dark = {pair: 0.0 if pair in flashes else dark[pair] + 0.1 * (pair in seen) for pair in dark}
         suspected = {pair for pair, dark_s in dark.items() if dark_s > cycles * PERIOD_S - 0.001}

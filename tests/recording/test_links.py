@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from epuck_sim import epuck
-from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.contacts import GAP_CM
-from epuck_sim.embodied.sensing import build_camera
+from epuck_sim.embodied.observers.contacts import GAP_CM
+from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
-from epuck_sim.embodied.visibility import find_sightings
 from epuck_sim.errors import RecordingError
 from epuck_sim.particles.links import LinkSearch
 from epuck_sim.particles.simulation import ParticleSimulation
@@ -47,11 +46,10 @@ def robots(path: Path, level: Level = Level.FULL) -> tuple[Recorded, list[Step]]
 
 def test_sightings_are_those_of_the_cameras(tmp_path) -> None:
     read, steps = robots(tmp_path / "t.rrd")
-    poses, arena = np.array([step.poses for step in steps]), CROWD.arena.build()
-    cells = make_cell_list(arena.width_cm, arena.height_cm, 14)
+    poses, scene = np.array([step.poses for step in steps]), Scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
     expected = []
-    for group, first in zip(CROWD.robots, (0, 6), strict=True):
-        found = find_sightings(poses, arena, cells, build_camera(group.camera, CROWD.robot), first, group.count)
+    for group in range(2):
+        found = find_sightings(scene, poses, group)
         expected += [
             (row, looks, seen, int(row > 0 and steps[row - 1].ring_on[seen])) for row, looks, seen in found.tolist()
         ]

@@ -15,8 +15,8 @@ import pyarrow.compute as pc
 import pytest
 from rerun.chunk import RrdReader
 
-from epuck_sim.embodied.cell_list import make_cell_list
-from epuck_sim.embodied.contacts import find_contacts
+from epuck_sim.embodied.observers.contacts import find_contacts
+from epuck_sim.embodied.observers.scene import Scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
@@ -413,9 +413,8 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
 
 
 def test_contacts_are_those_of_the_bodies(trial: Trial) -> None:
-    arena = trial.scenario.arena.build()
-    cells = make_cell_list(arena.width_cm, arena.height_cm, trial.scenario.robot_count)
-    found, points = find_contacts(trial.watched["poses"], arena, cells, RADIUS_CM)
+    scene = Scene(trial.scenario.robots, trial.scenario.robot, trial.scenario.arena.build())
+    found, points = find_contacts(scene, trial.watched["poses"])
     steps = found[:, 0]
     rows = trial.found.lists("/arena/contacts", "Points2D:positions")
     assert [step for step, row in enumerate(rows) for _ in row] == steps.tolist()

@@ -10,11 +10,11 @@ from rerun.chunk import Chunk
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.attendance import parked
-from epuck_sim.embodied.cell_list import CellList, make_cell_list
-from epuck_sim.embodied.contacts import find_contacts
-from epuck_sim.embodied.sensing import build_camera
-from epuck_sim.embodied.visibility import View, find_sightings, view_of
+from epuck_sim.embodied.changes.attendance import parked
+from epuck_sim.embodied.observers.contacts import find_contacts
+from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.visibility import find_sightings
+from epuck_sim.embodied.sensors.camera import half_view_rad
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.arena import FAINT, LIT, ranges, ray_ends, static_ranges, strip_columns, unit_vectors
@@ -59,24 +59,23 @@ class RobotLayers:
     def __init__(self, scenario: EmbodiedScenario, population: Population) -> None:
         """Compile what finds sightings and contacts, before any clock runs."""
         self._scenario, self._population = scenario, population
-        self._groups: list[tuple[int, int, View | None, Outline]] = []
-        """For each group: number of its first robot, number of its robots, what they see with, and its outline."""
+        self._groups: list[tuple[int, int, Outline]] = []
+        """For each group: number of its first robot, number of its robots, and the outline of its view."""
         first = 0
         for group in scenario.robots:
-            self._groups.append((first, group.count, view_of(group, scenario.robot), _outline(group, scenario.robot)))
+            self._groups.append((first, group.count, _outline(group, scenario.robot)))
             first += group.count
         counts = [group.count for group in scenario.robots]
         self._forward_cm = np.repeat([outline.forward_cm for *_, outline in self._groups], counts)
         self._circles_cm = np.repeat([_circle_cm(group) for group in scenario.robots], counts)
         self._encircled = np.flatnonzero(self._circles_cm)
         self._space_time = SpaceTime(scenario)
-        alone = np.zeros((1, 1, 3))
-        cells = self._cells(population.arena)
-        find_sightings(alone, population.arena, cells, self._groups[0][2], 0, 1)
-        find_contacts(alone, population.arena, cells, population.radius_cm)
+        scene, nowhere = self._scene(population.arena), np.zeros((0, population.size, 3))
+        find_sightings(scene, nowhere)
+        find_contacts(scene, nowhere)
 
-    def _cells(self, arena: Arena) -> CellList:
-        return make_cell_list(arena.width_cm, arena.height_cm, self._population.size, self._scenario.robot.cell_cm)
+    def _scene(self, arena: Arena) -> Scene:
+        return Scene(self._scenario.robots, self._scenario.robot, arena)
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of overlays, pictures and wheel speeds."""
@@ -124,7 +123,7 @@ class RobotLayers:
         """Return the contacts at these steps as `find_contacts` does."""
         found, points = [], []
         for first_step, poses, arena in self._moments(batch):
-            contacts, places = find_contacts(poses, arena, self._cells(arena), self._population.radius_cm)
+            contacts, places = find_contacts(self._scene(arena), poses)
             contacts[:, 0] += first_step
             found.append(contacts)
             points.append(places)
@@ -137,7 +136,7 @@ class RobotLayers:
     def _views_in(self, arena: Arena, poses: FloatArray) -> FloatArray:
         """Return `_views` of (steps, robots, 3) poses in one arena."""
         views = np.empty((*poses.shape[:2], 3, 2))
-        for first, robots, _, (forward_cm, longest_cm, half_angle_rad) in self._groups:
+        for first, robots, (forward_cm, longest_cm, half_angle_rad) in self._groups:
             x, y, heading = poses[:, first : first + robots].transpose(2, 0, 1)
             eye = np.stack([x, y], axis=-1) + forward_cm * unit_vectors(heading)
             views[:, first : first + robots, 1] = eye
@@ -151,9 +150,9 @@ class RobotLayers:
         poses = batch.poses
         groups = []
         for first_step, some, arena in self._moments(batch):
-            cells = self._cells(arena)
-            for first, robots, view, _ in self._groups:
-                groups.append(find_sightings(some, arena, cells, view, first, robots))
+            scene = self._scene(arena)
+            for group in range(len(self._groups)):
+                groups.append(find_sightings(scene, some, group))
                 groups[-1][:, 0] += first_step
         found = np.concatenate(groups)
         found = found[~np.isnan(poses[found[:, 0], found[:, 1], 0])]  # who is parked outside sees nobody
@@ -177,8 +176,7 @@ def _outline(group: RobotGroup, robot: RobotKind) -> Outline:
     """Return the outline of the fields of view, or cones, of a group of some kind of robot; of no length all around."""
     signal = group.signal
     if isinstance(signal, CameraSignal):
-        camera = build_camera(group.camera, robot)
-        return Outline(robot.camera_forward_cm, _longest(group.camera.range_cm), camera.half_view_rad)
+        return Outline(robot.camera_forward_cm, _longest(group.camera.range_cm), half_view_rad(group.camera))
     longest_cm = 0.0 if signal.angle_deg == 360 else _longest(signal.range_cm)
     return Outline(0.0, longest_cm, math.radians(signal.angle_deg / 2))
 

@@ -1,0 +1,452 @@
+"""Motion without Python between physics steps: compiled code calls Chipmunk, the C library inside pymunk.
+
+Functions, bodies and shapes are called, and given, by their addresses, which stand in an array. They differ from
+process to process: in an array, they are no part of the compiled code, which can thus be kept on disk. This is the one
+file with private names of pymunk. Where they, or how C is called, are not as expected, `reason_for_public_way` says so,
+and `public_space` moves bodies instead.
+"""
+
+import math
+import platform
+import sys
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any
+
+import numba
+import numpy as np
+import numpy.typing as npt
+import pymunk
+
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.embodied.bodies.contact_candidates import (
+    MARGIN_CM,
+    PUSHED_CM,
+    add_reached,
+    find_contact_candidates,
+    list_candidates,
+    move_straight,
+)
+from epuck_sim.embodied.cells import sort_into_cells
+from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import call, call_c, double_from_c, pointer_from_c, vector_from_c
+
+try:
+    from pymunk._chipmunk_cffi import ffi, lib
+except ImportError:
+    ffi = lib = None
+
+Block = npt.NDArray[np.uint8]
+Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
+
+SLOP_CM = 2 * MARGIN_CM
+"""Overlap of enlarged bodies that is not corrected."""
+
+BODY, SHAPE, JOINT = range(3)
+"""Offsets among the addresses of a movable; a robot has a body and a shape."""
+
+MOVABLE_ADDRESSES = 3
+
+PLACE_MOVABLES = HIDE + 1
+"""Index in the addresses of `place_movables`; 0 without movables."""
+
+_FUNCTIONS = {
+    "cpSpaceNew": "cpSpace *(*)(void)",
+    "cpSpaceFree": "void(*)(cpSpace *)",
+    "cpSpaceSetCollisionSlop": "void(*)(cpSpace *, cpFloat)",
+    "cpSpaceSetCollisionBias": "void(*)(cpSpace *, cpFloat)",
+    "cpSpaceStep": "void(*)(cpSpace *, cpFloat)",
+    "cpSpaceAddBody": "cpBody *(*)(cpSpace *, cpBody *)",
+    "cpSpaceAddShape": "cpShape *(*)(cpSpace *, cpShape *)",
+    "cpSpaceAddConstraint": "cpConstraint *(*)(cpSpace *, cpConstraint *)",
+    "cpSpaceRemoveBody": "void(*)(cpSpace *, cpBody *)",
+    "cpSpaceRemoveShape": "void(*)(cpSpace *, cpShape *)",
+    "cpSpaceRemoveConstraint": "void(*)(cpSpace *, cpConstraint *)",
+    "cpBodyGetSpace": "cpSpace *(*)(cpBody *)",
+    "cpBodySetPosition": "void(*)(cpBody *, cpVect)",
+    "cpBodySetAngle": "void(*)(cpBody *, cpFloat)",
+    "cpBodySetVelocity": "void(*)(cpBody *, cpVect)",
+    "cpBodySetAngularVelocity": "void(*)(cpBody *, cpFloat)",
+    "cpBodyGetPosition": "cpVect(*)(cpBody *)",
+    "cpBodyGetAngle": "cpFloat(*)(cpBody *)",
+    "cpBodyGetVelocity": "cpVect(*)(cpBody *)",
+    "cpBodyUpdatePosition": "void(*)(cpBody *, cpFloat)",
+    "cpPivotJointInit": "cpPivotJoint *(*)(cpPivotJoint *, cpBody *, cpBody *, cpVect, cpVect)",
+    "cpConstraintGetMaxForce": "cpFloat(*)(cpConstraint *)",
+    "cpConstraintSetMaxForce": "void(*)(cpConstraint *, cpFloat)",
+    "cpConstraintSetMaxBias": "void(*)(cpConstraint *, cpFloat)",
+}
+"""Chipmunk's functions that compiled code calls, and their kinds as it takes them to be."""
+
+_FIRST = PLACE_MOVABLES + 1
+
+(_NEW_SPACE, _FREE_SPACE, _SET_SLOP, _SET_BIAS, _STEP, _ADD_BODY, _ADD_SHAPE, _ADD_JOINT) = range(_FIRST, _FIRST + 8)
+(_REMOVE_BODY, _REMOVE_SHAPE, _REMOVE_JOINT, _SPACE_OF) = range(_FIRST + 8, _FIRST + 12)
+(_SET_POSITION, _SET_ANGLE, _SET_VELOCITY, _SET_SPIN) = range(_FIRST + 12, _FIRST + 16)
+(_GET_POSITION, _GET_ANGLE, _GET_VELOCITY, _UPDATE_POSITION) = range(_FIRST + 16, _FIRST + 20)
+(_INIT_PIVOT, _GET_FORCE, _SET_FORCE, _SET_JOINT_BIAS) = range(_FIRST + 20, _FIRST + 24)
+"""Indices of the functions in the addresses."""
+
+END = _FIRST + len(_FUNCTIONS)
+"""Index in the addresses of the first that is not the same for all worlds of a process."""
+
+
+# --- a control step -----------------------------------------------------------------------------------
+
+
+@jit_no_alloc
+def move_bodies(swarm: Swarm, addresses: IntArray) -> None:
+    """Move all bodies for a control step.
+
+    Only robots that may touch something are in Chipmunk's space; the others move in straight lines, as they would
+    there. Where nothing can touch anything, no physics step is taken. Robots are sorted into cells before and after.
+    """
+    robots, scene = swarm.robots, swarm.scene[0]
+    time_s = scene.physics_steps * scene.physics_s
+    fastest_cm_s = find_contact_candidates(swarm)
+    for number in range(len(robots)):
+        robot = robots[number]
+        if robot.in_space and not robot.may_touch:
+            _leave(swarm, addresses, number)
+        if robot.may_touch:
+            _enter(swarm, addresses, number)
+    inside = list_candidates(swarm)
+    if inside > 0:
+        _step_space(swarm, addresses, inside, fastest_cm_s)
+    for number in range(len(robots)):
+        if not robots[number].in_space:
+            move_straight(robots[number], time_s)
+    sort_into_cells(swarm)
+
+
+@jit_inline
+def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: float) -> None:
+    """Take physics steps, and get where robots and movables are then; inside: number of robots in the space."""
+    scene, robots = swarm.scene[0], swarm.robots
+    candidates = inside
+    for step in range(scene.physics_steps):
+        if scene.touch and step > 0 and inside < len(robots):
+            inside = _bring_in(swarm, addresses, candidates, inside, fastest_cm_s, step * scene.physics_s)
+        call_c(addresses[_STEP], addresses[SPACE], scene.physics_s)
+    for index in range(inside):
+        number = swarm.members[swarm.numbers[index]].robot
+        body = addresses[scene.bodies + 2 * number]
+        robots[number].x, robots[number].y = vector_from_c(addresses[_GET_POSITION], body)
+        robots[number].heading = double_from_c(addresses[_GET_ANGLE], body)
+    for movable in range(scene.circles - scene.first_movable):
+        body = addresses[scene.movables + MOVABLE_ADDRESSES * movable]
+        circle = swarm.circles[scene.first_movable + movable]
+        circle.x, circle.y = vector_from_c(addresses[_GET_POSITION], body)
+
+
+@jit_inline
+def _bring_in(
+    swarm: Swarm, addresses: IntArray, candidates: int, inside: int, fastest_cm_s: float, past_s: float
+) -> int:
+    """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
+
+    Args:
+        swarm: The swarm.
+        addresses: See the module.
+        candidates: Number of robots that were candidates, the first ones in the list.
+        inside: Number of robots in the space, which the list has.
+        fastest_cm_s: Speed of the fastest robot.
+        past_s: Time since the control step began.
+
+    Returns:
+        The number of robots that are in the space then.
+    """
+    first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past_s + PUSHED_CM
+    index = 0
+    while index < inside:
+        start = swarm.members[swarm.numbers[index]]
+        body = addresses[first + 2 * start.robot]
+        x, y = vector_from_c(addresses[_GET_POSITION], body)
+        dx, dy = x - start.x, y - start.y
+        if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
+            vx, vy = vector_from_c(addresses[_GET_VELOCITY], body)
+            entered, inside = inside, add_reached(swarm, inside, x, y, math.hypot(vx, vy) + fastest_cm_s, past_s)
+            for entering in range(entered, inside):
+                _enter(swarm, addresses, swarm.members[swarm.numbers[entering]].robot)
+        index += 1
+    return inside
+
+
+@jit_no_alloc
+def _enter(swarm: Swarm, addresses: IntArray, number: int) -> None:
+    """Put a robot into the space unless it is there, and give its body, or its wheels' drive, the robot's velocities.
+
+    Its shape enters where its body was last, which decides on the order in which Chipmunk finds contacts.
+    """
+    scene, robot = swarm.scene[0], swarm.robots[number]
+    body = addresses[scene.bodies + 2 * number]
+    if not robot.in_space:
+        call_c(addresses[_ADD_BODY], addresses[SPACE], body)
+        call_c(addresses[_ADD_SHAPE], addresses[SPACE], addresses[scene.bodies + 2 * number + SHAPE])
+        call_c(addresses[_SET_POSITION], body, robot.x, robot.y)
+        call_c(addresses[_SET_ANGLE], body, robot.heading)
+        robot.in_space = True
+    driven = body if scene.drives < 0 else addresses[scene.drives + 2 * number]
+    call_c(addresses[_SET_VELOCITY], driven, robot.vx, robot.vy)
+    call_c(addresses[_SET_SPIN], body, robot.spin)
+
+
+@jit_inline
+def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
+    first = swarm.scene[0].bodies + 2 * number
+    call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], addresses[first + SHAPE])
+    call_c(addresses[_REMOVE_BODY], addresses[SPACE], addresses[first])
+    swarm.robots[number].in_space = False
+
+
+@jit_no_alloc
+def step(block: Block, addresses: IntArray) -> None:
+    """Move all bodies of a block for a control step; see `move_bodies`."""
+    move_bodies(swarm_at(block), addresses)
+
+
+# --- a trial ------------------------------------------------------------------------------------------
+
+
+@jit_no_alloc
+def place(block: Block, addresses: IntArray) -> None:
+    """Make the space anew, with all robots at rest where they are, and out of it: the world is as good as new.
+
+    A space is never used for a second trial (viblo/pymunk#181). Movables are where the block says, too.
+    """
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    surfaces = addresses[scene.surfaces : scene.surfaces + scene.surface_count]
+    if addresses[SPACE] != 0:
+        if addresses[PLACE_MOVABLES] != 0:
+            call(addresses[PLACE_MOVABLES], block, addresses, 0)
+        for shape in surfaces:
+            call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], shape)
+        call_c(addresses[_REMOVE_BODY], addresses[SPACE], addresses[GROUND])
+    for number in range(len(swarm.robots)):
+        _rest(swarm, addresses, number)
+    if addresses[SPACE] != 0:
+        call_c(addresses[_FREE_SPACE], addresses[SPACE])
+    addresses[SPACE] = pointer_from_c(addresses[_NEW_SPACE])
+    call_c(addresses[_SET_SLOP], addresses[SPACE], SLOP_CM)
+    call_c(addresses[_SET_BIAS], addresses[SPACE], 0.0)  # an overlap is gone after one physics step
+    call_c(addresses[_ADD_BODY], addresses[SPACE], addresses[GROUND])
+    for shape in surfaces:
+        call_c(addresses[_ADD_SHAPE], addresses[SPACE], shape)
+    if addresses[PLACE_MOVABLES] != 0:
+        call(addresses[PLACE_MOVABLES], block, addresses, 1)
+    sort_into_cells(swarm)
+
+
+@jit_no_alloc
+def rest(block: Block, addresses: IntArray, number: int) -> None:
+    """Put a robot at rest, as one that has touched nothing yet, and sort all robots into cells."""
+    swarm = swarm_at(block)
+    _rest(swarm, addresses, number)
+    sort_into_cells(swarm)
+
+
+@jit_no_alloc
+def sort_robots(block: Block) -> None:
+    """Sort all robots into cells."""
+    sort_into_cells(swarm_at(block))
+
+
+@jit_no_alloc
+def _rest(swarm: Swarm, addresses: IntArray, number: int) -> None:
+    """Take a robot out of the space; see `_forget_motion`. Blocks that were overwritten may not know that it is in."""
+    body, robot = addresses[swarm.scene[0].bodies + 2 * number], swarm.robots[number]
+    if pointer_from_c(addresses[_SPACE_OF], body) != 0:
+        _leave(swarm, addresses, number)
+    _forget_motion(addresses, body, 0.0, 0.0)
+    robot.in_space = False
+    robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
+
+
+@jit_no_alloc
+def _forget_motion(addresses: IntArray, body: int, x: float, y: float) -> None:
+    """Set a body to rest at some place as a new one: from its last one, contacts would be found in another order."""
+    call_c(addresses[_SET_VELOCITY], body, 0.0, 0.0)
+    call_c(addresses[_SET_SPIN], body, 0.0)
+    call_c(addresses[_UPDATE_POSITION], body, 0.0)  # forgets what its last contact was to correct in the next step
+    call_c(addresses[_SET_POSITION], body, x, y)
+    call_c(addresses[_SET_ANGLE], body, 0.0)
+
+
+@jit_no_alloc
+def place_movables(block: Block, addresses: IntArray, entering: int) -> None:
+    """Take movables and joints out of the space, or put them into it, as new; entering: 0 or 1."""
+    swarm = swarm_at(block)
+    scene, space = swarm.scene[0], addresses[SPACE]
+    for movable in range(scene.circles - scene.first_movable):
+        first = scene.movables + MOVABLE_ADDRESSES * movable
+        body, shape = addresses[first], addresses[first + SHAPE]
+        if entering == 0:
+            call_c(addresses[_REMOVE_JOINT], space, addresses[first + JOINT])
+            call_c(addresses[_REMOVE_SHAPE], space, shape)
+            call_c(addresses[_REMOVE_BODY], space, body)
+        else:
+            circle = swarm.circles[scene.first_movable + movable]
+            _forget_motion(addresses, body, circle.x, circle.y)
+            call_c(addresses[_ADD_BODY], space, body)
+            call_c(addresses[_ADD_SHAPE], space, shape)
+    if entering != 0:
+        for movable in range(scene.circles - scene.first_movable):
+            first = scene.movables + MOVABLE_ADDRESSES * movable
+            _add_joint(addresses, addresses[first + JOINT], addresses[GROUND], addresses[first])
+    for number in range(len(swarm.robots)):
+        drive, joint = addresses[scene.drives + 2 * number], addresses[scene.drives + 2 * number + 1]
+        if entering == 0:
+            call_c(addresses[_REMOVE_JOINT], space, joint)
+        else:
+            call_c(addresses[_SET_VELOCITY], drive, 0.0, 0.0)
+            _add_joint(addresses, joint, drive, addresses[scene.bodies + 2 * number])
+
+
+@jit_no_alloc
+def _add_joint(addresses: IntArray, joint: int, one: int, other: int) -> None:
+    """Put a joint into the space as a new one: an old one knows its last impulse."""
+    force = double_from_c(addresses[_GET_FORCE], joint)
+    call_c(addresses[_INIT_PIVOT], joint, one, other, 0.0, 0.0, 0.0, 0.0)
+    call_c(addresses[_SET_JOINT_BIAS], joint, 0.0)
+    call_c(addresses[_SET_FORCE], joint, force)
+    call_c(addresses[_ADD_JOINT], addresses[SPACE], joint)
+
+
+# --- for Python ---------------------------------------------------------------------------------------
+
+
+def address(thing: Thing) -> int:
+    """Return the address of the C struct behind an object of pymunk."""
+    name = {pymunk.Body: "_body", pymunk.Shape: "_shape", pymunk.Constraint: "_constraint"}
+    return _value(next(getattr(thing, name[kind]) for kind in name if isinstance(thing, kind)))
+
+
+def _value(pointer: Any) -> int:
+    return int(ffi.cast("uintptr_t", pointer))
+
+
+def exchange_shapes(space: int, old: Iterable[pymunk.Shape], new: Iterable[pymunk.Shape]) -> None:
+    """Take shapes out of the space at an address, and put others into it."""
+    for shape in old:
+        lib.cpSpaceRemoveShape(ffi.cast("cpSpace *", space), shape._shape)
+    for shape in new:
+        lib.cpSpaceAddShape(ffi.cast("cpSpace *", space), shape._shape)
+
+
+def free_space(addresses: IntArray, things: Iterable[Thing]) -> None:
+    """Free a space, if there is one, and take out first what may be in it; bodies are last among the things.
+
+    pymunk's objects free their structs themselves, and would otherwise ask for a space that is gone.
+    """
+    space = ffi.cast("cpSpace *", int(addresses[SPACE]))
+    if space == ffi.NULL:
+        return
+    for thing in things:
+        if isinstance(thing, pymunk.Constraint):
+            if lib.cpConstraintGetSpace(thing._constraint) == space:
+                lib.cpSpaceRemoveConstraint(space, thing._constraint)
+        elif isinstance(thing, pymunk.Shape):
+            if lib.cpShapeGetSpace(thing._shape) == space:
+                lib.cpSpaceRemoveShape(space, thing._shape)
+        elif lib.cpBodyGetSpace(thing._body) == space:
+            lib.cpSpaceRemoveBody(space, thing._body)
+    lib.cpSpaceFree(space)
+    addresses[SPACE] = 0
+
+
+def function_addresses() -> list[int]:
+    """Return the addresses of Chipmunk's functions, as they stand from `PLACE_MOVABLES` + 1 up to `END`.
+
+    Raises:
+        AttributeError: This pymunk has no such function.
+        TypeError: This pymunk's function is of another kind than compiled code takes it for.
+    """
+    return [_function_address(name, kind) for name, kind in _FUNCTIONS.items()]
+
+
+def _function_address(name: str, kind: str) -> int:
+    function = ffi.addressof(lib, name)
+    if ffi.typeof(function) is not ffi.typeof(kind):
+        raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {kind}")
+    return _value(function)
+
+
+# --- whether all that is as expected --------------------------------------------------------------------
+
+
+@lru_cache
+def reason_for_public_way() -> str:
+    """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can, which is tried once a process."""
+    if sys.platform == "win32" or platform.machine().lower() not in {"x86_64", "amd64", "aarch64", "arm64"}:
+        return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
+    try:
+        addresses = np.array([0] * _FIRST + function_addresses())
+        if _moved(addresses) != _moved_publicly():
+            return "a body that compiled code moves goes elsewhere"
+    except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
+        return str(error)
+    return ""
+
+
+def versions() -> str:
+    """Return the versions of what moves bodies."""
+    return f"pymunk {pymunk.version} and numba {numba.__version__}"
+
+
+def _wall_and_disc() -> tuple[pymunk.Body, pymunk.Shape, pymunk.Body, pymunk.Shape]:
+    """Return a wall and a disc, each a body and a shape."""
+    wall, disc = pymunk.Body(body_type=pymunk.Body.STATIC), pymunk.Body(2.0, 3.0)
+    shapes = pymunk.Segment(wall, (-9.0, 0.0), (9.0, 1.0), 0.5), pymunk.Circle(disc, 1.0)
+    for shape in shapes:
+        shape.friction = 0.7
+    return wall, shapes[0], disc, shapes[1]
+
+
+_TRIED = (1.0, 1.5), 0.25, (3.0, -4.0), 1.0
+"""Position, angle, velocity and angular velocity of the disc that is tried."""
+
+
+def _moved(addresses: IntArray) -> tuple[float, ...]:
+    """Return x, y and angle of a disc that compiled code has moved against a wall."""
+    things = _wall_and_disc()
+    moved = np.zeros(3)
+    _try(addresses, np.array([address(thing) for thing in things]), moved)
+    return tuple(moved.tolist())
+
+
+def _moved_publicly() -> tuple[float, ...]:
+    """Return x, y and angle of a disc that pymunk has moved against a wall."""
+    things = _wall_and_disc()
+    space, disc = pymunk.Space(), things[2]
+    space.collision_slop, space.collision_bias = SLOP_CM, 0.0
+    space.add(*things)
+    disc.position, disc.angle, disc.velocity, disc.angular_velocity = _TRIED
+    for _ in range(5):
+        space.step(0.1)
+    return disc.position.x, disc.position.y, disc.angle
+
+
+@jit_no_alloc
+def _try(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
+    """Move a disc against a wall with each kind of call; things: a wall's body and shape, and a disc's."""
+    (x, y), angle, (vx, vy), spin = _TRIED
+    space, disc = pointer_from_c(addresses[_NEW_SPACE]), things[2]
+    call_c(addresses[_SET_SLOP], space, SLOP_CM)
+    call_c(addresses[_SET_BIAS], space, 0.0)
+    for first in range(0, 4, 2):
+        call_c(addresses[_ADD_BODY], space, things[first])
+        call_c(addresses[_ADD_SHAPE], space, things[first + 1])
+    call_c(addresses[_SET_POSITION], disc, x, y)
+    call_c(addresses[_SET_ANGLE], disc, angle)
+    call_c(addresses[_SET_VELOCITY], disc, vx, vy)
+    call_c(addresses[_SET_SPIN], disc, spin)
+    for _ in range(5):
+        call_c(addresses[_STEP], space, 0.1)
+    moved[0], moved[1] = vector_from_c(addresses[_GET_POSITION], disc)
+    moved[2] = double_from_c(addresses[_GET_ANGLE], disc)
+    for first in range(0, 4, 2):
+        call_c(addresses[_REMOVE_SHAPE], space, things[first + 1])
+        call_c(addresses[_REMOVE_BODY], space, things[first])
+    call_c(addresses[_FREE_SPACE], space)

@@ -1,0 +1,212 @@
+"""Which robots may touch something soon: only they need a physics engine, all others move in straight lines.
+
+Candidates are the robots that would touch something in a control step if all moved in straight lines, and all that they
+may push or be pushed into, one by the other. All others are farther from a candidate than the two could come if both
+were as fast as the fastest robot and contacts moved each `PUSHED_CM` farther.
+
+Nothing bounds how far contacts move a robot: rows of robots that drive at each other squeeze out one between them, the
+faster the longer the rows. So whoever moves bodies looks before each physics step for candidates that have come farther
+than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and whom those
+may touch that were brought in. The others touch nobody: a candidate that has not come too far may take a step longer
+than the fastest robot's by `PUSHED_CM` and still be out of reach. Thus a contact is found in the same step as with all
+robots in the space, unless the correction of overlaps moves a robot by more than `PUSHED_CM` in a single physics step,
+which is part of no velocity; then it is found a physics step later.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.embodied.cells import cells_around, members_in_row
+from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+
+MARGIN_CM = 0.08
+"""Margin in cm by which bodies are enlarged; overlaps of up to twice the margin are not corrected.
+
+pymunk detects a contact only after bodies overlap, and two e-pucks that meet head-on at full speed approach by 2.56 mm
+in a physics step. Margins make it detect contacts 1.6 mm earlier, so that real bodies overlap by less than 1 mm, and
+robots that press on something come to rest where their real surfaces touch. Scenarios refuse wheels that are too fast
+for this.
+"""
+
+PUSHED_CM = 0.1
+"""Distance in cm by which contacts may move a robot farther than the fastest robot drives before anybody looks."""
+
+_ROUNDING_CM = 1e-6
+
+
+@jit_inline
+def touch_cm(swarm: Swarm) -> float:
+    """Return the distance of the centres of two enlarged robots that touch."""
+    radius_cm: float = swarm.scene[0].radius_cm
+    return 2.0 * (radius_cm + MARGIN_CM) + _ROUNDING_CM
+
+
+@jit_inline
+def wall_touch_cm(swarm: Swarm) -> float:
+    """Return the distance from a wall or an obstacle to the centre of a robot, both enlarged, that touches it."""
+    radius_cm: float = swarm.scene[0].radius_cm
+    return radius_cm + 2.0 * MARGIN_CM + _ROUNDING_CM
+
+
+@jit_no_alloc
+def find_contact_candidates(swarm: Swarm) -> float:
+    """Find the robots that may touch a wall, an obstacle or another robot in a control step, see the module.
+
+    Writes `may_touch`, and scratch numbers; robots are sorted into cells by where they are.
+
+    Returns:
+        The speed of the fastest robot, cm/s.
+    """
+    scene, robots, reached = swarm.scene[0], swarm.robots, swarm.numbers
+    time_s = scene.physics_steps * scene.physics_s
+    fastest = 0.0
+    for number in range(len(robots)):
+        fastest = max(fastest, robots[number].vx ** 2 + robots[number].vy ** 2)
+    fastest = math.sqrt(fastest)
+    path_cm = fastest * time_s + PUSHED_CM
+    reach_cm = touch_cm(swarm) + 2.0 * path_cm
+    # robots of further cells may be within reach, too; and movables may push robots that are far from each other
+    if reach_cm > min(scene.cell_width_cm, scene.cell_height_cm) or scene.circles > scene.first_movable:
+        for number in range(len(robots)):
+            robots[number].may_touch = robots[number].present
+        return fastest
+    found = 0
+    for number in range(len(robots)):
+        robot = robots[number]
+        robot.may_touch = robot.present and (
+            _meets_wall(swarm, number, time_s)
+            or _is_near_obstacle(swarm, number, wall_touch_cm(swarm) + path_cm)
+            or (scene.touch and _meets_robot(swarm, number, time_s, reach_cm))
+        )
+        if robot.may_touch:
+            reached[found] = number
+            found += 1
+    while scene.touch and found > 0:
+        found -= 1
+        found = _reach_others(swarm, reached[found], reach_cm, found)
+    return fastest
+
+
+@jit_inline
+def _meets_wall(swarm: Swarm, number: int, time_s: float) -> bool:
+    """Return whether a straight line ends at a wall."""
+    robot, scene = swarm.robots[number], swarm.scene[0]
+    x = robot.x + robot.vx * time_s
+    y = robot.y + robot.vy * time_s
+    gap_cm: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
+    return gap_cm <= wall_touch_cm(swarm)
+
+
+@jit_inline
+def _is_near_obstacle(swarm: Swarm, number: int, reach_cm: float) -> bool:
+    """Return whether a robot is within reach of a round obstacle, or of the box around an obstacle's edge."""
+    x, y = swarm.robots[number].x, swarm.robots[number].y
+    for index in range(swarm.scene[0].circles):
+        circle = swarm.circles[index]
+        if np.hypot(circle.x - x, circle.y - y) <= circle.radius + reach_cm:
+            return True
+    for index in range(swarm.scene[0].edges):
+        edge = swarm.edges[index]
+        beside = max(min(edge.ax, edge.bx) - x, x - max(edge.ax, edge.bx))
+        if max(beside, min(edge.ay, edge.by) - y, y - max(edge.ay, edge.by)) <= reach_cm:
+            return True
+    return False
+
+
+@jit_inline
+def _meets_robot(swarm: Swarm, number: int, time_s: float, reach_cm: float) -> bool:
+    """Return whether the straight lines of a robot and another one come so close that the two touch."""
+    robot = swarm.robots[number]
+    near = cells_around(robot.x, robot.y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for index in range(start, end):
+            member = swarm.members[index]
+            dx, dy = member.x - robot.x, member.y - robot.y
+            if dx * dx + dy * dy > reach_cm * reach_cm or member.robot == number:
+                continue
+            other = swarm.robots[member.robot]
+            if _closest(dx, dy, other.vx - robot.vx, other.vy - robot.vy, time_s) <= touch_cm(swarm):
+                return True
+    return False
+
+
+@jit_inline
+def _closest(dx: float, dy: float, vx: float, vy: float, time_s: float) -> float:
+    """Return the smallest distance within a time of a point that starts at (dx, dy) and moves with (vx, vy)."""
+    approach = -(dx * vx + dy * vy)
+    speed2 = vx * vx + vy * vy
+    when = 0.0 if approach <= 0.0 else min(approach / speed2, time_s)
+    return math.hypot(dx + vx * when, dy + vy * when)
+
+
+@jit_inline
+def _reach_others(swarm: Swarm, number: int, reach_cm: float, found: int) -> int:
+    """Add to the scratch numbers the robots within reach of one that may be pushed; return how many are in them."""
+    robot = swarm.robots[number]
+    near = cells_around(robot.x, robot.y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for index in range(start, end):
+            member = swarm.members[index]
+            dx, dy = member.x - robot.x, member.y - robot.y
+            other = swarm.robots[member.robot]
+            if dx * dx + dy * dy <= reach_cm * reach_cm and not other.may_touch:
+                other.may_touch = True
+                swarm.numbers[found] = member.robot
+                found += 1
+    return found
+
+
+@jit_inline
+def list_candidates(swarm: Swarm) -> int:
+    """Write the indices of candidates among the members of cells to the scratch numbers; return how many there are."""
+    found = 0
+    for index in range(len(swarm.members)):
+        if swarm.robots[swarm.members[index].robot].may_touch:
+            swarm.numbers[found] = index
+            found += 1
+    return found
+
+
+@jit_no_alloc
+def add_reached(swarm: Swarm, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
+    """Find robots that were no candidates, but may touch a robot at (x, y) within the next physics step.
+
+    Straight lines take them to where they are now. They are added to the list of candidates.
+
+    Args:
+        swarm: The swarm.
+        found: Length of the list, see `list_candidates`.
+        x: Where the robot is, cm.
+        y: Where the robot is, cm.
+        approach_cm_s: Speed with which another robot may come nearer, but for contacts.
+        past_s: Time since the control step began.
+
+    Returns:
+        The length of the list with those that were added.
+    """
+    reach_cm = touch_cm(swarm) + approach_cm_s * swarm.scene[0].physics_s + PUSHED_CM
+    near = cells_around(x, y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for index in range(start, end):
+            other = swarm.robots[swarm.members[index].robot]
+            dx, dy = other.x + other.vx * past_s - x, other.y + other.vy * past_s - y
+            if other.present and not other.may_touch and math.hypot(dx, dy) <= reach_cm:
+                move_straight(other, past_s)
+                other.may_touch = True
+                swarm.numbers[found] = index
+                found += 1
+    return found
+
+
+@jit_inline
+def move_straight(robot: Any, time_s: float) -> None:
+    """Move a robot with its velocities."""
+    robot.x += robot.vx * time_s
+    robot.y += robot.vy * time_s
+    robot.heading += robot.spin * time_s

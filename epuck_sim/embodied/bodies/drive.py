@@ -1,0 +1,54 @@
+"""The differential drive: from what controllers command to the motion of the body over one control step.
+
+A robot whose wheels keep their speeds moves along an arc. Rigid bodies are given the velocity along the arc's chord, so
+that one that touches nothing ends the step exactly on the arc, with the heading that belongs there.
+"""
+
+import math
+from typing import Any
+
+from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+
+
+@jit_no_alloc
+def apply_commands(swarm: Swarm) -> int:
+    """Carry out what the robots' actuators command; return the first with a speed or turn that is no number, or -1.
+
+    Writes wheels, within their limit, turns, rings, and the velocities with which bodies move. Robots after the one
+    that is returned keep theirs.
+    """
+    scene = swarm.scene[0]
+    limit = scene.wheel_limit_cm_s
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        left, right, turn = robot.actuators.left_cm_s, robot.actuators.right_cm_s, robot.actuators.turn_rad
+        if math.isnan(left) or math.isnan(right) or not math.isfinite(turn):
+            return number
+        robot.left_cm_s = min(max(left, -limit), limit)
+        robot.right_cm_s = min(max(right, -limit), limit)
+        robot.turn_rad = turn
+        robot.ring_command = robot.actuators.ring_on != 0
+        robot.ring_on = robot.ring_command
+        _drive(robot, scene)
+    return -1
+
+
+@jit_inline
+def _drive(robot: Any, scene: Any) -> None:
+    """Write the velocities that take a robot to the end of its arc in a control step.
+
+    A number of 0 as noise makes a wheel's speed 1 - slip times itself, 1 makes it 1 + slip times (Enki). A turn on the
+    spot changes the arc at once; the body turns while it moves, which makes no difference to a disc.
+    """
+    slip, noise, gain = scene.slip, robot.wheel_noise, robot.wheel_gain
+    left = robot.left_cm_s * (1.0 + slip * (2.0 * noise[0] - 1.0)) * gain[0]
+    right = robot.right_cm_s * (1.0 + slip * (2.0 * noise[1] - 1.0)) * gain[1]
+    turn = (right - left) / scene.wheel_base_cm
+    half = 0.5 * turn * scene.step_s
+    # the chord is shorter than the arc by sin(half) / half
+    chord = 0.5 * (left + right) * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+    heading = robot.heading + robot.turn_rad
+    robot.vx = chord * math.cos(heading + half)
+    robot.vy = chord * math.sin(heading + half)
+    robot.spin = turn + robot.turn_rad / scene.step_s

@@ -1,0 +1,140 @@
+"""Bodies and shapes in pymunk: of robots, of walls and obstacles, and of movables with what moves and holds them.
+
+Movables are discs that robots push over the floor. The floor's friction on a movable is Coulomb's: up to its
+coefficient times the weight, against the motion. Wheels drive a robot to the velocity that is commanded, or hold it
+there, with a force in any direction up to a limit. So pushers move what they press on if their forces sum to more than
+its friction, at the commanded speed; else it stays.
+
+Both forces are joints of pymunk without a memory of places: in each physics step, a joint changes a difference of
+velocities by an impulse of at most its force times the step, as much as it takes to make the difference 0. Robots thus
+follow their wheels one physics step late. Forces take a few steps to balance, in which even what is too heavy creeps.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import pymunk
+
+from epuck_sim.arena import Arena
+from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.scenario.robot_kind import RobotKind
+
+WALL_CM = 50.0
+"""Thickness of the walls in cm: far more than a robot can cover in one physics step."""
+
+GRAVITY_CM_S2 = 981.0
+"""Acceleration of gravity in cm/s^2, which makes a weight of a mass."""
+
+DYNES_PER_NEWTON = 1e5
+"""Force of 1 N in g cm/s^2, the unit of forces where masses are g and lengths cm."""
+
+_ROBOTS = 1
+"""pymunk's group of shapes that do not touch each other: robots that pass through each other."""
+
+
+class Disc(NamedTuple):
+    """The body of a robot or a movable, and its shape."""
+
+    body: pymunk.Body
+    shape: pymunk.Shape
+
+
+class Drive(NamedTuple):
+    """What drives a robot where there are movables: a body with the commanded velocity, and its joint with it."""
+
+    body: pymunk.Body
+    joint: pymunk.Constraint
+
+
+@dataclass
+class Bodies:
+    """All bodies of an arena."""
+
+    ground: pymunk.Body
+    """The body of the floor, whose shapes are the surfaces."""
+    surfaces: list[pymunk.Shape]
+    """Walls and obstacles."""
+    robots: list[Disc]
+    movables: list[Disc]
+    holds: list[pymunk.Constraint]
+    """The floor's friction on each movable."""
+    drives: list[Drive]
+    """The drive of each robot; none without movables."""
+
+
+def make_bodies(
+    arena: Arena, robots: int, kind: RobotKind, friction: float, drive_force_n: float, *, touch: bool
+) -> Bodies:
+    """Return bodies at rest at the origin, movables where they begin.
+
+    Args:
+        arena: Walls, obstacles and movables.
+        robots: Number of robots.
+        kind: What kind of robots they are.
+        friction: Coefficient between any two bodies that touch.
+        drive_force_n: Largest force of wheels where there are movables, N.
+        touch: Whether robots touch each other; else they pass through each other.
+    """
+    ground = pymunk.Body(body_type=pymunk.Body.STATIC)
+    moment = pymunk.moment_for_circle(kind.mass_g, 0, kind.radius_cm)
+    discs = [_disc(pymunk.Body(kind.mass_g, moment), kind.radius_cm, friction) for _ in range(robots)]
+    for _, shape in discs:
+        shape.filter = pymunk.ShapeFilter(group=0 if touch else _ROBOTS)
+    movables, holds, drives = [], [], []
+    for (x, y, radius), (mass_g, floor_friction) in zip(
+        arena.circles[arena.first_movable :].tolist(), arena.movables.tolist(), strict=True
+    ):
+        body = pymunk.Body(mass_g, math.inf)  # does not turn
+        body.position = x, y
+        movables.append(_disc(body, radius, friction))
+        holds.append(_limited_joint(ground, body, floor_friction * GRAVITY_CM_S2 * mass_g))
+    for body, _ in discs if movables else ():
+        drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+        drives.append(Drive(drive, _limited_joint(drive, body, DYNES_PER_NEWTON * drive_force_n)))
+    return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, holds, drives)
+
+
+def _disc(body: pymunk.Body, radius_cm: float, friction: float) -> Disc:
+    shape = pymunk.Circle(body, radius_cm + MARGIN_CM)
+    shape.friction = friction**0.5
+    return Disc(body, shape)
+
+
+def _limited_joint(one: pymunk.Body, other: pymunk.Body, force: float) -> pymunk.Constraint:
+    """Return a joint that lets `other` move as `one` as far as a force, g cm/s^2, can, wherever the two are."""
+    joint = pymunk.PivotJoint(one, other, (0, 0), (0, 0))
+    joint.max_bias = 0.0
+    joint.max_force = force
+    return joint
+
+
+def count_surfaces(arena: Arena) -> int:
+    """Return the number of the shapes of walls and obstacles."""
+    return 4 + arena.first_movable + len(arena.polygons)
+
+
+def make_surfaces(ground: pymunk.Body, arena: Arena, friction: float) -> list[pymunk.Shape]:
+    """Return shapes of the ground: four slabs around the floor that overlap at the corners, and obstacles.
+
+    Args:
+        ground: The body of the floor.
+        arena: The arena.
+        friction: Coefficient between any two bodies that touch.
+    """
+    width, height, out = arena.width_cm, arena.height_cm, WALL_CM
+    slabs = [
+        (-out, -out, 0, height + out),
+        (width, -out, width + out, height + out),
+        (-out, -out, width + out, 0),
+        (-out, height, width + out, height + out),
+    ]
+    polygons = [[(left, low), (right, low), (right, high), (left, high)] for left, low, right, high in slabs]
+    polygons += [[(x, y) for x, y in corners.tolist()] for corners in arena.polygons]
+    circles = arena.circles[: arena.first_movable].tolist()
+    round_ones = [pymunk.Circle(ground, radius + MARGIN_CM, offset=(x, y)) for x, y, radius in circles]
+    straight_ones = [pymunk.Poly(ground, corners, radius=MARGIN_CM) for corners in polygons]
+    shapes = [*straight_ones[:4], *round_ones, *straight_ones[4:]]
+    for shape in shapes:
+        shape.friction = friction**0.5  # pymunk multiplies the friction of the two that touch
+    return shapes

@@ -1,0 +1,93 @@
+"""A cell list: a grid over the arena with the robots in each cell, so that sensors look at near robots only."""
+
+import math
+from typing import Any, NamedTuple
+
+from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.util.jit import jit_inline
+
+
+def _count_cells(width_cm: float, height_cm: float, robots: int, least_cm: float) -> tuple[int, int]:
+    """Return the numbers of columns and rows: about one cell per robot, but no cell smaller than a least side."""
+    side = max(least_cm, math.sqrt(width_cm * height_cm / robots))
+    return max(1, int(width_cm / side)), max(1, int(height_cm / side))
+
+
+def cells_needed(width_cm: float, height_cm: float, robots: int, least_cm: float) -> int:
+    """Return the number of cells in an arena of this size, cm; `Swarm.cells` has one entry more."""
+    columns, rows = _count_cells(width_cm, height_cm, robots, least_cm)
+    return columns * rows
+
+
+def set_cells(swarm: Swarm, width_cm: float, height_cm: float, least_cm: float) -> None:
+    """Set the size of the arena, and with it the grid of a swarm, of `open_block`.
+
+    Args:
+        swarm: The swarm, which has room for `cells_needed`.
+        width_cm: Width of the arena.
+        height_cm: Height of the arena.
+        least_cm: Least side of a cell, the `cell_cm` of the kind of robot.
+    """
+    scene = swarm.scene[0]
+    scene.width_cm, scene.height_cm = width_cm, height_cm
+    scene.columns, scene.rows = _count_cells(width_cm, height_cm, len(swarm.robots), least_cm)
+    scene.cell_width_cm, scene.cell_height_cm = width_cm / scene.columns, height_cm / scene.rows
+
+
+@jit_inline
+def cell_index(position: float, size: float, count: int) -> int:
+    """Return the column (or row) of a position; a position beyond a wall belongs to the cell at that wall."""
+    return min(max(int(position / size), 0), count - 1)
+
+
+class NearCells(NamedTuple):
+    """The cells within one row and one column of a position; robots in others are at least a cell away."""
+
+    first_row: int
+    end_row: int
+    """Row after the last one."""
+    first_column: int
+    last_column: int
+
+
+@jit_inline
+def cells_around(x: float, y: float, scene: Any) -> NearCells:
+    """Return the up to nine cells around a position."""
+    column = cell_index(x, scene.cell_width_cm, scene.columns)
+    row = cell_index(y, scene.cell_height_cm, scene.rows)
+    return NearCells(max(row - 1, 0), min(row + 2, scene.rows), max(column - 1, 0), min(column + 1, scene.columns - 1))
+
+
+@jit_inline
+def members_in_row(near: NearCells, row: int, swarm: Swarm) -> tuple[int, int]:
+    """Return where the robots in a row of cells begin in `Swarm.members`, and where they end."""
+    first_cell = row * swarm.scene[0].columns
+    return swarm.cells[first_cell + near.first_column], swarm.cells[first_cell + near.last_column + 1]
+
+
+@jit_inline
+def sort_into_cells(swarm: Swarm) -> None:
+    """Sort the robots into the cells where they are now."""
+    scene, cells, members = swarm.scene[0], swarm.cells, swarm.members
+    last = scene.columns * scene.rows
+    for cell in range(last + 1):
+        cells[cell] = 0
+    for number in range(len(swarm.robots)):
+        cells[_cell_of(swarm.robots[number], scene)] += 1
+    total = 0
+    for cell in range(last + 1):  # from counts to ends
+        total += cells[cell]
+        cells[cell] = total
+    for number in range(len(swarm.robots) - 1, -1, -1):  # backwards, so that ends become beginnings
+        robot = swarm.robots[number]
+        cell = _cell_of(robot, scene)
+        cells[cell] -= 1
+        member = members[cells[cell]]
+        member.x, member.y, member.robot = robot.x, robot.y, number
+
+
+@jit_inline
+def _cell_of(robot: Any, scene: Any) -> int:
+    column = cell_index(robot.x, scene.cell_width_cm, scene.columns)
+    row = cell_index(robot.y, scene.cell_height_cm, scene.rows)
+    return row * int(scene.columns) + column

@@ -1,0 +1,168 @@
+"""Robots that come and go: those that are not in the arena are parked far outside, at rest and in the dark.
+
+There they touch nothing, hide nobody and are not seen; what they would sense there is blanked, and their controllers do
+not run.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
+from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.placement import (
+    APART_CM,
+    OUTSIDE_CM,
+    PLACED,
+    TOLERANCE_CM,
+    begin_placement,
+    clearance_cm,
+    place_at_random,
+)
+from epuck_sim.embodied.sensors.signals import forget_signals
+from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.util.jit import jit_no_alloc
+
+if TYPE_CHECKING:  # it imports pymunk, which readers of recordings do without
+    from epuck_sim.embodied.bodies.world import World
+
+Block = npt.NDArray[np.uint8]
+
+_WORD = 2**64
+
+
+def parked_poses(robots: IntArray) -> FloatArray:
+    """Return (n, 3) cm, cm, rad: where robots of these numbers are parked."""
+    places = OUTSIDE_CM - APART_CM * robots
+    return np.column_stack([places, places, np.zeros(len(robots))])
+
+
+def parked(poses: FloatArray) -> FloatArray:
+    """Return (..., robots, 3) poses of steps with robots parked that are not in the arena, for whom they are NaN."""
+    outside = np.broadcast_to(parked_poses(np.arange(poses.shape[-2])), poses.shape)
+    return np.where(np.isnan(poses), outside, poses)
+
+
+@jit_no_alloc
+def blank(block: Block, _addresses: IntArray, number: int) -> None:
+    """Have the robots of a group that are not in the arena sense nothing."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    for member in range(group.count):
+        if swarm.robots[group.first + member].present:
+            continue
+        sensors = swarm.robots[group.first + member].sensors
+        sensors.pulses = 0
+        for sensor in range(SENSORS):
+            sensors.infrared[sensor] = 0.0
+            sensors.distance_mm[sensor] = epuck.OUT_OF_RANGE_MM
+        for message in range(MAX_MESSAGES):
+            sensors.messages[message] = 0
+        for pixel in range(member * group.pixels, (member + 1) * group.pixels):
+            swarm.pixels[group.row + pixel] = 0
+            swarm.pixels[group.in_view + pixel] = 0
+            swarm.pixels[group.waiting + pixel] = 0
+
+
+@jit_no_alloc
+def rest(block: Block, _addresses: IntArray, _number: int) -> None:
+    """Have all robots that are not in the arena rest in the dark, after commands have been carried out."""
+    swarm = swarm_at(block)
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        if not robot.present:
+            robot.ring_command, robot.ring_on = False, False
+            robot.left_cm_s, robot.right_cm_s = 0.0, 0.0
+            robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
+
+
+def take_out(robots: Sequence[int], block: Block, world: "World", controllers: Sequence[GroupControllers]) -> None:
+    """Take robots out of the arena: they forget all."""
+    swarm = open_block(block)
+    for number in robots:
+        world.move(number, parked_poses(np.array([number]))[0])
+        robot = swarm.robots[number]
+        robot.present = robot.ring_command = robot.ring_on = robot.ring_before = False
+        robot.actuators = np.zeros(1, ACTUATORS)[0]
+        group, member = _place_of(swarm, number)
+        memory = controllers[group].memory
+        memory[member] = np.zeros(1, memory.dtype)[0]
+
+
+def put_in(
+    robots: Sequence[int],
+    poses: Sequence[Sequence[float]] | None,
+    scenario: EmbodiedScenario,
+    block: Block,
+    world: "World",
+    controllers: Sequence[GroupControllers],
+    sequence: np.random.SeedSequence,
+    origin: str,
+) -> None:
+    """Put robots into the arena that are not in it; their controllers start.
+
+    Args:
+        robots: Numbers of the robots.
+        poses: x, y in cm and heading in rad of each; free places are drawn if None.
+        scenario: Has what robots remember at the start.
+        block: The swarm.
+        world: All bodies.
+        controllers: Those of all groups.
+        sequence: Seed sequence from which places are drawn, for all robots in turn.
+        origin: Begins error messages.
+
+    Raises:
+        ScenarioError: There is no free place, or a pose that is given is not free.
+        RobotError: A controller raises at its start.
+    """
+    swarm = open_block(block)
+    _seed_places(swarm, sequence)
+    for number, robot in enumerate(robots):
+        record = swarm.robots[robot]
+        if record.present:
+            continue
+        if poses is None:
+            begin_placement(block)
+            if place_at_random(block, robot, robot + 1) != PLACED:
+                raise ScenarioError(f"{origin}: no free place was found for robot {robot}")
+            world.move(robot, (record.x, record.y, record.heading))
+        else:
+            _check_free(swarm, robot, poses[number], origin)
+            world.move(robot, poses[number])
+        record.present = True
+        group, member = _place_of(swarm, robot)
+        controllers[group].start([member])
+        for name, value in scenario.robots[group].memory.items():
+            controllers[group].memory[name][member] = value if np.ndim(value) == 0 else value[member]
+        forget_signals(swarm, robot)
+
+
+def _seed_places(swarm: Swarm, sequence: np.random.SeedSequence) -> None:
+    """Set the generator of places to numpy's `default_rng(sequence)`; see `util.generators.seed_pcg64`."""
+    numbers = np.random.PCG64(sequence).state["state"]
+    words = [half for name in ("state", "inc") for half in divmod(numbers[name], _WORD)]
+    swarm.scene[0].placement_random = np.array([*words, 0, 0, 1], np.uint64)
+
+
+def _check_free(swarm: Swarm, robot: int, pose: Sequence[float], origin: str) -> None:
+    """Raise ScenarioError unless a robot at this pose touches nothing."""
+    radius_cm, others = float(swarm.scene[0].radius_cm), swarm.robots[swarm.robots.present]
+    x, y, _ = pose
+    is_apart = (np.hypot(others.x - x, others.y - y) >= 2 * radius_cm - TOLERANCE_CM).all()
+    if not is_apart or clearance_cm(swarm, x, y) < radius_cm - TOLERANCE_CM:
+        raise ScenarioError(
+            f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an obstacle "
+            "or a movable; give a free place, or no poses"
+        )
+
+
+def _place_of(swarm: Swarm, robot: int) -> tuple[int, int]:
+    """Return the number of a robot's group, and the robot's number in it."""
+    group = int(np.searchsorted(swarm.groups.first, robot, side="right")) - 1
+    return group, robot - int(swarm.groups.first[group])

@@ -1,0 +1,46 @@
+"""What a control step calls, in order: sensors, controllers, faults, and robots that come and go."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from epuck_sim.embodied.changes import faults
+from epuck_sim.embodied.changes.attendance import blank, rest
+from epuck_sim.scenario.embodied import EmbodiedScenario
+
+
+class Calls(NamedTuple):
+    """Functions (block, addresses, number), and the number that each gets, in order."""
+
+    early: list[tuple[Any, int]]
+    """When bodies have moved: all sense, then all controllers run."""
+    late: list[tuple[Any, int]]
+    """When commands have been carried out."""
+    hide: Any | None
+    """What sensors call for a robot, at `swarm.HIDE`, if faults may keep robots from seeing flashes."""
+
+
+def plan_calls(scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], controllers: Sequence[Any]) -> Calls:
+    """Return what a control step calls.
+
+    Args:
+        scenario: Its faults, and whether robots come and go.
+        sensors: For each group, the functions with which its robots sense.
+        controllers: For each group, the function that runs its controllers.
+    """
+    groups = range(len(scenario.robots))
+
+    def for_groups(moment: int) -> list[tuple[Any, int]]:
+        return [(hook, group) for hook in faults.hooks_at(moment, scenario) for group in groups]
+
+    absent = scenario.members_change
+    early = [
+        *((hook, 0) for hook in faults.hooks_at(faults.BEGIN, scenario)),
+        *for_groups(faults.BEFORE_SENSING),
+        *((sense, group) for group in groups for sense in sensors[group]),
+        *for_groups(faults.AFTER_SENSING),
+        *((blank, group) for group in groups if absent),
+        *((controllers[group], group) for group in groups),
+        *for_groups(faults.AFTER_CONTROLLERS),
+    ]
+    late = [*((hook, 0) for hook in faults.hooks_at(faults.LATE, scenario)), *([(rest, 0)] if absent else [])]
+    return Calls(early, late, next(iter(faults.hooks_at(faults.WHILE_SENSING, scenario)), None))

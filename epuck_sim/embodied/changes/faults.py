@@ -1,0 +1,377 @@
+"""Faults of robots: who has them, from when to when, and what they change (thesis 4.4).
+
+A fault changes one reading, actuator or clock, which its section of a scenario names. `HOOKS` has the kernels that
+change these, and their moments of a control step. A step calls only those that the faults of its scenario need.
+
+Times are in milliseconds. Each fault draws from streams of its own, one for each robot, so that neither other faults
+nor further robots change it; what robots draw without faults stays as it is.
+"""
+
+import math
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim import epuck
+from epuck_sim.arrays import IntArray
+from epuck_sim.control.interface import SENSORS
+from epuck_sim.embodied.swarm import FLOAT64, INT64, Swarm, open_block, swarm_at
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.faults import FAULTS, FaultSection
+from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import array_at
+from epuck_sim.util.rng import next_word, uniform
+from epuck_sim.util.seeds import robot_streams
+
+Block = npt.NDArray[np.uint8]
+
+RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
+CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART = range(5, 10)
+"""Numbers of the kinds of faults: those in `scenario.faults.FAULTS`, in order."""
+
+KINDS = tuple(FAULTS)
+"""Names of the kinds, by their numbers."""
+
+LOGGED_STEPS = 16
+"""Control steps of which the log has room for all changes: after no more of them, `take_events` is to be called."""
+
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+_MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
+_MIX_2 = np.uint64(0x94D049BB133111EB)
+"""Constants of splitmix64 (Steele, Lea and Flood 2014)."""
+
+
+# --- who has which fault, from when to when ---------------------------------------------------------
+
+
+def log_length(scenario: EmbodiedScenario) -> int:
+    """Return the length of `Swarm.log`: each fault of each robot changes at most once in a control step."""
+    return LOGGED_STEPS * len(scenario.faults) * scenario.robot_count
+
+
+def set_faults(swarm: Swarm, scenario: EmbodiedScenario) -> None:
+    """Write a scenario's faults to a swarm; nobody has them before `restart_faults` has begun a trial."""
+    for fault, section in zip(swarm.faults, scenario.faults, strict=True):
+        fault.kind = KINDS.index(section.kind)
+        for key in ("rate", "jitter", "missed"):
+            fault.strength = getattr(section, key, fault.strength)
+        fault.nearer_cm, fault.farther_cm = _missed_cm(section)
+        fault.begin_ms = math.inf if section.scheduled else _in_ms(section.at_s or 0.0)
+        fault.end_ms = _in_ms(_or_infinity(section.until_s))
+        fault.mean_free_ms = 3.6e6 / section.per_hour if section.per_hour else 0.0
+        fault.mean_faulty_ms = 1000 * _or_infinity(section.mean_s)
+    swarm.scene[0].hides_flashes = any(section.changes == "flashes" for section in scenario.faults)
+
+
+def _missed_cm(section: FaultSection) -> tuple[float, float]:
+    """Return the distances below which, and above which, flashes are missed: at any, if none is given."""
+    nearer, farther = (getattr(section, key, None) for key in ("nearer_than_cm", "farther_than_cm"))
+    return (math.inf if farther is None else 0.0) if nearer is None else nearer, _or_infinity(farther)
+
+
+def _or_infinity(given: float | None) -> float:
+    return math.inf if given is None else given
+
+
+def _in_ms(time_s: float) -> float:
+    """Return ms, to a millionth: a fault at 2.3 s begins in the control step at 2300 ms, not at 2299.9999999999995."""
+    return round(time_s * 1000, 6)
+
+
+def restart_faults(block: Block, scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> None:
+    """Begin a trial: draw who may have each fault, and when random ones begin first.
+
+    Args:
+        block: The swarm.
+        scenario: Its faults.
+        sequence: The seed sequence of the trial's faults.
+    """
+    swarm = open_block(block)
+    robots = len(swarm.robots)
+    affected = swarm.affected.reshape(len(scenario.faults), robots)
+    for fault, section in enumerate(scenario.faults):
+        own, whom = np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, fault)).spawn(2)
+        affected.random[fault] = robot_streams(own, robots)
+        affected.is_member[fault] = np.isin(np.arange(robots), _members(section, robots, whom))
+    swarm.affected.is_active = False
+    swarm.robots.flash_number, swarm.robots.left_over_ms, swarm.robots.starts_anew_at = 0, 0.0, -1.0
+    swarm.scene[0].changes = 0
+    draw_first_changes(block)
+
+
+def _members(section: FaultSection, robots: int, sequence: np.random.SeedSequence) -> IntArray:
+    """Return the numbers of the robots that may have a fault in this trial."""
+    if section.robots is not None:
+        return np.array(section.robots)
+    count = math.floor((section.share or 1.0) * robots + 0.5) if section.count is None else section.count
+    return np.random.Generator(np.random.SFC64(sequence)).permutation(robots)[:count]
+
+
+@jit_no_alloc
+def draw_first_changes(block: Block) -> None:
+    """Draw the words that decide on flashes, and when each fault begins first."""
+    swarm = swarm_at(block)
+    for fault in range(len(swarm.faults)):
+        for robot in range(len(swarm.robots)):
+            affected = swarm.affected[fault * len(swarm.robots) + robot]
+            affected.key = next_word(affected.random)
+            affected.change_ms = swarm.faults[fault].begin_ms if affected.is_member else math.inf
+            if affected.is_member and swarm.faults[fault].mean_free_ms > 0.0:
+                _await_next(swarm, fault, robot)
+
+
+@jit_no_alloc
+def _await_next(swarm: Swarm, fault: int, robot: int) -> None:
+    """Set when a fault begins next: a random one after a drawn time, unless that is too late; others never again."""
+    section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]
+    time_ms = math.inf
+    if section.mean_free_ms > 0.0:
+        time_ms = affected.change_ms - section.mean_free_ms * math.log(1.0 - uniform(affected.random))
+    affected.change_ms = time_ms if time_ms < section.end_ms else math.inf
+
+
+@jit_no_alloc
+def _change(swarm: Swarm, fault: int, robot: int) -> None:
+    """Begin or end a fault of a robot, and set the time of the next change."""
+    section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]
+    if section.kind == RESTART:
+        swarm.robots[robot].starts_anew_at = uniform(affected.random)
+    else:
+        affected.is_active = not affected.is_active
+    if affected.is_active:
+        end_ms = section.end_ms
+        if section.mean_faulty_ms < math.inf:
+            lasting_ms = -section.mean_faulty_ms * math.log(1.0 - uniform(affected.random))
+            end_ms = min(end_ms, affected.change_ms + lasting_ms)
+        affected.change_ms = end_ms
+    else:
+        _await_next(swarm, fault, robot)
+
+
+@jit_no_alloc
+def change_faults(block: Block, _addresses: IntArray, _number: int) -> None:
+    """Begin and end the faults whose time has come, and log them; number the flashes that begin.
+
+    First in a control step, where there are faults.
+    """
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    time_ms = float(scene.step * scene.step_ms)
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        robot.starts_anew_at = -1.0
+        if robot.ring_on and not robot.ring_before:
+            robot.flash_number += 1
+    for fault in range(len(swarm.faults)):
+        for number in range(len(swarm.robots)):
+            affected = swarm.affected[fault * len(swarm.robots) + number]
+            if affected.change_ms > time_ms:
+                continue
+            was_active = affected.is_active
+            while affected.change_ms <= time_ms:
+                _change(swarm, fault, number)
+            if swarm.faults[fault].kind == RESTART or affected.is_active != was_active:
+                change = swarm.log[scene.changes]
+                change.time_ms, change.fault, change.robot, change.begins = time_ms, fault, number, not was_active
+                scene.changes += 1
+
+
+@jit_inline
+def has_fault(swarm: Swarm, kind: int, robot: int) -> bool:
+    """Return whether a robot has a fault of a kind."""
+    for fault in range(len(swarm.faults)):
+        if swarm.faults[fault].kind == kind and swarm.affected[fault * len(swarm.robots) + robot].is_active:
+            return True
+    return False
+
+
+def take_events(swarm: Swarm) -> list[TrialEvent]:
+    """Return what has begun and ended since the last call, one event for all robots in which a fault did so at once."""
+    scene = swarm.scene[0]
+    changes = sorted(swarm.log[: scene.changes].tolist(), key=lambda each: (each[0], each[1], each[3], each[2]))
+    scene.changes = 0
+    events = []
+    for (time_ms, fault, begins), several in groupby(changes, lambda each: (each[0], each[1], each[3])):
+        robots = tuple(robot for _, _, robot, _ in several)
+        what = _what(int(swarm.faults[fault].kind), begins=begins)
+        events.append(TrialEvent(int(time_ms) // int(scene.step_ms), time_ms / 1000, f"faults.{fault}", what, robots))
+    return events
+
+
+def _what(kind: int, *, begins: bool) -> str:
+    """Return in words what a fault of a kind did."""
+    name = KINDS[kind]
+    return name if kind == RESTART else f"{name} {'begins' if begins else 'ends'}"
+
+
+# --- what they change -------------------------------------------------------------------------------
+
+
+@jit_no_alloc
+def tick_clocks(block: Block, _addresses: IntArray, _number: int) -> None:
+    """Write the ms until the next control step by clocks that may be faulty; fractions carry over."""
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        is_faulty, rate = False, 1.0
+        for fault in range(len(swarm.faults)):
+            section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + number]
+            if not affected.is_active:
+                continue
+            if section.kind == CLOCK_DRIFT:
+                is_faulty = True
+                rate *= section.strength
+            elif section.kind == CLOCK_JITTER:
+                is_faulty = True
+                rate *= 1.0 + section.strength * (2.0 * uniform(affected.random) - 1.0)
+        if is_faulty:
+            counted = robot.own_step_ms * rate + robot.left_over_ms
+            robot.sensors.step_ms = math.floor(counted)
+            robot.left_over_ms = counted - math.floor(counted)
+        elif not scene.clocks_differ:
+            robot.sensors.step_ms = scene.step_ms
+
+
+@jit_no_alloc
+def hold_phases(block: Block, _addresses: IntArray, number: int) -> None:
+    """Start those of a group's oscillators anew whose turn it is, and hold phases and rings, before controllers run."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    if group.phase < 0:
+        return
+    period = group.parameters + group.period
+    period_s = array_at(block, period, period + 8, FLOAT64)[0]
+    for row in range(group.count):
+        robot = swarm.robots[group.first + row]
+        at = group.memory + row * group.memory_bytes + group.phase
+        phase = array_at(block, at, at + 8, INT64)
+        if robot.starts_anew_at >= 0.0:
+            phase_ms = int(robot.starts_anew_at * period_s * 1000.0)
+            if group.phase_is_float:
+                array_at(block, at, at + 8, FLOAT64)[0] = phase_ms
+            else:
+                phase[0] = phase_ms
+            robot.actuators.ring_on = 0
+        robot.held_phase = phase[0]
+        robot.held_ring = robot.actuators.ring_on
+
+
+@jit_no_alloc
+def freeze_phases(block: Block, _addresses: IntArray, number: int) -> None:
+    """Set the phases and rings of a group's frozen oscillators back to what they were before controllers ran."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    if group.phase < 0:
+        return
+    for row in range(group.count):
+        if has_fault(swarm, OSCILLATOR_FROZEN, group.first + row):
+            robot = swarm.robots[group.first + row]
+            at = group.memory + row * group.memory_bytes + group.phase
+            array_at(block, at, at + 8, INT64)[0] = robot.held_phase
+            robot.actuators.ring_on = robot.held_ring
+
+
+@jit_no_alloc
+def blank_infrared(block: Block, _addresses: IntArray, number: int) -> None:
+    """Write the readings of a group's dead proximity sensors, 0, and their distances."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    for robot in range(group.first, group.first + group.count):
+        if has_fault(swarm, INFRARED_DEAD, robot):
+            for sensor in range(SENSORS):
+                swarm.robots[robot].sensors.infrared[sensor] = 0.0
+                swarm.robots[robot].sensors.distance_mm[sensor] = epuck.OUT_OF_RANGE_MM
+
+
+@jit_no_alloc
+def hide_flashes(block: Block, _addresses: IntArray, robot: int) -> None:
+    """Write which lit rings faults do not keep a robot from seeing: 1 for each, 0 for others, one for each robot.
+
+    They are the second part of the scratch numbers, see `Swarm.numbers`.
+    """
+    swarm = swarm_at(block)
+    robots = len(swarm.robots)
+    is_blind = has_fault(swarm, CAMERA_BLIND, robot)
+    for sender in range(robots):
+        is_seen = swarm.robots[sender].ring_on and not is_blind and not _misses(swarm, robot, sender)
+        swarm.numbers[robots + sender] = int(is_seen)
+
+
+@jit_no_alloc
+def _misses(swarm: Swarm, robot: int, sender: int) -> bool:
+    """Return whether a robot misses the present flash of another one."""
+    to, here = swarm.robots[sender], swarm.robots[robot]
+    for fault in range(len(swarm.faults)):
+        section, affected = swarm.faults[fault], swarm.affected[fault * len(swarm.robots) + robot]
+        if section.kind != CAMERA_MISSES or not affected.is_active:
+            continue
+        dx, dy = to.x - here.x, to.y - here.y
+        distance_cm = np.sqrt(dx * dx + dy * dy)
+        concerned = distance_cm < section.nearer_cm or distance_cm > section.farther_cm
+        if concerned and random_share(affected.key, sender, to.flash_number) < section.strength:
+            return True
+    return False
+
+
+@jit_no_alloc
+def random_share(key: np.uint64, sender: int, flash: int) -> float:
+    """Return a random number from [0, 1) that belongs to a key and a flash, the same whenever it is asked for."""
+    word = _mixed(_mixed(key + _GOLDEN * np.uint64(sender + 1)) + _GOLDEN * np.uint64(flash))
+    return (word >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@jit_no_alloc
+def _mixed(word: np.uint64) -> np.uint64:
+    """Return a word each of whose bits depends on all bits of another one (splitmix64)."""
+    word = (word ^ (word >> np.uint64(30))) * _MIX_1
+    word = (word ^ (word >> np.uint64(27))) * _MIX_2
+    mixed: np.uint64 = word ^ (word >> np.uint64(31))
+    return mixed
+
+
+@jit_no_alloc
+def fail_rings(block: Block, _addresses: IntArray, _number: int) -> None:
+    """Light the rings that are commanded, or stuck, and work."""
+    swarm = swarm_at(block)
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        is_on = robot.ring_command or has_fault(swarm, RING_STUCK_ON, number)
+        robot.ring_on = is_on and not has_fault(swarm, RING_DEAD, number)
+
+
+@jit_no_alloc
+def stop_wheels(block: Block, _addresses: IntArray, _number: int) -> None:
+    """Stop the robots whose wheels are dead; these count as commanded."""
+    swarm = swarm_at(block)
+    for number in range(len(swarm.robots)):
+        if has_fault(swarm, WHEELS_DEAD, number):
+            robot = swarm.robots[number]
+            robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
+
+
+BEGIN, BEFORE_SENSING, AFTER_SENSING, AFTER_CONTROLLERS, LATE, WHILE_SENSING = range(6)
+"""Moments of a control step: first of all; before and after all groups sense; after all controllers; when commands
+have been carried out; and when a robot looks for flashes. `BEGIN` and `LATE` are for all robots at once, those between
+for each group."""
+
+HOOKS: tuple[tuple[str, int, Any], ...] = (
+    ("clock", BEGIN, tick_clocks),
+    ("phase", BEFORE_SENSING, hold_phases),
+    ("infrared", AFTER_SENSING, blank_infrared),
+    ("phase", AFTER_CONTROLLERS, freeze_phases),
+    ("ring", LATE, fail_rings),
+    ("wheels", LATE, stop_wheels),
+    ("flashes", WHILE_SENSING, hide_flashes),
+)
+"""The kernels (block, addresses, number) that change what faults change, and their moments; the number is a group's."""
+
+
+def hooks_at(moment: int, scenario: EmbodiedScenario) -> list[Any]:
+    """Return the kernels that the faults of a scenario need at a moment of a control step, in order."""
+    changed = {section.changes for section in scenario.faults}
+    first = [change_faults] if moment == BEGIN and changed else []
+    return first + [kernel for what, when, kernel in HOOKS if when == moment and what in changed]

@@ -1,0 +1,151 @@
+"""Carries out the schedule of a scenario: changes that are made while a trial of robots runs."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arena import Arena, clearance_cm, without_movables
+from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.embodied.bodies.world import World
+from epuck_sim.embodied.changes.attendance import put_in, take_out
+from epuck_sim.embodied.controllers import GroupControllers, RobotError
+from epuck_sim.embodied.swarm import Swarm, open_block
+from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.scenario.arena_changes import arena_after
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.robot_schedule import RobotDisplacement, RobotScheduleEntry
+from epuck_sim.scenario.schedule import TimedEntries, TrialEvent
+
+NEVER = 2**62
+"""Number of a control step that no simulation takes."""
+
+DEEPEST_CM = 2 * MARGIN_CM
+"""How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
+
+_PLACES = 0  # spawn key of the places of robots that come
+
+
+def timed_entries(schedule: Sequence[RobotScheduleEntry], step_ms: int) -> TimedEntries[int]:
+    """Return the entries that have a time, by the control steps, `step_ms` long, before which they are carried out."""
+    steps = [
+        (math.ceil(round(entry.at_s * 1000, 6) / step_ms), number)
+        for number, entry in enumerate(schedule)
+        if entry.at_s is not None
+    ]
+    return TimedEntries(sorted(steps), NEVER)
+
+
+def carry_out(
+    number: int,
+    scenario: EmbodiedScenario,
+    sequence: np.random.SeedSequence,
+    block: npt.NDArray[np.uint8],
+    world: World,
+    controllers: Sequence[GroupControllers],
+    change_arena: Callable[[Arena], None],
+    set_parameters: Callable[[int, dict[str, Any]], None],
+) -> TrialEvent:
+    """Make the changes of an entry, which act from the next control step on, and return them as an event.
+
+    Args:
+        number: Number of the entry.
+        scenario: The scenario with the schedule.
+        sequence: The entry's seed sequence, from the trial's seed.
+        block: The swarm.
+        world: All bodies.
+        controllers: Those of all groups.
+        change_arena: Has all move and sense in another arena, with the same movables.
+        set_parameters: Sets parameters of the group of a number.
+
+    Raises:
+        ScenarioError: A body is in the way of an obstacle, or a robot that comes finds no place.
+        ControllerError: The controller of a robot that comes raises.
+    """
+    swarm, entry = open_block(block), scenario.schedule[number]
+    step = int(swarm.scene[0].step) + 1
+    time_ms = step * scenario.timing.step_ms
+    origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {sequence.entropy}"
+    take_out(entry.remove, block, world, controllers)
+    if entry.arena_values():
+        arena = arena_after(scenario, number).build()
+        change_arena(arena)
+        check_bodies_outside(swarm, arena, origin)
+    places = np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, _PLACES))
+    try:
+        put_in(entry.add, entry.poses, scenario, block, world, controllers, places, origin)
+    except RobotError as error:
+        raise ControllerError(f"{origin}: {error}") from error
+    for group, values in entry.parameters().items():
+        set_parameters(group, values)
+    if entry.displace is not None:
+        displace_phases(swarm, controllers, entry.displace, sequence)
+    for faults, begins in ((entry.begin, True), (entry.end, False)):
+        for fault in faults:
+            begin_or_end(swarm, fault, begins=begins, time_ms=time_ms)
+    return TrialEvent(step, time_ms / 1000, f"schedule.{number}", entry.what)
+
+
+def check_bodies_outside(swarm: Swarm, arena: Arena, origin: str) -> None:
+    """Raise ScenarioError if a robot or a movable would be in a wall or an obstacle, or beyond the walls.
+
+    Args:
+        swarm: Where robots and movables are now.
+        arena: The new arena.
+        origin: Begins the message: what changes the arena, and when.
+    """
+    fixed, scene, robots = without_movables(arena), swarm.scene[0], swarm.robots
+    bodies = [(f"robot {robot}", robots[robot], scene.radius_cm) for robot in np.flatnonzero(robots.present)]
+    movables = swarm.circles[scene.first_movable : scene.circles]
+    bodies += [(f"movable {number}", circle, circle.radius) for number, circle in enumerate(movables)]
+    for name, place, radius_cm in bodies:
+        overlap_cm = radius_cm - clearance_cm(fixed, float(place.x), float(place.y))
+        if overlap_cm > DEEPEST_CM:
+            raise ScenarioError(
+                f"{origin}: {name} at [{place.x:.4g}, {place.y:.4g}] would be {overlap_cm:.3g} cm into a wall or an "
+                "obstacle; change the arena where, and when, no body is"
+            )
+
+
+def displace_phases(
+    swarm: Swarm,
+    controllers: Sequence[GroupControllers],
+    displacement: RobotDisplacement,
+    sequence: np.random.SeedSequence,
+) -> None:
+    """Displace the phases of oscillators, and command their rings dark.
+
+    Args:
+        swarm: The swarm.
+        controllers: Those of all groups.
+        displacement: Whose phases, and by how much.
+        sequence: Seed sequence from which random phases are drawn, for all robots, whoever is displaced.
+    """
+    robots = np.arange(len(swarm.robots))
+    drawn = np.random.Generator(np.random.SFC64(sequence)).random(len(robots))
+    is_displaced = np.isin(robots, robots if displacement.robots is None else displacement.robots)
+    by_cycles = displacement.by_cycles
+    for group, each in zip(swarm.groups, controllers, strict=True):
+        if not each.controller.is_oscillator:
+            continue
+        members = slice(group.first, group.first + group.count)
+        phase_ms, period_ms = each.memory["phase_ms"], float(each.parameters["period_s"][0]) * 1000
+        if isinstance(by_cycles, str):
+            displaced = drawn[members] * period_ms
+        else:
+            ahead_ms = np.round(by_cycles * period_ms, 6)  # 1450 ms, not 1449.9999999999998, for whole phases
+            displaced = (phase_ms + ahead_ms) % period_ms
+        rows = is_displaced[members]
+        phase_ms[rows] = displaced[rows]
+        swarm.robots.actuators.ring_on[members][rows] = 0
+
+
+def begin_or_end(swarm: Swarm, fault: int, *, begins: bool, time_ms: float) -> None:
+    """Have a scheduled fault begin, or end, in the control step at this time, in all robots that may have it."""
+    affected = swarm.affected.reshape(len(swarm.faults), -1)[fault]
+    is_active = affected.is_active
+    will_be = is_active ^ (affected.change_ms <= time_ms)  # where an entry before has had it begin, or end
+    concerned = affected.is_member & (will_be != begins)
+    affected.change_ms[concerned] = np.where(is_active[concerned] != begins, time_ms, math.inf)

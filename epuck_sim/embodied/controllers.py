@@ -1,0 +1,344 @@
+"""Runs the controllers of a group of robots: compiled by numba, interpreted for breakpoints and any library, or in C.
+
+Compiled and interpreted controllers run the same source, their file and `_run` below, with equal results bit for bit.
+"""
+
+import ctypes
+import sys
+from bdb import BdbQuit
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arrays import IntArray
+from epuck_sim.control.compilation import compile_for
+from epuck_sim.control.firmware import Firmware
+from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Wheels
+from epuck_sim.control.loader import check_imported_copies
+from epuck_sim.embodied.swarm import Swarm, open_block, swarm_at
+from epuck_sim.errors import ControllerError
+from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
+from epuck_sim.util.messages import describe_error
+from epuck_sim.util.native import array_at, call_c, function_address
+from epuck_sim.util.python_files import line_of_error
+
+Block = npt.NDArray[np.uint8]
+
+Records = npt.NDArray[np.void]
+
+ENTRIES = 4
+"""Number of a group's entries in the addresses: what runs its controllers, and for firmware its `e_start_all`, its
+`e_step_all` and the first of the robots' records."""
+
+E_GROUP = np.dtype(
+    [
+        *(("robots", np.int64), ("pixels", np.int64), ("memory_size", np.int64), ("parameters_size", np.int64)),
+        *((name, np.intp) for name in ("step_ms", "distance_mm", "camera", "infrared", "new_picture", "pulses")),
+        *((name, np.intp) for name in ("messages", "actuators", "memory", "parameters", "random")),
+        *(("serving", np.intp), ("present", np.intp)),
+    ]
+)
+"""Record `e_group` of the header: sizes, and addresses of arrays. Each robot has one, as a swarm of one robot."""
+
+E_GROUP_BYTES = E_GROUP.itemsize
+
+AGAIN_S = 1.0
+"""Time for which a step that has failed runs again, to find the line; compiled, it may have run through a long loop."""
+
+if TYPE_CHECKING:  # `bind` provides them
+    start: Callable[..., None]
+    step: Callable[..., None]
+    MEMORY: np.dtype[Any]
+    PARAMETERS: np.dtype[Any]
+
+
+def _run(block: Block, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+    """Run a control step of each robot of a group that is in the arena, or start those that are to start."""
+    swarm = swarm_at(block)
+    scene, group = swarm.scene[0], swarm.groups[number]
+    kept = group.count
+    memories = array_at(block, group.memory, group.memory + (kept + 1) * group.memory_bytes, MEMORY)
+    parameters = array_at(block, group.parameters, group.memory, PARAMETERS)[0]
+    wheels = Wheels(float(scene.wheel_limit_cm_s), float(scene.wheel_base_cm))
+    for member in range(group.count):
+        robot = swarm.robots[group.first + member]
+        if not (robot.starts if scene.starts else robot.present):
+            continue
+        scene.serving = group.first + member
+        memories[kept] = memories[member]
+        scene.kept_random = robot.random
+        scene.kept_actuators = robot.actuators
+        if scene.starts:
+            start(memories[member], parameters, robot.random[:])
+            continue
+        sensed, row = robot.sensors, group.row + member * group.pixels
+        # slices, as numba takes arrays of different lengths in records for different types
+        sensors = Sensors(
+            int(sensed.step_ms),
+            sensed.infrared[:],
+            sensed.distance_mm[:],
+            swarm.pixels[row : row + group.pixels],
+            bool(sensed.new_picture),
+            int(sensed.pulses),
+            sensed.messages[:],
+            wheels,
+        )
+        step(sensors, memories[member], robot.actuators, parameters, robot.random[:])
+    scene.serving = -1
+
+
+def _run_firmware(block: Block, addresses: IntArray, number: int) -> None:
+    """Do what `_run` does, for firmware in C."""
+    swarm = swarm_at(block)
+    scene, group = swarm.scene[0], swarm.groups[number]
+    function = addresses[group.controller + (1 if scene.starts else 2)]
+    for member in range(group.count):
+        robot = swarm.robots[group.first + member]
+        if robot.starts if scene.starts else robot.present:
+            scene.serving = group.first + member
+            call_c(function, addresses[group.controller + 3] + member * E_GROUP_BYTES)
+    scene.serving = -1
+
+
+_run_firmware_compiled = jit_no_alloc(_run_firmware)
+
+
+def bytes_needed(controller: Controller, robots: int) -> int:
+    """Return the number of bytes that a group with this controller needs in `Swarm.bytes`."""
+    return controller.parameter_type.itemsize + (robots + 1) * controller.memory.itemsize
+
+
+def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) -> None:
+    """Write to a group's record where parameters and memories of its controllers are.
+
+    Args:
+        swarm: The swarm.
+        number: Number of the group.
+        controller: What is to run on its robots.
+        first: Index in `Swarm.bytes` of the first of the group's bytes, of which there are `bytes_needed`.
+    """
+    parameters, memory = controller.parameter_type, controller.memory
+    group = swarm.groups[number]
+    group.parameters = swarm.scene[0].at[-2] + first
+    group.memory = group.parameters + parameters.itemsize
+    group.memory_bytes = memory.itemsize
+    group.phase = group.period = -1
+    if controller.is_oscillator:
+        assert memory.fields
+        assert parameters.fields
+        group.phase, group.period = memory.fields["phase_ms"][1], parameters.fields["period_s"][1]
+        group.phase_is_float = memory["phase_ms"].kind == "f"
+
+
+class GroupControllers:
+    """The controllers of one group of robots of a block, which must stay where it is."""
+
+    controller: Controller
+    """What runs on the robots."""
+    run: Callable[[Block, IntArray, int], None]
+    """Runs one control step of each robot; takes the block, the addresses and the group's number. Compiled, unless
+    controllers are interpreted."""
+
+    def __init__(self, block: Block, number: int, controller: Controller, *, interpret: bool = False) -> None:
+        """Prepare `controller`, without starting it: the block stays as it is.
+
+        Args:
+            block: The swarm, in which the group has its bytes, see `assign_bytes`.
+            number: Number of the group.
+            controller: What runs on its robots.
+            interpret: Whether it runs as plain Python instead of compiled.
+
+        Raises:
+            ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
+        """
+        check_imported_copies(controller)
+        self.controller = controller
+        self._block, self._number, self._swarm = block, number, open_block(block)
+        self._scene, self._group = self._swarm.scene[0], self._swarm.groups[number]
+        self._is_compiled = not (interpret or isinstance(controller, Firmware))
+        self._entries = [0] * ENTRIES
+        # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
+        if isinstance(controller, Firmware):
+            self._e_groups = _e_groups(self._swarm, number, controller)
+            functions = (controller.library.e_start_all, controller.library.e_step_all)
+            self._entries[1:3] = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
+            self._entries[3] = self._e_groups.ctypes.data
+            self.run = _run_firmware_compiled
+            if interpret:
+                self.run = bind(_run_firmware, swarm_at=lambda _: self._swarm, call_c=_call_c)
+            else:
+                self._entries[0] = address_of(_run_firmware_compiled)
+        elif interpret:
+            self.run = _interpreted(controller, self._swarm)
+        else:
+            self.run = compile_for(controller, _run, kernel_digest("embodied"))
+            self._entries[0] = function_address(self.run)
+
+    def addresses(self, first: int) -> list[int]:
+        """Have the group's record say that its entries in the addresses begin at index `first`, and return them.
+
+        There are `ENTRIES` of them; the first is what a call of a control step calls, 0 for interpreted controllers.
+        """
+        self._group.controller = first
+        return self._entries
+
+    @property
+    def memory(self) -> Records:
+        """(robots,) what each robot remembers, in place."""
+        group = self._group
+        return self._block[group.memory :][: group.count * group.memory_bytes].view(self.controller.memory)
+
+    @property
+    def parameters(self) -> Records:
+        """(1,) the parameters of all robots, in place."""
+        return self._block[self._group.parameters : self._group.memory].view(self.controller.parameter_type)
+
+    def start(self, members: Sequence[int] | None = None) -> None:
+        """Start controllers, whose robots remember and command nothing yet.
+
+        Args:
+            members: Numbers in the group of the robots whose controllers start; all if None.
+
+        Raises:
+            RobotError: A robot's controller raises an error.
+        """
+        chosen = np.arange(self._group.count) if members is None else np.asarray(members, np.intp)
+        robots = self._swarm.robots[self._group.first :][: self._group.count]
+        robots.starts = False
+        robots.starts[chosen] = True
+        robots.actuators[chosen] = np.zeros(1, ACTUATORS)
+        self.memory[chosen] = np.zeros(1, self.controller.memory)
+        self._scene.starts = True
+        try:
+            self.step()
+        finally:
+            self._scene.starts = False
+
+    def step(self) -> None:
+        """Run one control step of each robot that is in the arena.
+
+        Raises:
+            RobotError: A robot's controller raises an error.
+        """
+        addresses = np.array([0] * self._group.controller + self._entries)
+        try:
+            self.run(self._block, addresses, self._number)
+        except BaseException as error:  # whatever a user's controller may raise
+            if fault := self.fault(error):
+                raise fault from error
+            raise
+
+    def fault(self, error: BaseException) -> "RobotError | None":
+        """Return what to say of an error that a robot of this group has raised; None if none of them did."""
+        member = int(self._scene.serving - self._group.first)
+        if not 0 <= member < self._group.count:
+            return None
+        if isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C pressed
+            return None
+        place = self._line_again(error) if self._is_compiled else line_of_error(error, self.controller.sources)
+        self._scene.serving = -1
+        return RobotError(self.controller, member, error, place or str(self.controller.path))
+
+    def _line_again(self, error: BaseException) -> str | None:
+        """Return FILE:LINE of an error, by running what has failed again: in Python, and on a copy of the swarm."""
+        block = self._block.copy()
+        swarm = open_block(block)
+        scene, group = swarm.scene[0], self._group
+        robot = swarm.robots[scene.serving]
+        robot.random, robot.actuators = scene.kept_random, scene.kept_actuators
+        kept = group.memory + group.count * group.memory_bytes
+        memory = group.memory + (scene.serving - group.first) * group.memory_bytes
+        block[memory:][: group.memory_bytes] = block[kept:][: group.memory_bytes]
+        others = np.arange(len(swarm.robots)) != scene.serving
+        swarm.robots.present[others] = swarm.robots.starts[others] = False
+        try:
+            with _time_limit(AGAIN_S):
+                _interpreted(self.controller, swarm)(block, np.zeros(0, np.int64), self._number)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as second:
+            if _is_alike(error, second):
+                return line_of_error(second, self.controller.sources)
+        return None
+
+
+def _is_alike(error: BaseException, second: BaseException) -> bool:
+    """Return whether errors of compiled and of interpreted code mean the same: numpy has an error of its own for 1 / 0."""
+    return type(second) is type(error) or (isinstance(error, ArithmeticError) and isinstance(second, ArithmeticError))
+
+
+@contextmanager
+def _time_limit(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError in Python code that takes longer."""
+    end_s, before = perf_counter() + seconds, sys.gettrace()
+
+    def trace(*_: object) -> Any:
+        if perf_counter() > end_s:
+            raise TimeoutError
+        return trace
+
+    sys.settrace(trace)
+    try:
+        yield
+    finally:
+        sys.settrace(before)
+
+
+def _interpreted(controller: Controller, swarm: Swarm) -> Any:
+    """Return `_run` as plain Python, which raises where numpy would only warn of a division by 0, as compiled code does."""
+    names: dict[str, Any] = {
+        "start": controller.start,
+        "step": controller.step,
+        "MEMORY": controller.memory,
+        "PARAMETERS": controller.parameter_type,
+        "swarm_at": lambda _: swarm,
+        "array_at": lambda block, first, end, dtype: block[first:end].view(dtype).view(np.recarray),
+    }
+    return np.errstate(divide="raise", invalid="raise")(bind(_run, **names))
+
+
+def _call_c(function: int, argument: int) -> None:
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p)(int(function))(int(argument))
+
+
+def _e_groups(swarm: Swarm, number: int, controller: Controller) -> npt.NDArray[np.void]:
+    """Return (robots + 1,) a record of each robot for its firmware, and behind them what firmware writes to `serving`."""
+    group = swarm.groups[number]
+    members = swarm.robots[group.first :][: group.count]
+    sensors = members.sensors
+    records = np.zeros(group.count + 1, E_GROUP)
+    records["robots"], records["pixels"] = 1, group.pixels
+    records["serving"] = records[-1:].ctypes.data
+    each = records[:-1]
+    for name in ("step_ms", "distance_mm", "infrared", "new_picture", "pulses", "messages"):
+        each[name] = _rows(sensors[name])
+    each["camera"] = _rows(swarm.pixels[group.row :][: group.count * group.pixels].reshape(group.count, -1))
+    each["actuators"], each["random"], each["present"] = map(
+        _rows, (members.actuators, members.random, members.present)
+    )
+    block = swarm.scene.ctypes.data
+    each["memory"] = block + group.memory + group.memory_bytes * np.arange(group.count)
+    each["parameters"] = block + group.parameters
+    return records
+
+
+def _rows(array: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
+    """Return the address of each row of an array."""
+    return array.ctypes.data + array.strides[0] * np.arange(len(array))
+
+
+class RobotError(ControllerError):
+    """The controller of a robot has raised an error.
+
+    Attributes:
+        robot: The robot's number in its group.
+    """
+
+    def __init__(self, controller: Controller, robot: int, error: BaseException, place: str) -> None:
+        inside = "" if place.startswith(str(controller.path)) else f" (in the controller {controller.path})"
+        super().__init__(f"{place}: {describe_error(error)}{inside}")
+        self.robot = robot

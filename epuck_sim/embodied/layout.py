@@ -1,0 +1,162 @@
+"""Makes the block of a scenario's swarm, with all that does not depend on a trial's seed."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arena import Arena
+from epuck_sim.control.interface import Controller
+from epuck_sim.embodied.cells import cells_needed, set_cells
+from epuck_sim.embodied.changes.faults import log_length, set_faults
+from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
+from epuck_sim.embodied.sensors.camera import set_camera
+from epuck_sim.embodied.sensors.flash_cone import set_cone
+from epuck_sim.embodied.sensors.infrared import set_infrared
+from epuck_sim.embodied.sensors.radio import set_radio, slots_of
+from epuck_sim.embodied.swarm import Swarm, make_block, open_block
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.scenario.imperfections import SpreadSection
+from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.signals import ConeSignal, RadioSignal
+
+Block = npt.NDArray[np.uint8]
+
+
+def make_swarm_block(scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]) -> Block:
+    """Return the block of a swarm before its first trial: robots have no places yet, and nothing is drawn.
+
+    Args:
+        scenario: The scenario.
+        arenas: Every arena that there is in a trial, first the one that it begins with.
+        controllers: What runs on each group.
+    """
+    block = make_block(_lengths(scenario, arenas, controllers))
+    swarm = open_block(block)
+    _set_scene(swarm.scene[0], scenario)
+    set_arena(swarm, arenas[0], scenario.robot.cell_cm)
+    _set_robots(swarm.robots, scenario)
+    _set_groups(swarm, scenario, controllers)
+    set_faults(swarm, scenario)
+    _set_reference(swarm, scenario.stop.reference_robot)
+    return block
+
+
+def _lengths(scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]) -> dict[str, int]:
+    """Return how long each array of the block is."""
+    robots, faults = scenario.robot_count, len(scenario.faults)
+    groups = scenario.robots
+    most_calls = 7 + 9 * len(groups)  # of the swarm: imperfections, faults; of a group: sensors, controllers, faults
+    return {
+        "robots": robots,
+        "groups": len(groups),
+        "calls": most_calls,
+        "cells": max(cells_needed(each.width_cm, each.height_cm, robots, scenario.robot.cell_cm) for each in arenas)
+        + 1,
+        "members": robots,
+        "circles": max(len(arena.circles) for arena in arenas),
+        "edges": max(len(arena.edges) for arena in arenas),
+        "pixels": sum(_pictures(group) * group.count * group.pixels for group in groups),
+        "rays": sum(group.pixels for group in groups),
+        "air": sum(slots_of(group.signal, scenario.timing.step_ms) * group.count for group in groups),
+        "faults": faults,
+        "affected": faults * robots,
+        "log": log_length(scenario),
+        "numbers": 3 * robots + 2 * scenario.camera_pixels,
+        "depths": 3 * scenario.camera_pixels,
+        "bytes": sum(bytes_needed(each, group.count) for group, each in zip(groups, controllers, strict=True)),
+    }
+
+
+def _pictures(group: RobotGroup) -> int:
+    """Return how many pictures a group's robots hold: also those in view, and those that wait for delivery."""
+    return 3 if group.signal.kind == "camera" and group.camera.frames_per_s is not None else 1
+
+
+def _set_scene(scene: Any, scenario: EmbodiedScenario) -> None:
+    timing, robot, stuck, spread = scenario.timing, scenario.robot, scenario.stuck, scenario.spread
+    values = {
+        "step": -1,
+        "serving": -1,
+        "drives": -1,
+        "step_ms": timing.step_ms,
+        "step_s": timing.step_ms / 1000,
+        "physics_steps": timing.physics_hz // timing.control_hz,
+        "physics_s": 1.0 / timing.physics_hz,
+        "radius_cm": robot.radius_cm,
+        "touch": scenario.contact.robots,
+        "wheel_limit_cm_s": robot.wheels.limit_cm_s,
+        "wheel_base_cm": robot.wheels.base_cm,
+        "slip": scenario.noise.wheel_speed,
+        "infrared_noise": scenario.noise.infrared_counts > 0,
+        "clocks_differ": spread.clock_rate > 0,
+        "mean_free_s": 3600 / stuck.per_hour if stuck.per_hour > 0 else math.inf,
+        "mean_stuck_s": stuck.mean_s,
+        "robots_vary": spread != SpreadSection() or stuck.per_hour > 0,
+        "signals_draw": any(group.signal_is_random for group in scenario.robots),
+        "spread": (spread.wheel_speed, spread.wheel_imbalance, spread.clock_rate, spread.infrared_gain),
+    }
+    for name, value in values.items():
+        scene[name] = value
+
+
+def set_arena(swarm: Swarm, arena: Arena, cell_cm: float) -> None:
+    """Write walls, obstacles and movables to a swarm, for which there is room; cell_cm: least side of a cell."""
+    scene = swarm.scene[0]
+    scene.width_cm, scene.height_cm = arena.width_cm, arena.height_cm
+    scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
+    if len(arena.circles):
+        circles = swarm.circles[: len(arena.circles)]
+        circles.x, circles.y, circles.radius = arena.circles.T
+    if len(arena.edges):
+        edges = swarm.edges[: len(arena.edges)]
+        edges.ax, edges.ay, edges.bx, edges.by = arena.edges.T
+        edges.polygon = np.repeat(np.arange(len(arena.polygons)), [len(corners) for corners in arena.polygons])
+    set_cells(swarm, arena.width_cm, arena.height_cm, cell_cm)
+
+
+def _set_robots(robots: Any, scenario: EmbodiedScenario) -> None:
+    robots.present = scenario.present
+    robots.wheel_gain = robots.free_gain = robots.clock_rate = robots.infrared_gain = 1.0
+    robots.own_step_ms = robots.sensors.step_ms = scenario.timing.step_ms
+    robots.sensors.new_picture = robots.is_stuck = True  # stuck until time 0, when all are freed
+    robots.starts_anew_at = -1.0
+
+
+def _set_groups(swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[Controller]) -> None:
+    robot, row, ray, pulses, byte = 0, 0, 0, 0, 0
+    later = sum(section.count * section.pixels for section in scenario.robots)  # behind all rows that controllers read
+    for number, (section, controller) in enumerate(zip(scenario.robots, controllers, strict=True)):
+        group = swarm.groups[number]
+        group.first, group.count, group.pixels = robot, section.count, section.pixels
+        rows = section.count * section.pixels
+        group.row, group.in_view, group.waiting, group.ray = row, row, row, ray
+        if _pictures(section) > 1:
+            group.in_view, group.waiting, later = later, later + rows, later + 2 * rows
+        _set_signal(swarm, group, section, scenario)
+        group.radio.first = pulses
+        set_infrared(group.infrared, scenario.robot, section.infrared, scenario.noise.infrared_counts)
+        assign_bytes(swarm, number, controller, byte)
+        robot, row, ray = robot + section.count, row + rows, ray + section.pixels
+        pulses += slots_of(section.signal, scenario.timing.step_ms) * section.count
+        byte += bytes_needed(controller, section.count)
+
+
+def _set_signal(swarm: Swarm, group: Any, section: RobotGroup, scenario: EmbodiedScenario) -> None:
+    if isinstance(section.signal, ConeSignal | RadioSignal):
+        set_cone(group.cone, section.signal)
+    else:
+        rays = swarm.rays[group.ray : group.ray + section.pixels]
+        set_camera(group.camera, rays, section.camera, scenario.robot, scenario.timing.control_hz)
+    if isinstance(section.signal, RadioSignal):
+        set_radio(group.radio, section.signal, scenario.timing.step_ms)
+
+
+def _set_reference(swarm: Swarm, robot: int) -> None:
+    scene = swarm.scene[0]
+    group = next(group for group in swarm.groups if group.first <= robot < group.first + group.count)
+    scene.reference, scene.lit_phase = robot if group.phase >= 0 else -1, math.nan
+    scene.reference_phase = group.memory + (robot - group.first) * group.memory_bytes + group.phase
+    scene.reference_is_float = group.phase_is_float

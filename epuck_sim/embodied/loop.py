@@ -1,0 +1,219 @@
+"""The control loop: move, sense, control, act, many steps in one call of compiled code (thesis 3.1.4.1)."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arrays import IntArray
+from epuck_sim.embodied.bodies.chipmunk import move_bodies
+from epuck_sim.embodied.bodies.drive import apply_commands
+from epuck_sim.embodied.bodies.world import World
+from epuck_sim.embodied.changes.calls import plan_calls
+from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.sensors.signals import sensors_of
+from epuck_sim.embodied.start import draw_noise
+from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, open_block, swarm_at
+from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.util.jit import address_of, jit_no_alloc
+from epuck_sim.util.native import array_at, call
+from epuck_sim.util.rng import uniform
+
+Block = npt.NDArray[np.uint8]
+
+DONE, FIRED = -1, -2
+"""What `take_steps` returns: all is well, and the reference does not, or does, fire in the last step."""
+
+
+@jit_no_alloc
+def tick(block: Block, _addresses: IntArray, _number: int) -> None:
+    """Write the ms until the next control step by each robot's own clock: 25, 25, 26 ...; fractions carry over."""
+    swarm = swarm_at(block)
+    step = swarm.scene[0].step
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        own_ms = robot.own_step_ms
+        robot.sensors.step_ms = int(math.floor((step + 1) * own_ms) - math.floor(step * own_ms))
+
+
+@jit_no_alloc
+def stop_and_release(block: Block, _addresses: IntArray, _number: int) -> None:
+    """Stop and release robots: free and stuck by turns for exponentially distributed times, free at first (4.4)."""
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    time_s = scene.step * scene.step_s
+    for number in range(len(swarm.robots)):
+        robot = swarm.robots[number]
+        while robot.stuck_until_s <= time_s:
+            robot.is_stuck = not robot.is_stuck
+            mean_s = scene.mean_stuck_s if robot.is_stuck else scene.mean_free_s
+            robot.stuck_until_s -= mean_s * math.log(1.0 - uniform(robot.variation_random))
+        for wheel in range(2):
+            robot.wheel_gain[wheel] = 0.0 if robot.is_stuck else robot.free_gain[wheel]
+
+
+@jit_no_alloc
+def begin_step(block: Block, addresses: IntArray) -> None:
+    """Begin a control step, up to where robots sense: bodies move, unless it is the first, and noise is drawn."""
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    scene.step += 1
+    if scene.step > 0 and not scene.moved_publicly:
+        move_bodies(swarm, addresses)
+    draw_noise(swarm)
+
+
+@jit_no_alloc
+def act(block: Block) -> int:
+    """Carry out what controllers command; return the first robot with a speed or a turn that is no number, or -1.
+
+    Robots see rings as they were before.
+    """
+    swarm = swarm_at(block)
+    for robot in range(len(swarm.robots)):
+        swarm.robots[robot].ring_before = swarm.robots[robot].ring_on
+    return apply_commands(swarm)
+
+
+@jit_no_alloc
+def make_calls(block: Block, addresses: IntArray, first: int, end: int) -> None:
+    """Make some of the calls of a control step."""
+    calls = swarm_at(block).calls
+    for index in range(first, end):
+        call(addresses[calls[index].function], block, addresses, calls[index].argument)
+
+
+@jit_no_alloc
+def fires(block: Block) -> bool:
+    """Return whether the reference fires in this control step; to be called once in each (thesis 4.2.1).
+
+    A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. That is as
+    commanded, even if the ring has a fault.
+    """
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    if scene.reference < 0 or not swarm.robots[scene.reference].ring_command:
+        scene.lit_phase = math.nan
+        return False
+    at = scene.reference_phase
+    phase = array_at(block, at, at + 8, FLOAT64)[0]
+    if not scene.reference_is_float:
+        phase = float(array_at(block, at, at + 8, INT64)[0])
+    is_firing = math.isnan(scene.lit_phase) or phase < scene.lit_phase
+    scene.lit_phase = phase
+    return is_firing
+
+
+@jit_no_alloc
+def take_steps(block: Block, addresses: IntArray, steps: int, until_firing: bool) -> int:
+    """Take a number of control steps, or as many as it takes until the reference fires, if that is asked for.
+
+    Bodies move before each step but the first. All robots sense the same instant, as rings and wheels take effect after
+    all controllers have run.
+
+    Returns:
+        The first robot whose controller set a speed or a turn that is no number, which ends the loop; or `DONE`, or
+        `FIRED` if the reference fires in the last step.
+    """
+    scene = swarm_at(block).scene[0]
+    late, calls = scene.late, scene.calls
+    is_firing = False
+    for _ in range(steps):
+        begin_step(block, addresses)
+        make_calls(block, addresses, 0, late)
+        invalid = act(block)
+        if invalid >= 0:
+            return invalid
+        make_calls(block, addresses, late, calls)
+        is_firing = fires(block)
+        if is_firing and until_firing:
+            break
+    return FIRED if is_firing else DONE
+
+
+@jit_no_alloc
+def act_again(block: Block, addresses: IntArray) -> None:
+    """Have robots do what actuators say, from the last control step on: as if controllers had said so in it."""
+    swarm = swarm_at(block)
+    scene = swarm.scene[0]
+    if scene.step >= 0:  # before, nobody can act
+        apply_commands(swarm)
+        make_calls(block, addresses, scene.late, scene.calls)
+
+
+class ControlLoop:
+    """The control loop of a swarm in this process: compiled, or as plain Python around controllers that are."""
+
+    addresses: IntArray
+    """Addresses of all that a control step calls."""
+
+    def __init__(
+        self,
+        scenario: EmbodiedScenario,
+        block: Block,
+        world: World,
+        groups: Sequence[GroupControllers],
+        *,
+        interpret: bool,
+    ) -> None:
+        """Compile what a control step calls, and number it in the block.
+
+        Args:
+            scenario: The scenario.
+            block: The swarm.
+            world: Its bodies.
+            groups: The controllers of each group.
+            interpret: Whether controllers run as plain Python.
+        """
+        self._block, self._world, self._scene = block, world, open_block(block).scene[0]
+        self._in_python = interpret or world.is_public
+        calls = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups)
+        imperfections = {tick: scenario.spread.clock_rate > 0, stop_and_release: scenario.stuck.per_hour > 0}
+        early = [*((function, 0) for function, exists in imperfections.items() if exists), *calls.early]
+        self._early, self._late = (
+            [
+                (function.run if isinstance(function, GroupControllers) else function, argument)
+                for function, argument in each
+            ]
+            for each in (early, calls.late)
+        )
+        addresses = world.addresses()
+        if calls.hide:
+            addresses[HIDE] = address_of(calls.hide)
+        for group in groups:
+            addresses += group.addresses(len(addresses))
+        numbers = {group: int(open_block(block).groups[number].controller) for number, group in enumerate(groups)}
+        for function, _ in (*early, *calls.late):
+            if function not in numbers:
+                numbers[function] = len(addresses)
+                addresses.append(0 if self._in_python else address_of(function))
+        listed = open_block(block).calls
+        for index, (function, argument) in enumerate((*early, *calls.late)):
+            listed[index].function, listed[index].argument = numbers[function], argument
+        self._scene.late, self._scene.calls = len(early), len(early) + len(calls.late)
+        self.addresses = np.array(addresses, np.int64)
+        world.use(block, self.addresses)
+        self.take(0)  # compiles now, which belongs to no trial's time
+
+    def take(self, steps: int, *, until_firing: bool = False) -> int:
+        """Carry out `take_steps`."""
+        if not self._in_python:
+            return int(take_steps(self._block, self.addresses, steps, until_firing))
+        block, addresses = self._block, self.addresses
+        is_firing = False
+        for _ in range(steps):
+            if self._world.is_public and self._scene.step >= 0:
+                self._world.step()
+            begin_step(block, addresses)
+            for function, argument in self._early:
+                function(block, addresses, argument)
+            invalid = int(act(block))
+            if invalid >= 0:
+                return invalid
+            for function, argument in self._late:
+                function(block, addresses, argument)
+            is_firing = bool(fires(block))
+            if is_firing and until_firing:
+                break
+        return FIRED if is_firing else DONE

@@ -1,0 +1,94 @@
+"""Visibility: which robots are in each camera's field of view, or cone, lit or not, taking occlusion into account.
+
+Robots themselves see red pixels, and cannot tell which robot a pixel shows.
+"""
+
+import numpy as np
+
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from epuck_sim.embodied.observers.scene import Scene, place_robots
+from epuck_sim.embodied.sensors.camera import see
+from epuck_sim.embodied.sensors.flash_cone import perceives
+from epuck_sim.embodied.sensors.lit_rings import list_labelled
+from epuck_sim.embodied.swarm import swarm_at
+from epuck_sim.util.jit import jit
+
+
+def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: BoolArray | None = None) -> IntArray:
+    """Find the robots that the robots of a group see in some steps.
+
+    A camera sees a robot if a pixel of the central window shows it; one that shows on both sides of an obstacle counts
+    once. The ideal sensor sees those whose rings it would perceive. Who hears pulses sees nobody.
+
+    Args:
+        scene: The arena, whose obstacles hide robots, and the groups.
+        poses: (steps, robots, 3) cm, cm, rad: x, y, heading of all robots.
+        group: Number of the group in the scene.
+        listed: (robots,) whether each robot is to be listed, if it is seen; all by default.
+
+    Returns:
+        (sightings, 3) step, observer, robot seen: in the order of steps and observers, and from left to right; the
+        ideal sensor's in that of the robots' numbers.
+    """
+    kind = scene.groups[group].signal.kind
+    if kind == "radio":
+        return np.empty((0, 3), np.int64)
+    robots = len(scene.swarm.robots)
+    scene.swarm.numbers[robots:] = np.arange(1, robots + 1) * (True if listed is None else listed)
+    write = write_sightings if kind == "camera" else write_cone_sightings
+    found = np.empty((2 * len(poses) * scene.groups[group].count, 3), np.int64)  # most robots see no more than two
+    sightings = write(scene.block, group, poses, found)
+    if sightings > len(found):
+        found = np.empty((sightings, 3), np.int64)
+        write(scene.block, group, poses, found)
+    return found[:sightings]
+
+
+@jit
+def write_sightings(block: ByteArray, number: int, poses: FloatArray, found: IntArray) -> int:
+    """Write what `find_sightings` returns, as far as there is room; return the number of sightings.
+
+    Labels are the numbers of robots, counted from 1; 0 for those that are not to be listed.
+    """
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    lit = list_labelled(len(swarm.robots), swarm.numbers)
+    row = swarm.pixels[: group.pixels]
+    last_row = np.zeros(len(swarm.robots) + 1, np.int64)  # counted over all steps, in which each robot was listed
+    sightings = rows = 0
+    for step in range(len(poses)):
+        place_robots(swarm, poses[step])
+        for observer in range(group.first, group.first + group.count):
+            rows += 1
+            row[:] = 0
+            if lit > 0:
+                see(swarm, group, observer, lit, row)
+            for pixel in range(group.camera.first, group.camera.end):
+                seen = row[pixel]
+                if seen > 0 and last_row[seen] != rows:
+                    last_row[seen] = rows
+                    sightings = _add(found, sightings, step, observer, seen - 1)
+    return sightings
+
+
+@jit
+def write_cone_sightings(block: ByteArray, number: int, poses: FloatArray, found: IntArray) -> int:
+    """Do what `write_sightings` does for robots with the ideal sensor."""
+    swarm = swarm_at(block)
+    group, robots = swarm.groups[number], len(swarm.robots)
+    sightings = 0
+    for step in range(len(poses)):
+        place_robots(swarm, poses[step])
+        for observer in range(group.first, group.first + group.count):
+            for robot in range(robots):
+                if swarm.numbers[robots + robot] > 0 and perceives(swarm, group.cone, observer, robot):
+                    sightings = _add(found, sightings, step, observer, robot)
+    return sightings
+
+
+@jit
+def _add(found: IntArray, sightings: int, step: int, observer: int, seen: int) -> int:
+    """Write a sighting if there is room; return the number of sightings so far."""
+    if sightings < len(found):
+        found[sightings, 0], found[sightings, 1], found[sightings, 2] = step, observer, seen
+    return sightings + 1

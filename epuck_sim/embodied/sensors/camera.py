@@ -1,0 +1,330 @@
+"""The line camera: from poses and lit rings to rows of pixels, with exact occlusion (thesis 4.1.1).
+
+Pixel i of n looks along one ray, the middle of its share of the field of view; index 0 is the left edge, as in a
+picture. The nearest surface on the ray decides the pixel: a lit ring is red, all else is dark. Robots are discs of the
+body's radius. The walls are dark, and the floor they bound is convex, so that they hide no robot.
+
+Most rings are dark most of the time. Where few are lit, they are looked at first, as if there were no others; other
+robots can but hide what they show, so that the search for those skips all other pixels, and ends where the lit are.
+
+A camera may take fewer pictures than there are control steps, and deliver them late (thesis 4.3.1): at instants of its
+own, `interval` control steps apart, the first at a random time. A picture shows the control step in which its instant
+lies. The controller receives it after a random latency.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from epuck_sim.arrays import ByteArray, FloatArray, IntArray
+from epuck_sim.embodied.sensors.field_of_view import (
+    ATAN2_ERROR_RAD,
+    SECTOR_RAD,
+    SLACK_CM,
+    FieldOfView,
+    angular_radius_bound,
+    cells_in_strip,
+    distance_beyond,
+    fast_atan2,
+    make_strips,
+    make_wedge,
+    may_contain_robot,
+)
+from epuck_sim.embodied.sensors.lit_rings import find_lit, find_visible
+from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
+from epuck_sim.embodied.swarm import Swarm, swarm_at
+from epuck_sim.scenario.robot_kind import RobotKind
+from epuck_sim.scenario.robots import CameraSection
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.rng import uniform
+
+NEVER = -2
+"""Control step in which a picture arrives before a camera has taken its first."""
+
+FEW_LIT = 8
+"""Measured: to look at the lit first is as fast as to search for all robots at once if lit^2 = 8 robots."""
+
+
+def set_camera(record: Any, rays: Any, section: CameraSection, kind: RobotKind, control_hz: float) -> None:
+    """Set the camera of a group.
+
+    Args:
+        record: CAMERA of the group; written.
+        rays: (pixels,) RAY of the group; written.
+        section: The group's section of a scenario.
+        kind: The kind of its robots.
+        control_hz: Control steps in a second.
+    """
+    pixels, central = section.pixels, section.central_pixels or section.pixels
+    pitch = math.radians(section.field_of_view_deg) / pixels
+    angles = math.radians(section.field_of_view_deg) / 2 - pitch * (np.arange(pixels) + 0.5)
+    rays.cos, rays.sin = np.cos(angles), np.sin(angles)
+    record.first = (pixels - central) // 2
+    record.end = record.first + central
+    record.left_rad = angles[0]
+    record.pixels_per_rad = 1 / pitch
+    record.half_view_rad = half_view_rad(section)
+    record.range_cm = section.range_cm or math.inf
+    record.reflection_range_cm = section.reflection_range_cm
+    record.forward_cm, record.radius_cm = kind.camera_forward_cm, kind.radius_cm
+    record.interval = 0 if section.frames_per_s is None else control_hz / section.frames_per_s
+    record.latency = section.latency_ms * control_hz / 1000
+
+
+def half_view_rad(section: CameraSection) -> float:
+    """Return the largest angle between straight ahead and the edge of a camera's central window."""
+    pitch = math.radians(section.field_of_view_deg) / section.pixels
+    return (section.central_pixels or section.pixels) * pitch / 2
+
+
+class Eye(NamedTuple):
+    """A camera at work."""
+
+    robot: int
+    """Number of the robot that has it, which it does not see."""
+    x: float
+    """cm."""
+    y: float
+    """cm."""
+    cos: float
+    """Cosine of the robot's heading."""
+    sin: float
+
+
+class Picture(NamedTuple):
+    """What a camera sees so far."""
+
+    rays: Any
+    """(pixels,) RAY: where pixels look."""
+    labels: IntArray
+    """(robots,) what a pixel that shows the robot becomes."""
+    row: IntArray
+    """(pixels,) label of the nearest surface."""
+    depth: FloatArray
+    """(pixels,) distance in cm within which a surface would be nearer; -inf where nothing can change the pixel."""
+
+
+@jit_no_alloc
+def look(block: ByteArray, addresses: IntArray, number: int) -> None:
+    """Write what the cameras of a group have in view."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    rows = swarm.pixels[group.in_view : group.in_view + group.count * group.pixels]
+    for pixel in range(len(rows)):
+        rows[pixel] = 0
+    lit = find_lit(swarm.robots, swarm.numbers)
+    for place in range(group.count):
+        if swarm.scene[0].hides_flashes:
+            lit = find_visible(block, addresses, group.first + place, len(swarm.robots), swarm.numbers)
+        if lit > 0:
+            row = rows[place * group.pixels : (place + 1) * group.pixels]
+            see(swarm, group, group.first + place, lit, row)
+
+
+@jit_inline
+def see(swarm: Swarm, group: Any, robot: int, lit: int, row: IntArray) -> None:
+    """Write what a camera sees: 0 where the nearest surface is dark, or beyond the range.
+
+    Args:
+        swarm: All robots, sorted into cells, with labels and a list of those that have one: see `lit_rings`.
+        group: The robot's GROUP.
+        robot: Its number.
+        lit: Number of robots in the list, above 0.
+        row: (pixels,) zeros; the label of the robot that each pixel shows is written.
+    """
+    camera = group.camera
+    eye = eye_of(swarm.robots[robot], robot, camera)
+    robots = len(swarm.robots)
+    rays, labels = swarm.rays[group.ray : group.ray + group.pixels], swarm.numbers[robots : 2 * robots]
+    picture = Picture(rays, labels, row, swarm.depths)
+    for pixel in range(camera.first, camera.end):
+        picture.depth[pixel] = camera.range_cm
+    few_lit = lit * lit <= FEW_LIT * robots
+    if few_lit and not see_lit(swarm.robots, swarm.numbers, lit, camera, eye, picture):
+        return  # nothing red to see: most of the time, where robots are few
+    see_sectors(swarm.scene[0], swarm.cells, swarm.members, camera, eye, picture)
+    hide_behind_obstacles(swarm.scene[0], swarm.circles, swarm.edges, camera, eye, picture)
+
+
+@jit_inline
+def eye_of(robot: Any, number: int, camera: Any) -> Eye:
+    """Return a robot's camera where it is."""
+    cos, sin = math.cos(robot.heading), math.sin(robot.heading)
+    return Eye(number, robot.x + camera.forward_cm * cos, robot.y + camera.forward_cm * sin, cos, sin)
+
+
+@jit_inline
+def view_between(camera: Any, eye: Eye, rays: Any, left: int, right: int) -> FieldOfView:
+    """Return a camera's field of view from pixel `left` to pixel `right`."""
+    first, last = rays[left], rays[right]
+    return FieldOfView(
+        eye.x,
+        eye.y,
+        eye.cos * first.cos - eye.sin * first.sin,
+        eye.sin * first.cos + eye.cos * first.sin,
+        eye.cos * last.cos - eye.sin * last.sin,
+        eye.sin * last.cos + eye.cos * last.sin,
+        right - left >= camera.pixels_per_rad * math.pi,
+        camera.radius_cm + SLACK_CM,
+    )
+
+
+@jit_inline
+def see_lit(robots: Any, numbers: IntArray, lit: int, camera: Any, eye: Eye, picture: Picture) -> bool:
+    """Write the robots in the list to a picture, as if there were no others; return whether any shows.
+
+    Pixels that show none remain 0, whatever other robots hide.
+    """
+    view = view_between(camera, eye, picture.rays, camera.first, camera.end - 1)
+    any_lit = False
+    for place in range(lit):
+        number = numbers[place]
+        robot = robots[number]
+        dx, dy = robot.x - eye.x, robot.y - eye.y
+        if number != eye.robot and may_contain_robot(view, dx, dy):
+            any_lit |= add_robot(dx, dy, picture.labels[number], camera, eye, camera.first, camera.end - 1, picture)
+    if any_lit:
+        for pixel in range(camera.first, camera.end):
+            if picture.row[pixel] == 0:
+                picture.depth[pixel] = -math.inf
+    return any_lit
+
+
+@jit_inline
+def see_sectors(scene: Any, cells: IntArray, members: Any, camera: Any, eye: Eye, picture: Picture) -> None:
+    """Write all robots to a picture; leave out pixels that cannot change any more at the ends of each sector."""
+    pixels = max(1, int(SECTOR_RAD * camera.pixels_per_rad))
+    left = camera.first
+    while left < camera.end:
+        if picture.depth[left] < 0.0:
+            left += 1
+            continue
+        right = min(left + pixels, camera.end) - 1
+        while picture.depth[right] < 0.0:
+            right -= 1
+        _see_sector(scene, cells, members, camera, eye, left, right, picture)
+        left = right + 1
+
+
+@jit_inline
+def _see_sector(
+    scene: Any, cells: IntArray, members: Any, camera: Any, eye: Eye, left: int, right: int, picture: Picture
+) -> None:
+    """Write all robots to the pixels from `left` to `right`.
+
+    Strips of cells are visited from near to far, until all remaining robots must be hidden.
+    """
+    view = view_between(camera, eye, picture.rays, left, right)
+    strips = make_strips(view, scene)
+    wedge = make_wedge(view, strips)
+    strip = strips.first
+    while 0 <= strip < strips.total:
+        cell, spans, length = cells_in_strip(view, wedge, strips, strip, scene)
+        for span in range(spans):
+            start = cell + span * scene.columns
+            for place in range(cells[start], cells[start + length]):
+                member = members[place]
+                dx, dy = member.x - eye.x, member.y - eye.y
+                if may_contain_robot(view, dx, dy) and member.robot != eye.robot:
+                    add_robot(dx, dy, picture.labels[member.robot], camera, eye, left, right, picture)
+        unseen = distance_beyond(wedge, strips, strip)
+        outer = right - left
+        while left <= right and picture.depth[left] < unseen:
+            left += 1
+        while left <= right and picture.depth[right] < unseen:
+            right -= 1
+        if left > right:
+            return
+        if right - left < outer:
+            view = view_between(camera, eye, picture.rays, left, right)
+            wedge = make_wedge(view, strips)
+        strip += strips.step
+
+
+@jit_inline
+def add_robot(dx: float, dy: float, label: int, camera: Any, eye: Eye, left: int, right: int, picture: Picture) -> bool:
+    """Write the label of a robot at (dx, dy) from the camera to the pixels that it is nearest in so far.
+
+    Returns:
+        Whether any pixel from `left` to `right` now shows it, and its label is not 0.
+    """
+    ahead, aside = dx * eye.cos + dy * eye.sin, dy * eye.cos - dx * eye.sin
+    row, depth, rays, radius = picture.row, picture.depth, picture.rays, camera.radius_cm
+    distance = math.sqrt(ahead * ahead + aside * aside)
+    nearest = distance - radius - 1e-9
+    width = angular_radius_bound(distance, radius)
+    spread = (width + 2.0 * ATAN2_ERROR_RAD) * camera.pixels_per_rad
+    direction = fast_atan2(ahead, aside)
+    # a disc behind the camera may show at both ends of a row that looks nearly all round
+    round_about = 1 if width + camera.half_view_rad >= math.pi else 0
+    any_lit = False
+    for turn in range(-round_about, round_about + 1):
+        middle = (camera.left_rad - direction - turn * 2.0 * math.pi) * camera.pixels_per_rad
+        first = max(math.ceil(middle - spread), left)
+        end = min(math.floor(middle + spread), right) + 1
+        for pixel in range(first, end):
+            if depth[pixel] < nearest:
+                continue
+            reach = to_disc(0.0, 0.0, rays[pixel].cos, rays[pixel].sin, ahead, aside, radius)
+            if reach < depth[pixel] or (reach == depth[pixel] and label > row[pixel] and reach < math.inf):
+                depth[pixel] = reach
+                row[pixel] = label
+                any_lit |= label > 0
+    return any_lit
+
+
+@jit_inline
+def hide_behind_obstacles(scene: Any, circles: Any, edges: Any, camera: Any, eye: Eye, picture: Picture) -> None:
+    """Set pixels to 0 where an obstacle is nearer than the robot seen."""
+    row, depth = picture.row, picture.depth
+    if scene.circles + scene.edges == 0:
+        return
+    for pixel in range(camera.first, camera.end):
+        if row[pixel] == 0:
+            continue
+        ray = picture.rays[pixel]
+        dx = eye.cos * ray.cos - eye.sin * ray.sin
+        dy = eye.sin * ray.cos + eye.cos * ray.sin
+        for place in range(scene.circles):
+            circle = circles[place]
+            if to_disc(eye.x, eye.y, dx, dy, circle.x, circle.y, circle.radius) < depth[pixel]:
+                row[pixel] = 0
+        for place in range(scene.edges):
+            edge = edges[place]
+            if to_segment(eye.x, eye.y, dx, dy, edge.ax, edge.ay, edge.bx, edge.by) < depth[pixel]:
+                row[pixel] = 0
+
+
+@jit_no_alloc
+def take_pictures(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+    """Take the pictures of this control step of what a group has in view, and deliver those that arrive in it.
+
+    It follows `look` where cameras do not take a picture in each control step.
+    """
+    swarm = swarm_at(block)
+    group, step = swarm.groups[number], swarm.scene[0].step
+    interval, latency = group.camera.interval, group.camera.latency
+    for place in range(group.count):
+        robot, first, length = swarm.robots[group.first + place], place * group.pixels, group.pixels
+        row = swarm.pixels[group.row + first : group.row + first + length]
+        in_view = swarm.pixels[group.in_view + first : group.in_view + first + length]
+        waiting = swarm.pixels[group.waiting + first : group.waiting + first + length]
+        robot.sensors.new_picture = robot.picture_arrives == step
+        if robot.sensors.new_picture:
+            _copy_picture(waiting, row)
+        instant = robot.first_picture + robot.pictures * interval
+        if instant < step + 1.0:
+            robot.pictures += 1
+            _copy_picture(in_view, waiting)
+            robot.picture_arrives = int(instant + latency * uniform(robot.signal_random))
+            if robot.picture_arrives == step:
+                robot.sensors.new_picture = True
+                _copy_picture(in_view, row)
+
+
+@jit_inline
+def _copy_picture(source: IntArray, target: IntArray) -> None:
+    """Copy a picture; a loop, as numba compiles the assignment of an array for four seconds."""
+    for pixel in range(len(target)):
+        target[pixel] = source[pixel]

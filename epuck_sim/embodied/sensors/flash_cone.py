@@ -1,0 +1,154 @@
+"""The ideal sensor of flashes: which lit rings lie in a cone, and whether something hides them (thesis 3.1.2, 3.1.4.3).
+
+Robots count by their centres: a robot is in the cone if its centre is, and it is hidden if the line between the centres
+of the two meets the body of a third robot, or an obstacle.
+"""
+
+import math
+from typing import Any
+
+from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.embodied.cells import cell_index, cells_around, members_in_row
+from epuck_sim.embodied.sensors.lit_rings import find_lit, find_visible
+from epuck_sim.embodied.swarm import Swarm, swarm_at
+from epuck_sim.scenario.signals import ConeSection, ConeSignal
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+
+_FULL_CIRCLE_COS = -2.0
+"""Stands for the cosine of half the angle of a full circle; below any cosine."""
+
+
+def set_cone(record: Any, section: ConeSection) -> None:
+    """Set the cone in which flashes, or pulses, reach the robots of a group; record: CONE of the group."""
+    record.range_cm = math.inf if section.range_cm is None else section.range_cm
+    full = section.angle_deg == 360
+    record.cos = _FULL_CIRCLE_COS if full else math.cos(math.radians(section.angle_deg / 2))
+    record.of_vision = section.of == "vision"
+    record.occlusion = isinstance(section, ConeSignal) and section.occlusion
+
+
+@jit_no_alloc
+def perceive_flashes(block: ByteArray, addresses: IntArray, number: int) -> None:
+    """Write for each robot of a group whether it perceives a lit ring: 1 or 0 to its only pixel."""
+    swarm = swarm_at(block)
+    group = swarm.groups[number]
+    lit = find_lit(swarm.robots, swarm.numbers)
+    for place in range(group.count):
+        receiver = group.first + place
+        if swarm.scene[0].hides_flashes:
+            lit = find_visible(block, addresses, receiver, len(swarm.robots), swarm.numbers)
+        swarm.pixels[group.row + place] = 1 if lit > 0 and _perceives_any(swarm, group.cone, receiver, lit) else 0
+
+
+@jit_inline
+def _perceives_any(swarm: Swarm, cone: Any, receiver: int, lit: int) -> bool:
+    """Return whether a robot perceives any of the listed robots; near ones, which are rarely hidden, come first."""
+    robots = swarm.robots
+    near = cells_around(robots[receiver].x, robots[receiver].y, swarm.scene[0])
+    for row in range(near.first_row, near.end_row):
+        start, end = members_in_row(near, row, swarm)
+        for place in range(start, end):
+            sender = swarm.members[place].robot
+            if swarm.numbers[len(robots) + sender] > 0 and perceives(swarm, cone, receiver, sender):
+                return True
+    for place in range(lit):  # noqa: SIM110 numba knows no generators
+        if perceives(swarm, cone, receiver, swarm.numbers[place]):
+            return True
+    return False
+
+
+@jit_no_alloc
+def perceives(swarm: Swarm, cone: Any, receiver: int, sender: int) -> bool:
+    """Return whether a robot would perceive another one's lit ring, in a CONE; robots are sorted into cells."""
+    reaches = sender != receiver and in_cone(swarm.robots[receiver], swarm.robots[sender], cone)
+    return reaches and not (cone.occlusion and _is_hidden(swarm, receiver, sender))
+
+
+@jit_inline
+def in_cone(receiver: Any, sender: Any, cone: Any) -> bool:
+    """Return whether a sender's flash reaches a receiver; the cone's edge belongs to it."""
+    dx, dy = sender.x - receiver.x, sender.y - receiver.y
+    distance = math.sqrt(dx * dx + dy * dy)
+    if distance > cone.range_cm:
+        return False
+    if cone.cos == _FULL_CIRCLE_COS:
+        return True
+    heading = receiver.heading if cone.of_vision else sender.heading
+    towards = 1.0 if cone.of_vision else -1.0
+    ahead = towards * (dx * math.cos(heading) + dy * math.sin(heading))
+    return bool(ahead >= cone.cos * distance)
+
+
+@jit_inline
+def _is_hidden(swarm: Swarm, receiver: int, sender: int) -> bool:
+    """Return whether a robot's body or an obstacle is on the line between the centres of two robots."""
+    scene = swarm.scene[0]
+    ax, ay = swarm.robots[receiver].x, swarm.robots[receiver].y
+    dx, dy = swarm.robots[sender].x - ax, swarm.robots[sender].y - ay
+    for place in range(scene.circles):
+        circle = swarm.circles[place]
+        if _distance_to_line(circle.x - ax, circle.y - ay, dx, dy) < circle.radius:
+            return True
+    for place in range(scene.edges):
+        edge = swarm.edges[place]
+        if _crosses(dx, dy, edge.ax - ax, edge.ay - ay, edge.bx - ax, edge.by - ay):
+            return True
+    return _is_behind_robot(swarm, receiver, sender)
+
+
+@jit_inline
+def _is_behind_robot(swarm: Swarm, receiver: int, sender: int) -> bool:
+    """Return whether a third robot is on the line between two; only cells that the line passes are looked at."""
+    scene = swarm.scene[0]
+    radius, height, rows = scene.radius_cm, scene.cell_height_cm, scene.rows
+    ax, ay = swarm.robots[receiver].x, swarm.robots[receiver].y
+    bx, by = swarm.robots[sender].x, swarm.robots[sender].y
+    for row in range(
+        cell_index(min(ay, by) - radius, height, rows), cell_index(max(ay, by) + radius, height, rows) + 1
+    ):
+        left, right = _part_in_row(ax, ay, bx, by, row, scene)
+        first = row * scene.columns + cell_index(left - radius, scene.cell_width_cm, scene.columns)
+        last = row * scene.columns + cell_index(right + radius, scene.cell_width_cm, scene.columns)
+        for place in range(swarm.cells[first], swarm.cells[last + 1]):
+            member = swarm.members[place]
+            if member.robot in (receiver, sender):
+                continue
+            if _distance_to_line(member.x - ax, member.y - ay, bx - ax, by - ay) < radius:
+                return True
+    return False
+
+
+@jit_inline
+def _part_in_row(ax: float, ay: float, bx: float, by: float, row: int, scene: Any) -> tuple[float, float]:
+    """Return from where to where in x a line is within a robot's radius of a row of cells.
+
+    The first and the last row also hold the robots beyond them.
+    """
+    height, radius = scene.cell_height_cm, scene.radius_cm
+    low = -math.inf if row == 0 else row * height - radius
+    high = math.inf if row == scene.rows - 1 else (row + 1) * height + radius
+    if ay == by:
+        return min(ax, bx), max(ax, bx)
+    start = min(max((low - ay) / (by - ay), 0.0), 1.0)
+    end = min(max((high - ay) / (by - ay), 0.0), 1.0)
+    one, other = ax + start * (bx - ax), ax + end * (bx - ax)
+    return min(one, other), max(one, other)
+
+
+@jit_inline
+def _distance_to_line(x: float, y: float, dx: float, dy: float) -> float:
+    """Return the distance of a point from the line from the origin to (dx, dy)."""
+    square = dx * dx + dy * dy
+    share = min(max((x * dx + y * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return math.hypot(x - share * dx, y - share * dy)
+
+
+@jit_inline
+def _crosses(dx: float, dy: float, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Return whether the line from the origin to (dx, dy) crosses that from (ax, ay) to (bx, by)."""
+    if (dx * ay - dy * ax > 0.0) == (dx * by - dy * bx > 0.0):
+        return False
+    ex, ey = bx - ax, by - ay
+    from_start = ex * -ay - ey * -ax
+    from_end = ex * (dy - ay) - ey * (dx - ax)
+    return (from_start > 0.0) != (from_end > 0.0)

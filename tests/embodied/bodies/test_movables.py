@@ -1,0 +1,207 @@
+"""Claims about movables: they move if the pushers' forces sum to more than friction, hide, are seen, and start anew."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from epuck_sim import epuck
+from epuck_sim.arena import make_arena
+from epuck_sim.embodied.bodies.shapes import DYNES_PER_NEWTON, GRAVITY_CM_S2
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario
+from tests.embodied.bodies.worlds import MovedWorld
+
+DIAMETER_CM = 2 * epuck.RADIUS_CM
+DISC_CM = 6.0
+STEP_S = 0.01
+SETTLING = 25
+"""Physics steps that forces take to balance: 18.0 were the most, with four pushers of 2 N each near the threshold."""
+
+DISC = {"x_cm": 50, "y_cm": 30, "radius_cm": DISC_CM, "mass_kg": 1, "friction": 0.1}
+
+
+def row_of(pushers, force_n, friction_n, mass_g, discs=1):
+    """Return a world with robots in a row that touch each other, and discs in a row ahead of them."""
+    first = 10 + DIAMETER_CM * (pushers - 1) + epuck.RADIUS_CM + DISC_CM
+    friction = friction_n * DYNES_PER_NEWTON / (mass_g * GRAVITY_CM_S2)
+    movables = [(first + 2 * DISC_CM * place, 30, DISC_CM, mass_g, friction) for place in range(discs)]
+    poses = np.array([[10 + DIAMETER_CM * place, 30, 0] for place in range(pushers)])
+    return MovedWorld(make_arena(900, 60, [], [], movables), poses, drive_force_n=force_n)
+
+
+def way_cm(world, speed, seconds):
+    """Return how far the first disc comes in some seconds when all robots drive at a speed, cm/s."""
+    disc = world.swarm.circles[0]
+    start = disc.x
+    for _ in range(round(10 * seconds)):
+        world.velocities[:] = speed, 0, 0
+        world.advance(10)
+    return disc.x - start
+
+
+# --- the balance of forces --------------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    pushers=st.integers(1, 4),
+    force_n=st.floats(0.1, 2),
+    share=st.one_of(st.floats(0.1, 0.95), st.floats(1.05, 3)),
+    mass_g=st.floats(200, 2000),
+    speed=st.floats(0.5, 12.8),
+)
+def test_a_disc_moves_if_the_forces_of_its_pushers_sum_to_more_than_its_friction(
+    pushers, force_n, share, mass_g, speed
+):
+    """The closed form: it accelerates by what forces are left over to the pushers' speed, which it keeps; or stays."""
+    friction_n = share * pushers * force_n
+    found = way_cm(row_of(pushers, force_n, friction_n, mass_g), speed, seconds=5)
+    if share > 1:
+        assert found == pytest.approx(0, abs=SETTLING * STEP_S * speed)
+    else:
+        left_over = (pushers * force_n - friction_n) * DYNES_PER_NEWTON
+        acceleration = left_over / (mass_g + pushers * epuck.MASS_G)
+        until_s = min(speed / acceleration, 5)
+        expected = acceleration * until_s**2 / 2 + speed * (5 - until_s)
+        assert found == pytest.approx(expected, abs=SETTLING * STEP_S * speed)
+
+
+def test_one_robot_does_not_move_at_all_what_two_at_once_move_at_their_speed():
+    one, two = (row_of(pushers, force_n=0.5, friction_n=0.75, mass_g=1000) for pushers in (1, 2))
+    way_cm(one, 5.0, seconds=1)
+    assert way_cm(one, 5.0, seconds=100) == 0
+    way_cm(two, 5.0, seconds=1)
+    assert way_cm(two, 5.0, seconds=10) == pytest.approx(50, abs=1e-9)
+
+
+def abreast(speeds, friction_n):
+    """Return how far a disc comes in 10 s that two robots in a lane push at different speeds, cm/s."""
+    friction = friction_n * DYNES_PER_NEWTON / (1000 * GRAVITY_CM_S2)
+    arena = make_arena(300, 14.9, [], [], [(25, 7.45, 7, 1000, friction)])
+    world = MovedWorld(arena, [[10, 3.74, 0], [10, 11.16, 0]], drive_force_n=0.5)
+    places = []
+    for _ in range(250):
+        world.velocities[:, 0] = speeds
+        world.velocities[:, 1:] = 0
+        world.advance(10)
+        places.append(world.swarm.circles[0].x)
+    return places[-1] - places[-101]
+
+
+def test_of_two_with_different_speeds_the_faster_moves_it_if_it_can_alone_and_else_the_slower_holds_it_up():
+    assert abreast((2, 4), friction_n=0.3) == pytest.approx(40, abs=0.01)
+    assert abreast((2, 4), friction_n=0.8) == pytest.approx(20, abs=0.01)
+    assert abreast((2, 4), friction_n=1.2) == pytest.approx(0, abs=1e-6)
+    assert abreast((4, 0), friction_n=0.8) == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize(("discs", "moves"), [(1, True), (2, True), (3, False)])
+def test_what_is_pushed_by_what_is_pushed_adds_its_friction(discs, moves):
+    found = way_cm(row_of(2, force_n=0.5, friction_n=0.4, mass_g=500, discs=discs), 3.0, seconds=10)
+    assert (found > 25) if moves else (abs(found) < 1e-3)
+
+
+def test_a_disc_stops_at_a_wall_and_its_pushers_with_it():
+    world = row_of(3, force_n=0.5, friction_n=0.5, mass_g=500)
+    way_cm(world, 12.8, seconds=100)
+    assert world.swarm.circles[0].x == pytest.approx(900 - DISC_CM, abs=0.1)
+    assert world.poses[-1, 0] == pytest.approx(900 - 2 * DISC_CM - epuck.RADIUS_CM, abs=0.2)
+
+
+def test_a_disc_that_is_pushed_no_more_slides_until_friction_has_stopped_it():
+    world = row_of(1, force_n=5, friction_n=0.5, mass_g=1000)
+    way_cm(world, 10.0, seconds=2)
+    deceleration = 0.5 * DYNES_PER_NEWTON / 1000
+    assert way_cm(world, 0.0, seconds=2) == pytest.approx(10**2 / (2 * deceleration), abs=10 * STEP_S)
+
+
+# --- what robots sense of them ----------------------------------------------------------------------
+
+
+def scene(groups, **arena):
+    """Return a scenario without noise whose robots have constant wheels and rings."""
+    robots = [
+        {"poses": [pose], "controller": "constant", "parameters": {"left_cm_s": v, "right_cm_s": v, "ring_on": lit}}
+        for pose, v, lit in groups
+    ]
+    return {"arena": {"width_cm": 150, "height_cm": 100} | arena, "robots": robots, "noise": "off"}
+
+
+def test_sensors_see_a_disc_where_it_was_pushed_to_as_an_obstacle_that_stands_there():
+    groups = [([50 - DISC_CM - epuck.RADIUS_CM, 30, 0], 5.0, False), ([90, 34, 3], 0.0, False)]
+    pushed = Simulation(scene(groups, movables=[DISC | {"friction": 0.02}]), 1).advance(60)
+    ((x, y),) = pushed.movables
+    assert x > 75
+    there = [(pose.tolist(), v, lit) for pose, (_, v, lit) in zip(pushed.poses, groups, strict=True)]
+    obstacle = {"shape": "circle", "x_cm": x, "y_cm": y, "radius_cm": DISC_CM - 1e-6}
+    still = next(Simulation(scene(there, obstacles=[obstacle]), 1))
+    assert (pushed.infrared[1] > 100).any()
+    np.testing.assert_allclose(pushed.infrared, still.infrared, rtol=0, atol=0.5)
+    assert pushed.contacts.tolist() == [[0, -1]] == still.contacts.tolist()
+
+
+@pytest.mark.parametrize("signal", [{"kind": "camera"}, {"kind": "cone", "angle_deg": 60}])
+def test_a_disc_hides_a_ring_until_it_is_pushed_away(signal):
+    pusher = [50, 30 - DISC_CM - epuck.RADIUS_CM, math.pi / 2]
+    watcher, lit = ([20, 30, 0], 0.0, False), ([80, 30, 0], 0.0, True)
+    scenario = scene([watcher, lit, (pusher, 8.0, False)], movables=[DISC | {"friction": 0.02}])
+    scenario["robots"][0]["signal"] = signal
+    simulation = Simulation(scenario, 1)
+    before = simulation.advance(5)
+    assert not before.camera[0].any()
+    assert not before.sightings.tolist() or [0, 1] not in before.sightings.tolist()
+    after = simulation.advance(60)
+    assert after.movables[0, 1] > 50
+    assert [0, 1] in after.sightings.tolist()
+
+
+# --- trials -----------------------------------------------------------------------------------------
+
+
+def states(simulation, steps):
+    return [
+        (step.poses.copy(), step.movables.copy(), step.infrared.copy())
+        for step, _ in zip(simulation, range(steps), strict=False)
+    ]
+
+
+def test_trials_are_equal_to_the_bit_however_they_are_begun():
+    scenario = load_scenario("pushing", ["robots.0.parameters.speed_cm_s=10"])
+    simulation = Simulation(scenario, 3)
+    first = states(simulation, 150)
+    assert first[-1][1][0, 0] > first[0][1][0, 0]
+    snapshot = pickle.loads(pickle.dumps(simulation.snapshot()))
+    further = states(simulation, 50)
+    simulation.reset(4)
+    simulation.advance(77)
+    simulation.reset(3)
+    for other in (simulation, Simulation(scenario, 3), Simulation(scenario, 3, interpret=True)):
+        np.testing.assert_equal(states(other, 150), first)
+    simulation.restore(snapshot)
+    np.testing.assert_equal(states(simulation, 50), further)
+
+
+def test_a_strong_robot_that_touches_nothing_moves_as_where_there_is_nothing_to_push_a_physics_step_later():
+    speed = 5
+    poses = {"poses": [[50, 50, 1]], "controller": "constant", "parameters": {"left_cm_s": 3, "right_cm_s": 7}}
+    far = DISC | {"x_cm": 90, "y_cm": 90}
+    arena = {"width_cm": 100, "height_cm": 100}
+    with_disc = {"arena": arena | {"movables": [far]}, "robots": [poses], "contact": {"drive_force_n": 1000}}
+    ways = [Simulation(each, 1).advance(200).poses.copy() for each in ({"arena": arena, "robots": [poses]}, with_disc)]
+    assert 0 < np.hypot(*(ways[0] - ways[1])[0, :2]) < 1.1 * speed * STEP_S
+    assert ways[0][0, 2] == pytest.approx(ways[1][0, 2], abs=1e-9)
+
+
+def test_movables_begin_where_nothing_else_stands():
+    with pytest.raises(ScenarioError, match=r"movables\.1 overlaps"):
+        load_scenario(scene([([10, 10, 0], 0, False)], movables=[DISC, DISC | {"x_cm": 61.9}]))
+    with pytest.raises(ScenarioError, match="beyond the walls"):
+        load_scenario(scene([([10, 10, 0], 0, False)], movables=[DISC | {"x_cm": 5}]))
+    load_scenario(scene([([10, 10, 0], 0, False)], movables=[DISC, DISC | {"x_cm": 62}]))
+    with pytest.raises(ScenarioError, match="into a wall, an obstacle or a movable"):
+        Simulation(scene([([50, 30, 0], 0, False)], movables=[DISC]), 1)

@@ -1,0 +1,114 @@
+"""Worlds without scenarios, and their slow twin: all robots are in pymunk's space, and its own methods move them."""
+
+import numpy as np
+import pymunk
+
+from epuck_sim.arena import Arena, make_arena
+from epuck_sim.arrays import FloatArray
+from epuck_sim.embodied.bodies.chipmunk import SLOP_CM
+from epuck_sim.embodied.bodies.shapes import make_bodies
+from epuck_sim.embodied.bodies.world import World
+from epuck_sim.embodied.cells import cells_needed, set_cells
+from epuck_sim.embodied.swarm import make_block, offset_of, open_block, poses_of
+from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+
+
+def block_of(robots: int, arena: Arena, physics_hz: int = 100, kind: RobotKind = EPUCK, *, touch: bool = True):
+    """Return a block with robots at the origin of an arena, and with ten physics steps in a control step."""
+    lengths = {"robots": robots, "members": robots, "numbers": robots, "circles": len(arena.circles)}
+    cells = cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1
+    block = make_block(lengths | {"edges": len(arena.edges), "cells": cells})
+    swarm = open_block(block)
+    scene = swarm.scene[0]
+    scene.physics_steps, scene.physics_s = 10, 1.0 / physics_hz
+    scene.radius_cm, scene.touch = kind.radius_cm, touch
+    scene.wheel_limit_cm_s, scene.wheel_base_cm = kind.wheels
+    scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
+    set_cells(swarm, arena.width_cm, arena.height_cm, kind.cell_cm)
+    swarm.circles.x, swarm.circles.y, swarm.circles.radius = arena.circles.T
+    swarm.edges.ax, swarm.edges.ay, swarm.edges.bx, swarm.edges.by = arena.edges.T
+    swarm.robots.present = True
+    swarm.robots.wheel_gain = 1.0
+    return block
+
+
+class MovedWorld:
+    """A world with robots at given places, for any number of physics steps at a time."""
+
+    def __init__(
+        self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, kind: RobotKind = EPUCK, **how: object
+    ) -> None:
+        """Begin a trial; how: further arguments of `World`, and `touch`."""
+        places = np.array(poses, float)
+        self.block = block_of(len(places), arena, physics_hz, kind, touch=bool(how.pop("touch", True)))
+        self.swarm = open_block(self.block)
+        self.world = World(self.block, [arena], friction=friction, kind=kind, **how)
+        self.world.use(self.block, np.array(self.world.addresses()))
+        self.poses[:] = places
+        self.world.place()
+
+    @property
+    def poses(self) -> FloatArray:
+        """(robots, 3) cm, cm, rad: in place."""
+        return poses_of(self.swarm.robots)
+
+    @property
+    def velocities(self) -> FloatArray:
+        """(robots, 3) cm/s, cm/s, rad/s: in place."""
+        robots = self.swarm.robots
+        return np.ndarray((len(robots), 3), np.float64, robots, offset_of("vx"), (robots.strides[0], 8))
+
+    @property
+    def is_in_space(self):
+        """(robots,) whether each robot is in Chipmunk's space."""
+        return self.swarm.robots.in_space
+
+    def advance(self, steps: int = 10) -> None:
+        """Move the bodies for this number of physics steps with the velocities that were written."""
+        self.swarm.scene[0].physics_steps = steps
+        self.world.step()
+
+
+class FullSpaceWorld:
+    """A world in which every robot takes every physics step."""
+
+    def __init__(
+        self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, kind: RobotKind = EPUCK
+    ) -> None:
+        self.poses = np.array(poses, float)
+        self.velocities = np.zeros_like(self.poses)
+        self._bodies = make_bodies(arena, len(poses), kind, friction, 0.5, touch=True)
+        self._step_s = 1.0 / physics_hz
+        self._space = pymunk.Space()
+        self._space.collision_slop, self._space.collision_bias = SLOP_CM, 0.0
+        self._space.add(self._bodies.ground, *self._bodies.surfaces)
+        for (body, disc), (x, y, heading) in zip(self._bodies.robots, self.poses.tolist(), strict=True):
+            body.position, body.angle = (x, y), heading
+            self._space.add(body, disc)
+
+    def advance(self, steps: int = 10) -> None:
+        for (body, _), (x, y, turn) in zip(self._bodies.robots, self.velocities.tolist(), strict=True):
+            body.velocity, body.angular_velocity = (x, y), turn
+        for _ in range(steps):
+            self._space.step(self._step_s)
+        self.poses[:] = [(*body.position, body.angle) for body, _ in self._bodies.robots]
+
+
+def overlap_cm(positions: FloatArray) -> float:
+    """Return the largest overlap of two robots at (robots, 2) cm; negative if there is none."""
+    one, other = np.triu_indices(len(positions), 1)
+    apart = np.hypot(*(positions[one] - positions[other]).T)
+    return float(2 * EPUCK.radius_cm - apart.min())
+
+
+def squeeze(robots: int, aside_cm: float = 1.1):
+    """Return an arena, poses and velocities: rows of robots drive at each other, and squeeze out one between them.
+
+    It stands a little off their line, and another one drives at it.
+    """
+    ahead = np.sqrt(7.4**2 - aside_cm**2) + 7.4 * np.arange(robots)
+    rows = [[125 - x, 125 - aside_cm, 0.0] for x in ahead] + [[125 + x, 125 - aside_cm, np.pi] for x in ahead]
+    poses = np.array([[125, 125, 0], *rows, [125, 135.321, -np.pi / 2]])
+    speeds = np.array([0.0] + [12.8] * (2 * robots + 1))
+    velocities = np.column_stack([speeds * np.cos(poses[:, 2]), speeds * np.sin(poses[:, 2]), 0 * speeds])
+    return make_arena(250, 250, [], []), poses, velocities

@@ -1,0 +1,104 @@
+"""Claims about walls and obstacles that change while a trial runs: all that moves and senses has the new ones."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.errors import ScenarioError
+from tests.embodied.changes.test_faults import steps_of
+
+GATE = [{"shape": "box", "x_cm": 30, "y_cm": 30, "width_cm": 2, "height_cm": 60}]
+PILLARS = [
+    {"shape": "circle", "x_cm": 45, "y_cm": 20, "radius_cm": 4},
+    {"shape": "polygon", "corners_cm": [[40, 40], [50, 40], [45, 48]]},
+]
+POSES = [[10, 10, 0], [10, 25, 0.5], [10, 40, -0.5], [20, 50, 0], [20, 18, 1], [22, 33, 2]]
+GATED = {"arena": {"obstacles": GATE}, "robots": [{"poses": POSES[:3]}, {"poses": POSES[3:]}]}
+OPEN = {"at_s": 3, "set": {"arena.obstacles": PILLARS}}
+WIDE = {"at_s": 6, "set": {"arena.width_cm": 90, "arena.height_cm": 70, "arena.obstacles": []}}
+NAMES = ("poses", "infrared", "camera", "phase_ms", "ring_on")
+
+
+def assert_ends_equal(step, expected, at=-1):
+    for name, values in expected.items():
+        assert np.array(getattr(step, name)).tobytes() == values[at].tobytes(), name
+
+
+def changed(values, **others):
+    return {**GATED, "schedule": [{"at_s": 0, "set": values}], **others}
+
+
+@pytest.mark.parametrize("signal", [{"kind": "camera"}, {"kind": "cone", "angle_deg": 360}])
+@pytest.mark.parametrize("faults", [[], [{"kind": "infrared_dead", "robots": [1]}]])
+def test_an_arena_that_is_changed_at_once_is_as_one_that_was_so_from_the_start(signal, faults):
+    arena = {"width_cm": 90, "height_cm": 70, "obstacles": PILLARS}
+    robots = [{**group, "signal": signal} for group in GATED["robots"]]
+    given = {**GATED, "robots": robots, "faults": faults}
+    expected = steps_of({**given, "arena": arena}, 120, 1)
+    values = {f"arena.{key}": value for key, value in arena.items()}
+    found = steps_of({**given, "schedule": [{"at_s": 0, "set": values}]}, 120, 1)
+    for name, steps in expected.items():
+        assert found[name].tobytes() == steps.tobytes(), name
+    assert expected["poses"][..., 0].max() > 70
+
+
+def test_robots_pass_a_wall_once_it_is_lifted_and_stay_within_walls_that_come():
+    entry = {"at_s": 10, "set": {"arena.width_cm": 90, "arena.obstacles": []}}
+    poses = steps_of({**GATED, "schedule": [entry]}, 600, 1)["poses"]
+    assert poses[:100, :, 0].max() < 26
+    assert poses[100:, :, 0].max() > 70
+    contacts = [list(map(tuple, step.contacts)) for step in take(Simulation({**GATED, "schedule": [entry]}, 1), 600)]
+    simulation = Simulation({**GATED, "schedule": [entry]}, 1)
+    for number, step in enumerate(take(simulation, 600)):
+        walls = np.array([0, 0, 60 if number < 100 else 90, 60])
+        x, y = step.poses[:, 0], step.poses[:, 1]
+        gaps = np.column_stack([x, y, walls[2] - x, walls[3] - y]).min(axis=1)
+        if number < 100:
+            gaps = np.minimum(gaps, np.abs(29 - x))
+        touching = {robot for robot, other in contacts[number] if other == -1}
+        assert touching == set(np.flatnonzero(gaps <= 3.7 + 0.16).tolist())
+
+
+def take(simulation, steps):
+    return (next(simulation) for _ in range(steps))
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+def test_changed_arenas_are_kept_however_steps_are_taken_and_by_copies_and_resets(interpret):
+    arena = {**GATED["arena"], "movables": [{"x_cm": 20, "y_cm": 25, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]}
+    entries = [{"at_s": 3, "set": {**OPEN["set"], "arena.width_cm": 65, "arena.height_cm": 60}}, WIDE]
+    scenario = {**GATED, "arena": arena, "robots": [{"poses": POSES[:3]}, {"poses": [POSES[3]]}], "schedule": entries}
+    expected = steps_of(scenario, 120, 1)
+    simulation = Simulation(scenario, 7, interpret=interpret)
+    simulation.advance(80)
+    assert simulation.last_step.arena.width_cm == 90
+    simulation.reset(1)
+    assert_ends_equal(simulation.advance(20), expected, 19)
+    assert simulation.last_step.arena.width_cm == 60
+    simulation.advance(25)
+    for made in (copy.deepcopy(simulation), pickle.loads(pickle.dumps(simulation)), simulation):
+        step = made.advance(75)
+        assert_ends_equal(step, expected)
+        assert step.arena.width_cm == 90
+        assert step.arena.circles[:, :2].tobytes() == step.movables.tobytes()
+
+
+def test_a_body_within_a_new_wall_ends_the_trial():
+    poses = {"robots": [{"poses": [[10, 10, 0], [50, 10, 0]], "parameters": {"speed_cm_s": 0}}], "arena": {}}
+    simulation = Simulation({**GATED, **poses, "schedule": [{"at_s": 1, "set": {"arena.width_cm": 50}}]}, 3)
+    simulation.advance(10)
+    message = r"schedule\.0, at 1 s, seed 3: robot 1 at \[50, 10\] would be 3\.7 cm into a wall or an obstacle"
+    with pytest.raises(ScenarioError, match=message):
+        simulation.advance(1)
+    movables = {"movables": [{"x_cm": 50, "y_cm": 50, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]}
+    touching = [{"at_s": 1, "set": {"arena.width_cm": width}} for width in (53, 52.8)]
+    for entry, is_free in zip(touching, (True, False), strict=True):
+        simulation = Simulation({"arena": movables, "robots": [{"poses": [[10, 10, 0]]}], "schedule": [entry]}, 3)
+        if is_free:
+            simulation.advance(12)
+        else:
+            with pytest.raises(ScenarioError, match=r"movable 0 at \[50, 50\] would be 0\.2 cm"):
+                simulation.advance(12)

@@ -1,0 +1,293 @@
+"""Claims about robots that come and go: who is out is as if it did not exist, and who comes starts anew."""
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+from epuck_sim.control.loader import find_controller
+from epuck_sim.embodied.cells import set_cells
+from epuck_sim.embodied.changes.attendance import blank, parked, put_in, rest, take_out
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import open_block
+from epuck_sim.epuck import OUT_OF_RANGE_MM, RADIUS_CM
+from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial
+from tests.embodied.changes.blocks import controlled_block
+from tests.embodied.changes.test_faults import NOWHERE, steps_of
+
+POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
+SIGNALS = [
+    {"kind": "camera"},
+    {"kind": "cone", "angle_deg": 360, "range_cm": 30},
+    {"kind": "cone", "angle_deg": 360},
+    {"kind": "radio", "collisions": True},
+]
+MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
+
+
+class Bodies:
+    """Bodies that only write where robots are."""
+
+    def __init__(self, swarm):
+        self.robots = swarm.robots
+
+    def move(self, robot, pose):
+        self.robots.x[robot], self.robots.y[robot], self.robots.heading[robot] = pose
+
+
+def test_who_is_taken_out_is_parked_and_forgets_senses_and_does_nothing():
+    controller = find_controller("firefly")
+    block, runs = controlled_block([controller, controller], [2, 3])
+    swarm = open_block(block)
+    block[swarm.scene[0].at[1] : swarm.scene[0].at[2]] = 1  # all that robots have is something else than 0
+    swarm.pixels[:] = 1
+    for run in runs:
+        run.memory["phase_ms"] = 700
+    take_out([1, 4], block, Bodies(swarm), runs)
+    for group in range(2):
+        blank(block, NOWHERE, group)
+    rest(block, NOWHERE, 0)
+    outside, robots = np.array([False, True, False, False, True]), swarm.robots
+    assert (~robots.present).tolist() == outside.tolist()
+    nothing = {
+        **dict.fromkeys(("ring_command", "ring_on", "ring_before"), False),
+        **dict.fromkeys(("left_cm_s", "right_cm_s", "vx", "vy", "spin"), 0),
+    }
+    for name, value in nothing.items():
+        assert ((robots[name] == value) == outside).all(), name
+    sensors = robots.sensors
+    assert ((sensors.distance_mm == OUT_OF_RANGE_MM).all(axis=1) == outside).all()
+    for read in (sensors.infrared, sensors.pulses[:, None], sensors.messages, swarm.pixels.reshape(3, 5).T):
+        assert ((read == 0).all(axis=1) == outside).all()
+    phases = [*runs[0].memory["phase_ms"], *runs[1].memory["phase_ms"]]
+    assert phases == [700, 0, 700, 700, 0]
+    assert not robots.actuators[outside].tobytes().strip(b"\0")
+    poses = np.column_stack([robots.x, robots.y, robots.heading])
+    assert poses[outside].tobytes() == parked(np.full((5, 3), np.nan))[outside].tobytes()
+
+
+@pytest.mark.parametrize("obstacle", [[], [(20, 30, 7.5)]])
+def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_says(obstacle):
+    """The slow twin draws from numpy's generator until a place is free."""
+    memory = {"phase_ms": [100, 200, 300, 400]}
+    groups = [{"count": 3, "controller": "firefly"}, {"count": 4, "controller": "firefly", "memory": memory}]
+    scenario = load_scenario({"robots": groups})
+    controller = find_controller("firefly")
+    block, runs = controlled_block([controller, controller], [3, 4])
+    swarm, sequence = open_block(block), np.random.SeedSequence(7, spawn_key=(7, 2, 0))
+    bodies, robots = Bodies(swarm), swarm.robots
+    swarm.scene[0].radius_cm = RADIUS_CM
+    set_cells(swarm, 40, 50, 8)
+    swarm.scene[0].circles = len(obstacle)
+    for number, circle in enumerate(obstacle):
+        swarm.circles[number] = circle
+    robots.x[[0, 2, 4]], robots.y[[0, 2, 4]] = [5, 15, 30], [6, 14, 20]
+    take_out([1, 3, 5, 6], block, bodies, runs)
+    random, taken, expected = np.random.default_rng(sequence), [(5, 6), (15, 14), (30, 20)], []
+    while len(expected) < 3:
+        x, y = (RADIUS_CM + (side - 2 * RADIUS_CM) * random.random() for side in (40, 50))
+        is_clear = all(math.dist((x, y), (cx, cy)) - radius >= RADIUS_CM for cx, cy, radius in obstacle)
+        if is_clear and all(math.dist((x, y), other) >= 2 * RADIUS_CM for other in taken):
+            taken.append((x, y))
+            expected.append((x, y, 2 * math.pi * random.random()))
+    kept = runs[1].memory[1].copy()
+    put_in([6, 1, 4, 3], None, scenario, block, bodies, runs, sequence, "here")
+    poses = np.column_stack([robots.x, robots.y, robots.heading])
+    assert poses[[6, 1, 3]].tolist() == [list(pose) for pose in expected]
+    assert robots.present.tolist() == [True, True, True, True, True, False, True]
+    assert runs[1].memory["phase_ms"][[0, 3]].tolist() == [100, 400]
+    assert runs[1].memory[1] == kept
+    x, y = poses[6, :2]
+    for place in ((x + 2 * RADIUS_CM - 1e-5, y, 0), (RADIUS_CM - 1e-5, 25, 0), (50, 5, 0)):
+        with pytest.raises(ScenarioError, match=r"here: robot 5 cannot come to \["):
+            put_in([5], [place], scenario, block, bodies, runs, sequence, "here")
+    free = (40 - RADIUS_CM, 50 - RADIUS_CM, 1)
+    assert min(math.dist(free[:2], pose[:2]) for pose in poses[robots.present]) > 2 * RADIUS_CM
+    put_in([5], [free], scenario, block, bodies, runs, sequence, "here")
+    assert (robots.x[5], robots.y[5], robots.heading[5]) == free
+
+
+def quiet(groups, **others):
+    """Return a scenario without noise, and groups of robots with these numbers among `POSES`."""
+    robots = [
+        {"poses": [POSES[robot] for robot in group], "memory": {"phase_ms": [700 * robot for robot in group]}}
+        for group in groups
+    ]
+    return {"robots": robots, "noise": "off", **others}
+
+
+def same_robots(found, expected, rows):
+    for name, values in expected.items():
+        assert found[name][:, rows].tobytes() == values.tobytes(), name
+
+
+@pytest.mark.parametrize(
+    ("signal", "faults", "movables"),
+    [
+        (SIGNALS[0], [], []),
+        (SIGNALS[0], [{"kind": "infrared_dead", "robots": [0]}], MOVABLES),
+        (SIGNALS[1], [], MOVABLES),
+        (SIGNALS[2], [{"kind": "infrared_dead", "robots": [0]}], []),
+        (SIGNALS[3], [], []),
+    ],
+)
+def test_who_is_out_is_as_if_it_did_not_exist(signal, faults, movables):
+    arena = {"movables": movables}
+    given = quiet([[0, 1, 2], [3, 4, 5]], faults=faults, arena=arena)
+    smaller = quiet([[0, 1, 2], [3]], faults=faults, arena=arena)
+    for scenario in (given, smaller):
+        scenario["robots"] = [{**group, "signal": signal} for group in scenario["robots"]]
+    steps = 60  # more than a period, in which each ring flashes
+    expected = steps_of(smaller, steps, 1)
+    removed = steps_of({**given, "schedule": [{"at_s": 0, "remove": [4, 5]}]}, steps, 1)
+    same_robots(removed, expected, slice(4))
+    assert np.isnan(removed["poses"][:, 4:]).all()
+    assert np.isnan(removed["phase_ms"][:, 4:]).all()
+    assert not removed["ring_on"][:, 4:].any()
+    assert not removed["infrared"][:, 4:].any()
+    assert not removed["camera"][:, 4:].any()
+    absent = quiet([[0, 1, 2], [3], [4, 5]], faults=faults, arena=arena)
+    absent["robots"] = [{**group, "signal": signal} for group in absent["robots"]]
+    absent["robots"][2]["present"] = False
+    same_robots(steps_of(absent, steps, 1), expected, slice(4))
+    assert expected["camera"].any()
+
+
+def test_a_robot_that_leaves_is_seen_and_touched_until_then():
+    robots = [{"poses": [[10, 20, 0], [20, 20, 0]], "controller": "external"}]
+    given = {"robots": robots, "noise": "off", "arena": {"width_cm": 40, "height_cm": 40}}
+    simulation = Simulation({**given, "schedule": [{"at_s": 2, "remove": [1]}]}, 1)
+    simulation.command(12.8, 12.8, ring_on=True)
+    next(simulation)
+    simulation.command([5, 0], [5, 0])
+    met = simulation.advance(19)
+    assert met.present.all()
+    assert met.contacts.tolist() == [[0, 1]]
+    assert met.sightings.tolist() == [[0, 1]]
+    assert met.infrared[0].max() > 1000
+    before = met.poses[0, 0]
+    alone = simulation.advance(2)
+    assert alone.present.tolist() == [True, False]
+    assert alone.contacts.tolist() == alone.sightings.tolist() == []
+    assert not alone.ring_on[1]
+    assert alone.poses[0, 0] > before
+    assert alone.infrared[0].max() == 0
+    simulation.command(9, 9, ring_on=True)
+    assert not simulation.advance(1).ring_on[1]
+    assert simulation.advance(20).poses[0, 0] > 30
+
+
+@pytest.mark.parametrize(
+    ("signal", "interpret"), [(SIGNALS[0], False), (SIGNALS[1], True), (SIGNALS[2], False), (SIGNALS[3], False)]
+)
+def test_comings_and_goings_are_kept_by_resets_copies_and_interpreted_controllers(signal, interpret):
+    robots = [{"count": 6, "signal": signal}, {"count": 3, "present": False, "signal": signal}]
+    if signal["kind"] == "camera":
+        robots[0]["camera"] = {"frames_per_s": 8, "latency_ms": 50}
+    schedule = [
+        {"at_s": 1, "remove": [2, 4], "add": [6]},
+        {"at_s": 2.5, "add": [7, 2], "poses": [[30, 30, 0], [30, 40, 1]], "remove": [0, 6, 7]},
+        {"at_s": 4, "add": [0, 1, 8]},
+    ]
+    scenario = {
+        "robots": robots,
+        "schedule": schedule,
+        "arena": {"width_cm": 150, "height_cm": 150, "obstacles": []},
+        "stop": {"reference_robot": 3},
+        "faults": [{"kind": "restart", "per_hour": 900}],
+    }
+    if interpret:
+        scenario["robots"] = [{**group, "parameters": {"speed_cm_s": 5}} for group in robots]
+    scenario["robots"] = [{**group, "placement": "grid"} for group in scenario["robots"]]
+    expected = steps_of({**scenario, "schedule": [schedule[0], {**schedule[1], "poses": None}, schedule[2]]}, 60, 1)
+    scenario["schedule"][1].pop("poses")
+    simulation = Simulation(scenario, 7, interpret=interpret)
+    simulation.advance(33)
+    simulation.reset(1)
+    simulation.advance(20)
+    for made in (copy.deepcopy(simulation), pickle.loads(pickle.dumps(simulation)), simulation):
+        step = made.advance(40)
+        for name, values in expected.items():
+            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes(), name
+    present = [*(0, 1, 2, 3), *(5,), *(7, 8)]
+    assert np.flatnonzero(step.present).tolist() == present
+    assert np.flatnonzero(~np.isnan(expected["poses"][15, :, 0])).tolist() == [0, 1, 3, 5, 6]
+    assert [event.what for event in simulation.events if event.source == "schedule.0"] == ["removes 2, 4; adds 6"]
+
+
+def test_robots_come_to_free_places_with_controllers_that_start():
+    robots = [{"count": 12, "controller": "firefly", "memory": {"phase_ms": 300}, "parameters": {"speed_cm_s": 0}}]
+    arena = {
+        "width_cm": 40,
+        "height_cm": 40,
+        "obstacles": [{"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 6}],
+    }
+    entries = [{"at_s": 1, "remove": list(range(6, 12))}, {"at_s": 2, "add": list(range(6, 12))}]
+    places = set()
+    for seed in range(5):
+        simulation = Simulation({"robots": robots, "arena": arena, "schedule": entries}, seed)
+        before = simulation.advance(20).phase_ms.copy()
+        assert (before[:6] == 300 + 2000).all()
+        assert np.isnan(before[6:]).all()
+        step = simulation.advance(1)
+        assert (step.phase_ms[6:] == 300 + 100).all()
+        apart = np.hypot(*(step.poses[:, None, :2] - step.poses[None, :, :2]).T) + 100 * np.eye(12)
+        assert apart.min() >= 7.4 - 1e-6
+        assert np.hypot(*(step.poses[:, :2] - 20).T).min() >= 9.7 - 1e-6
+        assert np.abs(step.poses[:, :2] - 20).max() <= 16.3 + 1e-6
+        places.add(tuple(step.poses[6:, 0]))
+    assert len(places) == 5
+
+
+def test_a_single_robot_that_is_left_runs_on_and_order_counts_those_present():
+    given = quiet([[0, 1, 2, 3, 4, 5]], stop={"order_parameter": 0.95, "max_cycles": 5})
+    schedule = [{"at_s": 0.5, "remove": [1, 2, 3, 4, 5]}]
+    alone = run_trial(Simulation({**given, "schedule": schedule}, 1))
+    assert alone.order_parameter == 1
+    assert alone.t_sync_cycles is None
+    given["robots"][0]["memory"] = {"phase_ms": [0, 0, 2500, 2500, 1250, 3750]}
+    given["robots"][0]["parameters"] = {"speed_cm_s": 0, "coupling": 1e-6}
+    assert run_trial(Simulation(given, 1)).order_parameter == pytest.approx(0, abs=0.02)
+    synchronised = run_trial(Simulation({**given, "schedule": [{"at_s": 1, "remove": [2, 3, 4, 5]}]}, 1))
+    assert synchronised.t_sync_cycles == 1
+    half = run_trial(Simulation({**given, "schedule": [{"at_s": 1, "remove": [1, 2, 3, 5]}]}, 1))
+    assert half.order_parameter == pytest.approx(math.sqrt(0.5), abs=0.03)  # within a control step
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"add": [1], "poses": [[12, 10, 0]]}, r"schedule\.1, at 2 s, seed 1: robot 1 cannot come to \[12, 10\]"),
+        ({"add": [1], "poses": [[59, 10, 0]]}, r"robot 1 cannot come to \[59, 10\]"),
+        ({"add": [1], "set": {"arena.width_cm": 17}}, r"no free place was found for robot 1"),
+    ],
+)
+def test_who_finds_no_place_ends_the_trial(entry, message):
+    robots = [{"poses": [[10, 10, 0], [10, 30, 0]], "parameters": {"speed_cm_s": 0}}]
+    if "set" in entry:
+        robots[0]["poses"] = [[8.5, 8.5, 0], [30, 8.5, 0]]
+        entry = {**entry, "set": {**entry["set"], "arena.height_cm": 17}}
+    scenario = {"robots": robots, "schedule": [{"at_s": 1, "remove": [1]}, {"at_s": 2, **entry}]}
+    if "set" in entry:
+        scenario["arena"] = {"height_cm": 20}
+    simulation = Simulation(scenario, 1)
+    with pytest.raises(ScenarioError, match=message):
+        simulation.advance(25)
+
+
+def test_robots_among_movables_come_and_go():
+    schedule = [{"at_s": 3, "remove": [1, 2]}, {"at_s": 5, "add": [1], "set": {"arena.width_cm": 61}}]
+    scenario = quiet([[0, 1, 2, 3]], arena={"movables": MOVABLES}, schedule=schedule)
+    expected = steps_of(scenario, 100, 1)
+    assert np.isnan(expected["poses"][30:50, [1, 2]]).all()
+    assert np.hypot(*np.diff(expected["poses"][51:, [0, 1, 3], :2], axis=0).T).max() > 1
+    simulation = Simulation(scenario, 4)
+    simulation.advance(70)
+    simulation.reset(1)
+    simulation.advance(40)
+    for made in (copy.deepcopy(simulation), simulation):
+        assert made.advance(60).poses.tobytes() == expected["poses"][-1].tobytes()

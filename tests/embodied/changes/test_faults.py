@@ -1,0 +1,417 @@
+"""Claims about faults of robots: who has them and when, what they do, and that they change nothing else."""
+
+import copy
+import math
+import pickle
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from epuck_sim.control.loader import find_controller, load_controller
+from epuck_sim.embodied.changes import faults
+from epuck_sim.embodied.changes.faults import (
+    KINDS,
+    LOGGED_STEPS,
+    change_faults,
+    hide_flashes,
+    log_length,
+    random_share,
+    restart_faults,
+    set_faults,
+    take_events,
+)
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import make_block, open_block
+from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.scenario.faults import FAULTS
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.trial.model import run_trial
+
+STEP_MS = 100
+NOWHERE = np.zeros(0, np.int64)
+"""Addresses for kernels that call nothing."""
+
+
+def swarm_of(simulation):
+    """Return what a simulation of robots knows of them."""
+    return open_block(simulation._block)
+
+
+def steps_of(scenario, steps, seed=3, *, interpret=False):
+    """Return copies of what robots show in some steps, by field."""
+    shown = {"poses": [], "ring_on": [], "ring_commands": [], "camera": [], "infrared": [], "distance_mm": []}
+    shown["phase_ms"] = []
+    simulation = Simulation(scenario, seed, interpret=interpret)
+    for _ in range(steps):
+        step = next(simulation)
+        for name, values in shown.items():
+            values.append(np.array(getattr(step, name)))
+    return {name: np.array(values) for name, values in shown.items()}
+
+
+def with_fault(kind, **keys):
+    return {"faults": [{"kind": kind, **keys}]}
+
+
+EVERYTHING = [
+    *({"kind": kind, "count": 2, "per_hour": 900, "mean_s": 4} for kind in list(KINDS)[:3]),
+    {"kind": "clock_drift", "rate": 1.03, "share": 0.5, "at_s": 3, "until_s": 12},
+    {"kind": "clock_jitter", "jitter": 0.05, "share": 0.3, "at_s": 1},
+    {"kind": "camera_blind", "count": 2, "per_hour": 900, "mean_s": 4},
+    {"kind": "camera_misses", "missed": 0.4, "share": 0.7},
+    {"kind": "camera_misses", "missed": 1, "farther_than_cm": 20, "robots": [1]},
+    {"kind": "infrared_dead", "count": 2, "per_hour": 900, "mean_s": 4},
+    {"kind": "wheels_dead", "count": 2, "per_hour": 900, "mean_s": 4},
+    {"kind": "restart", "per_hour": 300},
+]
+MIXED = {
+    "faults": EVERYTHING,
+    "robots": [
+        {"count": 4, "camera": {"frames_per_s": 8, "latency_ms": 50}},
+        {"count": 4, "signal": {"kind": "cone", "angle_deg": 90}},
+    ],
+}
+
+
+# --- who, and when ----------------------------------------------------------------------------------
+
+
+def faulty_block(faults, robots, seed):
+    """Return a block of robots that begin a trial with faults."""
+    size = {"width_cm": 500, "height_cm": 500}
+    scenario = load_scenario({"faults": faults, "robots": [{"count": robots}], "arena": size})
+    lengths = {"robots": robots, "faults": len(faults), "affected": len(faults) * robots, "numbers": 2 * robots}
+    block = make_block({**lengths, "log": log_length(scenario)})
+    swarm = open_block(block)
+    swarm.scene[0].step_ms = STEP_MS
+    set_faults(swarm, scenario)
+    restart_faults(block, scenario, np.random.SeedSequence(seed))
+    return block
+
+
+def active_over(fault, steps, robots=10, seed=3):
+    """Return (steps, robots) whether robots have a fault."""
+    block = faulty_block([fault], robots, seed)
+    swarm, found = open_block(block), np.empty((steps, robots), bool)
+    for step in range(steps):
+        swarm.scene[0].step, swarm.scene[0].changes = step, 0
+        change_faults(block, NOWHERE, 0)
+        found[step] = swarm.affected.is_active
+    return found
+
+
+def test_every_kind_has_a_number():
+    assert [getattr(faults, kind.upper()) for kind in FAULTS] == list(range(len(FAULTS)))
+    assert {section.changes for section in FAULTS.values()} == {changed for changed, *_ in faults.HOOKS}
+
+
+@given(st.integers(0, 200), st.integers(1, 200), st.sets(st.integers(0, 9), min_size=1))
+def test_a_fault_at_a_time_is_there_in_the_control_steps_from_then_on_until_its_end(begin, steps, robots):
+    fault = {"kind": "ring_dead", "robots": sorted(robots), "at_s": begin / 10, "until_s": (begin + steps) / 10}
+    expected = np.zeros((420, 10), bool)
+    expected[begin : begin + steps, sorted(robots)] = True
+    np.testing.assert_array_equal(active_over(fault, 420), expected)
+
+
+@pytest.mark.parametrize(("whom", "count"), [({"share": 0.25}, 10), ({"count": 3}, 3), ({"share": 0.01}, 0), ({}, 40)])
+def test_a_share_or_a_number_of_robots_is_drawn_in_each_trial(whom, count):
+    drawn = [active_over({"kind": "ring_dead", **whom}, 1, 40, seed)[0] for seed in range(30)]
+    assert {row.sum() for row in drawn} == {count}
+    if 0 < count < 40:
+        assert len({row.tobytes() for row in drawn}) > 25
+        assert (np.sum(drawn, axis=0) < 25).all()
+
+
+def test_random_faults_last_and_stay_away_for_exponential_times():
+    found = active_over({"kind": "wheels_dead", "per_hour": 360, "mean_s": 5}, 20_000, 50)
+    assert not found[0].any()
+    share, cycles = 5 / 15, found.size * 0.1 / 15
+    assert found.mean() == pytest.approx(share, abs=4 * share * (1 - share) * math.sqrt(2 / cycles))
+    lengths = {False: [], True: []}
+    for robot in found.T:
+        for begin, end in pairwise(np.flatnonzero(np.diff(robot)) + 1):
+            lengths[bool(robot[begin])].append(0.1 * (end - begin))
+    for active, mean_s in ((True, 5), (False, 10)):
+        for quantile in (0.25, 0.5, 0.75):
+            expected = -mean_s * math.log(1 - quantile)
+            assert np.quantile(lengths[active], quantile) == pytest.approx(expected, rel=0.08)
+
+
+def test_random_faults_stay_within_their_time_and_last_if_they_are_not_said_to_end():
+    within = active_over({"kind": "wheels_dead", "per_hour": 3600, "at_s": 5, "until_s": 8}, 120, 30)
+    assert not within[:50].any()
+    assert not within[80:].any()
+    assert within[79].sum() > 20
+    assert (np.diff(within[:80].astype(int), axis=0) >= 0).all()
+
+
+def test_further_robots_and_other_faults_leave_a_fault_as_it_is():
+    fault = {"kind": "wheels_dead", "per_hour": 360, "mean_s": 5}
+    np.testing.assert_array_equal(active_over(fault, 1000, 3), active_over(fault, 1000, 9)[:, :3])
+
+
+# --- what they do -----------------------------------------------------------------------------------
+
+
+def test_a_fault_changes_nothing_before_it_begins():
+    ideal = steps_of("thesis", 120)
+    for kind, keys in (("wheels_dead", {}), ("restart", {}), ("clock_drift", {"rate": 1.1}), ("ring_stuck_on", {})):
+        faulty = steps_of(with_fault(kind, robots=[3], at_s=6.0, **keys), 120)
+        for name, values in ideal.items():
+            assert faulty[name][:60].tobytes() == values[:60].tobytes()
+        assert any(faulty[name].tobytes() != values.tobytes() for name, values in ideal.items())
+
+
+def test_dead_and_stuck_rings_do_not_do_what_is_commanded():
+    faults = [{"kind": "ring_dead", "robots": [0, 2], "at_s": 1}, {"kind": "ring_stuck_on", "robots": [1, 2]}]
+    shown = steps_of({"faults": faults}, 200)
+    assert shown["ring_commands"].any(axis=0).all()
+    assert not shown["ring_on"][10:, [0, 2]].any()
+    assert shown["ring_on"][:, 1].all()
+    assert shown["ring_on"][:10, 2].all()
+    np.testing.assert_array_equal(shown["ring_on"][:, 3:], shown["ring_commands"][:, 3:])
+
+
+def test_nobody_sees_dead_rings():
+    assert steps_of("thesis", 150)["camera"].any()
+    assert not steps_of(with_fault("ring_dead"), 150)["camera"].any()
+
+
+def test_cycles_are_counted_by_what_the_reference_commands():
+    scenarios = [load_scenario({"faults": faults, "stop": STOP}) for faults in DARK]
+    results = [run_trial(Simulation(scenario, 1)) for scenario in scenarios]
+    assert [result.cycles for result in results] == [5, 5]
+    seen = run_trial(Simulation(scenarios[0], 1), [lambda *_: None])
+    assert seen._replace(wall_s=0) == results[0]._replace(wall_s=0)
+
+
+DARK = [[{"kind": "ring_dead"}], [{"kind": "ring_stuck_on", "robots": [0]}]]
+STOP = {"max_cycles": 5, "order_parameter": None}
+
+
+def test_frozen_oscillators_keep_phase_and_ring_while_the_robot_moves():
+    shown = steps_of(with_fault("oscillator_frozen", at_s=2, until_s=8), 120)
+    frozen = slice(19, 80)
+    assert np.ptp(shown["phase_ms"][frozen], axis=0).max() == 0
+    assert (shown["ring_on"][frozen] == shown["ring_on"][19]).all()
+    assert (np.abs(np.diff(shown["poses"][frozen], axis=0)).max(axis=(0, 2)) > 0).all()
+    assert (np.diff(shown["phase_ms"][80:82], axis=0) != 0).all()
+
+
+@pytest.mark.parametrize("rate", [0.97, 1.034])
+def test_a_clock_that_drifts_counts_its_own_milliseconds(rate):
+    alone = {"robots": [{"count": 1, "controller": "oscillator"}], "noise": "off"}
+    ideal, faulty = (
+        steps_of({**alone, **faults}, 30, 5)["phase_ms"][:, 0] for faults in ({}, with_fault("clock_drift", rate=rate))
+    )
+    steps = np.arange(1, 31)
+    first = ideal[0] - STEP_MS
+    expected = first + np.floor(steps * STEP_MS * rate + 1e-9)
+    in_first_cycle = np.minimum.accumulate(np.diff(faulty, prepend=-1.0) > 0)
+    assert in_first_cycle.sum() > 5
+    assert np.abs(faulty - expected)[in_first_cycle].max() <= 1
+
+
+def test_a_clock_with_jitter_is_right_on_average_and_uneven():
+    alone = {"robots": [{"count": 40, "controller": "oscillator"}], "arena": {"width_cm": 200, "height_cm": 200}}
+    dark = [{"kind": "ring_dead"}, {"kind": "clock_jitter", "jitter": 0.2, "at_s": 0, "until_s": 20}]
+    phases = steps_of({**alone, "faults": dark}, 260)["phase_ms"]
+    ticks = np.diff(phases, axis=0)
+    uneven = ticks[:198][ticks[:198] > 0]
+    assert (uneven >= 80).all()
+    assert (uneven <= 120).all()
+    assert uneven.mean() == pytest.approx(100, abs=4 * 11.6 / math.sqrt(uneven.size))
+    assert uneven.std() == pytest.approx(20 / math.sqrt(3), rel=0.05)
+    even = ticks[201:]
+    assert (even[even > 0] == 100).all()
+
+
+def test_blind_cameras_see_nothing_while_they_are_blind():
+    shown = steps_of(with_fault("camera_blind", robots=[0, 1, 2, 3, 4], at_s=5), 150)
+    assert not shown["camera"][50:, :5].any()
+    assert shown["camera"][50:, 5:].any()
+    assert shown["camera"][:50, :5].any()
+
+
+@pytest.mark.parametrize("signal", [{"kind": "camera"}, {"kind": "cone", "angle_deg": 30}], ids=["camera", "cone"])
+@pytest.mark.parametrize(
+    ("keys", "sees"),
+    [({}, [1, 1]), ({"farther_than_cm": 20}, [1, 0]), ({"nearer_than_cm": 20}, [0, 1])],
+)
+def test_near_and_far_flashes_are_missed(keys, sees, signal):
+    pairs = [[10, 10, 0], [22, 10, 0], [10, 40, 0], [50, 40, 0]]
+    group = {"poses": pairs, "controller": "external", "signal": signal}
+    faults = with_fault("camera_misses", missed=1, **keys)["faults"] if keys else []
+    simulation = Simulation({"robots": [group], "faults": faults}, 1)
+    next(simulation)
+    simulation.command(ring_on=[False, True, False, True])
+    assert next(simulation).camera[[0, 2]].any(axis=1).tolist() == sees
+
+
+def test_a_flash_is_missed_as_a_whole_and_independently_of_others():
+    """The slow twin draws for each flash whether the one robot that looks at the flasher misses it."""
+    group = {"poses": [[10, 10, 0], [30, 10, 0]], "controller": "external"}
+    simulation = Simulation({"robots": [group], "noise": "off", **with_fault("camera_misses", missed=0.3)}, 7)
+    key = swarm_of(simulation).affected.key[0]
+    next(simulation)
+    expected, found = [], []
+    for flash in range(1, 301):
+        is_seen = random_share(key, 1, flash) >= 0.3
+        for _ in range(3):
+            simulation.command(ring_on=[False, True])
+            found.append(bool(next(simulation).camera[0].any()))
+            expected.append(is_seen)
+        simulation.command(ring_on=False)
+        assert not next(simulation).camera[0].any()
+    assert found == expected
+    assert np.mean(found) == pytest.approx(0.7, abs=4 * math.sqrt(0.21 / 300))
+
+
+def test_who_sees_which_flashes_is_as_a_slow_twin_says():
+    faults = [
+        {"kind": "camera_misses", "missed": 0.6, "nearer_than_cm": 20, "share": 0.7},
+        {"kind": "camera_misses", "missed": 0.5, "farther_than_cm": 30},
+        {"kind": "camera_misses", "missed": 0.2, "nearer_than_cm": 10, "farther_than_cm": 40},
+        {"kind": "camera_blind", "robots": [3]},
+    ]
+    block = faulty_block(faults, 20, 3)
+    swarm, random = open_block(block), np.random.default_rng(1)
+    swarm.robots.x, swarm.robots.y = random.random((2, 20)) * 60
+    swarm.robots.ring_on, swarm.robots.flash_number = random.random(20) < 0.7, random.integers(0, 99, 20)
+    change_faults(block, NOWHERE, 0)
+    affected, robots = swarm.affected.reshape(4, 20), swarm.robots
+
+    def is_missed(robot, other, fault):
+        section, distance = faults[fault], math.dist(*((robots.x[each], robots.y[each]) for each in (robot, other)))
+        if not affected.is_member[fault, robot] or section["kind"] == "camera_blind":
+            return section["kind"] == "camera_blind" and robot == 3
+        share = random_share(affected.key[fault, robot], other, robots.flash_number[other])
+        near, far = section.get("nearer_than_cm", 0), section.get("farther_than_cm", math.inf)
+        return (distance < near or distance > far) and share < section["missed"]
+
+    seen = []
+    for robot in range(20):
+        hide_flashes(block, NOWHERE, robot)
+        seen.append(swarm.numbers[20:].tolist())
+        hidden = [any(is_missed(robot, other, fault) for fault in range(4)) for other in range(20)]
+        assert seen[-1] == (robots.ring_on & ~np.array(hidden)).astype(int).tolist()
+    assert 100 < np.sum(seen) < 20 * robots.ring_on.sum() - 50
+
+
+def test_random_shares_are_uniform_and_do_not_depend_on_each_other():
+    shares = np.array([[random_share(np.uint64(k), s, f) for s in range(10) for f in range(50)] for k in range(8)])
+    assert ((np.histogram(shares, 20, (0, 1))[0] - 200) ** 2 / 200).sum() < 43.8
+    assert len(np.unique(shares)) == shares.size
+    assert np.abs(np.corrcoef(shares)[np.triu_indices(8, 1)]).max() < 5 / math.sqrt(500)
+    assert abs(np.corrcoef(shares[:, 1:].ravel(), shares[:, :-1].ravel())[0, 1]) < 4 / math.sqrt(4000)
+
+
+def test_dead_infrared_sensors_read_nothing():
+    shown = steps_of(with_fault("infrared_dead", robots=[0], at_s=1), 200)
+    assert (shown["infrared"][10:, 0] == 0).all()
+    assert (shown["distance_mm"][10:, 0] == OUT_OF_RANGE_MM).all()
+    assert shown["infrared"][10:, 1:].any()
+
+
+def test_robots_with_dead_wheels_stand_still_and_go_on_afterwards():
+    apart = [[15, 15, 0], [15, 45, 0]]
+    shown = steps_of({"robots": [{"poses": apart}], **with_fault("wheels_dead", robots=[0], at_s=1, until_s=2)}, 40)
+    moved = np.abs(np.diff(shown["poses"], axis=0)).sum(axis=2) > 0
+    np.testing.assert_array_equal(moved[:, 0], [not 10 <= step < 20 for step in range(39)])
+    assert moved[:, 1].all()
+
+
+@pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
+def test_a_fault_goes_on_in_robots_that_get_another_controller(interpret, tmp_path):
+    path = tmp_path / "mine.py"
+    source = find_controller("oscillator").path.read_text()
+    path.write_text(source)
+    robots = [{"count": 2, "controller": str(path)}]
+    simulation = Simulation({"robots": robots, **with_fault("oscillator_frozen", robots=[0])}, 1, interpret=interpret)
+    simulation.advance(5)
+    path.write_text(source + "\n# a later version\n")
+    simulation.replace_controller(0, load_controller(path))
+    before = simulation.advance(1).phase_ms.copy()
+    assert (simulation.advance(3).phase_ms == before).tolist() == [True, False]
+
+
+def test_oscillators_start_anew_at_uniform_phases_with_dark_rings():
+    group = {"count": 60, "controller": "oscillator"}
+    dark, anew = {"kind": "ring_dead"}, {"kind": "restart", "at_s": 2}
+    scenario = {"robots": [group], "arena": {"width_cm": 200, "height_cm": 200}, "faults": [dark, anew]}
+    ideal, faulty = (steps_of(each, 22) for each in ({**scenario, "faults": [dark]}, scenario))
+    assert ideal["phase_ms"][:20].tobytes() == faulty["phase_ms"][:20].tobytes()
+    phases = np.concatenate([steps_of(scenario, 21, seed)["phase_ms"][20] for seed in range(5)])
+    counts, _ = np.histogram(phases, 10, (0, 5000))
+    assert ((counts - 30) ** 2 / 30).sum() < 27.9
+    assert abs(np.corrcoef(ideal["phase_ms"][20], faulty["phase_ms"][20])[0, 1]) < 0.5
+
+
+# --- events -----------------------------------------------------------------------------------------
+
+
+def test_events_are_the_beginnings_and_ends_of_faults_in_whom_they_began_and_ended():
+    """The slow twin looks at who has which fault in each step."""
+    simulation = Simulation(MIXED, 3)
+    swarm = swarm_of(simulation)
+    active, expected = np.zeros((len(EVERYTHING), 8), bool), []
+    for number in range(150):
+        next(simulation)
+        now = swarm.affected.is_active.reshape(-1, 8)
+        for fault, change in np.ndindex(len(EVERYTHING), 2):
+            robots = np.flatnonzero((now[fault] != active[fault]) & (now[fault] == change))
+            if len(robots):
+                what = f"{EVERYTHING[fault]['kind']} {('ends', 'begins')[change]}"
+                expected.append((number, f"faults.{fault}", what, tuple(robots.tolist())))
+        restarted = np.flatnonzero(swarm.robots.starts_anew_at >= 0)
+        if len(restarted):
+            expected.append((number, f"faults.{len(EVERYTHING) - 1}", "restart", tuple(restarted.tolist())))
+        active = now.copy()
+    assert [(event.step, event.source, event.what, event.robots) for event in simulation.events] == expected
+    assert len(expected) > 40
+    unseen = Simulation(MIXED, 3)
+    unseen.advance(150)
+    assert unseen.events == simulation.events
+
+
+def test_changes_are_told_once_by_their_times_faults_and_kinds_and_the_log_has_room_for_all():
+    faults = [
+        {"kind": "restart", "per_hour": 360_000},
+        {"kind": "ring_dead", "robots": [2, 5], "at_s": 0.3, "until_s": 0.5},
+        {"kind": "infrared_dead", "per_hour": 360_000, "mean_s": 0.01},
+    ]
+    block = faulty_block(faults, 6, 3)
+    swarm = open_block(block)
+    for step in range(LOGGED_STEPS):
+        swarm.scene[0].step = step
+        change_faults(block, NOWHERE, 0)
+    events = take_events(swarm)
+    assert [event[:4] for event in events if event.source == "faults.1"] == [
+        (3, 0.3, "faults.1", "ring_dead begins"),
+        (5, 0.5, "faults.1", "ring_dead ends"),
+    ]
+    assert {event.what for event in events if event.source != "faults.1"} == {
+        *("restart", "infrared_dead begins", "infrared_dead ends")
+    }
+    assert [event.step for event in events] == sorted(event.step for event in events)
+    assert take_events(swarm) == []
+
+
+# --- determinism ------------------------------------------------------------------------------------
+
+
+def test_faults_are_equal_to_the_bit_compiled_and_interpreted_reset_copied_and_restored():
+    expected = steps_of(MIXED, 150)
+    interpreted = steps_of(MIXED, 150, interpret=True)
+    assert all(interpreted[name].tobytes() == values.tobytes() for name, values in expected.items())
+    used = Simulation(MIXED, 8)
+    used.advance(100)
+    used.reset(3)
+    used.advance(100)
+    for made in (used, copy.deepcopy(used), pickle.loads(pickle.dumps(used))):
+        step = made.advance(50)
+        for name, values in expected.items():
+            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes()

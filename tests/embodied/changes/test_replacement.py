@@ -1,0 +1,274 @@
+"""Controllers that are replaced between two steps: what robots keep, what begins anew, and what is refused."""
+
+import os
+import re
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epuck_sim.control.loader import find_controller, load_controller
+from epuck_sim.embodied.changes import controller_files
+from epuck_sim.embodied.changes.controller_files import SETTLED_S, ControllerFiles
+from epuck_sim.embodied.changes.replacement import replace_controller
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import open_block
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.scenario.loader import load_scenario
+from tests.embodied.changes.blocks import controlled_block
+
+COUNTER = """
+from epuck_sim.util.rng import uniform
+
+PARAMETERS = {{"speed_cm_s": {speed}, "left_over": 1.0}}
+MEMORY = {{"steps": int, {memory}}}
+
+
+def start(memory, parameters, random):
+    memory.drawn = uniform(random)
+
+
+def step(sensors, memory, actuators, parameters, random):
+    memory.steps += {rise}
+    memory.drawn += 0.0 * uniform(random)
+    actuators.left_cm_s = parameters.speed_cm_s
+    actuators.right_cm_s = {right}
+"""
+
+INTERPRET = pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
+
+
+def source(memory='"drawn": float', rise="1", speed="3.0", right="parameters.speed_cm_s") -> str:
+    return COUNTER.format(memory=memory, rise=rise, speed=speed, right=right)
+
+
+def save(path: Path, text: str) -> None:
+    """Write a file as if that were some time ago, and at another time than before."""
+    before = path.stat().st_mtime_ns if path.exists() else 0
+    path.write_text(text)
+    then = max(path.stat().st_mtime_ns - round(20 * SETTLED_S * 1e9), before + 1)
+    os.utime(path, ns=(then, then))
+
+
+def simulate(path: Path, interpret: bool, **changes) -> Simulation:
+    save(path, source())
+    group = {"controller": str(path), "count": 3, **changes}
+    return Simulation(load_scenario({"name": "counting", "robots": [group, {"count": 2}]}), 4, interpret=interpret)
+
+
+def memory(simulation: Simulation):
+    return next(simulation).memories[0]
+
+
+@INTERPRET
+def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: bool, tmp_path) -> None:
+    path = tmp_path / "mine.py"
+    simulation, twin = simulate(path, interpret), simulate(path, interpret)
+    for each in (simulation, twin):
+        each.advance(10)
+    save(path, source(rise="100"))
+    replaced = simulation.replace_controller(0, load_controller(path))
+    assert (replaced.kept, replaced.started) == (("steps", "drawn"), ())
+    step, other = next(simulation), next(twin)
+    assert step.memories[0]["steps"].tolist() == [110] * 3
+    assert step.memories[0]["drawn"].tobytes() == other.memories[0]["drawn"].tobytes()
+    assert step.poses.tobytes() == other.poses.tobytes()  # the robots that were not replaced draw as before, too
+    assert step.memories[1].tobytes() == other.memories[1].tobytes()
+    with pytest.raises(ValueError, match="a controller was replaced after step 9"):
+        simulation.snapshot()
+    simulation.reset()
+    assert memory(simulation)["steps"].tolist() == [100] * 3
+    simulation.snapshot()
+
+
+@INTERPRET
+def test_the_same_file_again_changes_nothing_to_the_bit(interpret: bool, tmp_path) -> None:
+    path = tmp_path / "mine.py"
+    simulation, twin = simulate(path, interpret), simulate(path, interpret)
+    for each in (simulation, twin):
+        each.advance(30)
+    save(path, source() + "# another line\n")
+    simulation.replace_controller(0, load_controller(path))
+    for step, other in islice(zip(simulation, twin, strict=True), 60):
+        assert step.poses.tobytes() == other.poses.tobytes()
+        assert step.infrared.tobytes() == other.infrared.tobytes()
+        assert [each.tobytes() for each in step.memories] == [each.tobytes() for each in other.memories]
+
+
+@INTERPRET
+def test_fields_of_another_name_or_type_begin_anew(interpret: bool, tmp_path) -> None:
+    path = tmp_path / "mine.py"
+    simulation = simulate(path, interpret)
+    drawn = simulation.advance(10).memories[0]["drawn"].copy()
+    save(path, source(memory='"drawn": int, "more": int'))
+    replaced = simulation.replace_controller(0, load_controller(path))
+    assert (replaced.kept, replaced.started) == (("steps",), ("drawn", "more"))
+    now = memory(simulation)
+    assert now["steps"].tolist() == [11] * 3
+    assert (now["drawn"].dtype, now["drawn"].tolist()) == (np.int64, [0] * 3)
+    assert (drawn > 0).all()
+
+
+def test_parameters_are_kept_unless_they_are_the_old_defaults(tmp_path) -> None:
+    path = tmp_path / "mine.py"
+    by_default, given = simulate(path, False), simulate(path, False, parameters={"speed_cm_s": 5, "left_over": 2})
+    save(path, source(speed="6.0").replace(', "left_over": 1.0', ', "other": 1.0'))
+    for simulation, speed in ((by_default, 6), (given, 5)):
+        simulation.advance(3)
+        simulation.replace_controller(0, load_controller(path))
+        assert next(simulation).wheels_cm_s[:3].tolist() == [[speed, speed]] * 3
+        simulation.reset()
+        assert next(simulation).wheels_cm_s[:3].tolist() == [[speed, speed]] * 3
+
+
+DIVIDES = source(right="1 / (memory.steps - memory.steps)")
+OSCILLATES = source('"phase_ms": float, "drawn": float').replace("left_over", "period_s")
+
+
+@pytest.mark.parametrize(
+    ("interpret", "text", "message"),
+    [
+        (True, "PARAMETERS = {\n", "mine.py:1: cannot be loaded: SyntaxError"),
+        (False, source(rise="wiat"), "mine.py:13: cannot be compiled"),
+        (True, source(rise="wiat"), "mine.py:13: NameError"),
+        (True, source(right="parameters.speed"), "mine.py:16: parameters have no 'speed'"),
+        (False, DIVIDES, "mine.py:16: ZeroDivisionError"),
+        (True, DIVIDES, "mine.py:16: FloatingPointError"),
+        (True, source(right="float('nan')"), "mine.py: sets right_cm_s to what is not a number"),
+        (True, OSCILLATES, "has become an oscillator"),
+        (True, source() + 'EXTERNAL = ("ring",)\n', "EXTERNAL has changed from () to ('ring',)"),
+        (True, source() + "def check(parameters):\n    raise ValueError('never')\n", "robots.0.parameters: never"),
+    ],
+)
+def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
+    interpret: bool, text: str, message: str, tmp_path
+) -> None:
+    path = tmp_path / "mine.py"
+    simulation, twin = simulate(path, interpret), simulate(path, interpret)
+    for each in (simulation, twin):
+        each.advance(10)
+    save(path, text)
+    with pytest.raises(EpuckSimError, match=re.escape(message)):
+        simulation.replace_controller(0, load_controller(path))
+    for step, other in islice(zip(simulation, twin, strict=True), 30):
+        assert step.poses.tobytes() == other.poses.tobytes()
+        assert step.memories[0].tobytes() == other.memories[0].tobytes()
+
+
+# --- blocks -----------------------------------------------------------------------------------------
+
+
+@INTERPRET
+def test_a_new_block_has_all_but_what_another_controller_remembers(interpret: bool, tmp_path) -> None:
+    save(tmp_path / "a.py", source())
+    save(tmp_path / "b.py", source(memory='"drawn": int, "more": (float, 3)', rise="7"))
+    a, b, firefly = load_controller(tmp_path / "a.py"), load_controller(tmp_path / "b.py"), find_controller("firefly")
+    (block, runs), (new, others) = (controlled_block([each, firefly], [3, 2], interpret=interpret) for each in (a, b))
+    for _ in range(5):
+        for each in runs:
+            each.step()
+    before, swarm, moved = block.copy(), open_block(block), open_block(new)
+    parameters = {"speed_cm_s": 5.0, "left_over": 0.0}
+    assert replace_controller(block, new, 0, runs[0], others[0], parameters) == (("steps",), ("drawn", "more"))
+    assert block.tobytes() == before.tobytes()
+    assert others[0].memory[["steps", "drawn"]].tolist() == [(5, 0)] * 3
+    assert not others[0].memory["more"].any()
+    assert others[0].parameters.tolist() == [(5, 0)]
+    assert others[1].memory.tobytes() == runs[1].memory.tobytes()
+    assert moved.robots.actuators.tobytes() == swarm.robots.actuators.tobytes()
+    assert moved.robots.random[3:].tobytes() == swarm.robots.random[3:].tobytes()
+    others[0].step()
+    assert others[0].memory["steps"].tolist() == [12] * 3
+    assert (moved.robots.actuators.left_cm_s[:3] == 5).all()
+
+
+# --- files that are watched -------------------------------------------------------------------------
+
+
+def watched(simulation: Simulation) -> tuple[ControllerFiles, list[str]]:
+    said: list[str] = []
+    return ControllerFiles(simulation, said.append), said
+
+
+def look(files: ControllerFiles) -> None:
+    files._next_s = 0.0
+    files()
+
+
+def test_a_file_that_is_saved_is_taken_at_the_next_look_and_told_in_a_line(tmp_path) -> None:
+    path = tmp_path / "mine.py"
+    simulation = simulate(path, True)
+    files, said = watched(simulation)
+    simulation.advance(10)
+    look(files)
+    assert said == []
+    save(path, source(rise="100"))
+    files()  # it is not yet time to look again
+    assert said == []
+    look(files)
+    look(files)
+    assert said == ["mine.py: robots go on with the new one from step 10; memory is kept"]
+    assert memory(simulation)["steps"].tolist() == [110] * 3
+    save(path, source(memory='"drawn": int'))
+    look(files)
+    assert said[1:] == ["mine.py: robots go on with the new one from step 11; memory: drawn started anew, steps kept"]
+
+
+def test_an_error_is_told_once_and_the_next_save_is_taken(tmp_path) -> None:
+    path = tmp_path / "mine.py"
+    simulation = simulate(path, True)
+    files, said = watched(simulation)
+    simulation.advance(1)
+    save(path, source(right="memory.wiat"))
+    look(files)
+    look(files)
+    assert said == [f"{path}:16: memory has no 'wiat'; known: steps, drawn; the old one goes on"]
+    assert memory(simulation)["steps"].tolist() == [2] * 3
+    save(path, source(rise="10"))
+    look(files)
+    assert said[1:] == ["mine.py: robots go on with the new one from step 2; memory is kept"]
+
+
+def test_files_that_are_imported_are_watched_too_even_new_ones(tmp_path) -> None:
+    path, beside = tmp_path / "mine.py", tmp_path / "how_fast.py"
+    simulation = simulate(path, True)
+    files, said = watched(simulation)
+    simulation.advance(1)
+    save(path, "import how_fast\n" + source(rise="how_fast.RISE"))
+    look(files)
+    assert "No module named 'how_fast'" in said[0]
+    for rise in (5, 7):
+        save(beside, f"RISE = {rise}\n")
+        look(files)
+    assert len(said) == 3
+    assert memory(simulation)["steps"].tolist() == [8] * 3
+
+
+def test_a_file_in_the_middle_of_being_saved_and_one_that_is_only_touched_change_nothing(tmp_path, monkeypatch) -> None:
+    path = tmp_path / "mine.py"
+    simulation = simulate(path, True)
+    files, said = watched(simulation)
+    simulation.advance(1)
+    controllers = simulation.controllers
+    with monkeypatch.context() as slow:
+        slow.setattr(controller_files, "SETTLED_S", 60)
+        path.write_text("PARAM")
+        look(files)
+    path.unlink()
+    look(files)
+    save(path, source())
+    os.utime(path, ns=(0, 12345))
+    look(files)
+    assert said == []
+    assert simulation.controllers == controllers
+
+
+def test_without_an_edit_a_watched_trial_is_the_same() -> None:
+    simulation, twin = Simulation("thesis", 3), Simulation("thesis", 3)
+    files, said = watched(simulation)
+    for step, other in islice(zip(simulation, twin, strict=True), 100):
+        look(files)
+        assert step.poses.tobytes() == other.poses.tobytes()
+        assert np.array_equal(step.memories[0], other.memories[0])
+    assert said == []

@@ -1,0 +1,144 @@
+"""Claims about schedules of simulations: what changes when, and that nothing else does."""
+
+import copy
+
+import numpy as np
+import pytest
+
+from epuck_sim.control.loader import find_controller, load_controller
+from epuck_sim.embodied.changes.schedule import displace_phases
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import open_block
+from epuck_sim.scenario.robot_schedule import RobotDisplacement
+from epuck_sim.scenario.schedule import TrialEvent
+from tests.embodied.changes.blocks import controlled_block
+from tests.embodied.changes.test_faults import steps_of, swarm_of
+
+APART = {
+    "robots": [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}],
+    "noise": "off",
+    "arena": {"width_cm": 100},
+}
+LIGHT = {"kind": "ring_dead", "robots": [1], "scheduled": True}
+CHANGES = [
+    {"at_s": 1.0, "set": {"robots.1.parameters.speed_cm_s": 1.5, "robots.1.parameters.coupling": 0.3}},
+    {"at_s": 2.35, "displace": {"robots": [0, 2], "by_cycles": 0.25}},
+    {"at_s": 0.5, "begin": [0]},
+    {"at_s": 1.5, "end": [0]},
+    {"at_s": 3.0, "displace": {"by_cycles": "random"}, "set": {"robots.0.parameters.speed_cm_s": 0}},
+]
+SCENARIO = {**APART, "faults": [LIGHT], "schedule": CHANGES}
+
+
+def test_changes_act_from_the_first_control_step_that_is_not_before_their_time():
+    simulation = Simulation(SCENARIO, 1)
+    speeds, phases = [], []
+    for _ in range(40):
+        step = next(simulation)
+        speeds.append(step.wheels_cm_s.max(axis=1).copy())
+        phases.append(step.phase_ms.copy())
+    speeds = np.array(speeds)
+    assert (speeds[:30, 0] == 12.8).all()
+    assert (speeds[30:, 0] == 0).all()
+    assert (speeds[:10, 1:] == 12.8).all()
+    assert (speeds[10:, 1:] == 1.5).all()
+    gained = (np.diff(phases, axis=0) - 100)[23] % 5000  # 2.35 s is before step 24
+    assert gained.tolist() == [1250, 0, 1250]
+    assert [(event.step, event.source) for event in simulation.events] == [
+        *((5, "schedule.2"), (5, "faults.0"), (10, "schedule.0")),
+        *((15, "schedule.3"), (15, "faults.0"), (24, "schedule.1"), (30, "schedule.4")),
+    ]
+    assert simulation.events[1] == TrialEvent(5, 0.5, "faults.0", "ring_dead begins", (1,))
+    assert [event.what for event in simulation.events if event.source != "faults.0"] == [
+        "faults.0 begins",
+        "robots.1.parameters.speed_cm_s: 1.5; robots.1.parameters.coupling: 0.3",
+        "faults.0 ends",
+        "phases of 0, 2 by 0.25 cycles",
+        "robots.0.parameters.speed_cm_s: 0; all phases random",
+    ]
+
+
+def test_scheduled_faults_begin_and_end():
+    always = {**APART, "robots": [{"poses": [[15, 15, 0], [15, 30, 0]], "controller": "external"}]}
+    changes = [{"at_s": 0.5, "begin": [0]}, {"at_s": 1.5, "end": [0]}]
+    simulation = Simulation({**always, "faults": [LIGHT], "schedule": changes}, 1)
+    simulation.command(ring_on=True)
+    lit = []
+    for _ in range(30):
+        next(simulation)
+        simulation.command(ring_on=True)
+        lit.append(simulation.last_step.ring_on.copy())
+    assert np.all(lit, axis=0).tolist() == [True, False]
+    np.testing.assert_array_equal(np.array(lit)[:, 1], [not 5 <= step < 15 for step in range(30)])
+
+
+@pytest.mark.parametrize("stride", [1, 7, 40])
+def test_a_schedule_is_kept_however_steps_are_taken_and_whatever_runs_the_controllers(stride):
+    expected = steps_of(SCENARIO, 40, 1)
+    for interpret in (False, True):
+        simulation = Simulation(SCENARIO, 1, interpret=interpret)
+        while simulation.steps < 40:
+            step = simulation.advance(min(stride, 40 - simulation.steps))
+        for name, values in expected.items():
+            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes()
+
+
+def test_schedules_begin_again_with_reset_and_go_on_in_copies():
+    expected = steps_of(SCENARIO, 40, 1)
+    simulation = Simulation(SCENARIO, 5)
+    simulation.advance(20)
+    simulation.reset(1)
+    simulation.advance(20)
+    for made in (copy.deepcopy(simulation), simulation):
+        step = made.advance(20)
+        assert len(made.events) == 7
+        for name, values in expected.items():
+            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes()
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_faults_that_entries_begin_and_end_at_once_are_as_the_last_entry_says(begun):
+    schedule = [{"at_s": 0, "begin": [0]}] * begun
+    for keys, expected in ((["begin", "end"], False), (["end", "begin"], True), (["begin", "end", "begin"], True)):
+        simulation = Simulation(
+            {**APART, "faults": [LIGHT], "schedule": [*schedule, *({"at_s": 1, key: [0]} for key in keys)]}, 1
+        )
+        simulation.advance(12)
+        assert swarm_of(simulation).affected.is_active.tolist() == [False, expected, False]
+
+
+def test_a_scheduled_restart_happens_once():
+    faults = [{"kind": "restart", "scheduled": True}]
+    ideal, anew = (
+        steps_of({**APART, "faults": faults, "schedule": schedule}, 30, 1)["phase_ms"]
+        for schedule in ([], [{"at_s": 1, "begin": [0]}])
+    )
+    assert ideal[:10].tobytes() == anew[:10].tobytes()
+    assert (ideal[10] != anew[10]).all()
+    assert np.isin(np.diff(anew[10:25], axis=0), [100]).mean() > 0.8
+
+
+@pytest.mark.parametrize("robots", [None, (1, 2, 5)])
+@pytest.mark.parametrize("by_cycles", [0.29, -0.5, 3.25, "random"])
+def test_whole_and_broken_phases_are_displaced_as_a_slow_twin_says(by_cycles, robots, tmp_path):
+    path = tmp_path / "broken.py"
+    path.write_text(find_controller("oscillator").path.read_text().replace('"phase_ms": int', '"phase_ms": float'))
+    controllers = [find_controller("firefly"), find_controller("random_walk"), load_controller(path)]
+    assert [each.is_oscillator for each in controllers] == [True, False, True]
+    block, runs = controlled_block(controllers, [3, 1, 2])
+    swarm = open_block(block)
+    swarm.robots.actuators.ring_on = 1
+    for run, phases in zip(runs[::2], ([0, 1449, 4999], [3.5, 77.25]), strict=True):
+        run.memory["phase_ms"] = phases
+    displaced = range(6) if robots is None else robots
+    drawn = np.random.Generator(np.random.SFC64(np.random.SeedSequence(7))).random(6)
+    expected = [0, 1449, 4999, None, 3.5, 77.25]
+    for robot in displaced:
+        if robot != 3:
+            ahead = round(by_cycles * 5000, 6) if by_cycles != "random" else None
+            phase = drawn[robot] * 5000 if ahead is None else (expected[robot] + ahead) % 5000
+            expected[robot] = int(phase) if robot < 3 else phase
+    displacement = RobotDisplacement(by_cycles=by_cycles, robots=robots)
+    displace_phases(swarm, runs, displacement, np.random.SeedSequence(7))
+    assert [*runs[0].memory["phase_ms"], None, *runs[2].memory["phase_ms"]] == expected
+    assert swarm.robots.actuators.ring_on.tolist() == [int(each == 3 or each not in displaced) for each in range(6)]

@@ -1,0 +1,313 @@
+"""Claims about the line camera: closed forms, and a slow twin on random scenes."""
+
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from epuck_sim.arena import make_arena
+from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.embodied.sensors.camera import look
+from epuck_sim.embodied.swarm import HIDE, swarm_at
+from epuck_sim.geometry import box_corners
+from epuck_sim.util.jit import address_of, jit_no_alloc
+from tests.embodied.scenes import (
+    ADDRESSES,
+    BODIES,
+    RADIUS_CM,
+    CameraSettings,
+    Scene,
+    block_of,
+    camera_settings,
+    empty_arena,
+    numbered_rows,
+    random_poses,
+    rows,
+    scenes,
+    slow_rows,
+)
+
+ME = (100.0, 100.0)
+ALL_ROUND = CameraSettings(60, 360.0, 60)
+headings = st.floats(-10, 10)
+bearings = st.floats(-math.pi, math.pi)
+
+
+def _at(heading, distance, bearing=0.0):
+    """Return the pose of a robot at a distance and bearing (left) from the camera of ME, which has that heading."""
+    x = ME[0] + RADIUS_CM * math.cos(heading) + distance * math.cos(heading + bearing)
+    y = ME[1] + RADIUS_CM * math.sin(heading) + distance * math.sin(heading + bearing)
+    return x, y, 0.0
+
+
+def _row(heading, others, lit, camera=None, obstacles=((), ())):
+    """Return the row of pixels that ME sees; its own ring is off."""
+    poses = np.array([(*ME, heading), *others])
+    arena = make_arena(200, 200, *obstacles)
+    return rows(Scene(poses, np.array([False, *lit]), arena), camera or CameraSettings())[0].tolist()
+
+
+def _covered(distance, bearing, camera):
+    """Return the row of a robot that nothing hides: pixels within asin(r / d) of its bearing, by the shorter way."""
+    off = np.abs(np.remainder(camera.angles() - bearing + math.pi, 2 * math.pi) - math.pi)
+    half_width = math.asin(RADIUS_CM / distance)
+    assume((np.abs(off - half_width) > 1e-9).all())
+    return (off < half_width).astype(int).tolist()
+
+
+# --- what a robot covers ----------------------------------------------------------------------------
+
+
+@given(headings, st.floats(3.8, 90), st.floats(-0.6, 0.6))
+def test_a_lit_robot_covers_the_pixels_within_its_half_width(heading, distance, bearing):
+    assert _row(heading, [_at(heading, distance, bearing)], [True]) == _covered(distance, bearing, CameraSettings())
+
+
+def test_the_camera_sits_at_the_nose():
+    # half width 10 degrees as seen from the nose, 8.4 from the centre
+    distance = RADIUS_CM / math.sin(math.radians(10))
+    assert sum(_row(0.0, [_at(0.0, distance)], [True])) == 2 * 11  # of pixels of 56/60 degrees
+
+
+def test_pixel_0_is_the_left_edge():
+    left, right = (_row(0.0, [_at(0.0, 30, math.radians(side))], [True]) for side in (20, -20))
+    assert max(np.flatnonzero(left)) < 30 <= min(np.flatnonzero(right))
+    assert left == right[::-1]
+
+
+def test_an_unlit_robot_is_dark():
+    assert sum(_row(0.0, [_at(0.0, 20)], [False])) == 0
+
+
+def test_a_robot_s_own_ring_is_not_seen():
+    poses = np.array([(*ME, 0.0), _at(0.0, 20)])
+    scene = Scene(poses, np.array([True, False]), empty_arena())
+    assert rows(scene, ALL_ROUND)[0].sum() == 0
+
+
+@given(headings, st.sampled_from([56.0, 120.0, 170.0]))
+def test_a_robot_that_touches_the_nose_fills_the_row(heading, field_of_view_deg):
+    x, y = ME[0] + 2 * RADIUS_CM * math.cos(heading), ME[1] + 2 * RADIUS_CM * math.sin(heading)
+    camera = CameraSettings(60, field_of_view_deg, 60)
+    assert _row(heading, [(x, y, 1.0)], [True], camera) == [1] * 60
+    behind_it = _at(heading, 30)
+    assert _row(heading, [(x, y, 1.0), behind_it], [False, True], camera) == [0] * 60
+
+
+# --- what hides what --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("heading", [0.0, 1.0, -2.5])
+def test_a_robot_half_hidden_is_half_seen(heading):
+    beside = math.asin(RADIUS_CM / 20)  # so that the dark robot's edge lies on the line of sight
+    dark, lit = _at(heading, 20, beside), _at(heading, 40)
+    whole = _row(heading, [lit], [True])
+    assert _row(heading, [dark, lit], [False, True]) == [0] * 30 + whole[30:]
+    assert _row(heading, [lit, dark], [True, False]) == [0] * 30 + whole[30:]
+
+
+def test_a_robot_behind_another_is_not_seen():
+    near, far = _at(0.0, 20), _at(0.0, 60)
+    assert sum(_row(0.0, [near, far], [False, True])) == 0
+    assert _row(0.0, [near, far], [True, False]) == _row(0.0, [near], [True])
+
+
+def test_two_lit_robots_cover_what_either_does():
+    one, other = _at(0.0, 20, 0.1), _at(0.0, 40, -0.2)
+    either = np.maximum(_row(0.0, [one], [True]), _row(0.0, [other], [True]))
+    assert _row(0.0, [one, other], [True, True]) == either.tolist()
+
+
+def test_of_two_robots_as_near_the_lit_one_is_seen():
+    # either side of the middle pixel's ray, and overlapping by a hair, as robots that push each other do
+    pair = [(130, 100 + 3.6875, 0.0), (130, 100 - 3.6875, 0.0)]
+    for lit in ([True, False], [False, True]):
+        assert _row(0.0, pair, lit, CameraSettings(1, 56.0, 1)) == [1]
+
+
+@pytest.mark.parametrize("quarter", range(4))
+def test_a_robot_in_a_farther_row_of_cells_may_hide_one_in_a_nearer(quarter):
+    # the one pixel's ray has the far robot on its right side, and the near one, beyond the next border, on its left
+    nose, ahead, right = np.array([(110, 119), (0.5, 0.75**0.5), (0.75**0.5, -0.5)])
+    places = np.array(
+        [nose - RADIUS_CM * ahead, nose + 25.15 * ahead + 3.6 * right, nose + 23.35 * ahead - 3.6 * right]
+    )
+    for _ in range(quarter):
+        places = np.column_stack([200 - places[:, 1], places[:, 0]])
+    poses = np.column_stack([places, np.full(3, math.radians(60 + 90 * quarter))])
+    parked = np.repeat([(-5e5, -5e5, 0.0)], 97, axis=0)
+    for near_is_lit in (False, True):
+        lit = np.array([False, not near_is_lit, near_is_lit])
+        scene = Scene(np.vstack([poses, parked]), np.append(lit, np.zeros(97, bool)), empty_arena())
+        block = block_of(scene, CameraSettings(1, 56.0, 1))
+        assert block.swarm.scene[0].columns == block.swarm.scene[0].rows == 10  # cells are 20 cm wide
+        look(block.bytes, ADDRESSES, 0)
+        assert block.swarm.pixels[0] == near_is_lit
+
+
+def _obstacle(kind, ahead):
+    """Return an obstacle whose right side lies on the line of sight of ME, which looks along x."""
+    x, y = ME[0] + RADIUS_CM + ahead, ME[1]
+    return {
+        "circle": ([(x, y + 5, 5)], []),
+        "box": ([], [box_corners(x, y + 5, 2, 10, 0.0)]),
+        "turned box": ([], [box_corners(x, y + 5, 10, 2, math.pi / 2)]),
+        "polygon": ([], [np.array([(x - 2, y), (x + 2, y), (x, y + 8)])]),
+    }[kind]
+
+
+obstacles = pytest.mark.parametrize("kind", ["circle", "box", "turned box", "polygon"])
+
+
+@obstacles
+def test_an_obstacle_hides_the_half_that_it_covers(kind):
+    lit = _at(0.0, 40)
+    whole = _row(0.0, [lit], [True])
+    assert _row(0.0, [lit], [True], obstacles=_obstacle(kind, 20)) == [0] * 30 + whole[30:]
+
+
+@obstacles
+@pytest.mark.parametrize("ahead", [60.0, -20.0])
+def test_an_obstacle_beyond_a_robot_or_behind_the_camera_hides_nothing(kind, ahead):
+    lit = _at(0.0, 40)
+    assert _row(0.0, [lit], [True], obstacles=_obstacle(kind, ahead)) == _row(0.0, [lit], [True])
+
+
+# --- settings of a camera ---------------------------------------------------------------------------
+
+
+@settings(max_examples=40)
+@given(scenes())
+def test_a_central_window_is_the_full_row_with_the_rest_darkened(scene):
+    full = rows(scene, CameraSettings())
+    for central in (4, 6, 20, 40, 58, 60):
+        outside = (60 - central) // 2
+        darkened = full.copy()
+        darkened[:, :outside] = darkened[:, 60 - outside :] = 0
+        np.testing.assert_array_equal(rows(scene, CameraSettings(central_pixels=central)), darkened)
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_surfaces_beyond_the_range_are_not_seen(heading):
+    distance = 40.0
+    robot = _at(heading, distance)
+    angles = CameraSettings().angles()
+    cut = np.sqrt(np.maximum(RADIUS_CM**2 - (distance * np.sin(angles)) ** 2, 0))
+    surface = np.where(cut > 0, distance * np.cos(angles) - cut, np.inf)
+    for range_cm in (36.0, 36.32, 37.0, 39.0, 41.0):
+        seen = _row(heading, [robot], [True], CameraSettings(range_cm=range_cm))
+        assert seen == (surface <= range_cm).astype(int).tolist()
+    assert 0 < (surface <= 36.32).sum() < (surface <= 41.0).sum()
+
+
+@given(headings, st.floats(3.8, 90), bearings)
+def test_all_round_a_robot_is_seen_wherever_it_stands(heading, distance, bearing):
+    expected = _covered(distance, bearing, ALL_ROUND)
+    assert _row(heading, [_at(heading, distance, bearing)], [True], ALL_ROUND) == expected
+
+
+def test_all_round_a_robot_behind_lights_both_ends_of_the_row():
+    row = _row(0.0, [_at(0.0, 20, math.pi)], [True], ALL_ROUND)
+    assert row == [1, 1] + [0] * 56 + [1, 1]
+
+
+@pytest.mark.parametrize(
+    ("pixels", "degrees", "lit"), [(60, 56.0, 22), (120, 56.0, 42), (60, 28.0, 42), (61, 56.0, 21)]
+)
+def test_pixels_share_the_field_of_view(pixels, degrees, lit):
+    distance = RADIUS_CM / math.sin(math.radians(10))
+    row = _row(0.0, [_at(0.0, distance)], [True], CameraSettings(pixels, degrees, pixels))
+    assert len(row) == pixels
+    assert sum(row) == lit
+
+
+# --- a slow twin, order, groups ---------------------------------------------------------------------
+
+
+def test_rows_are_those_of_the_slow_twin():
+    tally = Counter()
+
+    @settings(max_examples=30)
+    @given(scenes(robots=(2, 3, 10, 60, 300), bodies=BODIES), camera_settings())
+    def compare(scene, camera):
+        every = 1 + len(scene.poses) // 61  # of 300 robots the twin does 60
+        expected, doubtful = slow_rows(scene, camera, every)
+        np.testing.assert_array_equal(rows(scene, camera)[::every][~doubtful], expected[~doubtful])
+        tally.update(pixels=doubtful.size, doubtful=doubtful.sum(), red=expected.sum())
+
+    compare()
+    assert tally["pixels"] > 10_000
+    assert tally["red"] > 0.01 * tally["pixels"]
+    assert tally["doubtful"] < 1e-2 * tally["pixels"]
+
+
+@settings(max_examples=25)
+@given(scenes(robots=(10, 60, 300)), camera_settings(), st.sampled_from([0.02, 0.1, 0.4]), st.integers(0, 2**32 - 1))
+def test_it_does_not_matter_whether_lit_rings_are_few_or_robots_are_told_by_numbers(scene, camera, share, seed):
+    lit = np.random.default_rng(seed).random(len(scene.poses)) < share
+    expected = np.concatenate([[False], lit])[numbered_rows(scene, camera)]
+    np.testing.assert_array_equal(rows(Scene(scene.poses, lit, scene.arena), camera), expected)
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(10, 60), bodies=BODIES), camera_settings(), st.integers(0, 2**32 - 1))
+def test_rows_are_those_of_the_slow_twin_where_robots_overlap(scene, camera, seed):
+    random = np.random.default_rng(seed)
+    poses = scene.poses + random.uniform(-0.05, 0.05, scene.poses.shape)  # cm, as robots that push each other
+    pushed = Scene(poses, random.random(len(poses)) < random.choice([0.1, 0.5]), scene.arena, scene.body)
+    expected, doubtful = slow_rows(pushed, camera)
+    np.testing.assert_array_equal(rows(pushed, camera)[~doubtful], expected[~doubtful])
+
+
+@pytest.mark.parametrize("share", [0.02, 0.08, 0.5])
+def test_far_lit_rings_among_many_robots_are_seen_as_by_the_slow_twin(share):
+    random = np.random.default_rng(5)
+    arena = empty_arena(300, 300)
+    poses = random_poses(arena, 150, random)
+    scene = Scene(poses, random.random(len(poses)) < share, arena)
+    camera = CameraSettings(150, 100.0, 150)
+    expected, doubtful = slow_rows(scene, camera)
+    np.testing.assert_array_equal(rows(scene, camera)[~doubtful], expected[~doubtful])
+    assert expected.sum() > 100
+    assert doubtful.mean() < 1e-3
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(10, 60)), camera_settings(), st.integers(0, 2**32 - 1))
+def test_rows_do_not_depend_on_the_order_of_robots(scene, camera, seed):
+    order = np.random.default_rng(seed).permutation(len(scene.poses))
+    shuffled = Scene(scene.poses[order], scene.lit[order], scene.arena)
+    np.testing.assert_array_equal(rows(shuffled, camera), rows(scene, camera)[order])
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(10, 60)), camera_settings())
+def test_the_robots_from_a_number_on_see_what_they_do_among_all(scene, camera):
+    observer = len(scene.poses) // 2
+    np.testing.assert_array_equal(rows(scene, camera, observer), rows(scene, camera)[observer:])
+
+
+@jit_no_alloc
+def hide_every_third(block: ByteArray, addresses: IntArray, robot: int) -> None:  # noqa: ARG001
+    swarm = swarm_at(block)
+    robots = len(swarm.robots)
+    for sender in range(robots):
+        swarm.numbers[robots + sender] = 1 if swarm.robots[sender].ring_on and (robot + sender) % 3 else 0
+
+
+@settings(max_examples=40)
+@given(scenes(robots=(3, 10, 60)), camera_settings())
+def test_rings_that_faults_hide_from_a_robot_are_dark_to_it_alone(scene, camera):
+    addresses = ADDRESSES.copy()
+    addresses[HIDE] = address_of(hide_every_third)
+    block = block_of(scene, camera)
+    block.swarm.scene[0].hides_flashes = True
+    look(block.bytes, addresses, 0)
+    numbers = np.arange(len(scene.poses))
+    for robot in range(0, len(scene.poses), 7):
+        visible = scene._replace(lit=scene.lit & ((robot + numbers) % 3 > 0))
+        found = block.swarm.pixels.reshape(-1, camera.pixels)[robot]
+        np.testing.assert_array_equal(found, rows(visible, camera)[robot])

@@ -1,0 +1,173 @@
+"""Claims about cameras with a pace and a latency of their own: which picture a controller has, and since when."""
+
+import math
+from itertools import islice
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from epuck_sim.embodied.sensors.camera import take_pictures
+from epuck_sim.embodied.sensors.signals import begin_pictures
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import make_block, open_block
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.util.rng import uniform
+from epuck_sim.util.seeds import robot_streams
+
+
+@st.composite
+def paces(draw):
+    """Intervals and latencies in control steps."""
+    interval = draw(st.sampled_from([1.0, 1.5, 40 / 15, 5.0, 12.5, 40.0]) | st.floats(1, 50))
+    return interval, interval * draw(st.sampled_from([0.0, 0.4, 1.0]) | st.floats(0, 1))
+
+
+def filmed(interval, latency, steps, robots=1, seed=4):
+    """Return (steps, robots) the step whose picture each controller has, -1 for none, and whether it is new."""
+    pixels = 3 * robots
+    block, addresses = make_block({"robots": robots, "groups": 1, "pixels": 3 * pixels}), np.zeros(3, np.int64)
+    swarm = open_block(block)
+    swarm.robots.signal_random = robot_streams(np.random.SeedSequence(seed), robots)
+    group = swarm.groups[0]
+    group.count, group.pixels, group.in_view, group.waiting = robots, 3, pixels, 2 * pixels
+    group.camera.interval, group.camera.latency = interval, latency
+    begin_pictures(block, 0)
+    camera, in_view = swarm.pixels[:pixels].reshape(robots, 3), swarm.pixels[pixels : 2 * pixels]
+    shown, is_new = np.empty((steps, robots), np.int64), np.empty((steps, robots), bool)
+    for step in range(steps):
+        swarm.scene[0].step, in_view[:] = step, step + 1
+        take_pictures(block, addresses, 0)
+        assert (camera == camera[:, :1]).all()
+        shown[step], is_new[step] = camera[:, 0] - 1, swarm.robots.sensors.new_picture
+    return shown, is_new
+
+
+def slow_twin(interval, latency, steps, seed=4):
+    """Return what `filmed` does of one robot, from the list of all its pictures: when taken, when there."""
+    stream = robot_streams(np.random.SeedSequence(seed), 1)[0]
+    first = interval * uniform(stream)
+    instants = [first + number * interval for number in range(steps + 1)]
+    pictures = [(math.floor(instant), math.floor(instant + latency * uniform(stream))) for instant in instants]
+    shown = [max((taken for taken, there in pictures if there <= step), default=-1) for step in range(steps)]
+    arrivals = {there for _, there in pictures}
+    return shown, [step in arrivals for step in range(steps)]
+
+
+@given(paces(), st.integers(0, 2**32 - 1))
+@example((1.0, 0.0), 1)
+@example((1.0, 1.0), 2)
+def test_each_step_shows_the_last_picture_that_has_arrived(pace, seed):
+    shown, is_new = filmed(*pace, steps=200, seed=seed)
+    expected, expected_new = slow_twin(*pace, steps=200, seed=seed)
+    assert shown[:, 0].tolist() == expected
+    assert is_new[:, 0].tolist() == expected_new
+
+
+@given(paces(), st.integers(0, 2**32 - 1))
+def test_no_picture_is_new_twice_and_none_is_older_than_interval_and_latency(pace, seed):
+    interval, latency = pace
+    shown, is_new = filmed(*pace, steps=300, robots=4, seed=seed)
+    for robot in range(4):
+        changes = np.flatnonzero(np.diff(shown[:, robot], prepend=-1))
+        np.testing.assert_array_equal(changes, np.flatnonzero(is_new[:, robot]))
+    age = np.arange(300)[:, None] - shown
+    assert (age[shown >= 0] >= 0).all()
+    assert (age[shown >= 0] < interval + latency + 1).all()
+    assert (age[is_new] < latency + 1).all()
+
+
+@pytest.mark.parametrize(("interval", "latency"), [(5.0, 0.0), (5.0, 4.0), (40 / 15, 1.5), (2.5, 1.5), (1.0, 0.0)])
+def test_pictures_arrive_at_the_rate_at_which_they_are_taken(interval, latency):
+    shown, is_new = filmed(interval, latency, steps=10_000, robots=20)
+    np.testing.assert_allclose(is_new.sum(axis=0), 10_000 / interval, atol=1.01)
+    gaps = np.concatenate([np.diff(np.unique(robot[robot >= 0])) for robot in shown.T])
+    assert set(gaps) <= {math.floor(interval), math.ceil(interval)}
+
+
+def test_latencies_are_uniform_and_instants_do_not_wait_for_each_other():
+    shown, is_new = filmed(50.0, 40.0, steps=50_000, robots=10)
+    delay = (np.arange(50_000)[:, None] - shown)[is_new]
+    assert delay.min() == 0
+    assert delay.max() == 40
+    assert delay.mean() == pytest.approx(20, abs=4 * 40 / math.sqrt(12 * len(delay)))
+    counts = np.bincount(delay, minlength=41)[1:40]
+    assert ((counts - len(delay) / 40) ** 2 / (len(delay) / 40)).sum() < 72.1  # chi-square, 38 of freedom, 99.9 %
+    assert len({int(robot.argmax()) for robot in is_new.T}) > 5
+
+
+def test_further_robots_leave_the_others_pictures_as_they_are():
+    few, many = (filmed(5.0, 2.0, 500, robots) for robots in (3, 8))
+    for one, other in zip(few, many, strict=True):
+        np.testing.assert_array_equal(one, other[:, :3])
+
+
+# --- in a simulation --------------------------------------------------------------------------------
+
+COUNT_PICTURES = """
+PARAMETERS = {}
+MEMORY = {"pictures": int, "red": int}
+
+
+def start(memory, parameters, random):
+    pass
+
+
+def step(sensors, memory, actuators, parameters, random):
+    memory.pictures += sensors.new_picture
+    memory.red = 0
+    for pixel in sensors.camera:
+        memory.red += pixel
+    actuators.ring_on = memory.pictures % 3 == 0
+    actuators.left_cm_s = 2.0
+    actuators.right_cm_s = 3.0
+"""
+
+
+def counting(tmp_path, **camera):
+    """Return a scenario whose controllers count their pictures."""
+    path = tmp_path / "count.py"
+    path.write_text(COUNT_PICTURES)
+    timing = {"control_hz": 40, "physics_hz": 120}
+    return load_scenario({"robots": [{"count": 6, "controller": str(path), "camera": camera}], "timing": timing})
+
+
+@pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
+def test_controllers_have_so_many_pictures_a_second(interpret, tmp_path):
+    scenario = counting(tmp_path, frames_per_s=8, latency_ms=50)
+    *_, step = islice(Simulation(scenario, 1, interpret=interpret), 400)
+    np.testing.assert_allclose(step.memories[0]["pictures"], 80, atol=1)
+
+
+def test_what_a_step_shows_is_what_the_controller_has(tmp_path):
+    scenario = counting(tmp_path, frames_per_s=8, latency_ms=50)
+    seen = []
+    for step, _ in zip(Simulation(scenario, 1), range(300), strict=False):
+        np.testing.assert_array_equal(step.camera.sum(axis=1), step.memories[0]["red"])
+        seen.append(step.camera.copy())
+    changes = np.diff(seen, axis=0).any(axis=2).sum(axis=0)
+    assert 0 < changes.max() <= 61
+
+
+def test_without_frames_per_s_every_step_has_a_new_picture(tmp_path):
+    for step, _ in zip(Simulation(counting(tmp_path), 1), range(50), strict=False):
+        assert (step.memories[0]["pictures"] == step.number + 1).all()
+
+
+def test_a_picture_in_every_step_is_as_good_as_no_pace():
+    plain, paced = Simulation("thesis", 3), Simulation(load_scenario("thesis", ["robots.0.camera.frames_per_s=10"]), 3)
+    for one, other, _ in zip(plain, paced, range(300), strict=False):
+        assert one.poses.tobytes() == other.poses.tobytes()
+        assert one.memories[0].tobytes() == other.memories[0].tobytes()
+        assert one.camera.tobytes() == other.camera.tobytes()
+
+
+def test_a_group_s_cameras_are_its_own(tmp_path):
+    slow = counting(tmp_path, pixels=20, frames_per_s=2).robots[0].model_dump()
+    fast = {**slow, "camera": {"pixels": 60}}
+    timing = {"control_hz": 40, "physics_hz": 120}
+    for _, step in zip(range(80), Simulation({"robots": [slow, fast], "timing": timing}, 1), strict=False):
+        assert not step.camera[:6, 20:].any()
+    np.testing.assert_allclose(step.memories[0]["pictures"], 4, atol=1)
+    assert (step.memories[1]["pictures"] == 80).all()

@@ -1,0 +1,170 @@
+"""Claims about the ideal sensor of flashes: its cone, and what hides a ring, against a slow twin."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
+from epuck_sim.embodied.sensors.flash_cone import perceive_flashes, perceives, set_cone
+from epuck_sim.embodied.simulation import Simulation
+from epuck_sim.embodied.swarm import swarm_at
+from epuck_sim.scenario.signals import ConeSection
+from epuck_sim.util.jit import jit_no_alloc
+from tests.embodied.scenes import (
+    ADDRESSES,
+    EDGE_CM,
+    RADIUS_CM,
+    Block,
+    CameraSettings,
+    Scene,
+    block_of,
+    empty_arena,
+    scenes,
+)
+
+sections = st.builds(
+    ConeSection,
+    range_cm=st.sampled_from([None, 15.0, 40.0]),
+    angle_deg=st.sampled_from([360.0, 180.0]) | st.floats(1, 360),
+    of=st.sampled_from(["vision", "emission"]),
+)
+
+
+def with_cone(scene: Scene, section: ConeSection, occlusion: bool, observer: int = 0) -> Block:
+    """Return the robots of a scene; those from `observer` on have the ideal sensor."""
+    block = block_of(scene, CameraSettings(1, 56.0, 1), observer)
+    cone = block.swarm.groups[0].cone
+    set_cone(cone, section)
+    cone.occlusion = occlusion
+    return block
+
+
+def pairs(scene: Scene, section: ConeSection, occlusion: bool) -> BoolArray:
+    """Return (robots, robots) whether the first perceives the ring of the second."""
+    found = np.zeros((len(scene.poses), len(scene.poses)), bool)
+    find_pairs(with_cone(scene, section, occlusion).bytes, found)
+    return found
+
+
+@jit_no_alloc
+def find_pairs(block: ByteArray, found: BoolArray) -> None:
+    swarm = swarm_at(block)
+    cone = swarm.groups[0].cone
+    for one in range(len(swarm.robots)):
+        for other in range(len(swarm.robots)):
+            found[one, other] = perceives(swarm, cone, one, other)
+
+
+def slow_cone(scene: Scene, section: ConeSection) -> tuple[BoolArray, BoolArray]:
+    """Return (robots, robots) whether the first receives from the second, and whether rounding may reverse that."""
+    offset = scene.poses[None, :, :2] - scene.poses[:, None, :2]
+    distance = np.hypot(offset[..., 0], offset[..., 1])
+    bearing = np.arctan2(offset[..., 1], offset[..., 0])
+    headings = scene.poses[:, 2]
+    off = bearing - headings[:, None] if section.of == "vision" else bearing + math.pi - headings[None]
+    off = np.degrees(np.abs(np.arctan2(np.sin(off), np.cos(off))))
+    reach = math.inf if section.range_cm is None else section.range_cm
+    inside = (distance <= reach) & (off <= section.angle_deg / 2)
+    on_edge = (np.abs(off - section.angle_deg / 2) < 1e-6) & (section.angle_deg < 360)
+    return inside & ~np.eye(len(headings), dtype=bool), on_edge | (np.abs(distance - reach) < EDGE_CM)
+
+
+def slow_hidden(scene: Scene) -> tuple[BoolArray, BoolArray]:
+    """Return (robots, robots) whether something is between the two, and whether rounding may reverse that."""
+    robots = len(scene.poses)
+    hidden, doubtful = np.zeros((2, robots, robots), bool)
+    bodies = np.column_stack([scene.poses[:, :2], np.full(robots, RADIUS_CM)])
+    for one in range(robots):
+        for other in range(one):
+            start, end = scene.poses[one, :2], scene.poses[other, :2]
+            discs = np.vstack([np.delete(bodies, [one, other], axis=0), scene.arena.circles])
+            gaps = gaps_to_line(start, end, discs)
+            crossed, nearly = crossings(start, end, scene.arena.edges)
+            hidden[one, other] = hidden[other, one] = (gaps < 0).any() or crossed.any()
+            doubtful[one, other] = doubtful[other, one] = (np.abs(gaps) < EDGE_CM).any() or nearly.any()
+    return hidden, doubtful
+
+
+def gaps_to_line(start: FloatArray, end: FloatArray, discs: FloatArray) -> FloatArray:
+    """Return cm between (discs, 3) discs and the line between two points, negative where they meet."""
+    length = np.hypot(*(end - start))
+    along = (end - start) / length
+    offset = discs[:, :2] - start
+    ahead = offset @ along
+    beside = np.abs(offset[:, 0] * along[1] - offset[:, 1] * along[0])
+    beyond = np.minimum(np.hypot(*offset.T), np.hypot(*(discs[:, :2] - end).T))
+    return np.where((ahead > 0) & (ahead < length), beside, beyond) - discs[:, 2]
+
+
+def crossings(start: FloatArray, end: FloatArray, edges: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Return (edges,) whether the line between two points crosses each edge, and whether rounding may reverse that."""
+    crossed, nearly = np.zeros((2, len(edges)), bool)
+    for number, edge in enumerate(edges):
+        matrix = np.column_stack([end - start, edge[:2] - edge[2:]])
+        if abs(np.linalg.det(matrix)) < 1e-9:
+            nearly[number] = True
+            continue
+        shares = np.linalg.solve(matrix, edge[:2] - start)
+        crossed[number] = ((shares >= 0) & (shares <= 1)).all()
+        nearly[number] = (np.minimum(np.abs(shares), np.abs(shares - 1)) < 1e-9).any()
+    return crossed, nearly
+
+
+@given(scenes(robots=(1, 2, 10)), sections)
+def test_who_is_in_a_cone_is_as_angles_and_distances_say(scene, section):
+    expected, doubtful = slow_cone(scene, section)
+    found = pairs(scene, section, occlusion=False)
+    assert (found == expected)[~doubtful].all()
+
+
+@given(scenes(robots=(3, 10)))
+def test_a_ring_is_hidden_where_the_line_between_the_centres_meets_something(scene):
+    hidden, doubtful = slow_hidden(scene)
+    found = pairs(scene, ConeSection(), occlusion=True)
+    assert (found == ~hidden)[~doubtful & ~np.eye(len(found), dtype=bool)].all()
+
+
+@given(scenes(robots=(2, 10, 40)), sections, st.booleans(), st.integers(0, 3))
+def test_a_robot_perceives_a_flash_if_it_perceives_any_lit_ring(scene, section, occlusion, observer):
+    assume(observer < len(scene.poses))
+    block = with_cone(scene, section, occlusion, observer)
+    perceive_flashes(block.bytes, ADDRESSES, 0)
+    expected = pairs(scene, section, occlusion)[observer:, scene.lit].any(axis=1)
+    np.testing.assert_array_equal(block.swarm.pixels, expected)
+
+
+def test_a_cone_of_emission_is_the_senders():
+    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0]]), np.ones(2, bool), empty_arena())
+    vision = pairs(scene, ConeSection(angle_deg=90), occlusion=True)
+    emission = pairs(scene, ConeSection(angle_deg=90, of="emission"), occlusion=True)
+    np.testing.assert_array_equal(vision, [[False, True], [False, False]])
+    np.testing.assert_array_equal(emission, [[False, False], [True, False]])
+
+
+@pytest.mark.parametrize("occlusion", [True, False])
+def test_a_body_between_two_robots_hides_the_ring_of_one_from_the_other(occlusion):
+    scene = Scene(np.array([[20.0, 50, 0], [60, 50, 0], [40, 53, 0]]), np.ones(3, bool), empty_arena())
+    found = pairs(scene, ConeSection(), occlusion)
+    assert found[0, 1] == found[1, 0] == (not occlusion)
+    assert found[2].tolist() == [True, True, False]
+
+
+def lit_pair(signal: dict, first: list[float], second: list[float]) -> Simulation:
+    """Return two robots that stand still with lit rings."""
+    controller = {"controller": "constant", "parameters": {"ring_on": True}}
+    return Simulation(
+        {
+            "arena": {"width_cm": 100, "height_cm": 100},
+            "robots": [{"poses": [first, second], "signal": signal, **controller}],
+        }
+    )
+
+
+@pytest.mark.parametrize(("range_cm", "seen"), [(40, 1), (39.9, 0)])
+def test_a_swarm_with_an_ideal_sensor_has_a_picture_of_one_pixel(range_cm, seen):
+    simulation = lit_pair({"kind": "cone", "range_cm": range_cm, "angle_deg": 60}, [20, 50, 0], [60, 50, 0])
+    assert simulation.advance(1).camera.tolist() == [[0], [0]]
+    assert simulation.advance(1).camera.tolist() == [[seen], [0]]

@@ -1,0 +1,109 @@
+"""Files that earlier versions wrote open for ever, and hold what they held then (see old/make.py)."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import epuck_sim
+from epuck_sim import StoreError, load_scenario, read_points, run_sweep
+from epuck_sim.runs.merge import merge_folders
+from epuck_sim.runs.status import read_status
+from tests.cli.commands import call, called
+from tests.old.make import FILM, HERE, READERS, RUN, SHARES, run_values, values
+from tests.sweep.pool_here import pool_here
+
+VERSIONS = sorted(
+    path.name for path in HERE.iterdir() if (path / "values.json").exists() and path.name != epuck_sim.__version__
+)
+FILES = [(version, name) for version in VERSIONS for name in READERS]
+
+pytestmark = pytest.mark.usefixtures("sweeps_run_here")
+
+
+@pytest.fixture(params=VERSIONS)
+def old(request, tmp_path: Path) -> Path:
+    """Return a copy of the folder of a version."""
+    return shutil.copytree(HERE / request.param, tmp_path / request.param)
+
+
+def held_then(version: str) -> dict[str, Any]:
+    return json.loads((HERE / version / "values.json").read_text())
+
+
+def stored(folder: Path) -> dict[tuple[str, int], tuple[float, bool]]:
+    """Return how each trial of a run folder ended, by its point and seed."""
+    return {
+        (point.key, seed): (cycles, observed)
+        for point in read_points(folder)
+        for seed, cycles, observed in zip(point.seeds, point.times.tolist(), point.observed.tolist(), strict=True)
+    }
+
+
+def test_there_are_files_of_every_kind_of_version_0_1_0() -> None:
+    assert "0.1.0" in VERSIONS
+    for version in VERSIONS:
+        assert {path.name for path in (HERE / version).iterdir()} == {*READERS, "values.json"}
+        assert held_then(version).keys() == READERS.keys()
+
+
+@pytest.mark.parametrize(("version", "name"), [each for each in FILES if each[1] != FILM])
+def test_a_file_holds_what_it_held(version: str, name: str, tmp_path: Path) -> None:
+    folder = shutil.copytree(HERE / version, tmp_path / version)
+    assert values(folder, name) == held_then(version)[name]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_film_shows_what_it_showed(version: str) -> None:
+    """Decoders may differ by a level of brightness."""
+    found, then = values(HERE / version, FILM), held_then(version)[FILM]
+    assert found["description"] == then["description"]
+    assert found["frames"] == then["frames"]
+    assert found["colours"] == pytest.approx(then["colours"], abs=0.2)
+    assert found["tracked"].keys() >= then["tracked"].keys()
+    for name, value in then["tracked"].items():
+        assert found["tracked"][name] == (pytest.approx(value, rel=0.02) if isinstance(value, float) else value), name
+
+
+def test_a_finished_run_folder_stays_finished(old: Path) -> None:
+    before = run_values(old / RUN)
+    progress = run_sweep(load_scenario(old / RUN), old / RUN, pool_here)
+    assert (progress.ended, progress.stored) == (0, 6)
+    assert run_values(old / RUN) == before
+
+
+def test_a_run_folder_takes_further_trials_and_says_which_versions_made_them(old: Path) -> None:
+    before = stored(old / RUN)
+    result = call("run", old / RUN, "--set", "trials=4")
+    assert result.exit_code == 0, result.stderr
+    assert f"6 trials were made by epuck_sim {old.name}" in " ".join(result.stderr.split())
+    after = stored(old / RUN)
+    assert len(after) == len(before) + 2
+    assert after.items() >= before.items()
+    made = {row.made_by["epuck_sim"]: row.trials for row in read_status(old / RUN).versions}
+    assert made == {old.name: 6, epuck_sim.__version__: 2}
+
+
+def test_a_table_and_a_summary_of_a_run_folder_are_written(old: Path) -> None:
+    assert called("summarize", old / RUN, "--json")
+    called("export", old / RUN, "--to", old / "table.csv")
+    rows = (old / "table.csv").read_text().splitlines()
+    assert len(rows) == 1 + sum(len(point.times) for point in read_points(old / RUN))
+
+
+def test_shares_are_merged(old: Path) -> None:
+    shares = [old / name for name in SHARES]
+    merge_folders(shares, old / "whole")
+    assert stored(old / "whole") == stored(shares[0]) | stored(shares[1])
+    assert len(stored(old / "whole")) == 10
+
+
+def test_shares_of_two_versions_are_not_merged_and_both_are_named(old: Path) -> None:
+    first, second = (old / name for name in SHARES)
+    run_sweep(load_scenario(first, ["trials=7"]), first, pool_here)
+    ours = epuck_sim.__version__.replace(".", r"\.")
+    with pytest.raises(StoreError, match=rf"epuck_sim {ours}.*epuck_sim {old.name}|epuck_sim {old.name}.*{ours}"):
+        merge_folders([first, second], old / "whole")
+    assert not (old / "whole").exists()
