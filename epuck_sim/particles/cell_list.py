@@ -7,11 +7,9 @@ point is still listed in a cell within that radius plus the distance which the f
 import math
 from typing import Any
 
-import numpy as np
-
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.particles.motion import advance_one, compute_positions, distance_travelled
-from epuck_sim.particles.swarm import INDEX, INT, Candidates, Trajectories
+from epuck_sim.particles.swarm import INDEX, INT, Candidates, Trajectories, entry_of
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at
 
@@ -44,7 +42,7 @@ def sort_into_cells(
     for cell in range(1, len(start)):
         start[cell] += start[cell - 1]
     for agent in range(len(agents) - 1, -1, -1):  # backwards, so that the end of each cell becomes its start
-        cell = np.int64(cells[agent]) + 1
+        cell = entry_of(cells, agent) + 1
         start[cell] -= 1
         agents[start[cell]] = agent
     for cell in range(len(start) - 1):
@@ -120,7 +118,7 @@ def find_candidates(
             for c in range(low2, low2 + count2):
                 cell = row + c % cells2
                 for index in range(start[cell], start[cell + 1]):
-                    other = np.int64(by_cell[index])
+                    other = entry_of(by_cell, index)
                     advance_one(block, addresses, trajectories, other, time)
                     candidates.agents[found] = other
                     found += 1

@@ -16,8 +16,6 @@ the order in which pulses are delivered makes no difference.
 
 import math
 
-import numpy as np
-
 from epuck_sim.arrays import ByteArray, IndexArray, IntArray
 from epuck_sim.particles.motion import advance_all, compute_positions, first_to_end, time_of_end
 from epuck_sim.particles.neighbours import find_receivers
@@ -43,6 +41,7 @@ from epuck_sim.particles.swarm import (
     Instant,
     Neighbours,
     Oscillators,
+    entry_of,
     instant_at,
     neighbours_at,
     oscillators_at,
@@ -138,13 +137,13 @@ def fire(
     done, sent, refractory = fired_count, 0, response.refractory
     last_done = agents + scene.sends_every_pulse  # one more than there can be, if every pulse is sent
     while sent < fired_count and done < last_done:
-        agent = np.int64(fired[sent])
+        agent = entry_of(fired, sent)
         row = find_receivers(block, addresses, neighbours, agent, time)
         receivers = neighbours.members[row : row + neighbours.counts[agent]]
         if unlikely(scene.reorients_on_arriving):
             note_arrivals(block, receivers)
         for index in range(len(receivers)):
-            other = np.int64(receivers[index])
+            other = entry_of(receivers, index)
             if is_done[other]:
                 continue
             phase = phase_at(oscillators, other, time)
@@ -162,7 +161,7 @@ def fire(
                 set_next_firing(oscillators, other, time + (1 - phase) * oscillators.period[other])
         sent += 1
     for index in range(fired_count):
-        agent = np.int64(fired[index])
+        agent = entry_of(fired, index)
         set_next_firing(oscillators, agent, time + oscillators.period[agent])
         is_done[agent] = False
     for index in range(received_count):

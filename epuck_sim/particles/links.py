@@ -10,7 +10,7 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.motion import begin_motion
 from epuck_sim.particles.neighbours import find_receivers
 from epuck_sim.particles.rules import rules_of
-from epuck_sim.particles.swarm import Arrays, neighbours_at
+from epuck_sim.particles.swarm import Arrays, entry_of, neighbours_at
 from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.neighbourhoods import Everybody, RandomAgents
 from epuck_sim.scenario.particles import ParticleScenario
@@ -43,7 +43,7 @@ def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links:
         row = find_receivers(block, addresses, neighbours, sender, 0.0)
         for rank in range(neighbours.counts[sender]):
             if found < len(links):
-                links[found] = sender * scene.agents + np.int64(neighbours.members[row + rank])
+                links[found] = sender * scene.agents + entry_of(neighbours.members, row + rank)
             found += 1
     return found
 

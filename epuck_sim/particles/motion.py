@@ -12,8 +12,6 @@ Times passed as arguments are in cycles since the start of the present cycle (se
 import math
 from typing import Any
 
-import numpy as np
-
 from epuck_sim.arrays import BoolArray, ByteArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.headings import heading_from_wall, random_heading, turn_heading
 from epuck_sim.particles.oscillators import argmin, minimum
@@ -28,6 +26,7 @@ from epuck_sim.particles.swarm import (
     Runs,
     Trajectories,
     axis_at,
+    entry_of,
     runs_at,
     trajectories_at,
 )
@@ -57,7 +56,7 @@ def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> f
     return distance_cm
 
 
-@jit_no_alloc
+@jit_inline
 def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
     """Compute when and where an agent's trajectory ends: at the first wall, or where its run ends before."""
     scene, agents = trajectories.scene[0], len(trajectories.speed)
@@ -243,11 +242,11 @@ def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: flo
     for place in range(len(before)):
         before[place] = trajectories.heading[place]
     if scene.reorients_on_emitting:
-        reorient_each(block, trajectories, fired, is_done, time)
+        reorient_each(block, fired, is_done, time)
     if scene.reorients_on_receiving:
-        reorient_each(block, trajectories, received, is_done, time)
+        reorient_each(block, received, is_done, time)
     if scene.reorients_on_arriving:
-        reorient_each(block, trajectories, reached, is_done, time)
+        reorient_each(block, reached, is_done, time)
     for agents in (fired, received, reached):
         for index in range(len(agents)):
             is_done[agents[index]] = False
@@ -257,13 +256,12 @@ def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: flo
 
 
 @jit_no_alloc
-def reorient_each(
-    block: ByteArray, trajectories: Trajectories, agents: IndexArray, is_done: BoolArray, time: float
-) -> None:
+def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time: float) -> None:
     """Turn agents in a random direction before the end of their trajectories, unless that is done; runs go on."""
+    trajectories = trajectories_at(block)
     scene = trajectories.scene[0]
     for index in range(len(agents)):
-        agent = np.int64(agents[index])
+        agent = entry_of(agents, index)
         if not is_done[agent]:
             restart_at(trajectories, agent, distance_travelled(trajectories, agent, time), scene.cycle, time)
             random_heading(trajectories.heading[agent :: scene.agents], trajectories.streams[agent].words)

@@ -27,6 +27,7 @@ from epuck_sim.particles.swarm import (
     Trajectories,
     axis_at,
     candidates_at,
+    entry_of,
     neighbours_at,
     trajectories_at,
 )
@@ -192,7 +193,7 @@ def gather_candidates(
     own = 0
     for index in range(count):
         own = index if found[index] == agent else own
-        travelled_cm[index] = distance_travelled(trajectories, np.int64(found[index]), time)
+        travelled_cm[index] = distance_travelled(trajectories, entry_of(found, index), time)
     for axis in range(scene.dimensions):
         rows = axis_at(block, axis, scene.first.positions, scene.first.headings)
         for index in range(count):
@@ -321,10 +322,11 @@ def select_in_cone(
         count: Number of candidates.
         radius_cm: All agents within this radius are candidates.
     """
-    scene, members = neighbours.scene[0], neighbours.members[row_of(neighbours, agent) :]
+    scene, members, row = neighbours.scene[0], neighbours.members, row_of(neighbours, agent)
     square, along, margin = candidates.square_distance, candidates.axial_distance, candidates.margin
-    cosine, is_round, limit = scene.cos, scene.cos == FULL_CIRCLE_COS, scene.radius_cm * scene.radius_cm
-    found = np.uint64(0)  # unsigned: compiled code tests a signed index for counting from the end
+    cosine, is_round, own_radius_cm = scene.cos, scene.cos == FULL_CIRCLE_COS, scene.radius_cm
+    limit = own_radius_cm * own_radius_cm
+    found = np.uint64(row)  # unsigned: compiled code tests a signed index for counting from the end
     if is_round:
         for index in range(count):
             members[found] = index  # overwritten by the next one if this one is out of reach: no branch
@@ -337,13 +339,13 @@ def select_in_cone(
         for index in range(count):
             members[found] = index
             found += np.uint64(margin[index] >= 0)
-    neighbours.counts[agent] = found
+    neighbours.counts[agent] = np.int64(found) - row
     if should_cache(neighbours, agent):
         per_cm = scene.closing_time
-        until = time + per_cm * (radius_cm - scene.radius_cm) if radius_cm < math.inf else math.inf
+        until = time + per_cm * (radius_cm - own_radius_cm) if radius_cm < math.inf else math.inf
         if is_round:
             for index in range(count):
-                margin[index] = time + per_cm * abs(math.sqrt(square[index]) - scene.radius_cm)
+                margin[index] = time + per_cm * abs(math.sqrt(square[index]) - own_radius_cm)
         else:
             if scene.kind == EMISSION_CONE:
                 until = min(until, time_of_end(trajectories, agent))
@@ -360,7 +362,7 @@ def find_turning_times(trajectories: Trajectories, candidates: Candidates, count
         compute_end_times(trajectories)
         return
     for index in range(count):
-        trajectories.end_times[index] = time_of_end(trajectories, np.int64(candidates.agents[index]))
+        trajectories.end_times[index] = time_of_end(trajectories, entry_of(candidates.agents, index))
 
 
 @jit_inline

@@ -78,7 +78,7 @@ def phase_after_pulse(response: Any, curve: ByteArray, addresses: IntArray, phas
         addresses: Addresses of what compiled code calls.
         phase: The phase, above the refractory period.
     """
-    shift = response.coupling * phase
+    shift: float = response.coupling * phase
     if unlikely(response.curve != MULTIPLICATIVE):
         shift = other_shift(response, curve, addresses, phase)
     return min(max(phase + shift, 0.0), 1.0)
@@ -96,9 +96,11 @@ def other_shift(response: Any, curve: ByteArray, addresses: IntArray, phase: flo
         return coupling
     if response.curve == MIROLLO_STROGATZ:
         # the state f = ln(1 + (e^b - 1) phase) / b grows by the coupling; solved for the phase, that is a line
-        return math.expm1(response.dissipation * coupling) * (phase + 1 / math.expm1(response.dissipation))
+        dissipation: float = response.dissipation
+        return math.expm1(dissipation * coupling) * (phase + 1 / math.expm1(dissipation))
     if response.curve == PIECEWISE_LINEAR:
-        return coupling * phase * (response.early_slope if phase <= response.knee else 1.0)
+        slope: float = response.early_slope if phase <= response.knee else 1.0
+        return coupling * phase * slope
     response.last_phase = phase
     shift: float = evaluate(addresses[CURVE], curve, phase)
     return shift

@@ -4,9 +4,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import types
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.particles.distributions import speed_table
+from epuck_sim.particles.events import advance
 from epuck_sim.particles.initial_conditions import give_start
 from epuck_sim.particles.motion import begin_run, continue_trajectory, reorient_agents
 from epuck_sim.particles.neighbours import (
@@ -31,7 +33,8 @@ from epuck_sim.particles.swarm import (
     REORIENT,
     SEARCH,
     Arrays,
-    compile_call,
+    address_of,
+    compile_kernel,
     make_block,
 )
 from epuck_sim.scenario.neighbourhoods import Cone, Nearest, RandomAgents, Range
@@ -79,8 +82,8 @@ def rules_of(scenario: ParticleScenario) -> Rules:
     Raises:
         CurveError: The response curve is a user's, and cannot be found or compiled.
     """
-    sections = scenario.space, scenario.agents, scenario.neighbourhood, scenario.response, scenario.clocks
-    sections = *sections, scenario.start, scenario.stop
+    moving = scenario.space, scenario.agents, scenario.neighbourhood, scenario.start
+    sections = *moving, scenario.response, scenario.clocks, scenario.stop
     if scenario.response.curve not in CURVES:
         return _make_rules(scenario)  # the file may have changed
     key = tuple(map(id, sections))
@@ -182,7 +185,8 @@ def _addresses(scene: Any, response: Response) -> IntArray:
     addresses = np.zeros(CALLS, np.int64)
     addresses[CURVE] = response.from_file.address
     for number, function in called.items():
-        addresses[number] = compile_call(function)
+        addresses[number] = address_of(function)
+    compile_kernel(advance, *[types.int64] * 2, *[types.float64] * 3)
     return addresses
 
 

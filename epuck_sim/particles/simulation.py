@@ -26,7 +26,7 @@ from epuck_sim.particles.schedule import (
     last_firing_before,
     timed_entries,
 )
-from epuck_sim.particles.swarm import Arrays
+from epuck_sim.particles.swarm import Arrays, compile_kernel
 from epuck_sim.scenario.agent_changes import with_values
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.neighbourhoods import RandomAgents
@@ -123,7 +123,8 @@ class ParticleSimulation:
             )
         self.scenario = loaded
         self._rules = rules_of(loaded)
-        self.reset(seed)
+        self._renew(self._rules)
+        self._begin(seed_of_trial(loaded, seed))
 
     def reset(self, seed: int | None = None) -> None:
         """Start anew, with the same scenario: all is as in a new simulation with this seed, to the bit.
@@ -134,8 +135,16 @@ class ParticleSimulation:
         Raises:
             ScenarioError: The scenario is a sweep, or the seed is negative.
         """
-        self.seed = seed_of_trial(self.scenario, seed)
-        self._enter(self._rules)
+        chosen = seed_of_trial(self.scenario, seed)
+        if self._present_rules is self._rules:
+            self._arrays.block[: len(self._rules.beginning)] = self._rules.beginning
+        else:
+            self._renew(self._rules)
+        self._begin(chosen)
+
+    def _begin(self, seed: int) -> None:
+        """Begin a trial in a swarm to which nothing has happened."""
+        self.seed = seed
         draw_differences(self._arrays, self.scenario, self.seed)
         start(self._arrays.block, self._addresses, seed_words(self.seed))
         self.events = []
@@ -143,13 +152,9 @@ class ParticleSimulation:
         self._timed = timed_entries(self.scenario.schedule, self.scenario.clocks.period_s)
         self._is_changed = False  # by the schedule since the last event
 
-    def _enter(self, rules: Rules) -> None:
-        """Go on with a swarm of these rules to which nothing has happened."""
-        if getattr(self, "_present_rules", None) is rules:
-            self._arrays.block[: len(rules.beginning)] = rules.beginning
-            return
-        self._present_rules, self._addresses = rules, rules.addresses
-        self._arrays = Arrays(rules.new_block())
+    def _renew(self, rules: Rules) -> None:
+        """Go on with a new block, of a swarm of these rules to which nothing has happened."""
+        self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
         self._scene = self._arrays.scene
         self._links: LinkSearch | None = None
 
@@ -164,11 +169,12 @@ class ParticleSimulation:
         block = state.pop("block")
         vars(self).update(state)
         self._rules = rules_of(self.scenario)
-        self._enter(self._rules if self._present is self.scenario else rules_of(self._present))
+        self._renew(self._rules if self._present is self.scenario else rules_of(self._present))
         self._arrays.block[:] = block
 
     def __iter__(self) -> Iterator[Event]:
         """Return the simulation itself, which continues from its present state; compile what events need."""
+        compile_kernel(turn_if_next)
         return self
 
     def __next__(self) -> Event:
@@ -304,8 +310,7 @@ class ParticleSimulation:
         if scenario.agents != self._present.agents:
             self._observe()
             change_speeds(before, initial_speeds(scenario, self.seed))
-        self._present_rules = None
-        self._enter(rules_of(scenario))
+        self._renew(rules_of(scenario))
         for name in KEPT_FIELDS:
             self._scene[name] = before.scene[name]
         for name in KEPT_ARRAYS:

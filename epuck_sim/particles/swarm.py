@@ -11,13 +11,14 @@ Times are in cycles of the nominal period, counted from the start of the present
 keep their digits, because whole cycles are subtracted exactly.
 """
 
+from collections import namedtuple
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import types
 
-from epuck_sim.arrays import ByteArray
+from epuck_sim.arrays import ByteArray, IndexArray
 from epuck_sim.util.generators import GENERATOR_WORDS
 from epuck_sim.util.jit import ADDRESSES, BLOCK, jit_inline
 from epuck_sim.util.native import array_at, function_address
@@ -64,7 +65,7 @@ ARRAYS: Mapping[str, np.dtype[Any]] = {
     "headings": FLOAT,  # (dimensions * agents,) unit vectors: headings of the candidates that the cell list found
     "square_distance": FLOAT,  # (agents,) cm^2: from the firing agent, which has inf itself
     "axial_distance": FLOAT,  # (agents,) cm: components of these distances along the axis of the cone
-    "margin": FLOAT,  # (agents,) cm^2: not negative within the cone; then cycles until which candidates stay
+    "margin": FLOAT,  # (agents,) cm^2: not negative within the cone; then cycles until which they stay
     "bucket_of": INDEX,  # (agents,) scratch of the selection of the k nearest
     "bucket_end": INDEX,  # (agents,) scratch of the selection of the k nearest
     "cell_start": INT,  # (cells + 1,) index in `agents_by_cell` at which each cell begins
@@ -215,22 +216,31 @@ class Arrays:
         return array
 
 
-def compile_call(function: Any) -> int:
+def compile_kernel(function: Any, *kinds: Any) -> Any:
+    """Compile a kernel (block, addresses, ...), whose further arguments are of these types, before any clock runs.
+
+    Returns:
+        The compiled function.
+    """
+    compiled = function.for_python
+    if not compiled.overloads:
+        compiled.compile((BLOCK, ADDRESSES, *kinds))
+    return compiled
+
+
+def address_of(function: Any) -> int:
     """Return the address at which compiled code calls a kernel (block, addresses, agent, time)."""
-    kernel = function.for_python
-    if not kernel.overloads:
-        kernel.compile((BLOCK, ADDRESSES, types.intp, types.float64))
-    return function_address(kernel)
+    return function_address(compile_kernel(function, types.int64, types.float64))
 
 
-class Oscillators(NamedTuple):
-    """Firing times and periods; see `ARRAYS`."""
+@jit_inline
+def entry_of(indices: IndexArray, place: int) -> int:
+    """Return an entry of an array of indices as a signed number: one type for all, and known not to be negative."""
+    return int(np.int64(indices[place]))
 
-    scene: Any
-    next_firing: Any
-    period: Any
-    block_earliest: Any
-    is_stale: Any
+
+Oscillators = namedtuple("Oscillators", "scene next_firing period block_earliest is_stale")
+"""Firing times and periods; see `ARRAYS`."""
 
 
 @jit_inline
@@ -247,20 +257,11 @@ def oscillators_at(block: ByteArray) -> Oscillators:
     )
 
 
-class Trajectories(NamedTuple):
-    """The present straight path of each agent; see `ARRAYS`."""
-
-    scene: Any
-    origin: Any
-    heading: Any
-    speed: Any
-    start_cycle: Any
-    start_time: Any
-    end_cycle: Any
-    end_time: Any
-    wall: Any
-    end_times: Any
-    streams: Any
+Trajectories = namedtuple(
+    "Trajectories",
+    "scene origin heading speed start_cycle start_time end_cycle end_time wall end_times streams",
+)
+"""The present straight path of each agent; see `ARRAYS`."""
 
 
 @jit_inline
@@ -283,13 +284,8 @@ def trajectories_at(block: ByteArray) -> Trajectories:
     )
 
 
-class Axis(NamedTuple):
-    """What trajectories and positions are along one axis; see `ARRAYS`."""
-
-    origin: Any
-    heading: Any
-    positions: Any
-    headings: Any
+Axis = namedtuple("Axis", "origin heading positions headings")
+"""What trajectories and positions are along one axis; see `ARRAYS`."""
 
 
 @jit_inline
@@ -313,12 +309,8 @@ def axis_at(block: ByteArray, axis: int, positions: int, headings: int) -> Axis:
     )
 
 
-class Runs(NamedTuple):
-    """The present run of each agent's random walk; see `ARRAYS`."""
-
-    end_cycle: Any
-    end_time: Any
-    speeds: Any
+Runs = namedtuple("Runs", "end_cycle end_time speeds")
+"""The present run of each agent's random walk; see `ARRAYS`."""
 
 
 @jit_inline
@@ -333,14 +325,8 @@ def runs_at(block: ByteArray) -> Runs:
     )
 
 
-class Neighbours(NamedTuple):
-    """The neighbours that were found last; see `ARRAYS`."""
-
-    scene: Any
-    members: Any
-    counts: Any
-    cached_until: Any
-    skip_count: Any
+Neighbours = namedtuple("Neighbours", "scene members counts cached_until skip_count")
+"""The neighbours that were found last; see `ARRAYS`."""
 
 
 @jit_inline
@@ -357,17 +343,10 @@ def neighbours_at(block: ByteArray) -> Neighbours:
     )
 
 
-class Candidates(NamedTuple):
-    """The agents among which neighbours are searched for; see `ARRAYS`."""
-
-    agents: Any
-    positions: Any
-    headings: Any
-    square_distance: Any
-    axial_distance: Any
-    margin: Any
-    bucket_of: Any
-    bucket_end: Any
+Candidates = namedtuple(
+    "Candidates", "agents positions headings square_distance axial_distance margin bucket_of bucket_end"
+)
+"""The agents among which neighbours are searched for; see `ARRAYS`."""
 
 
 @jit_inline
@@ -387,12 +366,8 @@ def candidates_at(block: ByteArray) -> Candidates:
     )
 
 
-class Instant(NamedTuple):
-    """What happened at the last instant; see `ARRAYS`."""
-
-    fired: Any
-    received: Any
-    is_done: Any
+Instant = namedtuple("Instant", "fired received is_done")
+"""What happened at the last instant; see `ARRAYS`."""
 
 
 @jit_inline

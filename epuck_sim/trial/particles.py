@@ -41,6 +41,8 @@ def run_agents(
     is_timed = end_s == stop.max_time_s
     periods, share = divmod(end_s / period_s, 1.0)
     end = (int(periods), share) if is_timed else (longest, 0.0)
+    if observers:
+        iter(simulation)  # compiles what events need, before the clock runs
     began = time.perf_counter()
     last_instant = LastInstant(simulation)
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)

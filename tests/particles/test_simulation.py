@@ -1,7 +1,9 @@
 """A simulation depends on its seed alone, in any process, and motion does not depend on the oscillators."""
 
+import copy
 import itertools
 import math
+import pickle
 import subprocess
 import sys
 
@@ -10,10 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.events import advance
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.curves import SHIPPED
-from tests.particles.simulations import KINDS, any_sections, make_simulation
+from tests.particles.simulations import KINDS, any_sections, make_simulation, scenario
 
 SEEDS = st.integers(0, 2**63 - 1)
 
@@ -37,6 +40,34 @@ def test_equal_seeds_give_equal_bits(data, seed, kind):
         assert (mine.time_s, mine.turned) == (yours.time_s, yours.turned)
         assert mine.fired.tolist() == yours.fired.tolist()
         assert mine.received.tolist() == yours.received.tolist()
+
+
+@given(st.data(), SEEDS, SEEDS, st.sampled_from(KINDS))
+@settings(max_examples=30)
+def test_a_reset_simulation_is_a_new_one_and_a_copy_goes_on_alike(data, seed, before, kind):
+    sections = data.draw(any_sections(kind))
+    sections["schedule"] = data.draw(st.sampled_from([[], [{"at_s": 0.7, "set": {"response.refractory": 0.3}}]]))
+    new, used = make_simulation(seed, **sections), make_simulation(before, **sections)
+    used.run(data.draw(st.integers(0, 5)), 20)
+    used.reset(seed)
+    for _ in range(20):
+        assert digest(used) == digest(new)
+        mine, yours = next(used), next(new)
+        assert (mine.time_s, mine.turned, *mine.fired) == (yours.time_s, yours.turned, *yours.fired)
+    copies = [copy.copy(used), copy.deepcopy(used), pickle.loads(pickle.dumps(used))]
+    for swarm in (new, *copies, used):  # a copy's time does not touch that of the original
+        swarm.run(10, 20)
+        assert digest(swarm) == digest(new)
+        assert (swarm.events, swarm.outcome) == (new.events, new.outcome)
+
+
+def test_a_reset_without_a_seed_takes_that_of_the_scenario():
+    swarm, new = ParticleSimulation(scenario(seed=3), 5), ParticleSimulation(scenario(seed=3))
+    swarm.reset()
+    assert (swarm.seed, digest(swarm)) == (3, digest(new))
+    with pytest.raises(ScenarioError, match="seed is -1"):
+        swarm.reset(-1)
+    assert (swarm.seed, digest(swarm)) == (3, digest(new))
 
 
 def test_one_compiled_kernel_serves_all_simulations(tmp_path):
