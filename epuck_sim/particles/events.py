@@ -54,8 +54,8 @@ UNLIMITED = 2**62
 """Larger than any count or cycle number."""
 
 
-@jit
-def advance(
+@jit_inline
+def run_events(
     block: ByteArray,
     addresses: IntArray,
     pulses: int,
@@ -63,6 +63,7 @@ def advance(
     last_cycle: float,
     last_time: float,
     max_offset: float,
+    by_address: bool | None,
 ) -> None:
     """Simulate until one of several limits is reached, or until the swarm is synchronised.
 
@@ -74,6 +75,7 @@ def advance(
         last_cycle: Nothing happens after `last_time` of this cycle.
         last_time: Cycles since the start of that cycle.
         max_offset: The order parameter is measured when all phases are within so many cycles of the reference's.
+        by_address: See `neighbours.find_receivers`.
     """
     scene, oscillators = array_at(block, 0, SCENE_BYTES, SCENE)[0], oscillators_at(block)
     neighbours, instant = neighbours_at(block), instant_at(block)
@@ -88,7 +90,7 @@ def advance(
             time = earliest_firing(oscillators)
         if scene.cycle > last_cycle or (scene.cycle == last_cycle and time > last_time):
             break
-        fire(block, addresses, oscillators, neighbours, instant, curve, time)
+        fire(block, addresses, oscillators, neighbours, instant, curve, time, by_address)
         if unlikely(reorients):
             call(addresses[REORIENT], block, addresses, 0, time)
         scene.instants += 1
@@ -102,6 +104,22 @@ def advance(
                 scene.is_synchronised = scene.order_parameter >= scene.threshold
     if not is_measured:
         scene.order_parameter = measure_order(oscillators, scene.now)
+
+
+@jit
+def advance(
+    block: ByteArray, addresses: IntArray, pulses: int, cycles: int, last_cycle: float, last_time: float, offset: float
+) -> None:
+    """Carry out `run_events`; searches are called by their addresses."""
+    run_events(block, addresses, pulses, cycles, last_cycle, last_time, offset, True)
+
+
+@jit
+def advance_in_cones(
+    block: ByteArray, addresses: IntArray, pulses: int, cycles: int, last_cycle: float, last_time: float, offset: float
+) -> None:
+    """Carry out `run_events` with searches in cones among all agents, which take little longer than a call."""
+    run_events(block, addresses, pulses, cycles, last_cycle, last_time, offset, None)
 
 
 @jit_inline
@@ -127,6 +145,7 @@ def fire(
     instant: Instant,
     curve: ByteArray,
     time: float,
+    by_address: bool | None,
 ) -> None:
     """Fire all oscillators whose time has come, and all that their pulses make fire."""
     scene, response, agents = oscillators.scene[0], oscillators.scene[0].response, len(oscillators.next_firing)
@@ -138,7 +157,7 @@ def fire(
     last_done = agents + scene.sends_every_pulse  # one more than there can be, if every pulse is sent
     while sent < fired_count and done < last_done:
         agent = entry_of(fired, sent)
-        row = find_receivers(block, addresses, neighbours, agent, time)
+        row = find_receivers(block, addresses, neighbours, agent, time, by_address)
         receivers = neighbours.members[row : row + neighbours.counts[agent]]
         if unlikely(scene.reorients_on_arriving):
             note_arrivals(block, receivers)

@@ -40,7 +40,7 @@ def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links:
     scene.sorted_at = -np.inf
     for index in range(len(senders)):
         sender = senders[index]
-        row = find_receivers(block, addresses, neighbours, sender, 0.0)
+        row = find_receivers(block, addresses, neighbours, sender, 0.0, True)
         for rank in range(neighbours.counts[sender]):
             if found < len(links):
                 links[found] = sender * scene.agents + entry_of(neighbours.members, row + rank)

@@ -64,14 +64,28 @@ RADIUS_GROWTH = 1.5
 
 
 @jit_inline
-def find_receivers(block: ByteArray, addresses: IntArray, neighbours: Neighbours, agent: int, time: float) -> int:
+def find_receivers(
+    block: ByteArray, addresses: IntArray, neighbours: Neighbours, agent: int, time: float, by_address: bool | None
+) -> int:
     """Find the agents that receive a pulse which `agent` emits at `time`, unless those found before are valid still.
+
+    Args:
+        block: The swarm.
+        addresses: Addresses of what compiled code calls.
+        neighbours: Those of the block.
+        agent: The agent that fires.
+        time: Cycles since the start of the present cycle.
+        by_address: None for a search in cones among all agents as part of the caller, which is not compiled if this is
+            True: then the search is called by its address.
 
     Returns:
         The index in `neighbours.members` of the first of them; there are `neighbours.counts[agent]`.
     """
     if not time < neighbours.cached_until[agent]:
-        call(addresses[SEARCH], block, addresses, agent, time)
+        if by_address is None:
+            search_cone(block, addresses, agent, time)
+        else:
+            call(addresses[SEARCH], block, addresses, agent, time)
     return row_of(neighbours, agent)
 
 
@@ -113,7 +127,7 @@ def search_nearest(block: ByteArray, addresses: IntArray, agent: int, time: floa
     select_nearest(neighbours_at(block), candidates, agent, time, agents, math.inf)
 
 
-@jit_no_alloc
+@jit_inline
 def search_cone(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find the agents in a cone or range, among all."""
     candidates, trajectories = candidates_at(block), trajectories_at(block)
@@ -222,7 +236,7 @@ def measure_distances(block: ByteArray, own: int, count: int) -> None:
     square[own] = math.inf
 
 
-@jit_no_alloc
+@jit_inline
 def measure_cone(block: ByteArray, headings: int, own: int, count: int) -> None:
     """Compute the candidates' squared distances from the firing agent, and those along the axes of the cones.
 

@@ -8,7 +8,7 @@ from numba import types
 
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.particles.distributions import speed_table
-from epuck_sim.particles.events import advance
+from epuck_sim.particles.events import advance, advance_in_cones
 from epuck_sim.particles.initial_conditions import give_start
 from epuck_sim.particles.motion import begin_run, continue_trajectory, reorient_agents
 from epuck_sim.particles.neighbours import (
@@ -62,6 +62,8 @@ class Rules(NamedTuple):
     """Number of bytes of a block."""
     addresses: IntArray
     """Addresses, in this process, of what compiled code calls; see `swarm.SEARCH`."""
+    advance: Any
+    """`events.advance`, or its like for cones."""
 
     def new_block(self) -> ByteArray:
         """Return the block of a new swarm."""
@@ -170,7 +172,9 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     arrays.candidates[:] = np.arange(count)
     arrays.curve[:] = response.from_file.bytes
     give_start(arrays, scenario)
-    return Rules(arrays.block[: scene.first.members].copy(), len(arrays.block), _addresses(scene, response))
+    root = advance_in_cones if scene.kind in (VISION_CONE, EMISSION_CONE) and not scene.cells else advance
+    compile_kernel(root, *[types.int64] * 2, *[types.float64] * 3)
+    return Rules(arrays.block[: scene.first.members].copy(), len(arrays.block), _addresses(scene, response), root)
 
 
 def _addresses(scene: Any, response: Response) -> IntArray:
@@ -186,7 +190,6 @@ def _addresses(scene: Any, response: Response) -> IntArray:
     addresses[CURVE] = response.from_file.address
     for number, function in called.items():
         addresses[number] = address_of(function)
-    compile_kernel(advance, *[types.int64] * 2, *[types.float64] * 3)
     return addresses
 
 

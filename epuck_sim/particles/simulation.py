@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +11,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.events import UNLIMITED, advance, observe, turn_if_next
+from epuck_sim.particles.events import UNLIMITED, observe, turn_if_next
 from epuck_sim.particles.initial_conditions import draw_differences, initial_speeds, start
 from epuck_sim.particles.links import LinkSearch
 from epuck_sim.particles.motion import begin_motion
@@ -60,32 +61,9 @@ class Event(NamedTuple):
     """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
 
 
-class LastInstant:
-    """The last instant at which agents fired, as an `Event` that is made when it is asked for.
-
-    It is that of the simulation's present time: what is kept beyond that must be read before.
-    """
-
-    def __init__(self, simulation: "ParticleSimulation") -> None:
-        self._simulation = simulation
-
-    turned: None = None
-    """Agents fired: none turned."""
-
-    @property
-    def time_s(self) -> float:
-        """Simulated time of the instant."""
-        return self._simulation.time_s
-
-    @property
-    def fired(self) -> IntArray:
-        """Indices of the agents that fired, in the order of the cascade."""
-        return self._simulation.last_instant().fired
-
-    @property
-    def received(self) -> IntArray:
-        """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
-        return self._simulation.last_instant().received
+def _number(name: str, text: str) -> property:
+    """Return a property that is a whole number of the scene."""
+    return property(lambda simulation: int(simulation._scene[name]), doc=text)
 
 
 class ParticleSimulation:
@@ -121,10 +99,10 @@ class ParticleSimulation:
                 f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; give a "
                 "ParticleSimulation start_like(robots, seed) as start"
             )
-        self.scenario = loaded
+        self.scenario, chosen = loaded, seed_of_trial(loaded, seed)
         self._rules = rules_of(loaded)
         self._renew(self._rules)
-        self._begin(seed_of_trial(loaded, seed))
+        self._begin(chosen)
 
     def reset(self, seed: int | None = None) -> None:
         """Start anew, with the same scenario: all is as in a new simulation with this seed, to the bit.
@@ -162,7 +140,8 @@ class ParticleSimulation:
         """Return all but addresses, which are those of this process."""
         left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_scene", "_links")
         kept = {name: value for name, value in vars(self).items() if name not in left_out}
-        return {**kept, "block": self._arrays.block.copy()}
+        own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
+        return {**kept, **own}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Go on from a state, in this process or another."""
@@ -191,21 +170,16 @@ class ParticleSimulation:
         return self.last_instant()
 
     def _advance(self, pulses: int, cycles: int, last_cycle: int, last_time: float = 0.0, offset: float = -1.0) -> None:
-        """Simulate until a limit is reached; see `events.advance`.
-
-        Args:
-            pulses: See there, as the next three.
-            cycles: See there.
-            last_cycle: See there.
-            last_time: See there.
-            offset: Its `max_offset`, if that is larger than what the rules say.
+        """Simulate until a limit is reached; see `events.advance`, whose `max_offset` is `offset` or more.
 
         Raises:
             CurveError: A user's response curve raises.
         """
         most = max(offset, float(self._scene["max_offset"]))
         try:
-            advance(self._arrays.block, self._addresses, pulses, cycles, float(last_cycle), last_time, most)
+            self._present_rules.advance(
+                self._arrays.block, self._addresses, pulses, cycles, float(last_cycle), last_time, most
+            )
         except Exception as error:  # nothing else in the kernel raises
             phase = float(self._scene["response"]["last_phase"])
             raise curve_error(self._present.response, phase, error) from error
@@ -342,10 +316,7 @@ class ParticleSimulation:
         """Simulated time in s."""
         return float(self._scene["cycle"] + self._scene["now"]) * self.scenario.clocks.period_s
 
-    @property
-    def period(self) -> int:
-        """Number of the present nominal period, from 0."""
-        return int(self._scene["cycle"])
+    period = _number("cycle", "Number of the present nominal period, from 0.")
 
     @property
     def next_firing(self) -> tuple[int, float]:
@@ -358,20 +329,11 @@ class ParticleSimulation:
         """Nominal period, and the share of it that has passed, when the schedule changes something at a time."""
         return self._timed.next
 
-    @property
-    def cycles(self) -> int:
-        """Number of firings of the reference so far."""
-        return int(self._scene["cycles"])
+    cycles = _number("cycles", "Number of firings of the reference so far.")
 
-    @property
-    def instants(self) -> int:
-        """Number of instants, so far, at which at least one agent fired."""
-        return int(self._scene["instants"])
+    instants = _number("instants", "Number of instants, so far, at which at least one agent fired.")
 
-    @property
-    def firings(self) -> int:
-        """Number of firings of all agents so far."""
-        return int(self._scene["firings"])
+    firings = _number("firings", "Number of firings of all agents so far.")
 
     @property
     def order_parameter(self) -> float | None:

@@ -4,7 +4,7 @@ import pytest
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.links import LinkSearch
-from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
+from epuck_sim.particles.simulation import ParticleSimulation
 
 RULES = [
     {"kind": "nearest", "k": 2},
@@ -45,15 +45,3 @@ def test_agents_drawn_at_random_have_no_links():
     assert simulation.pulse_links().shape == (0, 3)
     with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
         simulation.neighbour_links()
-
-
-def test_the_last_instant_is_the_event_of_the_present_time():
-    simulation = swarm(RULES[0])
-    last = LastInstant(simulation)
-    for cycle in range(1, 6):
-        simulation.run(cycle)
-        event = simulation.last_instant()
-        assert (last.time_s, last.turned) == (event.time_s, event.turned)
-        assert last.fired.tolist() == event.fired.tolist()
-        assert last.received.tolist() == event.received.tolist()
-        assert 0 in last.fired.tolist()
