@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, IntArray
-from epuck_sim.particles.pulse_links import SHIFTS_ONLY
+from epuck_sim.particles.links import SHIFTS_ONLY
 
 RULES = ("naming_game", "voter")
 

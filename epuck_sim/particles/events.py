@@ -1,114 +1,239 @@
-"""The event kernel: from one firing to the next, in continuous time (thesis 3.1.3, 5.1.1).
+"""From one instant at which oscillators fire to the next, in continuous time (thesis 3.1.3, 5.1.1).
 
-What happens at an instant is in `cascade`.
+What happens at an instant, in frozen time:
+
+1. All oscillators fire whose firing times lie within 1e-12 cycles of the earliest.
+2. Each oscillator that fires sends a pulse to its present neighbours. A receiver shifts its phase by the response
+   curve, unless it has already fired or received a pulse at this instant, or is refractory. Only then does it count
+   as receiving; in any case the pulse has arrived.
+3. A receiver whose phase reaches 1 fires at the same instant, and step 2 is repeated until no oscillator is left.
+4. The phases of all oscillators that fired are 0. Agents that reorient on pulses do so.
+5. If the reference fired, the order parameter is measured.
+
+At one instant, no oscillator fires twice or receives two pulses, and a shift depends on the receiver's phase alone:
+the order in which pulses are delivered makes no difference.
 """
 
 import math
 
-from epuck_sim.particles.cascade import (
-    CYCLES,
-    FIRINGS,
-    INSTANTS,
-    PULSES,
-    SYNCHRONISED,
+from epuck_sim.arrays import ByteArray, IndexArray, IntArray
+from epuck_sim.particles.motion import advance_all, compute_positions, first_to_end, time_of_end
+from epuck_sim.particles.neighbours import find_receivers
+from epuck_sim.particles.oscillators import (
+    are_phases_within,
+    earliest_firing,
+    firing_now,
+    measure_order,
+    phase_at,
+    rebase_oscillators,
+    set_next_firing,
+)
+from epuck_sim.particles.phase_response import phase_after_pulse
+from epuck_sim.particles.swarm import (
+    BYTE,
+    CONTINUE,
+    FLAG,
+    FLOAT,
+    INDEX,
+    REORIENT,
+    SCENE,
+    SCENE_BYTES,
     Instant,
-    fire,
-    reorient_agents,
+    Neighbours,
+    Oscillators,
+    entry_of,
+    instant_at,
+    neighbours_at,
+    oscillators_at,
+    trajectories_at,
 )
-from epuck_sim.particles.motion import (
-    Trajectories,
-    advance_all,
-    first_to_end,
-    rebase_trajectories,
-    time_of_end,
-    turn_first,
-)
-from epuck_sim.particles.neighbourhood import Neighbourhood, rebase_neighbourhood
-from epuck_sim.particles.order_kernel import are_phases_within, measure_order
-from epuck_sim.particles.oscillators import Oscillators, earliest_firing, rebase_oscillators
-from epuck_sim.particles.rules import Rules
-from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.jit import jit, jit_inline
+from epuck_sim.util.native import array_at, call, unlikely
 
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
 
 
-@jit_no_alloc
-def turn_if_next(
-    trajectories: Trajectories, neighbourhood: Neighbourhood, oscillators: Oscillators, instant: Instant
-) -> int:
-    """Continue the trajectory that ends before the next firing; return whose it is, or -1 if a firing comes first."""
-    advance_all(trajectories, oscillators.now[0])  # ends that were passed without being asked for
-    while min(earliest_firing(oscillators), time_of_end(trajectories, first_to_end(trajectories))) >= 1.0:
-        start_next_cycle(trajectories, neighbourhood, oscillators)
-    end_time = time_of_end(trajectories, first_to_end(trajectories))
-    if end_time > earliest_firing(oscillators):
-        return -1
-    oscillators.now[0] = end_time
-    instant.counters[SYNCHRONISED] = 0
-    return turn_first(trajectories)
-
-
 @jit_inline
-def start_next_cycle(trajectories: Trajectories, neighbourhood: Neighbourhood, oscillators: Oscillators) -> None:
-    """Count all times from the start of the next cycle."""
-    rebase_oscillators(oscillators)
-    rebase_trajectories(trajectories)
-    rebase_neighbourhood(neighbourhood)
-
-
-@jit_no_alloc
-def advance(
-    trajectories: Trajectories,
-    neighbourhood: Neighbourhood,
-    oscillators: Oscillators,
-    rules: Rules,
-    instant: Instant,
+def run_events(
+    block: ByteArray,
+    addresses: IntArray,
     pulses: int,
     cycles: int,
-    last_cycle: int,
+    last_cycle: float,
     last_time: float,
     max_offset: float,
+    by_address: bool | None,
 ) -> None:
     """Simulate until one of several limits is reached, or until the swarm is synchronised.
 
     Args:
-        trajectories: Motion of the agents.
-        neighbourhood: Rule and cache of neighbours.
-        oscillators: Firing times.
-        rules: Responses to pulses, and the threshold of synchrony.
-        instant: Receives what happened, and counts it.
+        block: The swarm.
+        addresses: Addresses of what compiled code calls; see `swarm.SEARCH`.
         pulses: Limit of pulses, counted from the beginning of the trial; the instant that reaches it is completed.
         cycles: Limit of firings of the reference, counted from the beginning of the trial.
         last_cycle: Nothing happens after `last_time` of this cycle.
         last_time: Cycles since the start of that cycle.
         max_offset: The order parameter is measured when all phases are within so many cycles of the reference's.
+        by_address: See `neighbours.find_receivers`.
     """
-    counters = instant.counters
-    counters[SYNCHRONISED] = 0
+    scene, oscillators = array_at(block, 0, SCENE_BYTES, SCENE)[0], oscillators_at(block)
+    neighbours, instant = neighbours_at(block), instant_at(block)
+    curve = array_at(block, scene.first.curve, scene.end.curve, BYTE)
+    reorients = scene.reorients_on_emitting or scene.reorients_on_receiving or scene.reorients_on_arriving
+    scene.is_synchronised = False
     is_measured = True
-    while counters[PULSES] < pulses and counters[CYCLES] < cycles and not counters[SYNCHRONISED]:
+    while scene.pulses < pulses and scene.cycles < cycles and not scene.is_synchronised:
         time = earliest_firing(oscillators)
-        while time >= 1.0 and oscillators.cycle[0] < last_cycle:
-            start_next_cycle(trajectories, neighbourhood, oscillators)
+        while time >= 1.0 and scene.cycle < last_cycle:
+            start_next_cycle(oscillators, neighbours)
             time = earliest_firing(oscillators)
-        if oscillators.cycle[0] > last_cycle or (oscillators.cycle[0] == last_cycle and time > last_time):
+        if scene.cycle > last_cycle or (scene.cycle == last_cycle and time > last_time):
             break
-        fire(trajectories, neighbourhood, oscillators, rules, instant, time)
-        if rules.reorients_on_emitting or rules.reorients_on_receiving or rules.reorients_on_arriving:
-            reorient_agents(trajectories, rules, instant, time)
-        fired = instant.fired[: instant.counts[0]]
-        counters[INSTANTS] += 1
-        counters[FIRINGS] += instant.counts[0]
+        fire(block, addresses, oscillators, neighbours, instant, curve, time, by_address)
+        if unlikely(reorients):
+            call(addresses[REORIENT], block, addresses, 0, time)
+        scene.instants += 1
+        scene.firings += scene.fired
         is_measured = True
-        for agent in fired:
-            if agent == rules.reference:
-                counters[CYCLES] += 1
+        for index in range(scene.fired):
+            if instant.fired[index] == scene.reference:
+                scene.cycles += 1
                 is_measured = are_phases_within(oscillators, max_offset, time)
-                if is_measured:
-                    instant.order_parameter[0] = measure_order(oscillators, rules.metric, time)
-                    counters[SYNCHRONISED] = instant.order_parameter[0] >= rules.threshold
-                else:
-                    instant.order_parameter[0] = math.nan
+                scene.order_parameter = measure_order(oscillators, time) if is_measured else math.nan
+                scene.is_synchronised = scene.order_parameter >= scene.threshold
     if not is_measured:
-        instant.order_parameter[0] = measure_order(oscillators, rules.metric, oscillators.now[0])
+        scene.order_parameter = measure_order(oscillators, scene.now)
+
+
+@jit
+def advance(
+    block: ByteArray, addresses: IntArray, pulses: int, cycles: int, last_cycle: float, last_time: float, offset: float
+) -> None:
+    """Carry out `run_events`; searches are called by their addresses."""
+    run_events(block, addresses, pulses, cycles, last_cycle, last_time, offset, True)
+
+
+@jit
+def advance_in_cones(
+    block: ByteArray, addresses: IntArray, pulses: int, cycles: int, last_cycle: float, last_time: float, offset: float
+) -> None:
+    """Carry out `run_events` with searches in cones among all agents, which take little longer than a call."""
+    run_events(block, addresses, pulses, cycles, last_cycle, last_time, offset, None)
+
+
+@jit_inline
+def start_next_cycle(oscillators: Oscillators, neighbours: Neighbours) -> None:
+    """Count all times from the start of the next cycle."""
+    scene = oscillators.scene[0]
+    rebase_oscillators(oscillators)
+    for agent in range(len(neighbours.cached_until)):
+        neighbours.cached_until[agent] -= 1.0
+    scene.now -= 1.0
+    scene.cycle += 1.0
+    scene.earliest_end -= 1.0
+    scene.sorted_at -= 1.0
+    scene.positions_time = math.nan
+
+
+@jit_inline
+def fire(
+    block: ByteArray,
+    addresses: IntArray,
+    oscillators: Oscillators,
+    neighbours: Neighbours,
+    instant: Instant,
+    curve: ByteArray,
+    time: float,
+    by_address: bool | None,
+) -> None:
+    """Fire all oscillators whose time has come, and all that their pulses make fire."""
+    scene, response, agents = oscillators.scene[0], oscillators.scene[0].response, len(oscillators.next_firing)
+    fired, received, is_done = instant.fired, instant.received, instant.is_done
+    fired_count, received_count = firing_now(oscillators, time, fired), 0
+    for index in range(fired_count):
+        is_done[fired[index]] = True
+    done, sent, refractory = fired_count, 0, response.refractory
+    last_done = agents + scene.sends_every_pulse  # one more than there can be, if every pulse is sent
+    while sent < fired_count and done < last_done:
+        agent = entry_of(fired, sent)
+        row = find_receivers(block, addresses, neighbours, agent, time, by_address)
+        receivers = neighbours.members[row : row + neighbours.counts[agent]]
+        if unlikely(scene.reorients_on_arriving):
+            note_arrivals(block, receivers)
+        for index in range(len(receivers)):
+            other = entry_of(receivers, index)
+            if is_done[other]:
+                continue
+            phase = phase_at(oscillators, other, time)
+            if phase <= refractory:
+                continue
+            is_done[other] = True
+            done += 1
+            received[received_count] = other
+            received_count += 1
+            phase = phase_after_pulse(response, curve, addresses, phase)
+            if phase >= 1.0:
+                fired[fired_count] = other
+                fired_count += 1
+            else:
+                set_next_firing(oscillators, other, time + (1 - phase) * oscillators.period[other])
+        sent += 1
+    for index in range(fired_count):
+        agent = entry_of(fired, index)
+        set_next_firing(oscillators, agent, time + oscillators.period[agent])
+        is_done[agent] = False
+    for index in range(received_count):
+        is_done[received[index]] = False
+    scene.now = time
+    scene.fired = fired_count
+    scene.received = received_count
+    scene.pulses += max(sent, 1)
+
+
+@jit
+def note_arrivals(block: ByteArray, receivers: IndexArray) -> None:
+    """Add the agents that a pulse reaches to those that pulses have reached at this instant."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)[0]
+    reached = array_at(block, scene.first.reached, scene.end.reached, INDEX)
+    is_reached = array_at(block, scene.first.is_reached, scene.end.is_reached, FLAG)
+    for index in range(len(receivers)):
+        agent = receivers[index]
+        if not is_reached[agent]:
+            is_reached[agent] = True
+            reached[scene.reached] = agent
+            scene.reached += 1
+
+
+@jit
+def turn_if_next(block: ByteArray, addresses: IntArray) -> int:
+    """Continue the trajectory that ends before the next firing; return whose it is, or -1 if a firing comes first."""
+    scene, oscillators, trajectories = (
+        array_at(block, 0, SCENE_BYTES, SCENE)[0],
+        oscillators_at(block),
+        trajectories_at(block),
+    )
+    neighbours = neighbours_at(block)
+    advance_all(block, addresses, trajectories, scene.now)  # ends that were passed without being asked for
+    while min(earliest_firing(oscillators), time_of_end(trajectories, first_to_end(trajectories))) >= 1.0:
+        start_next_cycle(oscillators, neighbours)
+    agent = first_to_end(trajectories)
+    end = time_of_end(trajectories, agent)
+    if end > earliest_firing(oscillators):
+        return -1
+    scene.now = end
+    scene.is_synchronised = False
+    call(addresses[CONTINUE], block, addresses, agent, -math.inf)
+    scene.earliest_end = time_of_end(trajectories, first_to_end(trajectories))
+    return agent
+
+
+@jit
+def observe(block: ByteArray, addresses: IntArray) -> None:
+    """Write the positions and phases at the present time; trajectories that have ended by then are continued."""
+    scene, oscillators = array_at(block, 0, SCENE_BYTES, SCENE)[0], oscillators_at(block)
+    phases = array_at(block, scene.first.phases_now, scene.end.phases_now, FLOAT)
+    compute_positions(block, addresses, trajectories_at(block), scene.now, scene.first.positions_now)
+    for agent in range(len(phases)):
+        # rounding may leave -1e-16 to an agent that has just fired
+        phases[agent] = max(phase_at(oscillators, agent, scene.now), 0.0)

@@ -1,4 +1,4 @@
-"""Straight trajectories, and the position of every agent at any time (thesis 3.1, 5.1.2, D).
+"""Straight trajectories, the position of every agent at any time, and random walks (thesis 3.1, 5.1.2, 6.2, D).
 
 Agents are not moved step by step. A trajectory stores where and when it began and when it ends: at a wall, or at the
 end of a run of a random walk if that is earlier. Trajectories that have ended are continued only when a position is
@@ -6,151 +6,105 @@ asked for. When this happens makes no difference, to the bit: each agent draws f
 of a trajectory are stored as a cycle and the time in that cycle. So agents of two simulations with the same seed move
 alike whatever their oscillators do.
 
-Times passed as arguments are in cycles since the start of the present cycle (see `oscillators`).
+Times passed as arguments are in cycles since the start of the present cycle (see `swarm`).
 """
 
 import math
-from typing import NamedTuple
+from typing import Any
 
-import numpy as np
-
-from epuck_sim.arrays import FloatArray, IntArray, StreamArray
+from epuck_sim.arrays import BoolArray, ByteArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.headings import heading_from_wall, random_heading, turn_heading
 from epuck_sim.particles.oscillators import argmin, minimum
-from epuck_sim.particles.walks import Walk, begin_run, rest_of_run
-from epuck_sim.scenario.particles import SpaceSection
-from epuck_sim.util.jit import jit_inline
-from epuck_sim.util.native import unlikely
-from epuck_sim.util.rng import randint
+from epuck_sim.particles.swarm import (
+    BEGIN_RUN,
+    CONTINUE,
+    FLAG,
+    FLOAT,
+    INDEX,
+    SCENE,
+    SCENE_BYTES,
+    Runs,
+    Trajectories,
+    axis_at,
+    entry_of,
+    runs_at,
+    trajectories_at,
+)
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import array_at, call, unlikely
+from epuck_sim.util.rng import randint, uniform
 
 NO_WALL = -1
 """Stands for a wall where a trajectory ends because a run does."""
 
-
-class Trajectories(NamedTuple):
-    """The present straight path of each agent, in a segment, square or cube from 0 to `side_cm`."""
-
-    side_cm: float
-    """Side of the space."""
-    is_cyclic: bool
-    """Whether an agent that leaves on one side enters on the opposite one, instead of being reflected."""
-    is_mirrored: bool
-    """Whether walls reflect agents as mirrors do, instead of in a random direction."""
-    origin: FloatArray
-    """(dimensions, agents) cm: where each trajectory began."""
-    heading: FloatArray
-    """(dimensions, agents) unit vectors."""
-    speed: FloatArray
-    """(agents,) cm per cycle."""
-    start_cycle: FloatArray
-    """(agents,) the cycle in which each trajectory began."""
-    start_time: FloatArray
-    """(agents,) the time in that cycle, 0 to 1."""
-    end_cycle: FloatArray
-    """(agents,) the cycle in which each trajectory ends; inf for an agent that stands still."""
-    end_time: FloatArray
-    """(agents,) the time in that cycle."""
-    wall: IntArray
-    """(agents,) the wall that is reached: 2 * axis, or 2 * axis + 1 for the one at `side_cm`; or `NO_WALL`."""
-    cycle: FloatArray
-    """(1,) number of the present cycle, from 0."""
-    earliest_end: FloatArray
-    """(1,) a lower bound of the time at which the first one ends, in cycles since the start of the present cycle."""
-    end_times: FloatArray
-    """(agents,) scratch: when each trajectory ends, in cycles since the start of the present cycle."""
-    streams: StreamArray
-    """(agents, 4) states of the agents' random number generators."""
-    walk: Walk
-    """How agents turn between walls."""
-
-
-def start_trajectories(
-    space: SpaceSection, walk: Walk, origin: FloatArray, heading: FloatArray, speed: FloatArray, streams: StreamArray
-) -> Trajectories:
-    """Return trajectories that begin at time 0 in a space; the arrays are fields of `Trajectories`."""
-    start_cycle, start_time, end_cycle, end_time, end_times = np.zeros((5, len(speed)))
-    trajectories = Trajectories(
-        space.side_cm,
-        space.boundary == "cyclic",
-        space.boundary == "mirrored",
-        origin,
-        heading,
-        speed,
-        start_cycle,
-        start_time,
-        end_cycle,
-        end_time,
-        np.zeros(len(speed), np.int64),
-        np.zeros(1),
-        np.zeros(1),
-        end_times,
-        streams,
-        walk,
-    )
-    begin_runs(trajectories)
-    find_ends(trajectories)
-    return trajectories
-
-
-def fastest_speed(trajectories: Trajectories) -> float:
-    """Return the largest speed that any agent has, or may have later, in cm per cycle."""
-    return float(np.concatenate([trajectories.speed, trajectories.walk.speeds]).max())
+LONGEST_RUN = 1e12
+"""Cycles: upper limit of a run; no trial lasts as long, and times as long as this still have digits to spare."""
 
 
 @jit_inline
-def begin_runs(trajectories: Trajectories) -> None:
-    """Draw when the first run of each agent ends, if there are any."""
-    for agent in range(len(trajectories.walk.end_cycle)):
-        begin_run(trajectories.walk, agent, 0.0, 0.0, trajectories.streams[agent])
+def time_of_end(trajectories: Trajectories, agent: int) -> float:
+    """Return when an agent's trajectory ends, in cycles since the start of the present cycle."""
+    time: float = (trajectories.end_cycle[agent] - trajectories.scene[0].cycle) + trajectories.end_time[agent]
+    return time
 
 
 @jit_inline
-def find_ends(trajectories: Trajectories) -> None:
-    """Compute when and where every trajectory ends."""
-    for agent in range(len(trajectories.speed)):
-        find_end(trajectories, agent)
-    trajectories.earliest_end[0] = time_of_end(trajectories, first_to_end(trajectories))
+def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> float:
+    """Return how many cm of its trajectory an agent has covered at `time`, which is not after its end."""
+    elapsed = (trajectories.scene[0].cycle - trajectories.start_cycle[agent]) + (time - trajectories.start_time[agent])
+    distance_cm: float = trajectories.speed[agent] * elapsed
+    return distance_cm
 
 
 @jit_inline
-def find_end(trajectories: Trajectories, agent: int) -> None:
+def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
     """Compute when and where an agent's trajectory ends: at the first wall, or where its run ends before."""
+    scene, agents = trajectories.scene[0], len(trajectories.speed)
+    side_cm, speed = scene.side_cm, trajectories.speed[agent]
     duration, wall = math.inf, trajectories.wall[agent]
-    for axis in range(len(trajectories.origin)):  # directions are random: conditions that are no branches
-        velocity = trajectories.heading[axis, agent] * trajectories.speed[agent]
-        distance_cm = (trajectories.side_cm if velocity > 0 else 0.0) - trajectories.origin[axis, agent]
+    for axis in range(scene.dimensions):  # directions are random: conditions that are no branches
+        velocity = trajectories.heading[axis * agents + agent] * speed
+        distance_cm = (side_cm if velocity > 0 else 0.0) - trajectories.origin[axis * agents + agent]
         until = distance_cm / velocity if velocity != 0 else math.inf
         wall = 2 * axis + (velocity > 0) if until < duration else wall
         duration = min(duration, until)
     trajectories.wall[agent] = wall
     start = trajectories.start_time[agent]
-    if unlikely(not trajectories.walk.is_straight):
-        walk = trajectories.walk
-        if rest_of_run(walk, agent, trajectories.start_cycle[agent], start) < duration:
+    if unlikely(scene.has_runs):
+        runs = runs_at(block)
+        if (runs.end_cycle[agent] - trajectories.start_cycle[agent]) + (runs.end_time[agent] - start) < duration:
             trajectories.wall[agent] = NO_WALL
-            trajectories.end_cycle[agent] = walk.end_cycle[agent]
-            trajectories.end_time[agent] = walk.end_time[agent]
+            trajectories.end_cycle[agent] = runs.end_cycle[agent]
+            trajectories.end_time[agent] = runs.end_time[agent]
             return
     whole = int(start + duration) if duration < math.inf else math.inf
     trajectories.end_cycle[agent] = trajectories.start_cycle[agent] + whole
     trajectories.end_time[agent] = start + duration - whole if duration < math.inf else 0.0
 
 
-@jit_inline
-def time_of_end(trajectories: Trajectories, agent: int) -> float:
-    """Return when an agent's trajectory ends, in cycles since the start of the present cycle."""
-    time: float = (trajectories.end_cycle[agent] - trajectories.cycle[0]) + trajectories.end_time[agent]
-    return time
+@jit_no_alloc
+def begin_motion(block: ByteArray) -> None:
+    """Find the fastest speed, and when and where every trajectory ends, once positions, headings and speeds are set."""
+    scene, trajectories = array_at(block, 0, SCENE_BYTES, SCENE)[0], trajectories_at(block)
+    fastest = 0.0
+    for speeds in (trajectories.speed, runs_at(block).speeds):
+        for index in range(len(speeds)):
+            fastest = max(fastest, speeds[index])
+    scene.max_speed = fastest
+    scene.closing_time = 1 / max(2 * fastest, 1e-300)
+    for agent in range(len(trajectories.speed)):
+        find_end(block, trajectories, agent)
+    trajectories.scene[0].earliest_end = time_of_end(trajectories, first_to_end(trajectories))
 
 
 @jit_inline
 def compute_end_times(trajectories: Trajectories) -> None:
-    """Write the time at which each trajectory ends to `end_times`."""
+    """Write to `end_times` when each trajectory ends."""
     for agent in range(len(trajectories.end_times)):
         trajectories.end_times[agent] = time_of_end(trajectories, agent)
 
 
-@jit_inline
+@jit_no_alloc
 def first_to_end(trajectories: Trajectories) -> int:
     """Return the agent whose trajectory ends first."""
     compute_end_times(trajectories)
@@ -158,117 +112,159 @@ def first_to_end(trajectories: Trajectories) -> int:
 
 
 @jit_inline
-def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> float:
-    """Return how many cm of its trajectory an agent has covered at `time`."""
-    elapsed = (trajectories.cycle[0] - trajectories.start_cycle[agent]) + (time - trajectories.start_time[agent])
-    distance_cm: float = trajectories.speed[agent] * elapsed
-    return distance_cm
+def compute_positions(
+    block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float, positions: int
+) -> None:
+    """Write the positions of all agents at `time`, in cm; trajectories that have ended by then are continued.
 
-
-@jit_inline
-def coordinate_at(trajectories: Trajectories, agent: int, axis: int, time: float) -> float:
-    """Return an agent's position along an axis, in cm, at a time which is not after the end of its trajectory."""
-    travelled_cm = distance_travelled(trajectories, agent, time)
-    coordinate_cm: float = trajectories.origin[axis, agent] + trajectories.heading[axis, agent] * travelled_cm
-    return coordinate_cm
-
-
-@jit_inline
-def compute_positions(trajectories: Trajectories, time: float, positions: FloatArray) -> None:
-    """Write the positions of all agents at `time` to `positions`, (dimensions, agents) cm.
-
-    Trajectories that have ended by then are continued.
+    Args:
+        block: The swarm.
+        addresses: Addresses of what compiled code calls.
+        trajectories: Those of the block.
+        time: Cycles since the start of the present cycle.
+        positions: Offset in the block of the array (dimensions * agents,) to write to.
     """
-    advance_all(trajectories, time)
-    for axis in range(len(positions)):
-        for agent in range(len(trajectories.speed)):
-            positions[axis, agent] = coordinate_at(trajectories, agent, axis, time)
+    advance_all(block, addresses, trajectories, time)
+    agents, cycle = len(trajectories.speed), trajectories.scene[0].cycle
+    speed, start_cycle, start_time = trajectories.speed, trajectories.start_cycle, trajectories.start_time
+    for axis in range(trajectories.scene[0].dimensions):
+        rows = axis_at(block, axis, positions, positions)
+        for agent in range(agents):
+            travelled_cm = speed[agent] * ((cycle - start_cycle[agent]) + (time - start_time[agent]))
+            rows.positions[agent] = rows.origin[agent] + rows.heading[agent] * travelled_cm
+
+
+@jit_inline
+def advance_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> None:
+    """Continue all trajectories that end by `time`, over as many walls and runs as it takes."""
+    if time < trajectories.scene[0].earliest_end:
+        return
+    compute_end_times(trajectories)
+    for agent in range(len(trajectories.speed)):
+        if trajectories.end_times[agent] <= time:
+            call(addresses[CONTINUE], block, addresses, agent, time)
+            trajectories.end_times[agent] = time_of_end(trajectories, agent)
+    trajectories.scene[0].earliest_end = minimum(trajectories.end_times, 0, len(trajectories.end_times))
+
+
+@jit_inline
+def advance_one(block: ByteArray, addresses: IntArray, trajectories: Trajectories, agent: int, time: float) -> None:
+    """Continue an agent's trajectory until it lasts beyond `time`."""
+    if unlikely(time_of_end(trajectories, agent) <= time):
+        call(addresses[CONTINUE], block, addresses, agent, time)
+
+
+@jit_no_alloc
+def continue_trajectory(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
+    """Continue an agent's trajectory beyond its end, as a new one, and again until it lasts beyond `time`.
+
+    It is called by its address; see `swarm.CONTINUE`.
+    """
+    trajectories, has_ended = trajectories_at(block), True
+    while has_ended:
+        wall = trajectories.wall[agent]
+        end_cycle, end_time = trajectories.end_cycle[agent], trajectories.end_time[agent]
+        duration = (end_cycle - trajectories.start_cycle[agent]) + (end_time - trajectories.start_time[agent])
+        restart_at(trajectories, agent, trajectories.speed[agent] * duration, end_cycle, end_time)
+        if unlikely(wall == NO_WALL):
+            call(addresses[BEGIN_RUN], block, addresses, agent, time)
+        else:
+            reflect(trajectories, agent, wall // 2, wall % 2 == 1)
+        find_end(block, trajectories, agent)
+        has_ended = time_of_end(trajectories, agent) <= time
 
 
 @jit_inline
 def restart_at(trajectories: Trajectories, agent: int, travelled_cm: float, cycle: float, time: float) -> None:
     """Begin an agent's next trajectory `travelled_cm` along the present one, at `time` of `cycle`."""
-    for axis in range(len(trajectories.origin)):
-        reached = trajectories.origin[axis, agent] + trajectories.heading[axis, agent] * travelled_cm
-        trajectories.origin[axis, agent] = min(max(reached, 0.0), trajectories.side_cm)
+    side_cm = trajectories.scene[0].side_cm
+    for place in range(agent, len(trajectories.origin), len(trajectories.speed)):
+        reached = trajectories.origin[place] + trajectories.heading[place] * travelled_cm
+        trajectories.origin[place] = min(max(reached, 0.0), side_cm)
     trajectories.start_cycle[agent] = cycle
     trajectories.start_time[agent] = time
 
 
 @jit_inline
-def begin_next(trajectories: Trajectories, agent: int) -> None:
-    """Continue an agent's trajectory beyond its end, as a new one."""
-    wall = trajectories.wall[agent]
-    end_cycle, end_time = trajectories.end_cycle[agent], trajectories.end_time[agent]
-    duration = (end_cycle - trajectories.start_cycle[agent]) + (end_time - trajectories.start_time[agent])
-    restart_at(trajectories, agent, trajectories.speed[agent] * duration, end_cycle, end_time)
-    if unlikely(wall == NO_WALL):
-        begin_next_run(trajectories, agent)
-    else:
-        reflect(trajectories, agent, wall // 2, wall % 2 == 1)
-    find_end(trajectories, agent)
-
-
-@jit_inline
 def reflect(trajectories: Trajectories, agent: int, axis: int, is_far: bool) -> None:
     """Turn an agent at a wall in a random direction, or as a mirror does; in a cyclic space let it enter opposite."""
-    trajectories.origin[axis, agent] = trajectories.side_cm if is_far != trajectories.is_cyclic else 0.0
-    if trajectories.is_mirrored:
-        trajectories.heading[axis, agent] = -trajectories.heading[axis, agent]
-    elif not trajectories.is_cyclic:
-        heading_from_wall(trajectories.heading[:, agent], axis, -1.0 if is_far else 1.0, trajectories.streams[agent])
+    scene, place = trajectories.scene[0], axis * len(trajectories.speed) + agent
+    trajectories.origin[place] = scene.side_cm if is_far != scene.is_cyclic else 0.0
+    if scene.is_mirrored:
+        trajectories.heading[place] = -trajectories.heading[place]
+    elif not scene.is_cyclic:
+        heading = trajectories.heading[agent :: len(trajectories.speed)]
+        heading_from_wall(heading, axis, -1.0 if is_far else 1.0, trajectories.streams[agent].words)
+
+
+@jit_no_alloc
+def begin_run(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:  # noqa: ARG001
+    """Turn an agent where its run has ended; draw when its next one ends, and its speed if runs differ in that.
+
+    Its first run follows no other: then nothing turns and no speed is drawn. It is called by its address; see
+    `swarm.BEGIN_RUN`.
+    """
+    scene, trajectories, runs = array_at(block, 0, SCENE_BYTES, SCENE)[0], trajectories_at(block), runs_at(block)
+    stream, is_first = trajectories.streams[agent].words, runs.end_cycle[agent] < 0
+    if not is_first:
+        turn_heading(trajectories.heading[agent :: len(trajectories.speed)], scene.persistence, stream)
+    draw_end_of_run(scene, trajectories, runs, agent, stream)
+    if len(runs.speeds) and not is_first:
+        trajectories.speed[agent] = runs.speeds[randint(stream, len(runs.speeds))]
 
 
 @jit_inline
-def begin_next_run(trajectories: Trajectories, agent: int) -> None:
-    """Turn an agent where its run has ended, and draw the next one, and its speed if runs differ in that."""
-    walk, stream = trajectories.walk, trajectories.streams[agent]
-    turn_heading(trajectories.heading[:, agent], walk.persistence, stream)
-    begin_run(walk, agent, trajectories.start_cycle[agent], trajectories.start_time[agent], stream)
-    if len(walk.speeds):
-        trajectories.speed[agent] = walk.speeds[randint(stream, len(walk.speeds))]
+def draw_end_of_run(scene: Any, trajectories: Trajectories, runs: Runs, agent: int, stream: StreamArray) -> None:
+    """Draw when a run ends that begins with an agent's present trajectory."""
+    share = 1.0 - uniform(stream)  # above 0
+    duration = scene.run * (share**scene.tail if scene.tail < 0 else -math.log(share))
+    end = trajectories.start_time[agent] + min(duration, LONGEST_RUN)
+    whole = math.floor(end)
+    runs.end_cycle[agent] = trajectories.start_cycle[agent] + whole
+    runs.end_time[agent] = end - whole
 
 
-@jit_inline
-def turn_first(trajectories: Trajectories) -> int:
-    """Continue the trajectory that ends first beyond its end; return whose it is."""
-    agent = first_to_end(trajectories)
-    begin_next(trajectories, agent)
-    trajectories.earliest_end[0] = time_of_end(trajectories, first_to_end(trajectories))
-    return agent
+@jit_no_alloc
+def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:  # noqa: ARG001
+    """Reorient the agents that emitted, received or were reached by a pulse, as the rules ask; none twice (D.1).
+
+    It is called by its address; see `swarm.REORIENT`. The agent is of no account.
+    """
+    scene, trajectories = array_at(block, 0, SCENE_BYTES, SCENE)[0], trajectories_at(block)
+    first, end = scene.first, scene.end
+    before = array_at(block, first.headings_before, end.headings_before, FLOAT)
+    is_done = array_at(block, first.is_done, end.is_done, FLAG)
+    is_reached = array_at(block, first.is_reached, end.is_reached, FLAG)
+    fired = array_at(block, first.fired, end.fired, INDEX)[: scene.fired]
+    received = array_at(block, first.received, end.received, INDEX)[: scene.received]
+    reached = array_at(block, first.reached, end.reached, INDEX)[: scene.reached]
+    advance_all(block, addresses, trajectories, time)
+    for place in range(len(before)):
+        before[place] = trajectories.heading[place]
+    if scene.reorients_on_emitting:
+        reorient_each(block, fired, is_done, time)
+    if scene.reorients_on_receiving:
+        reorient_each(block, received, is_done, time)
+    if scene.reorients_on_arriving:
+        reorient_each(block, reached, is_done, time)
+    for agents in (fired, received, reached):
+        for index in range(len(agents)):
+            is_done[agents[index]] = False
+    for index in range(len(reached)):
+        is_reached[reached[index]] = False
+    scene.reached = 0
 
 
-@jit_inline
-def advance_all(trajectories: Trajectories, time: float) -> None:
-    """Continue all trajectories that end by `time`, over as many walls and runs as it takes."""
-    if time < trajectories.earliest_end[0]:
-        return
-    compute_end_times(trajectories)
-    for agent in range(len(trajectories.speed)):
-        if trajectories.end_times[agent] <= time:
-            advance_one(trajectories, agent, time)
-            trajectories.end_times[agent] = time_of_end(trajectories, agent)
-    trajectories.earliest_end[0] = minimum(trajectories.end_times, 0, len(trajectories.end_times))
-
-
-@jit_inline
-def advance_one(trajectories: Trajectories, agent: int, time: float) -> None:
-    """Continue an agent's trajectory until it lasts beyond `time`."""
-    while time_of_end(trajectories, agent) <= time:
-        begin_next(trajectories, agent)
-
-
-@jit_inline
-def reorient(trajectories: Trajectories, agent: int, time: float) -> None:
-    """Turn an agent in a random direction at `time`, before the end of its trajectory (D.1); its run goes on."""
-    restart_at(trajectories, agent, distance_travelled(trajectories, agent, time), trajectories.cycle[0], time)
-    random_heading(trajectories.heading[:, agent], trajectories.streams[agent])
-    find_end(trajectories, agent)
-    trajectories.earliest_end[0] = min(trajectories.earliest_end[0], time_of_end(trajectories, agent))
-
-
-@jit_inline
-def rebase_trajectories(trajectories: Trajectories) -> None:
-    """Count all times from the start of the next cycle."""
-    trajectories.cycle[0] += 1.0
-    trajectories.earliest_end[0] -= 1.0
+@jit_no_alloc
+def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time: float) -> None:
+    """Turn agents in a random direction before the end of their trajectories, unless that is done; runs go on."""
+    trajectories = trajectories_at(block)
+    scene = trajectories.scene[0]
+    for index in range(len(agents)):
+        agent = entry_of(agents, index)
+        if not is_done[agent]:
+            restart_at(trajectories, agent, distance_travelled(trajectories, agent, time), scene.cycle, time)
+            random_heading(trajectories.heading[agent :: scene.agents], trajectories.streams[agent].words)
+            find_end(block, trajectories, agent)
+            scene.earliest_end = min(scene.earliest_end, time_of_end(trajectories, agent))
+            is_done[agent] = True

@@ -1,17 +1,14 @@
-"""Oscillators stored as the times of their next firings, and a fast search for the earliest (thesis 3.1.1, 5.1.1).
+"""Oscillators as the times of their next firings, a fast search for the earliest, and the order parameter.
 
-As long as no pulse arrives, a firing time needs no update, so that no rounding error accumulates as it would in a
-phase. Times are in cycles of the nominal period, counted from the start of the present cycle: however long a trial
-lasts, they keep their digits, because whole cycles are subtracted exactly.
+See thesis 3.1.1 and 5.1.1, and equations 3.4 and 5.7. As long as no pulse arrives, a firing time needs no update, so
+that no rounding error accumulates as it would in a phase.
 """
 
 import math
-from typing import NamedTuple
 
-import numpy as np
-
-from epuck_sim.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from epuck_sim.util.jit import jit_inline
+from epuck_sim.arrays import FloatArray, IndexArray
+from epuck_sim.particles.swarm import Oscillators
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 BLOCK_SIZE = 32
 """Number of oscillators in a block; each block keeps its earliest firing time, and is searched again after a change."""
@@ -19,31 +16,17 @@ BLOCK_SIZE = 32
 SIMULTANEITY_CYCLES = 1e-12
 """Firings no farther apart than this count as simultaneous: rounding separates merged oscillators by less."""
 
+ROUNDING_MARGIN = 1e-12
+"""Upper bound, with a wide margin, of the rounding error of an order parameter."""
 
-class Oscillators(NamedTuple):
-    """Firing times and periods of all oscillators; times in cycles since the start of the present cycle."""
+COMPLEX = 0
+"""Metric of eq. 5.7: the modulus of the mean phasor."""
 
-    next_firing: FloatArray
-    """(agents,) time of each oscillator's next firing."""
-    period: FloatArray
-    """(agents,) each oscillator's period in cycles: 1 without jitter."""
-    block_earliest: FloatArray
-    """(blocks,) the earliest time in each block of `next_firing`."""
-    is_stale: BoolArray
-    """(blocks,) whether `block_earliest` must be searched for again."""
-    now: FloatArray
-    """(1,) the present time: usually that of the last event."""
-    cycle: IntArray
-    """(1,) number of the present cycle, from 0."""
+REFERENCE = 1
+"""Metric of eq. 3.4: the mean cosine of the phases relative to the reference."""
 
-
-def start_oscillators(phases: FloatArray, period: FloatArray) -> Oscillators:
-    """Return oscillators which have the given phases, (agents,), at time 0; period: (agents,) cycles."""
-    blocks = math.ceil(len(phases) / BLOCK_SIZE)
-    next_firing = (1 - phases) * period
-    return Oscillators(
-        next_firing, period, np.empty(blocks), np.ones(blocks, np.bool_), np.zeros(1), np.zeros(1, np.int64)
-    )
+METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
+"""Codes of the metrics that a scenario's `stop.metric` names; the same metrics as `order_parameter.METRICS`."""
 
 
 @jit_inline
@@ -99,15 +82,45 @@ def phase_at(oscillators: Oscillators, agent: int, time: float) -> float:
     return phase
 
 
-@jit_inline
+@jit_no_alloc
 def rebase_oscillators(oscillators: Oscillators) -> None:
     """Count all times from the start of the next cycle."""
     for agent in range(len(oscillators.next_firing)):
         oscillators.next_firing[agent] -= 1.0
     for block in range(len(oscillators.block_earliest)):
         oscillators.block_earliest[block] -= 1.0
-    oscillators.now[0] -= 1.0
-    oscillators.cycle[0] += 1
+
+
+@jit_no_alloc
+def are_phases_within(oscillators: Oscillators, max_offset: float, time: float) -> bool:
+    """Return whether all phases at `time` are within `max_offset` cycles of 0, the reference's phase when it fires."""
+    for agent in range(len(oscillators.next_firing)):
+        phase = phase_at(oscillators, agent, time)
+        if min(phase, 1 - phase) > max_offset:
+            return False
+    return True
+
+
+@jit_no_alloc
+def measure_order(oscillators: Oscillators, time: float) -> float:
+    """Return the order parameter at `time`, at which the phase of the reference is 0."""
+    cosines, sines = 0.0, 0.0
+    for agent in range(len(oscillators.next_firing)):
+        angle = 2 * math.pi * phase_at(oscillators, agent, time)
+        cosines += math.cos(angle)
+        sines += math.sin(angle)
+    if oscillators.scene[0].metric == REFERENCE:
+        return cosines / len(oscillators.next_firing)
+    return math.hypot(cosines, sines) / len(oscillators.next_firing)
+
+
+def max_phase_offset(agents: int, threshold: float) -> float:
+    """Return how far, in cycles, a phase may be from the reference's if the order parameter reaches `threshold`.
+
+    With two of n oscillators an angle d apart, n r <= n - 2 + 2 cos(d / 2); eta is never larger than r.
+    """
+    cosine = 1 - agents * (1 - threshold + ROUNDING_MARGIN) / 2
+    return math.acos(cosine) / math.pi if -1 < cosine < 1 else 1.0
 
 
 @jit_inline

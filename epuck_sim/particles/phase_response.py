@@ -1,52 +1,49 @@
-"""Phase response curves: how far a pulse shifts the phase of its receiver (thesis 2.4; 5.1.1, eqs. 5.3 to 5.5)."""
+"""Phase response curves: how far a pulse shifts the phase of its receiver (thesis 2.4; 5.1.1, eqs. 5.3 to 5.5).
+
+Shipped curves are branches of a kernel. A user's is compiled by itself and called by its address, with its parameters.
+"""
 
 import math
-from typing import NamedTuple
+import warnings
+from collections.abc import Callable, Hashable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numba
 import numpy as np
 import numpy.typing as npt
+from numba import types
 
-from epuck_sim.arrays import FloatArray
-from epuck_sim.util.addresses import evaluate_at
-from epuck_sim.util.jit import jit_inline, jit_no_alloc
-from epuck_sim.util.native import unlikely
+from epuck_sim.arrays import ByteArray, FloatArray, IntArray
+from epuck_sim.control.compilation import digest_sources, explain_refusal, frozen_values, jit_functions
+from epuck_sim.control.interface import record_type
+from epuck_sim.errors import CurveError
+from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
+from epuck_sim.scenario.curves import find_curve
+from epuck_sim.scenario.response import ResponseSection
+from epuck_sim.util.jit import BLOCK, bind, compile_cached, digest, jit, jit_inline, name_after
+from epuck_sim.util.native import array_at, evaluate, function_address, unlikely
+from epuck_sim.util.python_files import line_of_error
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
-"""Names of the shipped response curves; the index of a name is the number of its curve."""
+"""Names of the shipped response curves; the index of a name is the number of its curve.
 
-MULTIPLICATIVE = 0
-"""Number of the multiplicative response curve (eq. 5.3)."""
+They are those of eqs. 5.3 to 5.5; one that adds a constant (Wang et al. 2015, thesis 2.4); one that adds a constant to
+a state, which is concave down (Mirollo and Strogatz 1990); and the first one with another slope at early phases.
+"""
 
-SAWTOOTH = 1
-"""Number of the sawtooth response curve (eq. 5.4)."""
-
-SINE = 2
-"""Number of the sine response curve (eq. 5.5)."""
-
-ADDITIVE = 3
-"""Number of the response curve that adds a constant (Wang et al. 2015, thesis 2.4)."""
-
-MIROLLO_STROGATZ = 4
-"""Number of the response curve that adds a constant to a state, which is concave down (Mirollo and Strogatz 1990)."""
-
-PIECEWISE_LINEAR = 5
-"""Number of the response curve that is multiplicative, with another slope at early phases."""
-
-FROM_FILE = 6
-"""Number of a response curve that a user's file defines."""
+MULTIPLICATIVE, SAWTOOTH, SINE, ADDITIVE, MIROLLO_STROGATZ, PIECEWISE_LINEAR, FROM_FILE = range(7)
+"""Numbers of the curves; the last is that of any curve which a user's file defines."""
 
 
-class CurveFromFile(NamedTuple):
-    """A user's response curve, compiled; see `curve_compilation`."""
+class CompiledCurve(NamedTuple):
+    """A user's response curve, compiled."""
 
-    function: int
-    """Address of the function from an address and a phase to the shift."""
-    arrays: int
-    """Address of what else it works on."""
-
-
-NO_FILE = CurveFromFile(0, 0)
-"""Stands for the curve of a file where a shipped one is used."""
+    address: int
+    """Address, in this process, of the function (bytes, phase) that returns the shift."""
+    bytes: ByteArray
+    """(n,) the coupling, and behind it the record of the parameters."""
 
 
 class Response(NamedTuple):
@@ -64,27 +61,33 @@ class Response(NamedTuple):
     """Phase up to which the piecewise linear curve has its early slope."""
     early_slope: float = 1.0
     """That slope as a multiple of the later one."""
-    from_file: CurveFromFile = NO_FILE
+    from_file: CompiledCurve = CompiledCurve(0, np.zeros(0, np.uint8))
     """The curve of a user's file."""
 
 
 @jit_inline
-def phase_after_pulse(response: Response, phase: float) -> float:
+def phase_after_pulse(response: Any, curve: ByteArray, addresses: IntArray, phase: float) -> float:
     """Return the phase, 0 to 1, after a pulse; an oscillator at 1 fires.
 
     The phase is capped at 1, as in thesis 5.1.1, and at 0, below which the sine curve with kappa > 1 / (2 pi) would
     lead.
+
+    Args:
+        response: The record of the response.
+        curve: The bytes of a user's curve; of a shipped one, none.
+        addresses: Addresses of what compiled code calls.
+        phase: The phase, above the refractory period.
     """
-    if phase <= response.refractory:
-        return phase
-    shift = other_shift(response, phase) if unlikely(response.curve != MULTIPLICATIVE) else response.coupling * phase
+    shift: float = response.coupling * phase
+    if unlikely(response.curve != MULTIPLICATIVE):
+        shift = other_shift(response, curve, addresses, phase)
     return min(max(phase + shift, 0.0), 1.0)
 
 
-@jit_no_alloc
-def other_shift(response: Response, phase: float) -> float:
+@jit
+def other_shift(response: Any, curve: ByteArray, addresses: IntArray, phase: float) -> float:
     """Return the shift of a phase by a curve that is not multiplicative; not inlined, so that kernels stay small."""
-    coupling = response.coupling
+    coupling: float = response.coupling
     if response.curve == SINE:
         return -coupling * math.sin(2 * math.pi * phase)
     if response.curve == SAWTOOTH:
@@ -93,24 +96,35 @@ def other_shift(response: Response, phase: float) -> float:
         return coupling
     if response.curve == MIROLLO_STROGATZ:
         # the state f = ln(1 + (e^b - 1) phase) / b grows by the coupling; solved for the phase, that is a line
-        return math.expm1(response.dissipation * coupling) * (phase + 1 / math.expm1(response.dissipation))
+        dissipation: float = response.dissipation
+        return math.expm1(dissipation * coupling) * (phase + 1 / math.expm1(dissipation))
     if response.curve == PIECEWISE_LINEAR:
-        return coupling * phase * (response.early_slope if phase <= response.knee else 1.0)
-    shift: float = evaluate_at(response.from_file.function, response.from_file.arrays, phase)
+        slope: float = response.early_slope if phase <= response.knee else 1.0
+        return coupling * phase * slope
+    response.last_phase = phase
+    shift: float = evaluate(addresses[CURVE], curve, phase)
     return shift
 
 
-@jit_no_alloc
-def _shift_phases(response: Response, phases: FloatArray, shifts: FloatArray) -> None:
+@jit
+def _shift_phases(
+    response: npt.NDArray[np.void], curve: ByteArray, addresses: IntArray, phases: FloatArray, shifts: FloatArray
+) -> None:
     for index in range(len(phases)):
-        shifts[index] = phase_after_pulse(response, phases[index]) - phases[index]
+        phase = phases[index]
+        after = phase
+        if phase > response[0].refractory:
+            after = phase_after_pulse(response[0], curve, addresses, phase)
+        shifts[index] = after - phase
 
 
 def phase_shift(response: Response, phases: npt.ArrayLike) -> FloatArray:
     """Return the phase shift Psi, capped, at phases from 0 to 1, of any shape."""
     given = np.asarray(phases, np.float64)
-    shifts = np.empty(given.size)
-    _shift_phases(response, np.ascontiguousarray(given.ravel()), shifts)
+    shifts, addresses = np.empty(given.size), np.zeros(CALLS, np.int64)
+    addresses[CURVE] = response.from_file.address
+    record = np.array([(*response[:-1], 0.0)], RESPONSE)
+    _shift_phases(record, response.from_file.bytes, addresses, np.ascontiguousarray(given.ravel()), shifts)
     return shifts.reshape(given.shape)
 
 
@@ -132,3 +146,83 @@ def order_change(response: Response, phases: npt.ArrayLike) -> FloatArray:
     # two oscillators a distance d apart have the order parameter |1 + exp(2 pi i d)| / 2 = |cos(pi d)|
     change: FloatArray = np.abs(np.cos(math.pi * after)) - np.abs(np.cos(math.pi * before))
     return change
+
+
+# --- a user's curve ----------------------------------------------------------------------------------
+
+if TYPE_CHECKING:  # `bind` provides them
+    _shift: Callable[..., float]
+    _PARAMETERS: np.dtype[Any]
+
+_NOTHING = np.dtype({"names": [], "formats": [], "offsets": [], "itemsize": WORD_BYTES})
+_compiled: dict[Hashable, int] = {}
+
+
+def make_response(section: ResponseSection) -> Response:
+    """Return the response of a scenario.
+
+    Raises:
+        CurveError: The curve is a user's, and cannot be found or compiled.
+
+    >>> make_response(ResponseSection(curve="sine", coupling=0.5))[:3]
+    (2, 0.5, 0.0)
+    """
+    strength = section.coupling, section.refractory
+    if section.curve in CURVES:
+        return Response(CURVES.index(section.curve), *strength, **section.parameters)
+    return Response(FROM_FILE, *strength, from_file=_compile_curve(section))
+
+
+def _compile_curve(section: ResponseSection) -> CompiledCurve:
+    """Return a user's curve, compiled; its code stays at its address until the process ends."""
+    curve = find_curve(section.curve)
+    parameters = curve.resolve(section.parameters)
+    kind = record_type({name: type(value) for name, value in parameters.items()}) if parameters else _NOTHING
+    sources = digest_sources(curve.sources, curve.modules).encode()
+    whole = digest([sources, *frozen_values(curve.modules.values()), repr(kind).encode()])
+    if whole not in _compiled:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
+                (function,) = jit_functions([curve.phase_shift], curve.modules, whole)
+                wrapper = name_after(bind(_shift_at, _shift=function, _PARAMETERS=kind), whole)
+                compiled: Any = compile_cached(wrapper, whole, careful=True, nogil=True)
+                compiled.compile((BLOCK, types.float64))
+        except Exception as error:  # numba's own errors, and what escapes it
+            raise CurveError(explain_refusal(error, Path(curve.name), curve.sources)) from error
+        _compiled[whole] = function_address(compiled)
+    record = np.zeros(1, kind)
+    for name, value in parameters.items():
+        record[name] = value
+    coupling = np.array([section.coupling])
+    return CompiledCurve(_compiled[whole], np.concatenate([coupling.view(np.uint8), record.view(np.uint8)]))
+
+
+def _shift_at(curve: ByteArray, phase: float) -> float:
+    """Return the shift of a phase by a user's curve."""
+    coupling = array_at(curve, 0, WORD_BYTES, FLOAT)
+    parameters = array_at(curve, WORD_BYTES, len(curve), _PARAMETERS)  # noqa: F821 see `bind`
+    shift = float(_shift(phase, coupling[0], parameters[0]))  # noqa: F821
+    if not math.isfinite(shift):
+        raise ValueError("phase_shift returns a number that is not finite")
+    return shift
+
+
+def curve_error(section: ResponseSection, phase: float, error: Exception) -> CurveError:
+    """Return the error that reports an exception in a user's response curve.
+
+    Compiled code does not know the line: the function is called once more as plain Python.
+
+    Args:
+        section: The response of the scenario.
+        phase: The phase at which the function has failed.
+        error: What compiled code has raised.
+    """
+    curve = find_curve(section.curve)
+    where = curve.name
+    try:
+        assert curve.phase_shift is not None
+        curve.phase_shift(phase, section.coupling, SimpleNamespace(**curve.resolve(section.parameters)))
+    except Exception as again:  # whatever a user's file may raise
+        where = line_of_error(again, curve.sources) or where
+    return CurveError(f"{where}: {type(error).__name__}: {error}")

@@ -1,52 +1,228 @@
-"""The rules of a trial: how oscillators and agents respond to pulses, and when it ends (thesis 3.1, 5.1, D.1)."""
+"""The rules of a scenario, and the block of memory that its swarms begin with (thesis 3.1, 5.1, D.1)."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from epuck_sim.particles.neighbourhood import RANDOM, Neighbourhood
-from epuck_sim.particles.order_kernel import METRIC_CODES, max_phase_offset
-from epuck_sim.particles.phase_response import Response
+import numpy as np
+from numba import types
+
+from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.particles.distributions import speed_table
+from epuck_sim.particles.events import advance, advance_in_cones
+from epuck_sim.particles.initial_conditions import give_start
+from epuck_sim.particles.motion import begin_run, continue_trajectory, reorient_agents
+from epuck_sim.particles.neighbours import (
+    EMISSION_CONE,
+    FULL_CIRCLE_COS,
+    NEAREST,
+    RANDOM,
+    UNLIMITED_CM,
+    VISION_CONE,
+    draw_receivers,
+    search_cells,
+    search_cone,
+    search_nearest,
+)
+from epuck_sim.particles.oscillators import BLOCK_SIZE, METRIC_CODES, max_phase_offset
+from epuck_sim.particles.phase_response import CURVES, Response, make_response
+from epuck_sim.particles.swarm import (
+    BEGIN_RUN,
+    CALLS,
+    CONTINUE,
+    CURVE,
+    REORIENT,
+    SEARCH,
+    Arrays,
+    address_of,
+    compile_kernel,
+    make_block,
+)
+from epuck_sim.scenario.neighbourhoods import Cone, Nearest, RandomAgents, Range
 from epuck_sim.scenario.particles import ParticleScenario
+
+MAX_CACHED_AGENTS = 2000
+"""Largest swarm whose neighbours are cached; the cache of a larger one would take more than 16 MB."""
+
+MIN_CELL_LIST_AGENTS = 400
+"""Smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster."""
+
+MAX_SHARE, MAX_SHARE_NEAREST = 1 / 3, 1 / 6
+"""Largest share of all agents that a search in the cell list looks at; otherwise a search over all pairs is faster."""
+
+BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}
+"""Length, area or volume of a ball of radius 1, by dimensions."""
 
 
 class Rules(NamedTuple):
-    """How oscillators and agents respond to pulses, and when a trial ends."""
+    """What the swarms of a scenario have in common, whatever their seeds."""
 
-    response: Response
-    """The phase response curve."""
-    reorients_on_emitting: bool
-    """Whether agents reorient when they emit a pulse."""
-    reorients_on_receiving: bool
-    """Whether agents reorient when a pulse shifts their phase."""
-    reorients_on_arriving: bool
-    """Whether agents reorient when a pulse arrives, whether or not it shifts their phase."""
-    sends_every_pulse: bool
-    """Whether pulses are sent even when there is no agent left whose phase they could shift: they turn agents, or
-    their receivers are drawn, and how many draws there are must not depend on the order of the cascade."""
-    reference: int
-    """Index of the agent whose firings are counted as cycles."""
-    metric: int
-    """`COMPLEX` or `REFERENCE`."""
-    threshold: float
-    """Order parameter at which the swarm is synchronised; inf if there is none."""
-    max_offset: float
-    """Cycles; if any phase is farther than this from the reference's, the threshold is not reached."""
+    beginning: ByteArray
+    """Bytes with which the block of a swarm begins to which nothing has happened; others are of no account."""
+    size: int
+    """Number of bytes of a block."""
+    addresses: IntArray
+    """Addresses, in this process, of what compiled code calls; see `swarm.SEARCH`."""
+    advance: Any
+    """`events.advance`, or its like for cones."""
+
+    def new_block(self) -> ByteArray:
+        """Return the block of a new swarm."""
+        block = np.zeros(self.size, np.uint8)
+        block[: len(self.beginning)] = self.beginning
+        return block
 
 
-def make_rules(scenario: ParticleScenario, response: Response, neighbourhood: Neighbourhood) -> Rules:
-    """Return the rules of a scenario; `response` and `neighbourhood` are made from its sections."""
-    stop, reorient_on = scenario.stop, scenario.agents.reorient_on
-    is_single = scenario.agents.count == 1  # a single agent is never synchronised
-    threshold = math.inf if is_single or stop.order_parameter is None else stop.order_parameter
-    max_offset = max_phase_offset(scenario.agents.count, threshold) if threshold < math.inf else -1.0
-    return Rules(
-        response,
-        "emitting" in reorient_on,
-        "receiving" in reorient_on,
-        "arriving" in reorient_on,
-        "arriving" in reorient_on or neighbourhood.kind == RANDOM,
-        stop.reference,
-        METRIC_CODES[stop.metric],
-        threshold,
-        1.0 if stop.max_time_s is not None else max_offset,  # then a trial may end between two firings
+KEPT = 4
+"""Number of scenarios whose rules are kept for the next simulation."""
+
+_kept: dict[tuple[int, ...], tuple[object, Rules]] = {}
+
+
+def rules_of(scenario: ParticleScenario) -> Rules:
+    """Return the rules of a scenario, which are made once for all seeds.
+
+    Raises:
+        CurveError: The response curve is a user's, and cannot be found or compiled.
+    """
+    moving = scenario.space, scenario.agents, scenario.neighbourhood, scenario.start
+    sections = *moving, scenario.response, scenario.clocks, scenario.stop
+    if scenario.response.curve not in CURVES:
+        return _make_rules(scenario)  # the file may have changed
+    key = tuple(map(id, sections))
+    if key not in _kept:
+        if len(_kept) >= KEPT:
+            del _kept[next(iter(_kept))]
+        _kept[key] = sections, _make_rules(scenario)  # the sections are kept, and thus their numbers
+    return _kept[key][1]
+
+
+def _make_rules(scenario: ParticleScenario) -> Rules:
+    """Return the rules of a scenario; compile what they call, before any clock runs."""
+    agents, space, walk, response = (
+        scenario.agents,
+        scenario.space,
+        scenario.agents.walk,
+        make_response(scenario.response),
     )
+    count, rows, has_runs = agents.count, space.dimensions * agents.count, walk.kind != "straight"
+    neighbourhood = _neighbourhood(scenario)
+    is_random, in_cells, cells = neighbourhood["kind"] == RANDOM, neighbourhood["cells"] > 0, neighbourhood["cells"]
+    speeds = speed_table(agents) * scenario.clocks.period_s if agents.speed_per_run else np.zeros(0)
+    per_agent = (
+        "next_firing period speed start_cycle start_time end_cycle end_time wall end_times streams counts cached_until "
+        "skip_count candidates square_distance axial_distance margin bucket_of bucket_end is_done phases_now"
+    )
+    reorients = bool(agents.reorient_on)
+    arrays = Arrays(
+        make_block(
+            {
+                **dict.fromkeys(per_agent.split(), count),
+                **dict.fromkeys(("origin", "heading", "positions", "positions_now"), rows),
+                **dict.fromkeys(("block_earliest", "is_stale"), -(-count // BLOCK_SIZE)),
+                **dict.fromkeys(("run_end_cycle", "run_end_time"), has_runs * count),
+                **dict.fromkeys(("is_drawn", "receiver_streams"), is_random * count),
+                **dict.fromkeys(("agents_by_cell", "cell_of_agent"), in_cells * count),
+                **dict.fromkeys(("reached", "is_reached"), reorients * (count + 1)),
+                **dict.fromkeys(("fired", "received"), count + 1),
+                "run_speeds": len(speeds),
+                "members": count * (count if neighbourhood["is_cached"] else 1),
+                "headings": in_cells * rows,
+                "headings_before": reorients * rows,
+                "cell_start": in_cells * (cells**space.dimensions + 1),
+                "curve": len(response.from_file.bytes),
+            }
+        )
+    )
+    stop, scene = scenario.stop, arrays.scene
+    is_single = count == 1  # a single agent is never synchronised
+    threshold = math.inf if is_single or stop.order_parameter is None else stop.order_parameter
+    max_offset = max_phase_offset(count, threshold) if threshold < math.inf else -1.0
+    values = {
+        **neighbourhood,
+        "agents": count,
+        "dimensions": space.dimensions,
+        "positions_time": math.nan,
+        "sorted_at": -math.inf,
+        "side_cm": space.side_cm,
+        "is_cyclic": space.boundary == "cyclic",
+        "is_mirrored": space.boundary == "mirrored",
+        "has_runs": has_runs,
+        "run": (walk.run_s or 0.0) / scenario.clocks.period_s,
+        "tail": 0.0 if walk.exponent is None else 1 / (1 - walk.exponent),
+        "persistence": walk.persistence or 0.0,
+        "response": (*response[:-1], 0.0),
+        "reorients_on_emitting": "emitting" in agents.reorient_on,
+        "reorients_on_receiving": "receiving" in agents.reorient_on,
+        "reorients_on_arriving": "arriving" in agents.reorient_on,
+        # they turn agents, or receivers are drawn, and draws must not depend on the order of the cascade
+        "sends_every_pulse": "arriving" in agents.reorient_on or is_random,
+        "reference": stop.reference,
+        "metric": METRIC_CODES[stop.metric],
+        "threshold": threshold,
+        "max_offset": 1.0 if stop.max_time_s is not None else max_offset,  # then it may end between two firings
+        "order_parameter": math.nan,
+    }
+    for name, value in values.items():
+        scene[name] = value
+    arrays.run_speeds[:] = speeds
+    arrays.run_end_cycle[:] = -1
+    arrays.period[:] = 1
+    arrays.is_stale[:] = True
+    arrays.cached_until[:] = -math.inf
+    arrays.candidates[:] = np.arange(count)
+    arrays.curve[:] = response.from_file.bytes
+    give_start(arrays, scenario)
+    root = advance_in_cones if scene.kind in (VISION_CONE, EMISSION_CONE) and not scene.cells else advance
+    compile_kernel(root, *[types.int64] * 2, *[types.float64] * 3)
+    return Rules(arrays.block[: scene.first.members].copy(), len(arrays.block), _addresses(scene, response), root)
+
+
+def _addresses(scene: Any, response: Response) -> IntArray:
+    """Return the addresses of what is called under the rules of a scene, which is compiled if need be."""
+    searches = {NEAREST: search_nearest, RANDOM: draw_receivers}
+    search = search_cells if scene.cells else searches.get(scene.kind, search_cone)
+    called = {CONTINUE: continue_trajectory, SEARCH: search}
+    if scene.has_runs:
+        called[BEGIN_RUN] = begin_run
+    if scene.reorients_on_emitting or scene.reorients_on_receiving or scene.reorients_on_arriving:
+        called[REORIENT] = reorient_agents
+    addresses = np.zeros(CALLS, np.int64)
+    addresses[CURVE] = response.from_file.address
+    for number, function in called.items():
+        addresses[number] = address_of(function)
+    return addresses
+
+
+def _neighbourhood(scenario: ParticleScenario) -> dict[str, Any]:
+    """Return the fields of a scene that say who is whose neighbour, and how they are found."""
+    rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
+    kind, k, radius_cm, angle_deg = NEAREST, agents - 1, UNLIMITED_CM, 360.0
+    if isinstance(rule, Nearest | RandomAgents):
+        kind, k = NEAREST if isinstance(rule, Nearest) else RANDOM, min(rule.k, agents - 1)
+    else:
+        kind = VISION_CONE if rule.kind == "cone_of_vision" else EMISSION_CONE
+    if isinstance(rule, Range | Cone):
+        radius_cm = UNLIMITED_CM if rule.radius_cm is None else rule.radius_cm
+    if isinstance(rule, Cone):
+        angle_deg = rule.angle_deg
+    # cones jump when their agents reorient, and when the nearest image of an agent changes in a cyclic space
+    jumps = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
+    side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)
+    cell_cm = spacing_cm if kind == NEAREST else max(spacing_cm, radius_cm / 2)
+    expected = k + 1 + 3 * math.sqrt(k + 1)  # agents in the radius: far from walls hardly ever too few
+    reach_cm = spacing_cm * (expected / BALL_VOLUME[dimensions]) ** (1 / dimensions)
+    search_cm = reach_cm if kind == NEAREST else radius_cm + cell_cm / 4
+    share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents which are candidates
+    is_local = kind != RANDOM and share < (MAX_SHARE_NEAREST if kind == NEAREST else MAX_SHARE)
+    cells = max(1, int(side_cm / cell_cm)) if agents >= MIN_CELL_LIST_AGENTS and is_local else 0
+    return {
+        "kind": kind,
+        "k": k,
+        "radius_cm": radius_cm,
+        "cos": FULL_CIRCLE_COS if angle_deg >= 360 else math.cos(math.radians(angle_deg / 2)),
+        "sin": math.sin(math.radians(angle_deg / 2)),
+        "is_cached": agents <= MAX_CACHED_AGENTS and not jumps and kind != RANDOM,
+        "search_radius_cm": search_cm,
+        "cells": cells,
+        "cell_cm": side_cm / max(cells, 1),
+    }

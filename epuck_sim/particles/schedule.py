@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from epuck_sim.arrays import FloatArray
-from epuck_sim.particles.motion import Trajectories, find_ends
-from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES, Oscillators
+from epuck_sim.particles.oscillators import SIMULTANEITY_CYCLES
+from epuck_sim.particles.swarm import Arrays
 from epuck_sim.scenario.agent_schedule import AgentDisplacement, AgentScheduleEntry
 from epuck_sim.scenario.schedule import TimedEntries
 
@@ -37,46 +37,35 @@ def last_firing_before(moment: Moment) -> tuple[int, float]:
     return int(cycle + later), within
 
 
-def any_ends_by(trajectories: Trajectories, moment: Moment) -> bool:
+def any_ends_by(swarm: Arrays, moment: Moment) -> bool:
     """Return whether any agent reaches a wall, or the end of a run, up to a moment."""
     cycle, time = moment
-    ends = trajectories.end_cycle
-    return bool(((ends < cycle) | ((ends == cycle) & (trajectories.end_time <= time))).any())
+    ends = swarm.end_cycle
+    return bool(((ends < cycle) | ((ends == cycle) & (swarm.end_time <= time))).any())
 
 
-def change_speeds(trajectories: Trajectories, positions: FloatArray, speed: FloatArray, time: float) -> None:
-    """Begin all trajectories anew, with other speeds.
-
-    Args:
-        trajectories: Those of all agents, continued to the present time.
-        positions: (agents, dimensions) cm: where the agents are.
-        speed: (agents,) cm per cycle.
-        time: The present time: cycles since the start of the present cycle.
-    """
-    trajectories.origin[:] = np.clip(positions.T, 0.0, trajectories.side_cm)
-    trajectories.start_cycle[:] = trajectories.cycle[0]
-    trajectories.start_time[:] = time
-    trajectories.speed[:] = speed
-    find_ends(trajectories)
+def change_speeds(swarm: Arrays, speed: FloatArray) -> None:
+    """Set the speeds of all agents, (agents,) cm per cycle, and begin their trajectories where they were last seen."""
+    swarm.origin[:] = np.clip(swarm.positions_now, 0.0, swarm.scene.side_cm)
+    swarm.start_cycle[:] = swarm.scene.cycle
+    swarm.start_time[:] = swarm.scene.now
+    swarm.speed[:] = speed
 
 
-def displace_phases(
-    oscillators: Oscillators, phases: FloatArray, displacement: AgentDisplacement, sequence: np.random.SeedSequence
-) -> None:
-    """Displace phases of oscillators.
+def displace_phases(swarm: Arrays, displacement: AgentDisplacement, sequence: np.random.SeedSequence) -> None:
+    """Displace phases of oscillators, which are as they were last seen.
 
     Args:
-        oscillators: All oscillators.
-        phases: (agents,) their phases at the present time.
+        swarm: The swarm.
         displacement: Whose phases, and by how much.
         sequence: Seed sequence from which random phases are drawn, for all agents, whoever is displaced.
     """
     by_cycles = displacement.by_cycles
     if isinstance(by_cycles, str):
-        displaced = np.random.Generator(np.random.SFC64(sequence)).random(len(phases))
+        displaced = np.random.Generator(np.random.SFC64(sequence)).random(len(swarm.phases_now))
     else:
-        displaced = (phases + by_cycles % 1.0) % 1.0
+        displaced = (swarm.phases_now + by_cycles % 1.0) % 1.0
     agents = slice(None) if displacement.agents is None else list(displacement.agents)
-    until_firing = (1 - displaced) * oscillators.period
-    oscillators.next_firing[agents] = oscillators.now[0] + until_firing[agents]
-    oscillators.is_stale[:] = True
+    until_firing = (1 - displaced) * swarm.period
+    swarm.next_firing[agents] = swarm.scene.now + until_firing[agents]
+    swarm.is_stale[:] = True

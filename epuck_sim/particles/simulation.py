@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from copy import copy
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,20 +11,12 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.cascade import CYCLES, FIRINGS, INSTANTS, PULSES, SYNCHRONISED, make_instant
-from epuck_sim.particles.curve_compilation import make_response
-from epuck_sim.particles.events import UNLIMITED
-from epuck_sim.particles.initial_conditions import (
-    initial_oscillators,
-    initial_speeds,
-    initial_trajectories,
-    receiver_streams,
-)
-from epuck_sim.particles.motion import fastest_speed
-from epuck_sim.particles.neighbour_links import NeighbourLinks
-from epuck_sim.particles.neighbourhood import make_neighbourhood
-from epuck_sim.particles.pulse_links import PulseLinks
-from epuck_sim.particles.rules import make_rules
+from epuck_sim.particles.events import UNLIMITED, observe, turn_if_next
+from epuck_sim.particles.initial_conditions import draw_differences, initial_speeds, start
+from epuck_sim.particles.links import LinkSearch
+from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.phase_response import curve_error
+from epuck_sim.particles.rules import Rules, rules_of
 from epuck_sim.particles.schedule import (
     NEVER,
     SCHEDULE_SEED,
@@ -34,12 +27,24 @@ from epuck_sim.particles.schedule import (
     last_firing_before,
     timed_entries,
 )
-from epuck_sim.particles.state import HeldState, SwarmState, make_observed
+from epuck_sim.particles.swarm import Arrays, compile_kernel
 from epuck_sim.scenario.agent_changes import with_values
 from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.neighbourhoods import RandomAgents
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.util.seed_sequences import seed_words
+
+KEPT_FIELDS = (
+    *("now", "cycle", "fired", "received", "reached", "instants", "cycles", "firings", "pulses"),
+    *("is_synchronised", "order_parameter"),
+)
+KEPT_ARRAYS = (
+    *("next_firing", "period", "origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time"),
+    *("wall", "streams", "run_end_cycle", "run_end_time", "receiver_streams", "fired", "received", "headings_before"),
+)
+"""What a swarm keeps when its rules change while it runs."""
 
 
 class Event(NamedTuple):
@@ -56,32 +61,9 @@ class Event(NamedTuple):
     """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
 
 
-class LastInstant:
-    """The last instant at which agents fired, as an `Event` that is made when it is asked for.
-
-    It is that of the simulation's present time: what is kept beyond that must be read before.
-    """
-
-    def __init__(self, simulation: "ParticleSimulation") -> None:
-        self._simulation = simulation
-
-    turned: None = None
-    """Agents fired: none turned."""
-
-    @property
-    def time_s(self) -> float:
-        """Simulated time of the instant."""
-        return self._simulation.time_s
-
-    @property
-    def fired(self) -> IntArray:
-        """Indices of the agents that fired, in the order of the cascade."""
-        return self._simulation.last_instant().fired
-
-    @property
-    def received(self) -> IntArray:
-        """Indices of the agents whose phases were shifted by a pulse, including those that fired because of it."""
-        return self._simulation.last_instant().received
+def _number(name: str, text: str) -> property:
+    """Return a property that is a whole number of the scene."""
+    return property(lambda simulation: int(simulation._scene[name]), doc=text)
 
 
 class ParticleSimulation:
@@ -117,32 +99,61 @@ class ParticleSimulation:
                 f"{loaded.name}: start.like is {loaded.start.like!r}, which is for trials of `run` and sweeps; give a "
                 "ParticleSimulation start_like(robots, seed) as start"
             )
-        self.scenario = loaded
-        self.seed = seed_of_trial(loaded, seed)
-        position_seed, phase_seed, motion_seed = np.random.SeedSequence(self.seed).spawn(3)
-        self._trajectories = initial_trajectories(loaded, position_seed, motion_seed)
-        self._oscillators = initial_oscillators(loaded, phase_seed)
-        self._instant = make_instant(loaded.space.dimensions, loaded.agents.count)
-        streams = receiver_streams(loaded, self.seed)
-        neighbourhood = make_neighbourhood(loaded, fastest_speed(self._trajectories), streams)
-        self._state = SwarmState(
-            self._trajectories,
-            neighbourhood,
-            self._oscillators,
-            make_rules(loaded, make_response(loaded.response), neighbourhood),
-            self._instant,
-            make_observed(loaded.space.dimensions, loaded.agents.count),
-        )
-        self._held = HeldState(self._state, loaded.response.curve)
-        self._neighbour_links: NeighbourLinks | None = None
-        self._pulse_links: PulseLinks | None = None
+        self.scenario, chosen = loaded, seed_of_trial(loaded, seed)
+        self._rules = rules_of(loaded)
+        self._renew(self._rules)
+        self._begin(chosen)
+
+    def reset(self, seed: int | None = None) -> None:
+        """Start anew, with the same scenario: all is as in a new simulation with this seed, to the bit.
+
+        Args:
+            seed: Whole number from 0; None for the scenario's own.
+
+        Raises:
+            ScenarioError: The scenario is a sweep, or the seed is negative.
+        """
+        chosen = seed_of_trial(self.scenario, seed)
+        if self._present_rules is self._rules:
+            self._arrays.block[: len(self._rules.beginning)] = self._rules.beginning
+        else:
+            self._renew(self._rules)
+        self._begin(chosen)
+
+    def _begin(self, seed: int) -> None:
+        """Begin a trial in a swarm to which nothing has happened."""
+        self.seed = seed
+        draw_differences(self._arrays, self.scenario, self.seed)
+        start(self._arrays.block, self._addresses, seed_words(self.seed))
         self.events = []
-        self._present = loaded  # with what the schedule has set
-        self._timed = timed_entries(loaded.schedule, loaded.clocks.period_s)
+        self._present = self.scenario  # with what the schedule has set
+        self._timed = timed_entries(self.scenario.schedule, self.scenario.clocks.period_s)
         self._is_changed = False  # by the schedule since the last event
 
+    def _renew(self, rules: Rules) -> None:
+        """Go on with a new block, of a swarm of these rules to which nothing has happened."""
+        self._present_rules, self._addresses, self._arrays = rules, rules.addresses, Arrays(rules.new_block())
+        self._scene = self._arrays.scene
+        self._links: LinkSearch | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return all but addresses, which are those of this process."""
+        left_out = ("_rules", "_present_rules", "_addresses", "_arrays", "_scene", "_links")
+        kept = {name: value for name, value in vars(self).items() if name not in left_out}
+        own = {"events": self.events.copy(), "_timed": copy(self._timed), "block": self._arrays.block.copy()}
+        return {**kept, **own}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Go on from a state, in this process or another."""
+        block = state.pop("block")
+        vars(self).update(state)
+        self._rules = rules_of(self.scenario)
+        self._renew(self._rules if self._present is self.scenario else rules_of(self._present))
+        self._arrays.block[:] = block
+
     def __iter__(self) -> Iterator[Event]:
-        """Return the simulation itself, which continues from its present state."""
+        """Return the simulation itself, which continues from its present state; compile what events need."""
+        compile_kernel(turn_if_next)
         return self
 
     def __next__(self) -> Event:
@@ -152,11 +163,26 @@ class ParticleSimulation:
                 self._carry_out_timed()
             self._is_changed = False
             return self._event_without_firing(None)
-        turned = self._held.turn_if_next()
+        turned = turn_if_next(self._arrays.block, self._addresses)
         if turned >= 0:
             return self._event_without_firing(turned)
-        self._held.advance(int(self._instant.counters[PULSES]) + 1, UNLIMITED, UNLIMITED)
+        self._advance(int(self._scene["pulses"]) + 1, UNLIMITED, UNLIMITED)
         return self.last_instant()
+
+    def _advance(self, pulses: int, cycles: int, last_cycle: int, last_time: float = 0.0, offset: float = -1.0) -> None:
+        """Simulate until a limit is reached; see `events.advance`, whose `max_offset` is `offset` or more.
+
+        Raises:
+            CurveError: A user's response curve raises.
+        """
+        most = max(offset, float(self._scene["max_offset"]))
+        try:
+            self._present_rules.advance(
+                self._arrays.block, self._addresses, pulses, cycles, float(last_cycle), last_time, most
+            )
+        except Exception as error:  # nothing else in the kernel raises
+            phase = float(self._scene["response"]["last_phase"])
+            raise curve_error(self._present.response, phase, error) from error
 
     def _event_without_firing(self, turned: int | None) -> Event:
         no_agents = np.empty(0, np.int64)
@@ -167,14 +193,14 @@ class ParticleSimulation:
         moment = self._timed.next
         if self.next_firing <= last_firing_before(moment):
             return False
-        self.positions()  # continues trajectories that have ended
-        return not any_ends_by(self._trajectories, moment)
+        self._observe()
+        return not any_ends_by(self._arrays, moment)
 
     def last_instant(self) -> Event:
         """Return the last event at which agents fired, if no time has passed since."""
-        instant = self._instant
-        fired = instant.fired[: instant.counts[0]].astype(np.int64)
-        received = instant.received[: instant.counts[1]].astype(np.int64)
+        swarm, scene = self._arrays, self._scene
+        fired = swarm.fired[: scene["fired"]].astype(np.int64)
+        received = swarm.received[: scene["received"]].astype(np.int64)
         return Event(self.time_s, None, fired, received)
 
     def run(self, cycles: int, periods: int | None = None, pulses: int | None = None, *, share: float = 0.0) -> None:
@@ -188,15 +214,15 @@ class ParticleSimulation:
                 that the call takes. The instant that reaches it is completed. None for no limit.
             share: Part of a period, below 1, by which the limit of periods lies later.
         """
-        last_cycle = UNLIMITED if periods is None else int(self._oscillators.cycle[0]) + periods
-        last_pulse = UNLIMITED if pulses is None else int(self._instant.counters[PULSES]) + pulses
+        last_cycle = UNLIMITED if periods is None else self.period + periods
+        last_pulse = UNLIMITED if pulses is None else int(self._scene["pulses"]) + pulses
         self._is_changed = False
         while self._timed.next is not NEVER and self._timed.next <= (last_cycle, share):
-            self._held.advance(last_pulse, cycles, *last_firing_before(self._timed.next))
-            if self.is_synchronised or self.cycles >= cycles or self._instant.counters[PULSES] >= last_pulse:
+            self._advance(last_pulse, cycles, *last_firing_before(self._timed.next))
+            if self.is_synchronised or self.cycles >= cycles or self._scene["pulses"] >= last_pulse:
                 return
             self._carry_out_timed()
-        self._held.advance(last_pulse, cycles, last_cycle, share)
+        self._advance(last_pulse, cycles, last_cycle, share)
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -213,19 +239,24 @@ class ParticleSimulation:
         cycle, time = divmod(time_s / period_s, 1.0)
         self._is_changed = False
         while self._timed.next <= (cycle, time):
-            self._held.advance_to(*last_firing_before(self._timed.next))
+            self._advance_to(*last_firing_before(self._timed.next))
             if self.is_synchronised:
                 return
             self._carry_out_timed()
-        self._held.advance_to(int(cycle), time)
+        self._advance_to(int(cycle), time)
         if not self.is_synchronised:
-            self._oscillators.now[0] = int(cycle) - self._oscillators.cycle[0] + time
+            self._scene["now"] = cycle - self._scene["cycle"] + time
+
+    def _advance_to(self, cycle: int, time: float) -> None:
+        """Simulate up to a time in a cycle, and measure the order parameter at each firing of the reference."""
+        # between events the order parameter at the reference's last firing may be asked for: always measure it
+        self._advance(UNLIMITED, UNLIMITED, cycle, time, 1.0)
 
     def _carry_out_timed(self) -> None:
         """Carry out the entries of the schedule that have the next time; nothing else happens up to then."""
-        oscillators, moment = self._oscillators, self._timed.next
-        self._held.advance(UNLIMITED, UNLIMITED, *last_firing_before(moment))  # counts time from the moment's cycle
-        oscillators.now[0] = max(oscillators.now[0], moment[0] - oscillators.cycle[0] + moment[1])
+        scene, moment = self._scene, self._timed.next
+        self._advance(UNLIMITED, UNLIMITED, *last_firing_before(moment))  # counts time from the moment's cycle
+        scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
         while self._timed.next == moment:
             self.carry_out_scheduled(self._timed.take())
 
@@ -242,22 +273,23 @@ class ParticleSimulation:
             self._change(with_values(self._present, section.set, f"{self.scenario.name}: {source}.set"))
         if section.displace is not None:
             sequence = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE_SEED, entry))
-            displace_phases(self._oscillators, self.phases(), section.displace, sequence)
+            self._observe()
+            displace_phases(self._arrays, section.displace, sequence)
         self.events.append(TrialEvent(self.instants, self.time_s, source, section.what))
         self._is_changed = True
 
     def _change(self, scenario: ParticleScenario) -> None:
         """Go on with the speeds, neighbourhood and response of a scenario."""
-        trajectories = self._trajectories
+        before = self._arrays
         if scenario.agents != self._present.agents:
-            speed = initial_speeds(scenario, self.seed)
-            change_speeds(trajectories, self.positions(), speed, float(self._oscillators.now[0]))
-        streams = self._state.neighbourhood.streams
-        neighbourhood = make_neighbourhood(scenario, fastest_speed(trajectories), streams)
-        rules = make_rules(scenario, make_response(scenario.response), neighbourhood)
-        self._state = self._state._replace(neighbourhood=neighbourhood, rules=rules)
-        self._held = HeldState(self._state, scenario.response.curve)
-        self._neighbour_links = self._pulse_links = None
+            self._observe()
+            change_speeds(before, initial_speeds(scenario, self.seed))
+        self._renew(rules_of(scenario))
+        for name in KEPT_FIELDS:
+            self._scene[name] = before.scene[name]
+        for name in KEPT_ARRAYS:
+            getattr(self._arrays, name)[:] = getattr(before, name)
+        begin_motion(self._arrays.block)
         self._present = scenario
 
     def displace(self, agent: int, cycles: float) -> None:
@@ -274,46 +306,34 @@ class ParticleSimulation:
             raise ValueError(
                 f"cycles is {cycles}, after {self.instants} instants; allowed: 0 or more, before the first"
             )
-        oscillators = self._oscillators
-        forward = cycles * oscillators.period[agent]
-        oscillators.next_firing[agent] = max(oscillators.next_firing[agent] - forward, oscillators.now[0])
-        oscillators.is_stale[:] = True
+        swarm = self._arrays
+        forward = cycles * swarm.period[agent]
+        swarm.next_firing[agent] = max(swarm.next_firing[agent] - forward, self._scene["now"])
+        swarm.is_stale[:] = True
 
     @property
     def time_s(self) -> float:
         """Simulated time in s."""
-        return float(self._oscillators.cycle[0] + self._oscillators.now[0]) * self.scenario.clocks.period_s
+        return float(self._scene["cycle"] + self._scene["now"]) * self.scenario.clocks.period_s
 
-    @property
-    def period(self) -> int:
-        """Number of the present nominal period, from 0."""
-        return int(self._oscillators.cycle[0])
+    period = _number("cycle", "Number of the present nominal period, from 0.")
 
     @property
     def next_firing(self) -> tuple[int, float]:
         """Number of the nominal period, from 0, in which the next agent fires, and the share of it that has passed."""
-        periods, share = divmod(self._held.next_firing(), 1.0)
-        return int(self._oscillators.cycle[0]) + int(periods), share
+        periods, share = divmod(float(self._arrays.next_firing.min()), 1.0)
+        return self.period + int(periods), share
 
     @property
     def next_change(self) -> Moment:
         """Nominal period, and the share of it that has passed, when the schedule changes something at a time."""
         return self._timed.next
 
-    @property
-    def cycles(self) -> int:
-        """Number of firings of the reference so far."""
-        return int(self._instant.counters[CYCLES])
+    cycles = _number("cycles", "Number of firings of the reference so far.")
 
-    @property
-    def instants(self) -> int:
-        """Number of instants, so far, at which at least one agent fired."""
-        return int(self._instant.counters[INSTANTS])
+    instants = _number("instants", "Number of instants, so far, at which at least one agent fired.")
 
-    @property
-    def firings(self) -> int:
-        """Number of firings of all agents so far."""
-        return int(self._instant.counters[FIRINGS])
+    firings = _number("firings", "Number of firings of all agents so far.")
 
     @property
     def order_parameter(self) -> float | None:
@@ -321,7 +341,8 @@ class ParticleSimulation:
 
         None before its first firing; it may also be None after `run` has reached its limit of periods or pulses.
         """
-        return None if math.isnan(self._instant.order_parameter[0]) else float(self._instant.order_parameter[0])
+        order_parameter = float(self._scene["order_parameter"])
+        return None if math.isnan(order_parameter) else order_parameter
 
     @property
     def outcome(self) -> Firing:
@@ -331,28 +352,36 @@ class ParticleSimulation:
     @property
     def is_synchronised(self) -> bool:
         """Whether the order parameter reached its threshold at the last event."""
-        return bool(self._instant.counters[SYNCHRONISED])
+        return bool(self._scene["is_synchronised"])
 
     def phases(self) -> FloatArray:
         """Return (agents,) phases at the present time; an agent that has just fired has phase 0."""
-        return self._held.phases()
+        self._observe()
+        phases: FloatArray = self._arrays.phases_now.copy()
+        return phases
 
     @property
     def periods_s(self) -> FloatArray:
         """(agents,) s: time in which each oscillator goes from phase 0 to 1 if it receives no pulse; constant."""
-        periods: FloatArray = self._oscillators.period * self.scenario.clocks.period_s
+        periods: FloatArray = self._arrays.period * self.scenario.clocks.period_s
         return periods
 
     @property
     def speeds_cm_s(self) -> FloatArray:
         """(agents,) cm/s: speed of each agent at the present time; constant unless a run or a schedule changes it."""
-        self.positions()  # continues trajectories that have ended
-        speeds: FloatArray = self._trajectories.speed / self.scenario.clocks.period_s
+        self._observe()
+        speeds: FloatArray = self._arrays.speed / self.scenario.clocks.period_s
         return speeds
 
     def positions(self) -> FloatArray:
         """Return (agents, dimensions) cm: positions at the present time."""
-        return self._held.positions()
+        self._observe()
+        positions: FloatArray = self._arrays.positions_now.T.copy()
+        return positions
+
+    def _observe(self) -> None:
+        """Find positions and phases at the present time; trajectories that have ended are continued."""
+        observe(self._arrays.block, self._addresses)
 
     def adjacency(self) -> BoolArray:
         """Return (agents, agents) the adjacency matrix at the present time (eq. 5.6).
@@ -369,8 +398,9 @@ class ParticleSimulation:
 
     def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""
-        self.positions()  # continues trajectories that have ended
-        return self._trajectories.heading.T.copy()
+        self._observe()
+        headings: FloatArray = self._arrays.heading.T.copy()
+        return headings
 
     def neighbour_links(self) -> IntArray:
         """Return the links from each agent to those that would receive its pulse at the present time.
@@ -381,9 +411,12 @@ class ParticleSimulation:
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.
         """
-        if self._neighbour_links is None:
-            self._neighbour_links = NeighbourLinks(self._present, self._state)
-        return self._neighbour_links.find()
+        return self._link_search().neighbour_links(self.positions(), self.headings())
+
+    def _link_search(self) -> LinkSearch:
+        if self._links is None:
+            self._links = LinkSearch(self._present)
+        return self._links
 
     def pulse_links(self) -> IntArray:
         """Return who received whose pulse at the last instant at which agents fired, if no time has passed since.
@@ -393,12 +426,12 @@ class ParticleSimulation:
             cascade; of 50 agents or more, those alone that shift a phase. There are no links if receivers are
             drawn anew for each pulse: nobody else is shown whom.
         """
-        if self._pulse_links is None:
-            self._pulse_links = PulseLinks(self._present)
+        if isinstance(self._present.neighbourhood, RandomAgents):
+            return np.empty((0, 3), np.int64)
         turns = bool(self.scenario.agents.reorient_on)
-        headings = self._instant.headings.T if turns else self.headings()
+        headings = self._arrays.headings_before.T if turns else self.headings()
         event = self.last_instant()
-        return self._pulse_links.find(self.positions(), headings, event.fired, event.received)
+        return self._link_search().pulse_links(self.positions(), headings, event.fired, event.received)
 
     def _repr_html_(self) -> str:
         """Return the space with the agents as they are now, for notebooks."""

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 
-from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
+from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.trial.conditions import Conditions
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
@@ -41,8 +41,8 @@ def run_agents(
     is_timed = end_s == stop.max_time_s
     periods, share = divmod(end_s / period_s, 1.0)
     end = (int(periods), share) if is_timed else (longest, 0.0)
+    events = iter(simulation if observers else ())  # compiles what events need, before the clock runs
     began = time.perf_counter()
-    last_instant = LastInstant(simulation)
     pulses = max(1, FIRST_SLICE // simulation.scenario.agents.count)
     cycles = simulation.cycles
     waiting = WaitingEntries(simulation.scenario.schedule, conditions, simulation.carry_out_scheduled)
@@ -55,7 +55,7 @@ def run_agents(
         if simulation.next_firing > end and simulation.next_change > end:
             break
         if observers:
-            event = next(simulation)
+            event = next(events)
             for observer in observers:
                 observer(event, simulation)
             now = simulation.cycles
@@ -71,7 +71,7 @@ def run_agents(
                 pulses *= 2  # a slice that a firing has ended tells nothing of how long a whole one takes
         if now > cycles:
             for observer in at_cycles:
-                observer(last_instant, simulation)
+                observer(simulation.last_instant(), simulation)
         cycles = now
         if progress is not None:
             progress(simulation)

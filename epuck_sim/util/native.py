@@ -251,7 +251,8 @@ def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:
         size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
         data = context.make_array(signature.args[0])(context, builder, block).data
         array = context.make_array(kind)(context, builder)
-        begin = builder.bitcast(builder.gep(data, [first]), array.data.type)
+        # by its address, so that loops vectorise: to LLVM, arrays that begin at one pointer may be one array
+        begin = builder.inttoptr(builder.add(builder.ptrtoint(data, first.type), first), array.data.type)
         length = builder.sdiv(builder.sub(end, first), size)
         populate_array(array, data=begin, shape=[length], strides=[size], itemsize=size, meminfo=None)
         return array._getvalue()

@@ -9,8 +9,8 @@ import time
 import pytest
 
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.particles.state import HeldState
 from epuck_sim.trial.model import run_trial
+from tests.particles.simulations import search_all
 
 pytestmark = pytest.mark.benchmark
 
@@ -112,9 +112,7 @@ def test_the_cost_of_a_firing_against_the_number_of_agents(benchmark, growth, ag
     side_cm = (agents / DENSITY) ** 0.5
     cycles = max(3, 20_000 // agents)
     in_cells, all_pairs = (make_simulation(agents, RANGE, side_cm, 1.0, 0) for _ in range(2))
-    neighbourhood = all_pairs._state.neighbourhood._replace(searches_all=True)
-    curve = all_pairs.scenario.response.curve
-    all_pairs._held = HeldState(all_pairs._state._replace(neighbourhood=neighbourhood), curve)
+    search_all(all_pairs)
     _, firings_s = benchmark.pedantic(measure, ([in_cells], cycles), rounds=1)
     found = [1e9 / firings_s, 1e9 / measure([all_pairs], cycles)[1]]
     growth.append((agents, *found))

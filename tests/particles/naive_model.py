@@ -35,19 +35,19 @@ class NaiveModel:
 
     def __init__(self, swarm: ParticleSimulation) -> None:
         self.scenario = swarm.scenario
-        trajectories, oscillators = swarm._trajectories, swarm._oscillators
+        arrays = swarm._arrays
         agents = range(self.scenario.agents.count)
-        self.positions = [[float(x) for x in trajectories.origin[:, agent]] for agent in agents]
-        self.headings = [[float(x) for x in trajectories.heading[:, agent]] for agent in agents]
-        self.speeds = [float(speed) for speed in trajectories.speed]
-        self.periods = [float(period) for period in oscillators.period]
-        self.phases = [1 - float(oscillators.next_firing[agent]) / self.periods[agent] for agent in agents]
-        self.streams = trajectories.streams.copy()
-        self.receiver_streams = swarm._state.neighbourhood.streams.copy()
-        self.walk = trajectories.walk
+        self.positions = [[float(x) for x in arrays.origin[:, agent]] for agent in agents]
+        self.headings = [[float(x) for x in arrays.heading[:, agent]] for agent in agents]
+        self.speeds = [float(speed) for speed in arrays.speed]
+        self.periods = [float(period) for period in arrays.period]
+        self.phases = [1 - float(arrays.next_firing[agent]) / self.periods[agent] for agent in agents]
+        self.streams = arrays.streams.copy()
+        self.receiver_streams = arrays.receiver_streams.copy()
+        self.run_speeds = arrays.run_speeds.copy()
         self.left_of_runs = [math.inf] * len(self.phases)
-        for agent in range(len(self.walk.end_cycle)):
-            self.left_of_runs[agent] = float(self.walk.end_cycle[agent] + self.walk.end_time[agent])
+        for agent in range(len(arrays.run_end_cycle)):
+            self.left_of_runs[agent] = float(arrays.run_end_cycle[agent] + arrays.run_end_time[agent])
         self.time = 0.0
         self.cycles = 0
         self.order: float | None = None
@@ -151,7 +151,7 @@ class NaiveModel:
         else:
             self.left_of_runs[agent] = -mean_or_shortest * math.log(1 - uniform(stream))
         if self.scenario.agents.speed_per_run:
-            self.speeds[agent] = float(self.walk.speeds[int(uniform(stream) * len(self.walk.speeds))])
+            self.speeds[agent] = float(self.run_speeds[int(uniform(stream) * len(self.run_speeds))])
 
     @staticmethod
     def turn(heading: list[float], g: float, stream: StreamArray) -> None:

@@ -7,8 +7,10 @@ import numpy as np
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import IntArray
-from epuck_sim.particles.motion import find_ends
+from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.neighbours import NEAREST, search_cone, search_nearest
 from epuck_sim.particles.simulation import Event, ParticleSimulation
+from epuck_sim.particles.swarm import SEARCH, address_of
 from tests.particles.naive_model import NaiveModel
 
 TOO_CLOSE = 1e-11
@@ -30,21 +32,30 @@ def make_simulation(seed: int = 0, **sections: Any) -> ParticleSimulation:
 
 def set_phases(swarm: ParticleSimulation, phases: Sequence[float]) -> None:
     """Set the phases of a fresh simulation."""
-    oscillators = swarm._oscillators
-    oscillators.next_firing[:] = (1 - np.array(phases, float)) * oscillators.period
-    oscillators.is_stale[:] = True
+    arrays = swarm._arrays
+    arrays.next_firing[:] = (1 - np.array(phases, float)) * arrays.period
+    arrays.is_stale[:] = True
 
 
 def set_trajectories(
     swarm: ParticleSimulation, positions: Sequence[Sequence[float]], headings: Sequence[Sequence[float]] | None = None
 ) -> None:
     """Set positions and headings, both (agents, dimensions), of a fresh simulation; headings are normalised."""
-    trajectories = swarm._trajectories
-    trajectories.origin[:] = np.array(positions, float).T
+    arrays = swarm._arrays
+    arrays.origin[:] = np.array(positions, float).T
     if headings is not None:
         given = np.array(headings, float)
-        trajectories.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
-    find_ends(trajectories)
+        arrays.heading[:] = (given / np.linalg.norm(given, axis=1, keepdims=True)).T
+    begin_motion(arrays.block)
+
+
+def search_all(swarm: ParticleSimulation) -> ParticleSimulation:
+    """Let a swarm look for neighbours among all agents, whatever their number, and return it."""
+    scene = swarm._arrays.scene
+    swarm._addresses = swarm._addresses.copy()
+    swarm._addresses[SEARCH] = address_of(search_nearest if scene.kind == NEAREST else search_cone)
+    scene.cells = 0
+    return swarm
 
 
 def make_resting(

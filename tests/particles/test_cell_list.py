@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from numba import njit
 
-from epuck_sim.particles.cell_list import find_candidates, make_cell_list
+from epuck_sim.particles.cell_list import find_candidates
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.particles.state import HeldState
+from epuck_sim.particles.swarm import candidates_at, trajectories_at
+from tests.particles.simulations import search_all
 
 NEIGHBOURHOODS = {
     "nearest 1": {"kind": "nearest", "k": 1},
@@ -29,11 +31,13 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
 
 
 def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
-    neighbourhood = swarm._state.neighbourhood
-    assert not neighbourhood.searches_all
-    all_pairs = swarm._state._replace(neighbourhood=neighbourhood._replace(searches_all=True))
-    swarm._held = HeldState(all_pairs, swarm.scenario.response.curve)
-    return swarm
+    assert swarm._arrays.scene.cells > 0
+    return search_all(swarm)
+
+
+@njit
+def count_candidates(block, addresses, agent, time, radius_cm):
+    return find_candidates(block, addresses, trajectories_at(block), agent, time, radius_cm, candidates_at(block))
 
 
 @pytest.mark.parametrize("speed", [0, 0.3, 5, 200])
@@ -59,17 +63,18 @@ def test_trials_in_a_segment_and_a_cube_are_the_same_with_and_without_cells(dime
     assert in_cells.phases().tolist() == all_pairs.phases().tolist()
 
 
-@pytest.mark.parametrize(("dimensions", "cell_cm"), [(1, 3), (2, 4), (2, 90), (3, 11)])
+@pytest.mark.parametrize(("dimensions", "cells"), [(1, 33), (2, 20), (2, 1), (3, 5)])
 @pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
-def test_all_agents_within_the_radius_are_found_and_none_twice(boundary, dimensions, cell_cm) -> None:
-    swarm = swarm_of(20, dimensions, boundary, neighbourhood={"kind": "all"})
-    trajectories = swarm._trajectories
-    cell_list = make_cell_list(dimensions, 100, 450, cell_cm, float(trajectories.speed.max()))
-    found = np.zeros(450, np.int64)
+def test_all_agents_within_the_radius_are_found_and_none_twice(boundary, dimensions, cells) -> None:
+    swarm = swarm_of(20, dimensions, boundary, neighbourhood={"kind": "range", "radius_cm": 6})
+    trajectories, scene = swarm._arrays, swarm._arrays.scene
+    assert scene.cells >= cells
+    scene.cells, scene.cell_cm = cells, 100 / cells
     for time in (0.0, 0.01, 0.05, 0.4, 0.9):
         for agent in (0, 17, 449):
             for reach in (0.5, 7.0, 45.0, 300.0):
-                candidates = found[: find_candidates(cell_list, trajectories, agent, time, reach, found)]
+                count = count_candidates(trajectories.block, swarm._addresses, agent, time, reach)
+                candidates = trajectories.candidates[:count]
                 assert len(set(candidates)) == len(candidates)
                 where = np.array([position_at(trajectories, each, time) for each in range(450)])
                 apart = np.abs(where - where[agent])

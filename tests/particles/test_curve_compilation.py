@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import CurveError, ScenarioError
-from epuck_sim.particles.curve_compilation import make_response
-from epuck_sim.particles.phase_response import order_change, phase_shift
+from epuck_sim.particles.phase_response import make_response, order_change, phase_shift
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.particles.motion import find_ends
+from epuck_sim.particles.motion import begin_motion
 from tests.particles.naive_model import NaiveModel
 from tests.particles.simulations import (
     BY_POSITION,
@@ -109,7 +109,7 @@ def test_in_one_go_in_slices_looked_at_or_event_by_event_a_swarm_is_the_same_bit
         assert other.time_s == at_once.time_s
         assert (other.positions() == at_once.positions()).all()
         assert (other.headings() == at_once.headings()).all()
-        assert (other._trajectories.streams == at_once._trajectories.streams).all()
+        assert (other._arrays.streams == at_once._arrays.streams).all()
 
 
 @pytest.mark.parametrize("going_on", [by_events, with_positions])
@@ -159,7 +159,7 @@ def test_stops_at_any_times_make_no_difference(kind, data, seed):
     stopped.run(10, 100)
     assert state_of(stopped) == state_of(straight)
     assert (stopped.positions() == straight.positions()).all()
-    assert (stopped._trajectories.streams == straight._trajectories.streams).all()
+    assert (stopped._arrays.streams == straight._arrays.streams).all()
 
 
 def test_what_happens_at_the_very_time_has_happened():
@@ -191,19 +191,13 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
     agents = sections["agents"]["count"]
     order = data.draw(st.permutations(range(agents)))
     one, other = make_simulation(seed, **sections), make_simulation(seed, **sections)
-    theirs, ours = other._trajectories, one._trajectories
-    for name in ("origin", "heading", "speed", "streams"):
+    theirs, ours = other._arrays, one._arrays
+    runs = ("run_end_cycle", "run_end_time") if len(ours.run_end_cycle) else ()
+    for name in ("origin", "heading", "speed", "streams", "next_firing", "period", *runs):
         given_to, taken = getattr(theirs, name), getattr(ours, name)
-        given_to[:] = taken[:, order] if given_to.shape == theirs.origin.shape else taken[order]
-    for name in ("end_cycle", "end_time"):
-        if len(ours.walk.end_cycle):
-            getattr(theirs.walk, name)[:] = getattr(ours.walk, name)[order]
-    other._oscillators.next_firing[:], other._oscillators.period[:] = (
-        one._oscillators.next_firing[order],
-        one._oscillators.period[order],
-    )
-    other._oscillators.is_stale[:] = True
-    find_ends(theirs)
+        given_to[:] = taken[:, order] if name in ("origin", "heading") else taken[order]
+    theirs.is_stale[:] = True
+    begin_motion(theirs.block)
     for _ in range(20 * agents):
         event, same = next(one), next(other)
         assert as_set(event.fired) == {order[agent] for agent in as_set(same.fired)}
@@ -297,7 +291,7 @@ def test_up_to_and_at_the_end_of_the_refractory_period_no_pulse_is_received(refr
     for phase, is_received in [(refractory, False), (refractory / 2, False), (just_after, True)]:
         # agent 1 is at `phase` when agent 0 fires: all of these are exact in binary
         swarm = make_resting([0.5, 0.0], response={"refractory": refractory})
-        swarm._oscillators.next_firing[:] = 0.5, 0.5 + (1 - phase)
+        swarm._arrays.next_firing[:] = 0.5, 0.5 + (1 - phase)
         event = next(swarm)
         assert as_set(event.received) == ({1} if is_received else set())
         assert swarm.phases()[1] == pytest.approx(1.1 * phase if is_received else phase, abs=1e-15)
@@ -317,7 +311,7 @@ def test_an_agent_in_the_refractory_period_receives_the_pulse_of_a_later_instant
 @pytest.mark.parametrize(("later", "at_once"), [(0.0, True), (9e-13, True), (1.2e-12, False), (1e-9, False)])
 def test_firings_within_a_trillionth_of_a_cycle_happen_at_once(later, at_once):
     swarm = make_resting([0.5, 0.5], response={"coupling": 0})
-    swarm._oscillators.next_firing[:] = 0.5, 0.5 + later
+    swarm._arrays.next_firing[:] = 0.5, 0.5 + later
     event = next(swarm)
     assert as_set(event.fired) == ({0, 1} if at_once else {0})
     assert as_set(event.received) == (set() if at_once else {1})
@@ -330,14 +324,14 @@ def test_firings_within_a_trillionth_of_a_cycle_happen_at_once(later, at_once):
 
 def test_an_instant_is_counted_from_the_earliest_not_from_one_to_the_next():
     swarm = make_resting([0.5, 0.5, 0.5], response={"coupling": 0})
-    swarm._oscillators.next_firing[:] = 0.5 + 8e-13, 0.5, 0.5 + 1.6e-12
+    swarm._arrays.next_firing[:] = 0.5 + 8e-13, 0.5, 0.5 + 1.6e-12
     assert as_set(next(swarm).fired) == {0, 1}
     assert as_set(next(swarm).fired) == {2}
 
 
 def test_an_instant_at_the_end_of_a_cycle_is_one_instant():
     swarm = make_resting([0.0, 0.0], response={"coupling": 0})
-    swarm._oscillators.next_firing[:] = 1.0, 1.0 - 5e-13
+    swarm._arrays.next_firing[:] = 1.0, 1.0 - 5e-13
     assert as_set(next(swarm).fired) == {0, 1}
     assert swarm.instants == 1
 
@@ -379,8 +373,8 @@ def test_a_push_beyond_1_fires(curve):
 
 def test_jittered_oscillators_keep_their_own_pace():
     swarm = make_resting([0.5, 0.5], response={"coupling": 0.0}, clocks={"jitter": 0.1, "period_s": 2.0})
-    swarm._oscillators.period[:] = 0.8, 1.25
-    swarm._oscillators.next_firing[:] = 0.4, 0.625
+    swarm._arrays.period[:] = 0.8, 1.25
+    swarm._arrays.next_firing[:] = 0.4, 0.625
     times = {0: [], 1: []}
     while swarm.time_s < 40:
         for agent in (event := next(swarm)).fired:
@@ -391,8 +385,8 @@ def test_jittered_oscillators_keep_their_own_pace():
 
 def test_a_jittered_phase_is_measured_by_its_own_period():
     swarm = make_resting([0.5, 0.5], response={"coupling": 0.2})
-    swarm._oscillators.period[:] = 0.8, 1.25
-    swarm._oscillators.next_firing[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
+    swarm._arrays.period[:] = 0.8, 1.25
+    swarm._arrays.next_firing[:] = 0.4, 0.625  # at 0.4 the other is at 0.5 + 0.4 / 1.25 = 0.82, pushed to 0.984
     check_next_firing(swarm, 0.4, [0], [1], [0, 0.984])
     assert next(swarm).time_s == pytest.approx(0.4 + 0.016 * 1.25)
 
@@ -419,7 +413,7 @@ def test_agents_that_emit_or_receive_reorient_once_each(reorient_on, turned):
         neighbourhood={"kind": "nearest"},
         agents={"count": 4, "speed_cm_s": 0.01, "reorient_on": reorient_on},
     )
-    headings, streams = swarm.headings(), swarm._trajectories.streams.copy()
+    headings, streams = swarm.headings(), swarm._arrays.streams.copy()
     event = next(swarm)
     assert (as_set(event.fired), as_set(event.received)) == ({0, 1}, {1, 2})
     changed = (swarm.headings() != headings).any(axis=1)
@@ -429,7 +423,7 @@ def test_agents_that_emit_or_receive_reorient_once_each(reorient_on, turned):
     twin.streams = streams
     for agent in turned:
         twin.reorient(agent)
-    assert (swarm._trajectories.streams == twin.streams).all()
+    assert (swarm._arrays.streams == twin.streams).all()
     assert [swarm.headings()[agent].tolist() for agent in turned] == [
         pytest.approx(twin.headings[agent]) for agent in turned
     ]
@@ -482,5 +476,5 @@ def test_pulses_go_by_the_headings_before_the_turn():
             neighbourhood={"kind": "cone_of_emission", "angle_deg": 90},
         )
         set_trajectories(swarm, places, [[1, 0], [1, 0], [1, 0]])
-        swarm._oscillators.next_firing[:] = 0.1, 0.5, 0.6
+        swarm._arrays.next_firing[:] = 0.1, 0.5, 0.6
         assert as_set(next(swarm).received) == {1}

@@ -48,7 +48,7 @@ def test_what_is_given_takes_the_place_of_what_is_drawn_and_all_else_stays(dimen
     for key, method in states.items():
         expected = getattr(other if key == part else drawn, method)()
         assert getattr(given, method)() == pytest.approx(expected, abs=1e-15)
-    assert (given._trajectories.streams == drawn._trajectories.streams).all()
+    assert (given._arrays.streams == drawn._arrays.streams).all()
 
 
 def test_a_simulation_goes_on_from_where_another_one_stands():
@@ -87,7 +87,7 @@ def speeds(**agents):
     """Return the speeds of many agents, measured from their motion, as shares of the mean."""
     swarm = make_simulation(3, agents={"count": MANY, "speed_cm_s": 4.0, **agents}, space={"side_cm": 1e6})
     start = swarm.positions()
-    swarm._oscillators.now[0] = 0.1  # before anybody fires or comes far
+    swarm._arrays.scene.now = 0.1  # before anybody fires or comes far
     return np.linalg.norm(swarm.positions() - start, axis=1) / 0.4
 
 
@@ -121,13 +121,13 @@ def test_exponential_speeds_are_exponential():
 def test_jittered_periods_are_normal_around_the_nominal_one(jitter):
     swarm = make_simulation(1, agents={"count": MANY}, clocks={"jitter": jitter, "period_s": 3.0})
     start = swarm.phases()
-    swarm._oscillators.now[0] = 1e-3
+    swarm._arrays.scene.now = 1e-3
     periods = 1e-3 / (swarm.phases() - start)
-    assert stats.kstest(swarm._oscillators.period, "norm", args=(1, jitter)).pvalue > UNLIKELY
-    assert periods == pytest.approx(swarm._oscillators.period, rel=1e-9)
-    assert swarm._oscillators.period.min() >= 0.1
+    assert stats.kstest(swarm._arrays.period, "norm", args=(1, jitter)).pvalue > UNLIKELY
+    assert periods == pytest.approx(swarm._arrays.period, rel=1e-9)
+    assert swarm._arrays.period.min() >= 0.1
     assert stats.kstest(start, "uniform").pvalue > UNLIKELY  # jitter leaves phases uniform
 
 
 def test_without_jitter_periods_are_exactly_nominal():
-    assert (make_simulation(agents={"count": 100})._oscillators.period == 1).all()
+    assert (make_simulation(agents={"count": 100})._arrays.period == 1).all()

@@ -3,8 +3,8 @@
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.particles.pulse_links import PulseLinks
-from epuck_sim.particles.simulation import LastInstant, ParticleSimulation
+from epuck_sim.particles.links import LinkSearch
+from epuck_sim.particles.simulation import ParticleSimulation
 
 RULES = [
     {"kind": "nearest", "k": 2},
@@ -24,13 +24,13 @@ def swarm(rule, **agents):
 )
 def test_pulse_links_are_found_before_anybody_turns(rule, reorient_on):
     simulation = swarm(rule, reorient_on=reorient_on)
-    found, shifted = PulseLinks(simulation.scenario), 0
+    found, shifted = LinkSearch(simulation.scenario), 0
     before = simulation.headings()
     for _ in range(150):
         event = next(simulation)
         if len(event.fired):
             links = simulation.pulse_links()
-            expected = found.find(simulation.positions(), before, event.fired, event.received)
+            expected = found.pulse_links(simulation.positions(), before, event.fired, event.received)
             assert links.tolist() == expected.tolist()
             assert set(links[links[:, 2] == 1, 1].tolist()) == set(event.received.tolist())
             shifted += int(links[:, 2].sum())
@@ -45,15 +45,3 @@ def test_agents_drawn_at_random_have_no_links():
     assert simulation.pulse_links().shape == (0, 3)
     with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
         simulation.neighbour_links()
-
-
-def test_the_last_instant_is_the_event_of_the_present_time():
-    simulation = swarm(RULES[0])
-    last = LastInstant(simulation)
-    for cycle in range(1, 6):
-        simulation.run(cycle)
-        event = simulation.last_instant()
-        assert (last.time_s, last.turned) == (event.time_s, event.turned)
-        assert last.fired.tolist() == event.fired.tolist()
-        assert last.received.tolist() == event.received.tolist()
-        assert 0 in last.fired.tolist()

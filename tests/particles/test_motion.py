@@ -181,7 +181,7 @@ def turned_headings(dimensions, turns, seed=0):
         neighbourhood={"kind": "all"},
         response={"coupling": 0},
     )
-    trajectories = swarm._trajectories
+    trajectories = swarm._arrays
     axes, headings = [], []
     while len(axes) < turns:
         before = trajectories.wall.copy()
@@ -333,8 +333,8 @@ def test_in_the_bounded_square_walls_are_reached_where_the_integral_equation_say
     while len(along) < 20_000:
         event = next(swarm)
         if event.turned is not None:
-            axis = int(np.isin(swarm._trajectories.origin[:, event.turned], (0.0, 100.0)).argmax())
-            along.append(swarm._trajectories.origin[1 - axis, event.turned] / 100)
+            axis = int(np.isin(swarm._arrays.origin[:, event.turned], (0.0, 100.0)).argmax())
+            along.append(swarm._arrays.origin[1 - axis, event.turned] / 100)
     edges, rate = wall_hits()
     reached = np.interp(np.linspace(0, 1, 17), edges, np.concatenate([[0], np.cumsum(rate * np.diff(edges))]))
     assert fits(np.histogram(along, 16, (0, 1))[0], np.diff(reached))

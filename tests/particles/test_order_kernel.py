@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.order_kernel import max_phase_offset
+from epuck_sim.particles.oscillators import max_phase_offset
 
 
 @given(st.lists(st.floats(-0.5, 0.5), min_size=1, max_size=30), st.floats(0, 0.5), st.floats(0, 1))

@@ -14,18 +14,22 @@ from epuck_sim.particles.oscillators import (
     firing_now,
     phase_at,
     set_next_firing,
-    start_oscillators,
 )
+from epuck_sim.particles.swarm import SCENE, Oscillators
 from tests.particles.simulations import as_set, make_simulation, max_phase_difference
 
 phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BLOCK_SIZE)
 
 
+def start_oscillators(phases, periods):
+    """Return oscillators that have some phases at time 0."""
+    blocks = -(-len(phases) // BLOCK_SIZE)
+    scene = np.zeros(1, SCENE)
+    return Oscillators(scene, (1 - phases) * periods, periods, np.empty(blocks), np.ones(blocks, np.bool_))
+
+
 def test_oscillators_fire_when_their_phase_reaches_1():
-    oscillators = start_oscillators(np.array([0.25, 0.75, 0.0]), np.array([1.0, 1.0, 1.0]))
-    assert oscillators.next_firing.tolist() == [0.75, 0.25, 1.0]
     slower = start_oscillators(np.array([0.25]), np.array([1.5]))
-    assert slower.next_firing[0] == 0.75 * 1.5
     assert phase_at(slower, 0, 0.0) == pytest.approx(0.25)
     assert phase_at(slower, 0, slower.next_firing[0]) == 1
 
@@ -79,7 +83,7 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
         response={"coupling": 0},
         clocks={"jitter": jitter, "period_s": period_s},
     )
-    start, periods = swarm.phases(), swarm._oscillators.period.copy()
+    start, periods = swarm.phases(), swarm._arrays.period.copy()
     assert (periods == 1).all() == (not jitter)
     for cycle in (10, 1001, CYCLES):
         swarm.run_to((cycle + 0.375) * period_s)
@@ -93,7 +97,7 @@ def test_after_a_million_cycles_free_oscillators_are_where_they_should_be(jitter
 @pytest.mark.parametrize("jitter", [0, 0.1])
 def test_after_a_million_cycles_firings_are_on_time(jitter):
     swarm = make_simulation(4, agents={"count": 4}, response={"coupling": 0}, clocks={"jitter": jitter})
-    start, periods = swarm.phases(), swarm._oscillators.period.copy()
+    start, periods = swarm.phases(), swarm._arrays.period.copy()
     swarm.run(CYCLES)
     for _ in range(20):
         event = next(swarm)
@@ -105,9 +109,9 @@ def test_after_a_million_cycles_firings_are_on_time(jitter):
 def test_without_jitter_phases_keep_their_distances_to_the_last_digit():
     swarm = make_simulation(4, agents={"count": 5}, response={"coupling": 0})
     swarm.run(2)
-    due = np.sort(swarm._oscillators.next_firing - swarm._oscillators.now[0])
+    due = np.sort(swarm._arrays.next_firing - swarm._arrays.scene.now)
     swarm.run(100_002)
-    assert (np.sort(swarm._oscillators.next_firing - swarm._oscillators.now[0]) == due).all()
+    assert (np.sort(swarm._arrays.next_firing - swarm._arrays.scene.now) == due).all()
 
 
 def test_merged_oscillators_stay_merged():

@@ -7,12 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_after_pulse, phase_shift
+from epuck_sim.particles.phase_response import CURVES, Response, order_change, phase_shift
 from epuck_sim.scenario.curves import SHIPPED
 
 MULTIPLICATIVE, SAWTOOTH, SINE = range(3)
 PHASES = np.linspace(0, 1, 2001)
 unit = st.floats(0, 1)
+
+
+def phase_after_pulse(response, phase):
+    return phase + float(phase_shift(response, phase))
 
 
 def test_curves_are_numbered_in_their_order():

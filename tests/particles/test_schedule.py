@@ -243,10 +243,10 @@ def test_displacements_leave_other_agents_alone_and_add_up():
 def everything(swarm):
     """Return all bits of the state, whichever cycle times are counted from."""
     swarm.positions()  # continues trajectories that have ended
-    trajectories, oscillators = swarm._trajectories, swarm._oscillators
-    cycles, times = np.divmod(oscillators.next_firing, 1.0)
-    arrays = [cycles + oscillators.cycle, times, *(getattr(trajectories, name) for name in MOTION)]
-    return b"".join(array.tobytes() for array in arrays)
+    arrays = swarm._arrays
+    cycles, times = np.divmod(arrays.next_firing, 1.0)
+    found = [cycles + arrays.scene.cycle, times, *(getattr(arrays, name) for name in MOTION)]
+    return b"".join(array.tobytes() for array in found)
 
 
 MOTION = ("origin", "heading", "speed", "start_cycle", "start_time", "end_cycle", "end_time", "streams")

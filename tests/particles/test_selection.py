@@ -7,8 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from epuck_sim.particles.neighbour_search import find_neighbours
-from epuck_sim.particles.neighbourhood import NEAREST
+from epuck_sim.particles.neighbours import search_cells, search_nearest
 from epuck_sim.particles.oscillators import argmin
 from epuck_sim.particles.selection import FEW, SAMPLED, find_two_smallest, select_smallest
 from tests.particles.simulations import make_simulation, set_trajectories
@@ -98,18 +97,19 @@ def test_the_nearest_of_a_swarm_are_those_found_one_by_one(is_on_grid, uses_cell
         )
         if is_on_grid:
             set_trajectories(swarm, place_on_a_grid(count))
-        trajectories, neighbourhood, *_ = swarm._state
-        neighbourhood = neighbourhood._replace(searches_all=not uses_cell_list)
+        trajectories = swarm._arrays
+        if uses_cell_list and not trajectories.scene.cells:
+            continue  # nearly all agents are neighbours
+        search = search_cells if uses_cell_list else search_nearest
         for time, agent in enumerate((0, 17, 230, count - 1)):
-            row = find_neighbours(neighbourhood, trajectories, agent, time / 7)
+            search(trajectories.block, swarm._addresses, agent, time / 7)
             offset = swarm_positions(trajectories, time / 7) - swarm_positions(trajectories, time / 7)[agent]
             if boundary == "cyclic":
                 offset -= SIDE_CM * np.rint(offset * (1 / SIDE_CM))
             square = offset[:, 0] * offset[:, 0] + offset[:, 1] * offset[:, 1]
             square[agent] = math.inf
-            members = neighbourhood.members[row, :k]
-            assert neighbourhood.kind == NEAREST
-            assert neighbourhood.counts[agent] == k
+            members = trajectories.members[agent * count : agent * count + k]
+            assert trajectories.counts[agent] == k
             if uses_cell_list:  # equally near ones come in the order of their cells
                 assert len(set(members)) == k
                 assert (square[members] == np.sort(square)[:k]).all()
@@ -119,5 +119,5 @@ def test_the_nearest_of_a_swarm_are_those_found_one_by_one(is_on_grid, uses_cell
 
 def swarm_positions(trajectories, time):
     """Return (agents, 2) cm: positions at a time, along the present trajectories."""
-    elapsed = (trajectories.cycle[0] - trajectories.start_cycle) + (time - trajectories.start_time)
+    elapsed = (trajectories.scene.cycle - trajectories.start_cycle) + (time - trajectories.start_time)
     return (trajectories.origin + trajectories.heading * (trajectories.speed * elapsed)).T

@@ -93,8 +93,7 @@ def test_runs_of_brownian_and_correlated_walks_are_exponential(walk):
 @pytest.mark.parametrize("exponent", [2.2, 3.0])
 def test_runs_of_a_levy_walk_have_a_power_law_above_the_shortest(exponent):
     swarm = walkers({**LEVY, "exponent": exponent}, count=20_000)
-    walk = swarm._trajectories.walk
-    durations = walk.end_cycle + walk.end_time
+    durations = swarm._arrays.run_end_cycle + swarm._arrays.run_end_time
     assert durations.min() >= 0.3
     assert stats.kstest(durations, "pareto", args=(exponent - 1, 0, 0.3)).pvalue > UNLIKELY
 
@@ -134,14 +133,13 @@ def test_a_walk_with_full_persistence_is_a_straight_line(dimensions):
 @pytest.mark.parametrize("walk", [BROWNIAN, CORRELATED, LEVY])
 def test_walls_end_no_run_and_no_agent_leaves_the_space(boundary, walk):
     swarm = walkers(walk, count=40, speed_cm_s=60.0, space={"boundary": boundary})
-    ends = swarm._trajectories.walk.end_cycle + swarm._trajectories.walk.end_time
+    ends = swarm._arrays.run_end_cycle + swarm._arrays.run_end_time
     walls = 0
     for event in swarm:
         if event.turned is not None:
             is_end = event.time_s == pytest.approx(ends[event.turned], abs=1e-9)
             walls += not is_end
-            walk_now = swarm._trajectories.walk
-            now = walk_now.end_cycle[event.turned] + walk_now.end_time[event.turned]
+            now = swarm._arrays.run_end_cycle[event.turned] + swarm._arrays.run_end_time[event.turned]
             assert (now > ends[event.turned]) == is_end
             ends[event.turned] = now
             assert ((swarm.positions() >= -1e-9) & (swarm.positions() <= 100 + 1e-9)).all()
@@ -201,6 +199,6 @@ def test_speeds_of_later_runs_have_the_distribution_of_the_first(distribution):
 def test_the_fastest_speed_bounds_those_of_later_runs():
     agents = {"speed_distribution": "exponential", "speed_per_run": True}
     swarm = walkers({"kind": "brownian", "run_s": 0.1}, count=5, agents=agents)
-    table = swarm._trajectories.walk.speeds
-    assert swarm._state.neighbourhood.inverse_closing_speed == pytest.approx(1 / (2 * table.max()))
+    table = swarm._arrays.run_speeds
+    assert swarm._arrays.scene.closing_time == pytest.approx(1 / (2 * table.max()))
     assert table.mean() == pytest.approx(1.0)

@@ -12,7 +12,7 @@ from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
-from epuck_sim.particles.pulse_links import PulseLinks
+from epuck_sim.particles.links import LinkSearch
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.links import nearest
@@ -101,12 +101,12 @@ def test_pulses_are_those_that_were_received(tmp_path, monkeypatch, settings: li
     scenario = load_scenario("particles", ["stop.max_cycles=12", "neighbourhood.k=3", *settings])
     found: list[list[list[int]]] = []
 
-    class Listening(PulseLinks):
-        def find(self, *given):
-            found.append(super().find(*given).tolist())
+    class Listening(LinkSearch):
+        def pulse_links(self, *given):
+            found.append(super().pulse_links(*given).tolist())
             return np.array(found[-1], np.int64).reshape(-1, 3)
 
-    monkeypatch.setattr("epuck_sim.particles.simulation.PulseLinks", Listening)
+    monkeypatch.setattr("epuck_sim.particles.simulation.LinkSearch", Listening)
     with record(tmp_path / "t.rrd", scenario, 1) as recorder:
         run_trial(ParticleSimulation(scenario, 1), [recorder])
     read = read_recording(tmp_path / "t.rrd")

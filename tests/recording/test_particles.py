@@ -15,7 +15,7 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.trial_page import RED, check_drawable, draw_page
 from epuck_sim.order_parameter import METRICS
-from epuck_sim.particles import pulse_links as pulses
+from epuck_sim.particles import links as pulses
 from epuck_sim.particles.simulation import Event, ParticleSimulation
 from epuck_sim.recording import recorder
 from epuck_sim.recording.buffers import agents

@@ -99,8 +99,8 @@ def test_the_order_parameter_at_any_time_is_the_one_reported_event_by_event():
 
 def next_time(swarm):
     """Return when the next event of a swarm is, in s."""
-    soonest = min(swarm._oscillators.next_firing.min(), swarm._trajectories.earliest_end[0])
-    return (swarm._oscillators.cycle[0] + soonest) * swarm.scenario.clocks.period_s
+    soonest = min(swarm._arrays.next_firing.min(), swarm._arrays.scene.earliest_end)
+    return (swarm._arrays.scene.cycle + soonest) * swarm.scenario.clocks.period_s
 
 
 # --- synchronised -----------------------------------------------------------------------------------

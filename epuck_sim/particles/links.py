@@ -1,0 +1,118 @@
+"""Links: which agents the pulse of each agent reaches, for observers and measures.
+
+A simulation shows nobody the neighbours that it finds: they are looked for again, in a swarm that stands still.
+"""
+
+import numpy as np
+
+from epuck_sim.arrays import ByteArray, FloatArray, IntArray
+from epuck_sim.errors import ScenarioError
+from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.neighbours import find_receivers
+from epuck_sim.particles.rules import rules_of
+from epuck_sim.particles.swarm import Arrays, entry_of, neighbours_at
+from epuck_sim.scenario.agents import AgentsSection
+from epuck_sim.scenario.neighbourhoods import Everybody, RandomAgents
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.start import StartSection
+from epuck_sim.util.jit import jit
+
+SHIFTS_ONLY = 50
+"""Swarms of this size or larger have links of pulses only where a phase was shifted: if all fire, all receive all."""
+
+FIRST_ROOM = 8
+"""Links for each agent for which there is room at first; more are made when they are needed."""
+
+
+@jit
+def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links: IntArray) -> int:
+    """Write the links of some agents, as far as there is room; return their number.
+
+    Args:
+        block: A swarm that stands still.
+        addresses: Addresses of what compiled code calls.
+        senders: (senders,) agents whose pulses are followed, in this order.
+        links: (room,) output: the sender times the number of agents, plus the receiver.
+    """
+    neighbours = neighbours_at(block)
+    scene, found = neighbours.scene[0], 0
+    scene.positions_time = np.nan
+    scene.sorted_at = -np.inf
+    for index in range(len(senders)):
+        sender = senders[index]
+        row = find_receivers(block, addresses, neighbours, sender, 0.0, True)
+        for rank in range(neighbours.counts[sender]):
+            if found < len(links):
+                links[found] = sender * scene.agents + entry_of(neighbours.members, row + rank)
+            found += 1
+    return found
+
+
+class LinkSearch:
+    """Finds the links between agents, wherever they are."""
+
+    def __init__(self, scenario: ParticleScenario) -> None:
+        """Compile what finds links, before any clock runs.
+
+        Raises:
+            ScenarioError: Receivers are drawn anew for each pulse, so that agents have no neighbours.
+        """
+        if isinstance(scenario.neighbourhood, RandomAgents):
+            raise ScenarioError(
+                f"{scenario.name}: neighbourhood.kind is 'random', whose receivers are drawn anew for each pulse; "
+                "there are neighbours only by position"
+            )
+        self._agents = scenario.agents.count
+        still = AgentsSection(count=self._agents, speed_cm_s=0)
+        rules = rules_of(scenario.model_copy(update={"agents": still, "start": StartSection()}))
+        self._swarm, self._addresses = Arrays(rules.new_block()), rules.addresses
+        begin_motion(self._swarm.block)
+        # neighbours may change until the next instant, unless all agents are neighbours
+        self._swarm.scene.is_cached &= isinstance(scenario.neighbourhood, Everybody)
+        self._links = np.zeros(FIRST_ROOM * self._agents, np.int64)
+        nowhere = np.zeros((self._agents, scenario.space.dimensions))
+        self.find(nowhere, nowhere, np.zeros(0, np.int64))
+
+    def find(self, positions: FloatArray, headings: FloatArray, senders: IntArray) -> IntArray:
+        """Return the links from some agents to those that receive their pulses.
+
+        Args:
+            positions: (agents, dimensions) cm.
+            headings: (agents, dimensions) unit vectors.
+            senders: (senders,) indices of agents.
+
+        Returns:
+            (links,) the sender times the number of agents, plus the receiver: sender by sender, in the given order.
+        """
+        self._swarm.origin[:] = positions.T
+        self._swarm.heading[:] = headings.T
+        found = write_links(self._swarm.block, self._addresses, senders, self._links)
+        if found > len(self._links):
+            self._links = np.zeros(2 * found, np.int64)
+            write_links(self._swarm.block, self._addresses, senders, self._links)
+        return self._links[:found].copy()
+
+    def neighbour_links(self, positions: FloatArray, headings: FloatArray) -> IntArray:
+        """Return the links from all agents, ascending."""
+        links = self.find(positions, headings, np.arange(self._agents))
+        links.sort()
+        return links
+
+    def pulse_links(self, positions: FloatArray, headings: FloatArray, fired: IntArray, received: IntArray) -> IntArray:
+        """Return the links of an instant, in the order of its cascade.
+
+        Args:
+            positions: (agents, dimensions) cm.
+            headings: (agents, dimensions) unit vectors, before any agent reorients.
+            fired: (firing,) agents that fire, in the order of the cascade.
+            received: Agents whose phase was shifted.
+
+        Returns:
+            (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase.
+        """
+        senders, receivers = np.divmod(self.find(positions, headings, fired), self._agents)
+        reached, first = np.unique(receivers, return_index=True)  # no agent receives two pulses at one instant
+        is_shifted = np.zeros(len(receivers), np.bool_)
+        is_shifted[first[np.isin(reached, received)]] = True
+        links = np.column_stack([senders, receivers, is_shifted])
+        return links if self._agents < SHIFTS_ONLY else links[is_shifted]

@@ -1,0 +1,382 @@
+"""A swarm of point agents as one block of memory, which Python and compiled code read alike.
+
+All that changes while time runs, and the rules, stand in one array of bytes: a record, the scene, and behind it one
+array for each quantity, each contiguous, as the inner loops need it. The scene knows where each array begins and ends.
+Nothing in a block is an address, so that a copy of the block is a copy of the swarm, in this process or another: what
+is called, a search for neighbours or a user's response curve, has a number in an array of addresses.
+
+Compiled code takes from a block the arrays that it works on, as a named tuple of those that belong together.
+
+Times are in cycles of the nominal period, counted from the start of the present cycle: however long a trial lasts, they
+keep their digits, because whole cycles are subtracted exactly.
+"""
+
+from collections import namedtuple
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numba import types
+
+from epuck_sim.arrays import ByteArray, IndexArray
+from epuck_sim.util.generators import GENERATOR_WORDS
+from epuck_sim.util.jit import ADDRESSES, BLOCK, jit_inline
+from epuck_sim.util.native import array_at, function_address
+from epuck_sim.util.seed_sequences import SEQUENCE_WORDS
+
+
+def _record(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:
+    """Return a type of records whose fields Python, too, reads as attributes."""
+    return np.dtype((np.record, np.dtype(fields, align=True)))
+
+
+STREAM = _record([("words", "u8", 4)])
+"""State of a random number generator; see `util.rng`."""
+
+FLOAT, INT, INDEX, FLAG, BYTE, WORD = map(np.dtype, (np.float64, np.int64, np.uint32, np.bool_, np.uint8, np.uint64))
+
+ARRAYS: Mapping[str, np.dtype[Any]] = {
+    # oscillators
+    "next_firing": FLOAT,  # (agents,) cycles: time of each oscillator's next firing
+    "period": FLOAT,  # (agents,) cycles: 1 without jitter
+    "block_earliest": FLOAT,  # (blocks,) cycles: the earliest time in each block of `next_firing`
+    "is_stale": FLAG,  # (blocks,) whether `block_earliest` must be searched for again
+    # trajectories: (dimensions * agents,) arrays have one row of agents after the other
+    "origin": FLOAT,  # (dimensions * agents,) cm: where each trajectory began
+    "heading": FLOAT,  # (dimensions * agents,) unit vectors
+    "speed": FLOAT,  # (agents,) cm per cycle
+    "start_cycle": FLOAT,  # (agents,) the cycle in which each trajectory began
+    "start_time": FLOAT,  # (agents,) the time in that cycle, 0 to 1
+    "end_cycle": FLOAT,  # (agents,) the cycle in which each trajectory ends; inf for an agent that stands still
+    "end_time": FLOAT,  # (agents,) the time in that cycle
+    "wall": INT,  # (agents,) the wall that is reached: 2 * axis, or 2 * axis + 1 for the far one; or `NO_WALL`
+    "end_times": FLOAT,  # (agents,) cycles: scratch: when trajectories end, of all agents or of candidates
+    "streams": STREAM,  # (agents,) the agents' random number generators
+    "run_end_cycle": FLOAT,  # (agents,) the cycle in which each run ends, -1 before the first; empty without runs
+    "run_end_time": FLOAT,  # (agents,) the time in that cycle, 0 to 1
+    "run_speeds": FLOAT,  # (speeds,) cm per cycle: what each run's speed is drawn from; empty if agents keep theirs
+    # neighbours
+    "counts": INT,  # (agents,) number of neighbours of each agent
+    "cached_until": FLOAT,  # (agents,) cycles: time until which each agent's cached neighbours are valid
+    "skip_count": INT,  # (agents,) number of each agent's next pulses for which caching is skipped
+    # search: index k of an array of candidates belongs to the k-th candidate
+    "candidates": INDEX,  # (agents,) the agents among which neighbours are searched for
+    "positions": FLOAT,  # (dimensions * agents,) cm: positions of the candidates
+    "headings": FLOAT,  # (dimensions * agents,) unit vectors: headings of the candidates that the cell list found
+    "square_distance": FLOAT,  # (agents,) cm^2: from the firing agent, which has inf itself
+    "axial_distance": FLOAT,  # (agents,) cm: components of these distances along the axis of the cone
+    "margin": FLOAT,  # (agents,) cm^2: not negative within the cone; then cycles until which they stay
+    "bucket_of": INDEX,  # (agents,) scratch of the selection of the k nearest
+    "bucket_end": INDEX,  # (agents,) scratch of the selection of the k nearest
+    "cell_start": INT,  # (cells + 1,) index in `agents_by_cell` at which each cell begins
+    "agents_by_cell": INDEX,  # (agents,) agents, sorted by cell
+    "cell_of_agent": INDEX,  # (agents,) scratch: the cell of each agent
+    "is_drawn": FLAG,  # (agents,) scratch: whether each agent has been drawn for the present pulse
+    "receiver_streams": STREAM,  # (agents,) generators from which agents draw their receivers; empty if none do
+    # what happened at the last instant
+    "fired": INDEX,  # (agents + 1,) the agents that fired, in the order of the cascade: the first `scene.fired`
+    "received": INDEX,  # (agents + 1,) the agents whose phases were shifted, even to 1: the first `scene.received`
+    "is_done": FLAG,  # (agents,) scratch: whether each agent has fired or received a pulse at this instant
+    "reached": INDEX,  # (agents + 1,) scratch: agents at which a pulse arrived: the first `scene.reached`
+    "is_reached": FLAG,  # (agents,) scratch: whether each agent is in `reached`
+    "headings_before": FLOAT,  # (dimensions * agents,) headings at this instant before any agent reoriented
+    # what Python asks for
+    "positions_now": FLOAT,  # (dimensions * agents,) cm
+    "phases_now": FLOAT,  # (agents,)
+    "curve": BYTE,  # the coupling, and the parameters of a user's response curve; see `phase_response`
+    "members": INDEX,  # the last array, as it may be large: (agents * agents,) each agent's neighbours;
+    # one row, of the last search, if none are cached
+}
+"""The arrays of a block, in their order, and what they hold."""
+
+RESPONSE = _record(
+    [
+        ("curve", "i8"),  # number of the response curve; see `phase_response`
+        ("coupling", "f8"),
+        ("refractory", "f8"),
+        ("dissipation", "f8"),
+        ("knee", "f8"),
+        ("early_slope", "f8"),
+        ("last_phase", "f8"),  # phase at which a user's curve was called last
+    ]
+)
+"""A response curve and its parameters; see `phase_response.Response`."""
+
+_PLACES = _record([(name, "i8") for name in ARRAYS])
+
+SCENE = _record(
+    [
+        ("first", _PLACES),  # offset in the block of each array
+        ("end", _PLACES),  # and of what follows its last element
+        ("agents", "i8"),
+        ("dimensions", "i8"),
+        # time
+        ("now", "f8"),  # the present time: usually that of the last event
+        ("cycle", "f8"),  # number of the present cycle, from 0
+        ("earliest_end", "f8"),  # a lower bound of the time at which the first trajectory ends
+        ("positions_time", "f8"),  # time for which `positions` holds all agents; NaN if it holds none
+        ("sorted_at", "f8"),  # time at which agents were sorted into cells last; -inf before the first
+        # the space, a segment, square or cube from 0 to its side, and the agents' motion
+        ("side_cm", "f8"),
+        ("is_cyclic", "?"),  # whether agents that leave on one side enter on the opposite one, else they are reflected
+        ("is_mirrored", "?"),  # whether walls reflect agents as mirrors do, instead of in a random direction
+        ("has_runs", "?"),  # whether agents walk at random, in straight runs; else they go from wall to wall
+        ("run", "f8"),  # cycles: mean duration of a run, or the shortest if durations follow a power law
+        ("tail", "f8"),  # power of a uniform number that is a duration in units of the shortest; 0 if exponential
+        ("persistence", "f8"),  # mean cosine of the turns, 0 to 1
+        ("max_speed", "f8"),  # cm per cycle: speed of the fastest agent, or the fastest that any may have later
+        # the neighbourhood
+        ("kind", "i8"),  # see `neighbours`
+        ("k", "i8"),  # number of neighbours of kinds `NEAREST` and `RANDOM`
+        ("radius_cm", "f8"),  # of the cone or range; `UNLIMITED_CM` if there is none
+        ("cos", "f8"),  # cosine of half the cone's angle, or `FULL_CIRCLE_COS`
+        ("sin", "f8"),  # sine of half the cone's angle
+        ("is_cached", "?"),  # whether neighbours are cached at all
+        ("closing_time", "f8"),  # cycles in which the two fastest agents can approach each other by 1 cm
+        ("search_radius_cm", "f8"),  # of the first search in the cell list
+        ("cells", "i8"),  # number of cells along each axis
+        ("cell_cm", "f8"),  # side of a cell
+        # responses to pulses, and when a trial ends
+        ("response", RESPONSE),
+        ("reorients_on_emitting", "?"),
+        ("reorients_on_receiving", "?"),  # agents whose phase a pulse shifts
+        ("reorients_on_arriving", "?"),  # agents at which a pulse arrives, whether or not it shifts their phase
+        ("sends_every_pulse", "?"),  # whether pulses are sent even when there is no agent left to be shifted
+        ("reference", "i8"),  # the agent whose firings are counted as cycles
+        ("metric", "i8"),  # see `oscillators`
+        ("threshold", "f8"),  # order parameter at which the swarm is synchronised; inf if there is none
+        ("max_offset", "f8"),  # if a phase is farther from the reference's, in cycles, the threshold is not reached
+        # what happened
+        ("fired", "i8"),  # numbers of agents in the arrays of these names
+        ("received", "i8"),
+        ("reached", "i8"),
+        ("instants", "i8"),  # number of instants at which agents fired
+        ("cycles", "i8"),  # of firings of the reference
+        ("firings", "i8"),  # of firings of all agents
+        ("pulses", "i8"),  # of pulses whose receivers were looked for; an instant without any counts as one
+        ("is_synchronised", "?"),  # whether the last instant brought synchrony
+        ("order_parameter", "f8"),  # that at the last firing of the reference; NaN before it is measured
+        # how a trial begins
+        ("has_positions", "?"),  # whether positions, headings, and phases with periods, are given; else they are drawn
+        ("has_headings", "?"),
+        ("has_phases", "?"),
+        ("seed", "u8", SEQUENCE_WORDS),  # the trial's seed sequence, one of its children, and that one's generator
+        ("child", "u8", SEQUENCE_WORDS),
+        ("generator", "u8", GENERATOR_WORDS),
+    ]
+)
+"""What is one for all agents."""
+
+SCENE_BYTES = SCENE.itemsize
+WORD_BYTES = 8
+
+CURVE, SEARCH, CONTINUE, BEGIN_RUN, REORIENT = range(5)
+"""Numbers of what compiled code calls: a user's response curve, and the functions (block, addresses, agent, time) that
+find the receivers of an agent's pulse, continue an agent's trajectory, begin its next run, and reorient all agents."""
+
+CALLS = 5
+"""Length of the array of addresses."""
+
+
+def make_block(lengths: Mapping[str, int]) -> ByteArray:
+    """Return a block of zeros; lengths: that of each array, 0 for those that are left out."""
+    first, end, place = [], [], SCENE_BYTES
+    for name, dtype in ARRAYS.items():
+        first.append(place)
+        end.append(place + dtype.itemsize * lengths.get(name, 0))
+        place = -(-end[-1] // WORD_BYTES) * WORD_BYTES
+    block = np.zeros(place, np.uint8)
+    scene = scene_of(block)
+    scene.first, scene.end = tuple(first), tuple(end)
+    return block
+
+
+def scene_of(block: ByteArray) -> Any:
+    """Return the scene of a block for Python, a record, in place."""
+    return block[:SCENE_BYTES].view(SCENE)[0]
+
+
+class Arrays:
+    """Arrays of a block for Python, in place, by their names in `ARRAYS`; those with a row an axis are (rows, n)."""
+
+    def __init__(self, block: ByteArray) -> None:
+        """Refer to a block, which stays as it is."""
+        self.block, self.scene = block, scene_of(block)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an array."""
+        if name not in ARRAYS:
+            raise AttributeError(name)
+        array = self.block[self.scene.first[name] : self.scene.end[name]].view(ARRAYS[name])
+        if name in ("origin", "heading", "positions", "headings", "headings_before", "positions_now"):
+            array = array.reshape(self.scene.dimensions, -1)
+        elif ARRAYS[name] == STREAM:
+            array = array.view(np.uint64).reshape(-1, 4)
+        setattr(self, name, array)
+        return array
+
+
+def compile_kernel(function: Any, *kinds: Any) -> Any:
+    """Compile a kernel (block, addresses, ...), whose further arguments are of these types, before any clock runs.
+
+    Returns:
+        The compiled function.
+    """
+    compiled = function.for_python
+    if not compiled.overloads:
+        compiled.compile((BLOCK, ADDRESSES, *kinds))
+    return compiled
+
+
+def address_of(function: Any) -> int:
+    """Return the address at which compiled code calls a kernel (block, addresses, agent, time)."""
+    return function_address(compile_kernel(function, types.int64, types.float64))
+
+
+@jit_inline
+def entry_of(indices: IndexArray, place: int) -> int:
+    """Return an entry of an array of indices as a signed number: one type for all, and known not to be negative."""
+    return int(np.int64(indices[place]))
+
+
+Oscillators = namedtuple("Oscillators", "scene next_firing period block_earliest is_stale")
+"""Firing times and periods; see `ARRAYS`."""
+
+
+@jit_inline
+def oscillators_at(block: ByteArray) -> Oscillators:
+    """Return the oscillators of a block."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    first, end = scene[0].first, scene[0].end
+    return Oscillators(
+        scene,
+        array_at(block, first.next_firing, end.next_firing, FLOAT),
+        array_at(block, first.period, end.period, FLOAT),
+        array_at(block, first.block_earliest, end.block_earliest, FLOAT),
+        array_at(block, first.is_stale, end.is_stale, FLAG),
+    )
+
+
+Trajectories = namedtuple(
+    "Trajectories",
+    "scene origin heading speed start_cycle start_time end_cycle end_time wall end_times streams",
+)
+"""The present straight path of each agent; see `ARRAYS`."""
+
+
+@jit_inline
+def trajectories_at(block: ByteArray) -> Trajectories:
+    """Return the trajectories of a block."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    first, end = scene[0].first, scene[0].end
+    return Trajectories(
+        scene,
+        array_at(block, first.origin, end.origin, FLOAT),
+        array_at(block, first.heading, end.heading, FLOAT),
+        array_at(block, first.speed, end.speed, FLOAT),
+        array_at(block, first.start_cycle, end.start_cycle, FLOAT),
+        array_at(block, first.start_time, end.start_time, FLOAT),
+        array_at(block, first.end_cycle, end.end_cycle, FLOAT),
+        array_at(block, first.end_time, end.end_time, FLOAT),
+        array_at(block, first.wall, end.wall, INT),
+        array_at(block, first.end_times, end.end_times, FLOAT),
+        array_at(block, first.streams, end.streams, STREAM),
+    )
+
+
+Axis = namedtuple("Axis", "origin heading positions headings")
+"""What trajectories and positions are along one axis; see `ARRAYS`."""
+
+
+@jit_inline
+def axis_at(block: ByteArray, axis: int, positions: int, headings: int) -> Axis:
+    """Return the rows of an axis of a block.
+
+    Args:
+        block: The swarm.
+        axis: Number of the axis.
+        positions: Offset in the block of the array (dimensions * agents,) of the positions.
+        headings: The same of the headings.
+    """
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    begin, end = WORD_BYTES * scene[0].agents * axis, WORD_BYTES * scene[0].agents * (axis + 1)
+    origin, heading = scene[0].first.origin, scene[0].first.heading
+    return Axis(
+        array_at(block, origin + begin, origin + end, FLOAT),
+        array_at(block, heading + begin, heading + end, FLOAT),
+        array_at(block, positions + begin, positions + end, FLOAT),
+        array_at(block, headings + begin, headings + end, FLOAT),
+    )
+
+
+Runs = namedtuple("Runs", "end_cycle end_time speeds")
+"""The present run of each agent's random walk; see `ARRAYS`."""
+
+
+@jit_inline
+def runs_at(block: ByteArray) -> Runs:
+    """Return the runs of a block."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    first, end = scene[0].first, scene[0].end
+    return Runs(
+        array_at(block, first.run_end_cycle, end.run_end_cycle, FLOAT),
+        array_at(block, first.run_end_time, end.run_end_time, FLOAT),
+        array_at(block, first.run_speeds, end.run_speeds, FLOAT),
+    )
+
+
+Neighbours = namedtuple("Neighbours", "scene members counts cached_until skip_count")
+"""The neighbours that were found last; see `ARRAYS`."""
+
+
+@jit_inline
+def neighbours_at(block: ByteArray) -> Neighbours:
+    """Return the neighbours of a block."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    first, end = scene[0].first, scene[0].end
+    return Neighbours(
+        scene,
+        array_at(block, first.members, end.members, INDEX),
+        array_at(block, first.counts, end.counts, INT),
+        array_at(block, first.cached_until, end.cached_until, FLOAT),
+        array_at(block, first.skip_count, end.skip_count, INT),
+    )
+
+
+Candidates = namedtuple(
+    "Candidates", "agents positions headings square_distance axial_distance margin bucket_of bucket_end"
+)
+"""The agents among which neighbours are searched for; see `ARRAYS`."""
+
+
+@jit_inline
+def candidates_at(block: ByteArray) -> Candidates:
+    """Return the candidates of a block."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    first, end = scene[0].first, scene[0].end
+    return Candidates(
+        array_at(block, first.candidates, end.candidates, INDEX),
+        array_at(block, first.positions, end.positions, FLOAT),
+        array_at(block, first.headings, end.headings, FLOAT),
+        array_at(block, first.square_distance, end.square_distance, FLOAT),
+        array_at(block, first.axial_distance, end.axial_distance, FLOAT),
+        array_at(block, first.margin, end.margin, FLOAT),
+        array_at(block, first.bucket_of, end.bucket_of, INDEX),
+        array_at(block, first.bucket_end, end.bucket_end, INDEX),
+    )
+
+
+Instant = namedtuple("Instant", "fired received is_done")
+"""What happened at the last instant; see `ARRAYS`."""
+
+
+@jit_inline
+def instant_at(block: ByteArray) -> Instant:
+    """Return what happened last in a block."""
+    scene = array_at(block, 0, SCENE_BYTES, SCENE)
+    first, end = scene[0].first, scene[0].end
+    return Instant(
+        array_at(block, first.fired, end.fired, INDEX),
+        array_at(block, first.received, end.received, INDEX),
+        array_at(block, first.is_done, end.is_done, FLAG),
+    )
