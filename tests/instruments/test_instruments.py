@@ -14,7 +14,6 @@ from epuck_sim.instruments.clusters import cluster_numbers
 from epuck_sim.instruments.links import changed_share
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.order_parameter import METRICS
-from epuck_sim.particles.neighbour_lists import NeighbourLists
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 
@@ -177,12 +176,14 @@ def test_no_links_have_no_share_that_changed():
     assert changed_share(empty, np.array([1])) == 1.0
 
 
-def test_neighbour_lists_leave_the_simulation_as_it_is():
-    simulation = simulate(load_scenario(AGENTS), 1)
-    lists = NeighbourLists(simulation.scenario)
-    before = simulation.positions().tobytes()
-    list(lists.receivers(simulation.positions(), simulation.headings(), range(15)))
-    assert simulation.positions().tobytes() == before
+def test_a_search_for_links_leaves_the_simulation_as_it_is():
+    simulation, twin = (simulate(load_scenario(AGENTS), 1) for _ in range(2))
+    for _ in range(5):
+        assert len(simulation.neighbour_links()) > 0
+        simulation.run(simulation.cycles + 1)
+        twin.run(twin.cycles + 1)
+    assert simulation.positions().tobytes() == twin.positions().tobytes()
+    assert simulation.phases().tobytes() == twin.phases().tobytes()
 
 
 # --- motion ---------------------------------------------------------------------------------------
