@@ -1,7 +1,7 @@
 """Generators of random numbers in compiled code: numpy's SFC64 and PCG64, and what its `Generator` draws from them.
 
 All is equal to the bit to numpy, draw after draw. A generator is a row of words; nothing allocates.
-See `util.ziggurat` for normal and exponential numbers, and `util.selections` for permutations and choices.
+See `util.ziggurat` for normal numbers, and `util.selections` for choices.
 """
 
 import numpy as np
@@ -120,12 +120,6 @@ def fill_doubles(numbers: FloatArray, generator: WordArray) -> None:
     """Write random numbers from [0, 1), (n,), as `Generator.random` does."""
     for number in range(len(numbers)):
         numbers[number] = next_double(generator)
-
-
-@jit_inline
-def uniform_between(low: float, high: float, generator: WordArray) -> float:
-    """Return a random number from [low, high), as `Generator.uniform` does."""
-    return low + (high - low) * next_double(generator)
 
 
 @jit_no_alloc

@@ -6,7 +6,7 @@ parent's with one more number mixed in, so that a trial's seed is mixed once, an
 
 import numpy as np
 
-from epuck_sim.arrays import StreamArray, WordArray
+from epuck_sim.arrays import WordArray
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 SEQUENCE_WORDS = 5
@@ -120,16 +120,3 @@ def draw_words(words: WordArray, sequence: WordArray) -> None:
         sequence: (`SEQUENCE_WORDS`,) which stays as it is.
     """
     draw_row(words, sequence, DRAW_BEGIN)
-
-
-@jit_inline
-def draw_streams(streams: StreamArray, sequence: WordArray) -> None:
-    """Write the initial states of robots' streams, as `util.seeds.robot_streams` returns them.
-
-    Args:
-        streams: (robots, 4) what to write.
-        sequence: (`SEQUENCE_WORDS`,) which stays as it is.
-    """
-    factor = DRAW_BEGIN
-    for robot in range(len(streams)):
-        factor = draw_row(streams[robot], sequence, factor)

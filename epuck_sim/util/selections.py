@@ -1,30 +1,13 @@
-"""Permutations and choices of numbers in compiled code, equal to those of numpy's `Generator`."""
+"""Choices of numbers in compiled code, equal to those of numpy's `Generator`."""
 
 import numpy as np
 
 from epuck_sim.arrays import IntArray, WordArray
-from epuck_sim.util.generators import integer_up_to, next_uint32
+from epuck_sim.util.generators import integer_up_to
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 TAIL_LIMIT, TAIL_SHARE = 10_000, 50
 """numpy chooses from more than `TAIL_LIMIT` numbers by a shuffle, if it chooses more than one of `TAIL_SHARE`."""
-
-_1, _32_ONES = np.uint64(1), np.uint64(0xFFFFFFFF)
-
-
-@jit_no_alloc
-def permute(numbers: IntArray, generator: WordArray) -> None:
-    """Write the numbers from 0 to n - 1, (n,), n below 2**32, in random order, as `Generator.permutation(n)` does."""
-    for number in range(len(numbers)):
-        numbers[number] = number
-    mask = _32_ONES  # the shortest row of ones that `last` has room in
-    for last in range(len(numbers) - 1, 0, -1):
-        while mask >> _1 >= np.uint64(last):
-            mask >>= _1
-        other = next_uint32(generator) & mask
-        while other > np.uint64(last):  # numpy does not use `integer_up_to` here
-            other = next_uint32(generator) & mask
-        numbers[last], numbers[other] = numbers[other], numbers[last]
 
 
 @jit_no_alloc

@@ -1,4 +1,4 @@
-"""Normal and exponential random numbers in compiled code, equal to numpy's to the bit: by a ziggurat of 256 layers.
+"""Normal random numbers in compiled code, equal to numpy's to the bit: by a ziggurat of 256 layers.
 
 The method is that of Marsaglia and Tsang (2000). numpy keeps its tables in its machine code; here they are computed,
 in decimals, so that they are the same on every computer.
@@ -18,19 +18,17 @@ NORMAL_EDGE = 3.6541528853610087963519472518
 """Where the tail of the normal distribution begins, in standard deviations."""
 NORMAL_AREA = 0.0049286732339746519
 """Area of each layer below exp(-x**2 / 2)."""
-EXPONENTIAL_EDGE = "7.6971174701310497140446280481"
-"""Where the tail of the exponential distribution begins, in means; with more digits than a float has."""
-
-Tables = tuple[WordArray, FloatArray, FloatArray]
-"""For each layer: the integer below which a draw is surely inside, the width of an integer, the height of the edge."""
 
 _DIGITS = 40
 _HIGHER_LAYER = 38
 """Layer whose edge numpy has one unit in the last place too high, by the exponential of the program that made it."""
 
 
-def normal_tables() -> Tables:
-    """Return numpy's tables of the normal distribution, rounded to a float at each step as they were when made."""
+def normal_tables() -> tuple[WordArray, FloatArray, FloatArray]:
+    """Return numpy's tables of the normal distribution, rounded to a float at each step as they were when made.
+
+    For each layer: the integer below which a draw is surely inside, the width of an integer, the height of the edge.
+    """
     with localcontext(prec=_DIGITS):
         edges, heights = np.empty(LAYERS), np.ones(LAYERS)
         edges[-1] = NORMAL_EDGE
@@ -45,28 +43,7 @@ def normal_tables() -> Tables:
     return np.rint(inside * 2.0**52).astype(np.uint64), edges / 2.0**52, heights
 
 
-def exponential_tables() -> Tables:
-    """Return numpy's tables of the exponential distribution, exact and rounded at the end."""
-    with localcontext(prec=_DIGITS):
-        edge = Decimal(EXPONENTIAL_EDGE)
-        height = (-edge).exp()
-        area = (edge + 1) * height
-        inside, widths, heights = [edge * height / area], [edge], [height]
-        for _ in range(LAYERS - 2):
-            height += area / edge
-            inside.append(-height.ln() / edge)
-            edge *= inside[-1]
-            widths.append(edge)
-            heights.append(height)
-        first, *others = inside
-        limits = [2 * int(share * 2**52) for share in (first, Decimal(0), *reversed(others))]
-        sizes = [float(width / 2**53) for width in (area / heights[0], *reversed(widths))]
-        return np.array(limits, np.uint64), np.array(sizes), np.array([1.0, *map(float, reversed(heights))])
-
-
 _INSIDE, _WIDTH, _HEIGHT = normal_tables()
-_EXP_INSIDE, _EXP_WIDTH, _EXP_HEIGHT = exponential_tables()
-_EXP_EDGE = float(EXPONENTIAL_EDGE)
 _INVERSE_EDGE = 0.27366123732975827203338247596
 _1, _8, _BYTE, _52_BITS = np.uint64(1), np.uint64(8), np.uint64(0xFF), np.uint64(0xFFFFFFFFFFFFF)
 
@@ -107,27 +84,3 @@ def standard_normal(generator: WordArray) -> float:
         return _normal_of(word, generator)
     number: float = steps * _WIDTH[layer]
     return -number if word >> _8 & _1 else number
-
-
-@jit_inline
-def fill_normals(numbers: FloatArray, generator: WordArray) -> None:
-    """Write standard normal numbers, (n,)."""
-    for number in range(len(numbers)):
-        numbers[number] = standard_normal(generator)
-
-
-@jit_no_alloc
-def standard_exponential(generator: WordArray) -> float:
-    """Return an exponential number of mean 1, as `Generator.standard_exponential` does."""
-    while True:
-        word = next_uint64(generator) >> np.uint64(3)
-        layer = np.int64(word & _BYTE)
-        steps = word >> _8
-        number: float = steps * _EXP_WIDTH[layer]
-        if steps < _EXP_INSIDE[layer]:
-            return number
-        if layer == 0:
-            return _EXP_EDGE - math.log1p(-next_double(generator))
-        height = (_EXP_HEIGHT[layer - 1] - _EXP_HEIGHT[layer]) * next_double(generator) + _EXP_HEIGHT[layer]
-        if height < math.exp(-number):
-            return number
