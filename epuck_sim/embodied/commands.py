@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import BoolArray, FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller
 from epuck_sim.embodied.loop import act_again
 from epuck_sim.embodied.swarm import swarm_at
@@ -15,7 +15,7 @@ from epuck_sim.util.jit import jit_no_alloc
 
 @jit_no_alloc
 def _carry_out(
-    block: npt.NDArray[np.uint8],
+    block: ByteArray,
     addresses: IntArray,
     wheel_robots: IntArray,
     wheels_cm_s: FloatArray,
@@ -45,11 +45,7 @@ class Commands:
     """(m,) whether the ring of each is to be lit."""
 
     def __init__(
-        self,
-        controllers: Sequence[Controller],
-        counts: Sequence[int],
-        block: npt.NDArray[np.uint8],
-        addresses: IntArray,
+        self, controllers: Sequence[Controller], counts: Sequence[int], block: ByteArray, addresses: IntArray
     ) -> None:
         """Find the robots that are commanded from outside.
 
@@ -59,7 +55,7 @@ class Commands:
             block: The swarm.
             addresses: What its control steps call.
         """
-        self.block, self.addresses = block, addresses
+        self._block, self._addresses = block, addresses
         self.wheel_robots, self.ring_robots = (
             np.flatnonzero(np.repeat([part in each.external for each in controllers], counts))
             for part in ("wheels", "ring")
@@ -69,21 +65,22 @@ class Commands:
 
     def carry_out(self) -> None:
         """Have robots do what is commanded now, see `Simulation.command`."""
-        _carry_out(self.block, self.addresses, self.wheel_robots, self.wheels_cm_s, self.ring_robots, self.rings)
+        _carry_out(self._block, self._addresses, self.wheel_robots, self.wheels_cm_s, self.ring_robots, self.rings)
 
     def set(
         self, left_cm_s: npt.ArrayLike | None, right_cm_s: npt.ArrayLike | None, ring_on: npt.ArrayLike | None
     ) -> None:
         """Check commands, and write those that are given; see `Simulation.command`."""
-        left = None if left_cm_s is None else _speeds("left_cm_s", left_cm_s, self.wheel_robots)
-        right = None if right_cm_s is None else _speeds("right_cm_s", right_cm_s, self.wheel_robots)
-        rings = None if ring_on is None else _rings(ring_on, self.ring_robots)
-        if left is not None:
-            self.wheels_cm_s[:, 0] = left
-        if right is not None:
-            self.wheels_cm_s[:, 1] = right
-        if rings is not None:
-            self.rings[:] = rings
+        given = (
+            ("left_cm_s", left_cm_s, self.wheel_robots, self.wheels_cm_s[:, 0]),
+            ("right_cm_s", right_cm_s, self.wheel_robots, self.wheels_cm_s[:, 1]),
+            ("ring_on", ring_on, self.ring_robots, self.rings),
+        )
+        checked = [
+            (target, _checked(name, values, robots)) for name, values, robots, target in given if values is not None
+        ]
+        for target, values in checked:
+            target[:] = values
 
     def restart(self) -> None:
         """Set all commands to standstill in the dark, as before the first step."""
@@ -91,36 +88,26 @@ class Commands:
         self.rings[:] = False
 
 
-def _speeds(name: str, given: npt.ArrayLike, robots: IntArray) -> FloatArray:
-    """Return the speeds that are given, one for each robot, or one for all."""
-    speeds = _fitting(name, given, robots, "wheels")
-    if speeds.dtype.kind not in "iuf":
-        raise ValueError(f"{name} is of type {speeds.dtype}; allowed: numbers, in cm/s")
-    if np.isnan(speeds).any():
-        robot = robots[np.isnan(np.broadcast_to(speeds, robots.shape)).argmax()]
-        raise ValueError(f"{name}: the speed of robot {robot} is not a number")
-    return speeds
-
-
-def _rings(given: npt.ArrayLike, robots: IntArray) -> npt.NDArray[Any]:
-    """Return whether rings are to be lit, one for each robot, or one for all."""
-    rings = _fitting("ring_on", given, robots, "ring")
-    if rings.dtype != np.bool_ and not np.isin(rings, (0, 1)).all():
-        raise ValueError(f"ring_on holds {rings[~np.isin(rings, (0, 1))].flat[0]}; allowed: true and false, or 1 and 0")
-    return rings
-
-
-def _fitting(name: str, given: npt.ArrayLike, robots: IntArray, part: str) -> npt.NDArray[Any]:
-    """Return an array that has one value for each of these robots, or one for all."""
-    values = np.asarray(given)
+def _checked(name: str, given: npt.ArrayLike, robots: IntArray) -> npt.NDArray[Any]:
+    """Return what is commanded, one value for each of these robots, or one for all; raise ValueError for others."""
+    values, part = np.asarray(given), "ring" if name == "ring_on" else "wheels"
     if not len(robots):
         raise ValueError(
             f"{name} is given, but no robot has its {part} commanded from outside; give a group `controller: external`"
-            f"{', external_wheels' if part == 'wheels' else ', external_ring'} or a file with EXTERNAL = ({part!r},)"
+            f", external_{part} or a file with EXTERNAL = ({part!r},)"
         )
     if values.shape not in ((), robots.shape):
         raise ValueError(
             f"{name} has the shape {values.shape}; allowed: {robots.shape}, one value for each robot whose {part} is "
             "commanded from outside, or a single one for all"
         )
+    if part == "ring":
+        is_other = ~np.isin(values, (0, 1))
+        if values.dtype != np.bool_ and is_other.any():
+            raise ValueError(f"ring_on holds {values[is_other].flat[0]}; allowed: true and false, or 1 and 0")
+    elif values.dtype.kind not in "iuf":
+        raise ValueError(f"{name} is of type {values.dtype}; allowed: numbers, in cm/s")
+    elif np.isnan(values).any():
+        robot = robots[np.isnan(np.broadcast_to(values, robots.shape)).argmax()]
+        raise ValueError(f"{name}: the speed of robot {robot} is not a number")
     return values

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Wheels
@@ -26,8 +26,6 @@ from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
 from epuck_sim.util.messages import describe_error
 from epuck_sim.util.native import array_at, call_c, function_address
 from epuck_sim.util.python_files import line_of_error
-
-Block = npt.NDArray[np.uint8]
 
 Records = npt.NDArray[np.void]
 
@@ -57,7 +55,7 @@ if TYPE_CHECKING:  # `bind` provides them
     PARAMETERS: np.dtype[Any]
 
 
-def _run(block: Block, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+def _run(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
     """Run a control step of each robot of a group that is in the arena, or start those that are to start."""
     swarm = swarm_at(block)
     scene, group = swarm.scene[0], swarm.groups[number]
@@ -92,7 +90,7 @@ def _run(block: Block, addresses: IntArray, number: int) -> None:  # noqa: ARG00
     scene.serving = -1
 
 
-def _run_firmware(block: Block, addresses: IntArray, number: int) -> None:
+def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
     """Do what `_run` does, for firmware in C."""
     swarm = swarm_at(block)
     scene, group = swarm.scene[0], swarm.groups[number]
@@ -140,11 +138,13 @@ class GroupControllers:
 
     controller: Controller
     """What runs on the robots."""
-    run: Callable[[Block, IntArray, int], None]
+    robots: slice
+    """Numbers of the robots."""
+    run: Callable[[ByteArray, IntArray, int], None]
     """Runs one control step of each robot; takes the block, the addresses and the group's number. Compiled, unless
     controllers are interpreted."""
 
-    def __init__(self, block: Block, number: int, controller: Controller, *, interpret: bool = False) -> None:
+    def __init__(self, block: ByteArray, number: int, controller: Controller, *, interpret: bool = False) -> None:
         """Prepare `controller`, without starting it: the block stays as it is.
 
         Args:
@@ -160,6 +160,7 @@ class GroupControllers:
         self.controller = controller
         self._block, self._number, self._swarm = block, number, open_block(block)
         self._scene, self._group = self._swarm.scene[0], self._swarm.groups[number]
+        self.robots = slice(int(self._group.first), int(self._group.first + self._group.count))
         self._is_compiled = not (interpret or isinstance(controller, Firmware))
         self._entries = [0] * ENTRIES
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
@@ -208,7 +209,7 @@ class GroupControllers:
             RobotError: A robot's controller raises an error.
         """
         chosen = np.arange(self._group.count) if members is None else np.asarray(members, np.intp)
-        robots = self._swarm.robots[self._group.first :][: self._group.count]
+        robots = self._swarm.robots[self.robots]
         robots.starts = False
         robots.starts[chosen] = True
         robots.actuators[chosen] = np.zeros(1, ACTUATORS)

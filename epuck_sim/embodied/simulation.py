@@ -27,7 +27,7 @@ from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers.relations import Relations
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.sensors.signals import begin_pictures
-from epuck_sim.embodied.snapshot import Change, Command, ParameterChange, ScheduledChange, Snapshot
+from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import open_block
@@ -135,7 +135,6 @@ class Simulation:
         self._loop = ControlLoop(scenario, block, self._world, self._groups, interpret=self._interpret)
         counts = [section.count for section in scenario.robots]
         self.commands = Commands(controllers, counts, block, self._loop.addresses)
-        self._relations = Relations(scenario, swarm, self._arenas[0])
         self._find_periods()
         self._first_periods = self.period_ms.copy()
         swarm.robots["starts"] = self._starts[0] = True
@@ -146,7 +145,7 @@ class Simulation:
     def _show(self, arena: Arena) -> None:
         """Find the arrays that steps show in an arena, which the swarm is in."""
         self._arena = arena
-        self._relations.change_arena(arena)
+        self._relations = Relations(self.scenario, self._swarm, arena)
         memories = [group.memory for group in self._groups]
         self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, self._relations)
 
@@ -197,14 +196,9 @@ class Simulation:
             take_out(self._absent, block, self._world, self._groups)
 
     def _find_periods(self) -> None:
-        for group, first, end in self._bounds():
+        for group in self._groups:
             is_oscillator = group.controller.is_oscillator
-            self.period_ms[first:end] = float(group.parameters["period_s"][0]) * 1000 if is_oscillator else np.nan
-
-    def _bounds(self) -> list[tuple[GroupControllers, int, int]]:
-        """Return the controllers of each group, the number of its first robot, and that after its last."""
-        ends = np.cumsum([section.count for section in self.scenario.robots]).tolist()
-        return list(zip(self._groups, [0, *ends], ends, strict=False))
+            self.period_ms[group.robots] = float(group.parameters["period_s"][0]) * 1000 if is_oscillator else np.nan
 
     @property
     def controllers(self) -> list[Controller]:
@@ -301,7 +295,8 @@ class Simulation:
             raise ValueError("nothing is commanded; give left_cm_s, right_cm_s or ring_on")
         self.commands.set(left_cm_s, right_cm_s, ring_on)
         self.commands.carry_out()
-        self._changes.append(Command.of(self.steps, self.commands))
+        given = [None if each is None else np.array(each) for each in (left_cm_s, right_cm_s, ring_on)]
+        self._note("command", *given)
 
     def set_parameters(self, group: int = 0, /, **values: Value) -> None:
         """Change parameters of a group's controllers from the next step on; its robots keep what they remember.
@@ -317,10 +312,9 @@ class Simulation:
         if not 0 <= group < len(self._groups):
             raise ValueError(f"group is {group}; allowed: 0 to {len(self._groups) - 1}")
         self._set_parameters(group, values)
-        self._changes.append(ParameterChange(self.steps, group, values))
+        self._note("set_parameters", group, **values)
 
     def _set_parameters(self, group: int, values: Mapping[str, Value]) -> None:
-        """Change parameters of a group's controllers."""
         changed = self._groups[group]
         controller, origin = changed.controller, f"{self.scenario.name}: robots.{group}"
         given = {**controller.parameter_values(changed.parameters[0]), **values}
@@ -337,7 +331,11 @@ class Simulation:
             entry: Number of the entry.
         """
         self._carry_out(entry)
-        self._changes.append(ScheduledChange(self.steps, entry))
+        self._note("carry_out_scheduled", entry)
+
+    def _note(self, method: str, *given: Any, **values: Any) -> None:
+        """Have snapshots know of a call that has changed the simulation."""
+        self._changes.append(Change(self.steps, method, given, values))
 
     def _carry_out(self, entry: int) -> None:
         sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
@@ -414,7 +412,7 @@ class Simulation:
         self.reset(snapshot.seed)
         for change in snapshot.changes:
             self._skip_to(change.steps)
-            change.repeat(self)
+            getattr(self, change.method)(*change.given, **change.values)
         self._skip_to(snapshot.steps)
 
     def _skip_to(self, steps: int) -> None:
@@ -439,7 +437,7 @@ class Simulation:
             raise self._located(error) from error
         self.is_firing = outcome == FIRED
         if outcome >= 0:
-            controller = next(group.controller for group, _, end in self._bounds() if outcome < end)
+            controller = next(group.controller for group in self._groups if outcome < group.robots.stop)
             raise ControllerError(
                 f"{self._location(outcome)}: {controller.path}: sets a wheel speed or a turn that is not a number"
             )
@@ -456,9 +454,9 @@ class Simulation:
 
     def _located(self, error: BaseException) -> BaseException:
         """Return the error of a controller with its location; any other error as it is."""
-        for group, first, _ in self._bounds():
+        for group in self._groups:
             if fault := group.fault(error):
-                return ControllerError(f"{self._location(first + fault.robot)}: {fault}")
+                return ControllerError(f"{self._location(group.robots.start + fault.robot)}: {fault}")
         return error
 
 

@@ -100,15 +100,7 @@ class ShownArrays:
         memories: Sequence[npt.NDArray[Any]],
         relations: Relations,
     ) -> None:
-        """Find the arrays.
-
-        Args:
-            scenario: The scenario.
-            swarm: The swarm.
-            arena: Its present arena.
-            memories: What the robots of each group remember.
-            relations: What finds who sees, and who touches, whom.
-        """
+        """Find the arrays of a swarm in an arena; memories: what the robots of each group remember."""
         self._swarm, robots = swarm, swarm.robots
         self._poses = poses_of(robots)
         poses = self._copied_poses = self._poses.copy() if scenario.members_change else None

@@ -8,10 +8,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.placement import (
@@ -32,8 +31,6 @@ from epuck_sim.util.jit import jit_no_alloc
 if TYPE_CHECKING:  # it imports pymunk, which readers of recordings do without
     from epuck_sim.embodied.bodies.world import World
 
-Block = npt.NDArray[np.uint8]
-
 _WORD = 2**64
 
 
@@ -50,7 +47,7 @@ def parked(poses: FloatArray) -> FloatArray:
 
 
 @jit_no_alloc
-def blank(block: Block, _addresses: IntArray, number: int) -> None:
+def blank(block: ByteArray, _addresses: IntArray, number: int) -> None:
     """Have the robots of a group that are not in the arena sense nothing."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
@@ -71,7 +68,7 @@ def blank(block: Block, _addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
-def rest(block: Block, _addresses: IntArray, _number: int) -> None:
+def rest(block: ByteArray, _addresses: IntArray, _number: int) -> None:
     """Have all robots that are not in the arena rest in the dark, after commands have been carried out."""
     swarm = swarm_at(block)
     for number in range(len(swarm.robots)):
@@ -82,7 +79,7 @@ def rest(block: Block, _addresses: IntArray, _number: int) -> None:
             robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
 
 
-def take_out(robots: Sequence[int], block: Block, world: "World", controllers: Sequence[GroupControllers]) -> None:
+def take_out(robots: Sequence[int], block: ByteArray, world: "World", controllers: Sequence[GroupControllers]) -> None:
     """Take robots out of the arena: they forget all."""
     swarm = open_block(block)
     for number in robots:
@@ -99,7 +96,7 @@ def put_in(
     robots: Sequence[int],
     poses: Sequence[Sequence[float]] | None,
     scenario: EmbodiedScenario,
-    block: Block,
+    block: ByteArray,
     world: "World",
     controllers: Sequence[GroupControllers],
     sequence: np.random.SeedSequence,

@@ -29,18 +29,18 @@ def plan_calls(scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], con
     """
     groups = range(len(scenario.robots))
 
-    def for_groups(moment: int) -> list[tuple[Any, int]]:
-        return [(hook, group) for hook in faults.hooks_at(moment, scenario) for group in groups]
+    def hooks(moment: int, *numbers: int) -> list[tuple[Any, int]]:
+        return [(hook, number) for hook in faults.hooks_at(moment, scenario) for number in numbers]
 
     absent = scenario.members_change
     early = [
-        *((hook, 0) for hook in faults.hooks_at(faults.BEGIN, scenario)),
-        *for_groups(faults.BEFORE_SENSING),
+        *hooks(faults.BEGIN, 0),
+        *hooks(faults.BEFORE_SENSING, *groups),
         *((sense, group) for group in groups for sense in sensors[group]),
-        *for_groups(faults.AFTER_SENSING),
+        *hooks(faults.AFTER_SENSING, *groups),
         *((blank, group) for group in groups if absent),
         *((controllers[group], group) for group in groups),
-        *for_groups(faults.AFTER_CONTROLLERS),
+        *hooks(faults.AFTER_CONTROLLERS, *groups),
     ]
-    late = [*((hook, 0) for hook in faults.hooks_at(faults.LATE, scenario)), *([(rest, 0)] if absent else [])]
+    late = [*hooks(faults.LATE, 0), *([(rest, 0)] if absent else [])]
     return Calls(early, late, next(iter(faults.hooks_at(faults.WHILE_SENSING, scenario)), None))

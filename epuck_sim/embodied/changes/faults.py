@@ -12,10 +12,9 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.swarm import FLOAT64, INT64, Swarm, open_block, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -25,8 +24,6 @@ from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at
 from epuck_sim.util.rng import next_word, uniform
 from epuck_sim.util.seeds import robot_streams
-
-Block = npt.NDArray[np.uint8]
 
 RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
 CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART = range(5, 10)
@@ -81,7 +78,7 @@ def _in_ms(time_s: float) -> float:
     return round(time_s * 1000, 6)
 
 
-def restart_faults(block: Block, scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> None:
+def restart_faults(block: ByteArray, scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> None:
     """Begin a trial: draw who may have each fault, and when random ones begin first.
 
     Args:
@@ -111,7 +108,7 @@ def _members(section: FaultSection, robots: int, sequence: np.random.SeedSequenc
 
 
 @jit_no_alloc
-def draw_first_changes(block: Block) -> None:
+def draw_first_changes(block: ByteArray) -> None:
     """Draw the words that decide on flashes, and when each fault begins first."""
     swarm = swarm_at(block)
     for fault in range(len(swarm.faults)):
@@ -152,7 +149,7 @@ def _change(swarm: Swarm, fault: int, robot: int) -> None:
 
 
 @jit_no_alloc
-def change_faults(block: Block, _addresses: IntArray, _number: int) -> None:
+def change_faults(block: ByteArray, _addresses: IntArray, _number: int) -> None:
     """Begin and end the faults whose time has come, and log them; number the flashes that begin.
 
     First in a control step, where there are faults.
@@ -211,7 +208,7 @@ def _what(kind: int, *, begins: bool) -> str:
 
 
 @jit_no_alloc
-def tick_clocks(block: Block, _addresses: IntArray, _number: int) -> None:
+def tick_clocks(block: ByteArray, _addresses: IntArray, _number: int) -> None:
     """Write the ms until the next control step by clocks that may be faulty; fractions carry over."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
@@ -237,7 +234,7 @@ def tick_clocks(block: Block, _addresses: IntArray, _number: int) -> None:
 
 
 @jit_no_alloc
-def hold_phases(block: Block, _addresses: IntArray, number: int) -> None:
+def hold_phases(block: ByteArray, _addresses: IntArray, number: int) -> None:
     """Start those of a group's oscillators anew whose turn it is, and hold phases and rings, before controllers run."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
@@ -261,7 +258,7 @@ def hold_phases(block: Block, _addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
-def freeze_phases(block: Block, _addresses: IntArray, number: int) -> None:
+def freeze_phases(block: ByteArray, _addresses: IntArray, number: int) -> None:
     """Set the phases and rings of a group's frozen oscillators back to what they were before controllers ran."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
@@ -276,7 +273,7 @@ def freeze_phases(block: Block, _addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
-def blank_infrared(block: Block, _addresses: IntArray, number: int) -> None:
+def blank_infrared(block: ByteArray, _addresses: IntArray, number: int) -> None:
     """Write the readings of a group's dead proximity sensors, 0, and their distances."""
     swarm = swarm_at(block)
     group = swarm.groups[number]
@@ -288,7 +285,7 @@ def blank_infrared(block: Block, _addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
-def hide_flashes(block: Block, _addresses: IntArray, robot: int) -> None:
+def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
     """Write which lit rings faults do not keep a robot from seeing: 1 for each, 0 for others, one for each robot.
 
     They are the second part of the scratch numbers, see `Swarm.numbers`.
@@ -334,7 +331,7 @@ def _mixed(word: np.uint64) -> np.uint64:
 
 
 @jit_no_alloc
-def fail_rings(block: Block, _addresses: IntArray, _number: int) -> None:
+def fail_rings(block: ByteArray, _addresses: IntArray, _number: int) -> None:
     """Light the rings that are commanded, or stuck, and work."""
     swarm = swarm_at(block)
     for number in range(len(swarm.robots)):
@@ -344,7 +341,7 @@ def fail_rings(block: Block, _addresses: IntArray, _number: int) -> None:
 
 
 @jit_no_alloc
-def stop_wheels(block: Block, _addresses: IntArray, _number: int) -> None:
+def stop_wheels(block: ByteArray, _addresses: IntArray, _number: int) -> None:
     """Stop the robots whose wheels are dead; these count as commanded."""
     swarm = swarm_at(block)
     for number in range(len(swarm.robots)):

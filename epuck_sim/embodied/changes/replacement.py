@@ -8,15 +8,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller, Value
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.swarm import Swarm, open_block
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.controllers import resolve_parameters
-
-Block = npt.NDArray[np.uint8]
 
 _PLACES = {
     "scene": ("at", "reference_phase", "reference_is_float"),
@@ -63,8 +61,8 @@ def parameters_for(
 
 
 def replace_controller(
-    old_block: Block,
-    block: Block,
+    old_block: ByteArray,
+    block: ByteArray,
     number: int,
     old: GroupControllers,
     new: GroupControllers,
@@ -89,9 +87,7 @@ def replace_controller(
     """
     move(old_block, block, number)
     new.parameters[:] = new.controller.parameter_record(parameters)
-    swarm = open_block(block)
-    group = swarm.groups[number]
-    actuators = swarm.robots.actuators[group.first : group.first + group.count]
+    actuators = open_block(block).robots.actuators[new.robots]
     fields, old_fields = new.controller.memory, old.controller.memory
     names = fields.names or ()
     kept = tuple(name for name in names if name in (old_fields.names or ()) and fields[name] == old_fields[name])
@@ -111,7 +107,7 @@ def replace_controller(
     return Replaced(kept, started)
 
 
-def move(old_block: Block, block: Block, replaced: int) -> None:
+def move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
     """Copy a swarm to another block: all but memories and parameters of the group whose controller is replaced."""
     old, new = open_block(old_block), open_block(block)
     for name in Swarm._fields[:-1]:

@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim.arena import Arena, clearance_cm, without_movables
+from epuck_sim.arrays import ByteArray
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import put_in, take_out
@@ -42,7 +42,7 @@ def carry_out(
     number: int,
     scenario: EmbodiedScenario,
     sequence: np.random.SeedSequence,
-    block: npt.NDArray[np.uint8],
+    block: ByteArray,
     world: World,
     controllers: Sequence[GroupControllers],
     change_arena: Callable[[Arena], None],
@@ -127,19 +127,18 @@ def displace_phases(
     drawn = np.random.Generator(np.random.SFC64(sequence)).random(len(robots))
     is_displaced = np.isin(robots, robots if displacement.robots is None else displacement.robots)
     by_cycles = displacement.by_cycles
-    for group, each in zip(swarm.groups, controllers, strict=True):
-        if not each.controller.is_oscillator:
+    for group in controllers:
+        if not group.controller.is_oscillator:
             continue
-        members = slice(group.first, group.first + group.count)
-        phase_ms, period_ms = each.memory["phase_ms"], float(each.parameters["period_s"][0]) * 1000
+        phase_ms, period_ms = group.memory["phase_ms"], float(group.parameters["period_s"][0]) * 1000
         if isinstance(by_cycles, str):
-            displaced = drawn[members] * period_ms
+            displaced = drawn[group.robots] * period_ms
         else:
             ahead_ms = np.round(by_cycles * period_ms, 6)  # 1450 ms, not 1449.9999999999998, for whole phases
             displaced = (phase_ms + ahead_ms) % period_ms
-        rows = is_displaced[members]
+        rows = is_displaced[group.robots]
         phase_ms[rows] = displaced[rows]
-        swarm.robots.actuators.ring_on[members][rows] = 0
+        swarm.robots.actuators.ring_on[group.robots][rows] = 0
 
 
 def begin_or_end(swarm: Swarm, fault: int, *, begins: bool, time_ms: float) -> None:

@@ -18,12 +18,7 @@ class Relations:
 
     def __init__(self, scenario: EmbodiedScenario, swarm: Swarm, arena: Arena) -> None:
         """Take robots and circles from a swarm, of `open_block`, and the rest from the arena in which it is."""
-        self._scenario, self._swarm = scenario, swarm
-        self.change_arena(arena)
-
-    def change_arena(self, arena: Arena) -> None:
-        """Search among other walls and obstacles from now on."""
-        self._arena = arena
+        self._scenario, self._swarm, self._arena = scenario, swarm, arena
         self._made: Scene | None = None
         self._last: dict[str, tuple[int, IntArray]] = {}
 
@@ -32,19 +27,11 @@ class Relations:
         self._last.clear()
 
     def sightings(self, step: int) -> IntArray:
-        """Return (sightings, 2) robot that looks, and robot whose lit ring it sees, in the present step.
-
-        Args:
-            step: Number of the present step.
-        """
+        """Return (sightings, 2) robot that looks, and robot whose lit ring it sees, in the present step: `step`."""
         return self._once("sightings", step, self._find_sightings)
 
     def contacts(self, step: int) -> IntArray:
-        """Return (contacts, 2) robot, and the robot that it touches in the present step, or -1: no robot, but a thing.
-
-        Args:
-            step: Number of the present step.
-        """
+        """Return (contacts, 2) robot, and the robot that it touches, or -1: no robot; in the present step: `step`."""
         return self._once("contacts", step, lambda: find_contacts(self._scene(), self._poses())[0])
 
     def _once(self, what: str, step: int, find: Callable[[], IntArray]) -> IntArray:
