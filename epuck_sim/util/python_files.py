@@ -4,8 +4,7 @@ import ast
 import hashlib
 import sys
 import traceback
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Mapping, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import module_from_spec, spec_from_file_location
@@ -31,7 +30,7 @@ class PythonFile(NamedTuple):
 
 
 def load_python_file(path: Path, more_folders: Sequence[Path] = ()) -> PythonFile:
-    """Run a file, and return it as a module of its own.
+    """Run a file, and return it as a module of its own. Nothing that it imports beside it stays in `sys.modules`.
 
     Args:
         path: The file.
@@ -40,70 +39,41 @@ def load_python_file(path: Path, more_folders: Sequence[Path] = ()) -> PythonFil
     Raises:
         BaseException: Whatever the file raises.
     """
-    with _imports_beside(path, more_folders) as (sources, modules):
-        return PythonFile(_Source(path, sources, modules).load(), sources, modules)
-
-
-class _Source(Loader):
-    """Loads a module from its source, as cached bytecode may be older than it seems, and records both."""
-
-    def __init__(self, path: Path, sources: dict[Path, bytes], modules: dict[Path, ModuleType]) -> None:
-        self._path = path
-        self._sources = sources
-        self._modules = modules
-
-    def exec_module(self, module: ModuleType) -> None:
-        source = self._sources[self._path] = self._path.read_bytes()
-        self._modules[self._path] = module
-        exec(compile(source, str(self._path), "exec", dont_inherit=True), vars(module))
-        vars(module)[AS_LOADED] = {name: fingerprint(value) for name, value in vars(module).items()}
-
-    def load(self) -> ModuleType:
-        """Return the file as a module that no `import` statement finds."""
-        spec = spec_from_file_location(self._path.stem, self._path, loader=self)
+    folders = (*reversed(more_folders), path.parent)
+    beside = [file for folder in folders for file in folder.glob("*.py") if file != path]
+    importer = _Importer({file.stem: file.resolve() for file in beside})
+    hidden = {name: sys.modules.pop(name) for name in importer.files if name in sys.modules}
+    sys.meta_path.insert(0, importer)
+    try:
+        spec = spec_from_file_location(path.stem, path, loader=importer)
         assert spec is not None  # a loader was given
         module = module_from_spec(spec)
-        self.exec_module(module)
-        return module
-
-
-class _Beside(MetaPathFinder):
-    """Finds modules beside a file and in further folders, except the file itself."""
-
-    def __init__(
-        self, path: Path, folders: Sequence[Path], sources: dict[Path, bytes], modules: dict[Path, ModuleType]
-    ) -> None:
-        folders = (path.parent, *folders)
-        files = [file for folder in reversed(folders) for file in folder.glob("*.py") if file != path]
-        self.files: Mapping[str, Path] = {file.stem: file.resolve() for file in files}
-        self._sources = sources
-        self._modules = modules
-
-    def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:  # noqa: ARG002
-        if name not in self.files:
-            return None
-        loader = _Source(self.files[name], self._sources, self._modules)
-        return spec_from_file_location(name, self.files[name], loader=loader)
-
-
-@contextmanager
-def _imports_beside(path: Path, folders: Sequence[Path]) -> Iterator[tuple[dict[Path, bytes], dict[Path, ModuleType]]]:
-    """Make files beside `path`, and those in `folders`, importable by name while the block lasts.
-
-    Yields the sources and the modules of the files that are loaded, which fill up. Nothing stays in `sys.modules`.
-    """
-    sources: dict[Path, bytes] = {}
-    modules: dict[Path, ModuleType] = {}
-    finder = _Beside(path, folders, sources, modules)
-    hidden = {name: sys.modules.pop(name) for name in finder.files if name in sys.modules}
-    sys.meta_path.insert(0, finder)
-    try:
-        yield sources, modules
+        importer.exec_module(module)
     finally:
-        sys.meta_path.remove(finder)
-        for name in finder.files:
+        sys.meta_path.remove(importer)
+        for name in importer.files:
             sys.modules.pop(name, None)
         sys.modules.update(hidden)
+    return PythonFile(module, importer.sources, importer.modules)
+
+
+class _Importer(MetaPathFinder, Loader):
+    """Imports files by name from their sources, as cached bytecode may be older than it seems, and records both."""
+
+    def __init__(self, files: Mapping[str, Path]) -> None:
+        self.files = files
+        self.sources: dict[Path, bytes] = {}
+        self.modules: dict[Path, ModuleType] = {}
+
+    def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:  # noqa: ARG002
+        return spec_from_file_location(name, self.files[name], loader=self) if name in self.files else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        path = Path(str(module.__file__))
+        source = self.sources[path] = path.read_bytes()
+        self.modules[path] = module
+        exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
+        vars(module)[AS_LOADED] = {name: fingerprint(value) for name, value in vars(module).items()}
 
 
 def fingerprint(value: object) -> object:
