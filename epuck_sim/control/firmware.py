@@ -1,17 +1,46 @@
-"""Firmware in C: compiles a file with the system's compiler, or takes a library, and reads what it says of itself."""
+"""Firmware in C: compiles a file with the system's compiler, or takes a library, and reads what it says of itself.
+
+A file is compiled once for its contents, and its library kept in the folder of compiled code.
+"""
 
 import ctypes
-from collections.abc import Callable, Mapping
+import hashlib
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from epuck_sim.control.c_compiler import build_library, keep_library
 from epuck_sim.control.interface import Controller, Value, record_type, typed
 from epuck_sim.errors import ControllerError
+from epuck_sim.util.cache_folder import UNUSED_S, cache_root
+
+HEADERS = Path(__file__).with_name("include")
+"""Folder of the header `epuck.h`."""
+
+# no product and sum become one operation, which rounds once instead of twice: so Python computes, and other processors
+FLAGS = ("-std=gnu11", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-g1")
+"""Options of the compiler."""
+
+ERRORS = ("-Werror=implicit-function-declaration", "-Werror=incompatible-pointer-types", "-Werror=int-conversion")
+"""Warnings that are errors in newer versions of C."""
+
+OWN_VARIABLES = {"memory", "parameters", "e_swarm", "e_robot", "e_refusal"}
+"""Variables of the header, which are the thread's."""
+
+SHARED_RANDOM = {"rand", "srand", "random", "srandom", "drand48", "srand48", "lrand48", "rand_r"}
+"""Functions whose random numbers do not come from the robot's own stream."""
 
 VERSION = 1
 """Version of the header `epuck.h`, which a library states."""
@@ -49,9 +78,9 @@ def load_firmware(path: Path) -> Firmware:
     Raises:
         ControllerError: It cannot be compiled or loaded, or is no firmware; the compiler's own words are given.
     """
-    built = build_library(path) if path.suffix == ".c" else keep_library(path)
+    file, sources = _build_library(path) if path.suffix == ".c" else _keep_library(path)
     try:
-        library = ctypes.CDLL(str(built.library))
+        library = ctypes.CDLL(str(file))
         version = ctypes.c_int64.in_dll(library, "e_version").value
         fields = {part: _read_fields(library, f"e_{part}_fields") for part in ("parameter", "memory")}
     except (OSError, ValueError) as error:
@@ -60,8 +89,7 @@ def load_firmware(path: Path) -> Firmware:
         raise ControllerError(f"{path}: was compiled with version {version} of epuck.h; this is {VERSION}")
     try:
         defaults = {name: _default(name, field) for name, field in fields["parameter"].items()}
-        types = {name: type(default) for name, default in defaults.items()}
-        parameters = record_type(types)
+        parameters = record_type({name: type(default) for name, default in defaults.items()})
         memory = record_type({name: _type_of(field) for name, field in fields["memory"].items()})
     except ValueError as error:
         raise ControllerError(f"{path}: PARAMETERS or MEMORY: {error}") from error
@@ -70,7 +98,7 @@ def load_firmware(path: Path) -> Firmware:
         assert all(offsets[name] == field.offset for name, field in named.items())
     library.e_check.restype = ctypes.c_char_p
     check = _check_of(library, parameters)
-    return Firmware(path.stem, path, defaults, memory, _runs_in_c, _runs_in_c, check, built.sources, {}, (), library)
+    return Firmware(path.stem, path, defaults, memory, _runs_in_c, _runs_in_c, check, sources, {}, (), library)
 
 
 def _read_fields(library: ctypes.CDLL, name: str) -> dict[str, _Field]:
@@ -114,3 +142,102 @@ def _check_of(library: ctypes.CDLL, parameters: np.dtype[Any]) -> Callable[[Simp
 def _runs_in_c(*_: object) -> None:
     """Stand for a function that is not in Python."""
     raise NotImplementedError
+
+
+def _keep_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
+    """Return a copy of a library, and its contents; under a name made from these, as one that is loaded must stay."""
+    contents = path.read_bytes()
+    return _library([contents], lambda part: part.write_bytes(contents)), {path: contents}
+
+
+def _build_library(path: Path) -> tuple[Path, dict[Path, bytes]]:
+    """Return the library of a C file, and the contents of the files that it is made from, but the compiler's own."""
+    compiler = _find_compiler(path)
+    sources = {file: file.read_bytes() for file in _files_of(path, compiler)}
+    settings = repr((compiler, _version(compiler), FLAGS, ERRORS)).encode()
+
+    def build(part: Path) -> None:
+        code = part.with_name("code.o")
+        _run(path, [*compiler, *FLAGS, *ERRORS, "-isystem", HEADERS, "-c", path, "-o", code])
+        _reject_shared(path, code, sources[path])
+        _run(path, [*compiler, "-shared", "-Wl,-z,defs", code, "-o", part, "-lm"])
+
+    contents = [settings, (HEADERS / "epuck.h").read_bytes(), *sources.values()]
+    return _library(contents, build), sources
+
+
+def _find_compiler(path: Path) -> tuple[str, ...]:
+    command = tuple(shlex.split(os.environ.get("CC", "cc"))) or ("cc",)
+    if shutil.which(command[0]) is None:
+        raise ControllerError(
+            f"{path}: needs a C compiler, and {command[0]} is not found; install gcc or clang, name one in CC, or give "
+            "the library (.so) that the file was compiled to elsewhere"
+        )
+    return command
+
+
+@lru_cache
+def _version(compiler: tuple[str, ...]) -> str:
+    return subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False).stdout
+
+
+def _files_of(path: Path, compiler: Sequence[str]) -> list[Path]:
+    rule = _run(path, [*compiler, *FLAGS, "-isystem", HEADERS, "-MM", path])
+    _, _, files = rule.replace("\\\n", " ").partition(":")
+    own = [Path(file).resolve() for file in shlex.split(files)]
+    return [path, *(file for file in own if file != path)]
+
+
+def _run(path: Path, command: Sequence[str | Path]) -> str:
+    """Return what a command prints; raise ControllerError with its own words if it fails."""
+    run = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, errors="replace")
+    if run.returncode:
+        said = "\n".join(f"  {line}" for line in (run.stderr or run.stdout).splitlines())
+        raise ControllerError(f"{path}: {command[0]} cannot compile it:\n{said}")
+    return run.stdout
+
+
+def _reject_shared(path: Path, code: Path, source: bytes) -> None:
+    """Raise ControllerError for variables, and for random numbers, that all robots would share."""
+    lister = shutil.which("nm")
+    if lister is None:
+        return
+    listed = subprocess.run([lister, "-f", "sysv", code], capture_output=True, text=True, check=False).stdout
+    rows = [[part.strip() for part in line.split("|")] for line in listed.splitlines() if line.count("|") == 6]
+    for name, _, kind, _, _, _, section in rows:
+        plain = name.partition(".")[0]  # `count.0` is a variable inside a function
+        is_variable = kind in "bBdDC" and not section.startswith(".data.rel.ro")
+        if is_variable and plain not in OWN_VARIABLES:
+            raise ControllerError(
+                f"{path}:{_line_of(plain, source)}: {plain!r} is a variable that all robots would share; make it "
+                "a part of MEMORY, where each robot has its own, or const"
+            )
+        if kind == "U" and plain in SHARED_RANDOM:
+            raise ControllerError(
+                f"{path}:{_line_of(plain, source)}: {plain}() is shared by all robots; use e_randint() or e_uniform()"
+            )
+
+
+def _line_of(name: str, source: bytes) -> int:
+    lines = source.decode(errors="replace").splitlines()
+    return next((number for number, line in enumerate(lines, 1) if re.search(rf"\b{re.escape(name)}\b", line)), 1)
+
+
+def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
+    """Return the library that is made from these contents, marked as used now; unused ones are removed."""
+    folder = cache_root() / "firmware"
+    folder.mkdir(parents=True, exist_ok=True)
+    name = hashlib.sha256(b"".join(hashlib.sha256(each).digest() for each in contents))
+    library = folder / f"{name.hexdigest()[:32]}.so"
+    if library.exists():
+        os.utime(library)
+    else:
+        with tempfile.TemporaryDirectory(dir=folder) as own:
+            part = Path(own) / "library"
+            make(part)
+            part.replace(library)
+    for other in folder.glob("*.so"):
+        with suppress(OSError):  # another process is removing it
+            if other.stat().st_mtime < time.time() - UNUSED_S:
+                other.unlink()
+    return library

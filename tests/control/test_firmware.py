@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.control import c_compiler
-from epuck_sim.control.c_compiler import FLAGS, HEADERS
+from epuck_sim.control import firmware as compiling
+from epuck_sim.control.firmware import FLAGS, HEADERS
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError
@@ -266,12 +266,10 @@ def test_without_a_compiler_the_way_out_is_said(compiler, tmp_path, monkeypatch)
 
 
 def test_a_file_is_compiled_once_for_its_contents_and_again_by_another_compiler(tmp_path, monkeypatch):
-    monkeypatch.setattr(c_compiler, "cache_root", lambda: tmp_path / "cache")
+    monkeypatch.setattr(compiling, "cache_root", lambda: tmp_path / "cache")
     compiled = []
-    run = c_compiler._run
-    monkeypatch.setattr(
-        c_compiler, "_run", lambda path, command: compiled.append("-c" in command) or run(path, command)
-    )
+    run = compiling._run
+    monkeypatch.setattr(compiling, "_run", lambda path, command: compiled.append("-c" in command) or run(path, command))
     for name in ("a", "b"):
         write_firmware(tmp_path / f"{name}.c")
     assert sum(compiled) == 1
