@@ -11,9 +11,7 @@ import shlex
 import shutil
 import subprocess
 import tempfile
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -24,7 +22,7 @@ import numpy as np
 
 from epuck_sim.control.interface import Controller, Value, record_type, typed
 from epuck_sim.errors import ControllerError
-from epuck_sim.util.cache_folder import UNUSED_S, cache_root
+from epuck_sim.util.cache_folder import cache_root, remove_unused
 
 HEADERS = Path(__file__).with_name("include")
 """Folder of the header `epuck.h`."""
@@ -236,8 +234,5 @@ def _library(contents: Iterable[bytes], make: Callable[[Path], object]) -> Path:
             part = Path(own) / "library"
             make(part)
             part.replace(library)
-    for other in folder.glob("*.so"):
-        with suppress(OSError):  # another process is removing it
-            if other.stat().st_mtime < time.time() - UNUSED_S:
-                other.unlink()
+    remove_unused(folder.glob("*.so"), Path.is_file)
     return library

@@ -1,8 +1,11 @@
-"""The folder in which compiled code is kept."""
+"""The folder in which compiled code is kept while it is used."""
 
 import os
+import shutil
 import stat
 import tempfile
+import time
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -38,3 +41,20 @@ def _temporary_root() -> Path:
         if stat.S_ISDIR(found.st_mode) and found.st_uid == USER and not found.st_mode & 0o022:
             return folder
     return Path(tempfile.mkdtemp(prefix="epuck-sim-"))
+
+
+def remove_unused(paths: Iterable[Path], is_ours: Callable[[Path], bool]) -> None:
+    """Remove files and folders of compiled code that no process has used for `UNUSED_S`, but those of other users.
+
+    A process that uses one meanwhile finds nothing there and compiles anew.
+
+    Args:
+        paths: Files and folders.
+        is_ours: Whether one of them, which has not been used, is compiled code of this program.
+    """
+    limit_s = time.time() - UNUSED_S
+    for path in paths:
+        with suppress(OSError):  # another process is removing it
+            status = path.lstat()
+            if status.st_mtime < limit_s and status.st_uid == USER and is_ours(path):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()

@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import threading
-import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache, lru_cache
@@ -21,7 +20,7 @@ from typing import Any, Literal, TypeVar, cast
 from numba import __version__ as numba_version
 from numba import config, njit, types
 
-from epuck_sim.util.cache_folder import UNUSED_S, USER, cache_root
+from epuck_sim.util.cache_folder import cache_root, remove_unused
 from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, function_address, is_recursive
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -78,24 +77,11 @@ def _open_cache(contents_digest: str) -> Path:
             os.utime(folder)
         except FileNotFoundError:
             folder.mkdir(parents=True, exist_ok=True)
-            remove_unused_caches(folder.parent)
+            remove_unused(folder.parent.iterdir(), is_cache)
     return folder
 
 
-def remove_unused_caches(root: Path) -> None:
-    """Remove the cache folders in `root` that no process has used for `UNUSED_S`.
-
-    Folders of other users or programs stay. A process that uses one meanwhile finds nothing there and compiles anew.
-    """
-    limit_s = time.time() - UNUSED_S
-    for folder in root.iterdir():
-        with suppress(OSError):  # another process is removing it
-            status = folder.lstat()
-            if status.st_mtime < limit_s and status.st_uid == USER and _is_cache(folder):
-                shutil.rmtree(folder)
-
-
-def _is_cache(folder: Path) -> bool:
+def is_cache(folder: Path) -> bool:
     """Return whether a folder has a digest as its name and holds nothing but numba's index and data files."""
     if not re.fullmatch("[0-9a-f]{16}", folder.name) or folder.is_symlink() or not folder.is_dir():
         return False

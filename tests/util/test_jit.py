@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from numba import njit
 
-from epuck_sim.util import jit
-from epuck_sim.util.cache_folder import UNUSED_S
-from epuck_sim.util.jit import PACKAGE, digest, kernel_digest, kernel_files, remove_unused_caches
+from epuck_sim.util import cache_folder, jit
+from epuck_sim.util.cache_folder import UNUSED_S, remove_unused
+from epuck_sim.util.jit import PACKAGE, digest, is_cache, kernel_digest, kernel_files
 from epuck_sim.util.native import Kernel, unlikely
 
 MARK = "epuck_sim.util.jit import"
@@ -176,27 +176,19 @@ def make_cache(folder: Path, age_s: float, file: str = "infrared.read-1.py311.1.
     return folder
 
 
-def test_a_cache_that_was_not_used_for_a_month_is_removed(tmp_path) -> None:
+def test_a_cache_that_was_not_used_for_a_month_is_removed_but_nothing_that_may_be_another_program_s(tmp_path) -> None:
     make_cache(tmp_path / "0123456789abcdef", OLD)
-    kept = make_cache(tmp_path / "0123456789abcde0", RECENT)
-    remove_unused_caches(tmp_path)
-    assert list(tmp_path.iterdir()) == [kept]
-
-
-@pytest.mark.parametrize(
-    ("name", "file"),
-    [
-        ("0123456789abcdef", "thesis.txt"),
-        ("0123456789ABCDEF", "x.nbi"),
-        ("0123456789abcde", "x.nbi"),
-        ("0123456789abcdef0", "x.nbi"),
-        ("particles_0123456789", "x.nbi"),
-    ],
-)
-def test_a_folder_that_may_be_another_program_s_stays(tmp_path, name: str, file: str) -> None:
-    make_cache(tmp_path / name, OLD, file)
-    remove_unused_caches(tmp_path)
-    assert (tmp_path / name / "embodied_0123" / file).exists()
+    strangers = ("0123456789ABCDEF", "0123456789abcde", "0123456789abcdef0", "particles_0123456789")
+    kept = [make_cache(tmp_path / name, OLD, "x.nbi") for name in strangers]
+    kept.append(make_cache(tmp_path / "0123456789abcde0", RECENT))
+    kept.append(make_cache(tmp_path / "0123456789abcde1", OLD, "thesis.txt"))
+    remove_unused(tmp_path.iterdir(), is_cache)
+    assert set(tmp_path.iterdir()) == set(kept)
+    assert all(list(folder.rglob("*.*")) for folder in kept)
+    (tmp_path / "firmware.so").touch()
+    os.utime(tmp_path / "firmware.so", (0, 0))
+    remove_unused(tmp_path.iterdir(), Path.is_file)
+    assert set(tmp_path.iterdir()) == set(kept)
 
 
 def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> None:
@@ -207,11 +199,11 @@ def test_another_user_s_cache_a_link_and_a_file_stay(tmp_path, monkeypatch) -> N
     (root / "0123456789abcde2").write_text("a file")
     os.utime(root / "0123456789abcde2", (0, 0))
     os.utime(root / "0123456789abcde1", (0, 0), follow_symlinks=False)
-    remove_unused_caches(root)
+    remove_unused(root.iterdir(), is_cache)
     assert len(list(root.iterdir())) == 2
     make_cache(root / "0123456789abcde3", OLD)
-    monkeypatch.setattr(jit, "USER", os.getuid() + 1)
-    remove_unused_caches(root)
+    monkeypatch.setattr(cache_folder, "USER", os.getuid() + 1)
+    remove_unused(root.iterdir(), is_cache)
     assert len(list(root.iterdir())) == 3
     assert elsewhere.exists()
 
@@ -258,7 +250,7 @@ def test_a_cache_that_is_removed_while_it_is_in_use_is_made_anew(tmp_path, monke
 
     compiled = jit.compile_cached(plus_two, "0123456789abcdef", careful=False)
     os.utime(tmp_path / "0123456789abcdef", (0, 0))
-    remove_unused_caches(tmp_path)
+    remove_unused(tmp_path.iterdir(), is_cache)
     assert list(tmp_path.iterdir()) == []
     assert compiled(1) == 3
     assert list(tmp_path.rglob("*.nbi")) != []
