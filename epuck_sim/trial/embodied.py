@@ -35,10 +35,7 @@ def run_robots(
         unseen = 1 if observers else min(watch.steps_left, UNSEEN_STEPS)
         cycles = watch.cycles
         step = simulation.advance(unseen, until_firing=True)
-        if observers or simulation.is_firing or not watch.measures:
-            watch.look(step)
-        else:
-            watch.pass_over(step)
+        watch.look(step, may_fire=bool(observers) or simulation.is_firing)
         if progress is not None:
             progress(watch)
         for observer in observers:

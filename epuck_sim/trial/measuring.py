@@ -1,8 +1,8 @@
 """Tells measures of a trial while it runs, and gathers their values at its end."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,56 +53,36 @@ def begin_measures(simulation: Any, scenario: Scenario, seed: int) -> Measuring:
         measure = section.find()
         origin = f"{scenario.name}: measure {measure.name}, seed {seed}"
         if measure.is_function:
-            bound = _bound(measure.make, simulation, section.parameters)
-            final[measure.name] = _checked(measure, origin, bound, as_value)
+            function = partial(measure.make, simulation, **section.parameters)
+            final[measure.name] = _checked(measure, origin, function, as_value)
             continue
-        with _located(measure, origin):
-            instance = measure.make(simulation, **section.parameters)
+        instance = _call(measure, origin, partial(measure.make, simulation, **section.parameters))
         final[measure.name] = _checked(measure, origin, instance.value, as_value)
         last = _checked(measure, origin, instance.value, last_scalar)
         watches = conditions.on(measure.name)
         for method, observers in ((scenario.event_method, at_events), (CYCLE_METHOD, at_cycles)):
             if measure.is_told(method):
-                observers.append(_observer(measure, origin, getattr(instance, method)))
+                observers.append(partial(_call, measure, origin, getattr(instance, method)))
                 observers.extend(_look(watch, last) for watch in watches if not watch.counts_firings)
         at_cycles.extend(_look(watch, last) for watch in watches if watch.counts_firings)
     if ORDER_PARAMETER not in final:
-        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))
+        at_cycles.extend(_look_at_order(watch) for watch in conditions.on(ORDER_PARAMETER))  # every trial measures it
     return Measuring(at_events, at_cycles, final, conditions)
 
 
 def _look(watch: ConditionWatch, value: Callable[[], Value]) -> Observer:
-    """Return what looks at the last value of a measure."""
     return lambda *_: watch.look(value())
 
 
 def _look_at_order(watch: ConditionWatch) -> Observer:
-    """Return what looks at the order parameter, which every trial measures."""
     return lambda _, state: watch.look(state.order_parameter)
-
-
-def _bound(function: Callable[..., Any], simulation: Any, parameters: Mapping[str, Any]) -> Callable[[], Any]:
-    return lambda: function(simulation, **parameters)
-
-
-def _observer(measure: Measure, origin: str, method: Callable[[Any, Any], object]) -> Observer:
-    def tell(event: Any, state: Any) -> None:
-        try:  # a context manager would take longer than many a measure
-            method(event, state)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # whatever a user's file may raise
-            raise _failure(measure, origin, error) from error
-
-    return tell
 
 
 def _checked(
     measure: Measure, origin: str, value: Callable[[], Any], convert: Callable[[Any], Value]
 ) -> Callable[[], Value]:
     def checked() -> Value:
-        with _located(measure, origin):
-            found = value()
+        found = _call(measure, origin, value)
         try:
             return convert(found)
         except ValueError as error:
@@ -112,21 +92,16 @@ def _checked(
     return checked
 
 
-@contextmanager
-def _located(measure: Measure, origin: str) -> Iterator[None]:
+def _call(measure: Measure, origin: str, function: Callable[..., Any], *given: Any) -> Any:
+    """Call a function of a measure; raise what it raises as MeasureError, with file and line."""
     try:
-        yield
+        return function(*given)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # whatever a user's file may raise
-        raise _failure(measure, origin, error) from error
-
-
-def _failure(measure: Measure, origin: str, error: BaseException) -> MeasureError:
-    """Return the error of a measure, with the file and line where it was raised."""
-    where = line_of_error(error, measure.sources)
-    what = describe_error(error)
-    return MeasureError(f"{origin}: {where}: {what}" if where else f"{origin}: {what}")
+        where = line_of_error(error, measure.sources)
+        what = describe_error(error)
+        raise MeasureError(f"{origin}: {where}: {what}" if where else f"{origin}: {what}") from error
 
 
 def as_value(given: Any) -> Value:

@@ -51,16 +51,10 @@ def _simulate_robots(scenario: EmbodiedScenario, seed: int, interpret: bool) -> 
     return Simulation(scenario, seed, interpret=interpret)
 
 
-def _run_robots(
-    simulation: Any,
-    observers: Sequence[Observer],
-    progress: Progress | None,
-    at_cycles: Sequence[Observer],
-    conditions: Conditions,
-) -> TrialResult:
+def _run_robots(*given: Any) -> TrialResult:
     from epuck_sim.trial.embodied import run_robots
 
-    return run_robots(simulation, observers, progress, at_cycles, conditions)
+    return run_robots(*given)
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
@@ -85,20 +79,10 @@ def _simulate_agents(scenario: ParticleScenario, seed: int, interpret: bool) -> 
     return ParticleSimulation(scenario, seed)
 
 
-def _run_agents(
-    simulation: Any,
-    observers: Sequence[Observer],
-    progress: Progress | None,
-    at_cycles: Sequence[Observer],
-    conditions: Conditions,
-) -> TrialResult:
+def _run_agents(*given: Any) -> TrialResult:
     from epuck_sim.trial.particles import run_agents
 
-    return run_agents(simulation, observers, progress, at_cycles, conditions)
-
-
-def _points_need_no_room(_: ParticleScenario) -> None:
-    """Accept every scenario."""
+    return run_agents(*given)
 
 
 MODELS: dict[str, Model] = {}
@@ -115,7 +99,7 @@ def register_model(name: str, model: Model) -> None:
 
 
 register_model("embodied", Model(EmbodiedScenario, _simulate_robots, _run_robots, _check_room_of_robots))
-register_model("particles", Model(ParticleScenario, _simulate_agents, _run_agents, _points_need_no_room))
+register_model("particles", Model(ParticleScenario, _simulate_agents, _run_agents, lambda _: None))
 
 
 def simulate(scenario: Scenario, seed: int, *, interpret: bool = False) -> Simulated:

@@ -32,7 +32,7 @@ class SynchronyWatch:
     events: Sequence[TrialEvent]
     """What has changed so far by the schedule, or by faults."""
     measures: bool
-    """Whether the reference is an oscillator: then steps in which it does not fire may be passed over."""
+    """Whether the reference is an oscillator."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.events = simulation.events
@@ -62,28 +62,25 @@ class SynchronyWatch:
         self.cycles = 0
         self.order_parameter = None
 
-    def look(self, step: Step) -> None:
-        """Take note of a step; in the steps since the last one that was seen, the reference did not fire."""
-        if self.measures:
-            if step.number > self._steps:
-                self._lit_phase = None
-            if step.ring_commands[self._reference]:
-                self._look_at_firing(step)
-            else:
-                self._lit_phase = None
-        else:
+    def look(self, step: Step, *, may_fire: bool = True) -> None:
+        """Take note of a step; in the steps since the last one that was seen, the reference did not fire.
+
+        Args:
+            step: The step.
+            may_fire: Whether the reference may fire in this one.
+        """
+        if not self.measures:
             self.cycles = int((step.number + 1) / self._steps_a_cycle)
+        elif may_fire and step.ring_commands[self._reference]:
+            self._look_at_lit(step)
+        else:
+            self._lit_phase = None
         self._steps = step.number + 1
 
-    def pass_over(self, step: Step) -> None:
-        """Take note of the time of a step in which the reference does not fire."""
-        self._lit_phase = None
-        self._steps = step.number + 1
-
-    def _look_at_firing(self, step: Step) -> None:
+    def _look_at_lit(self, step: Step) -> None:
         phases = step.phase_ms
         phase = float(phases[self._reference])
-        if self._lit_phase is None or phase < self._lit_phase:
+        if self._lit_phase is None or step.number > self._steps or phase < self._lit_phase:
             self.cycles += 1
             counted = self._oscillators & step.present
             if not np.isfinite(phases[counted]).all():

@@ -5,11 +5,12 @@ appears under its name only when it is complete; its metadata holds the scenario
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from operator import attrgetter
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,25 @@ from epuck_sim.util.provenance import versions
 
 CHUNK_ROWS = 20_000
 """Number of rows that are gathered in memory before they are written, about 4 MB."""
+
+
+class _Column(NamedTuple):
+    """Values of robots in a control step, as a column of the table."""
+
+    dtype: type[np.generic]
+    values: Callable[[Step], npt.ArrayLike]
+    shape: tuple[int, ...] = ()
+    """Shape of each value."""
+
+    @property
+    def arrow_type(self) -> Any:
+        single = pa.from_numpy_dtype(self.dtype)
+        return pa.list_(single, *self.shape) if self.shape else single
+
+    def arrow(self, values: npt.NDArray[Any]) -> Any:
+        """Return values of all steps; NaN, the phase of a robot without an oscillator, becomes null."""
+        column = pa.array(values.ravel(), from_pandas=True)
+        return pa.FixedSizeListArray.from_arrays(column, *self.shape) if self.shape else column
 
 
 class Trace:
@@ -64,29 +84,19 @@ class Trace:
         check_target(path)
         self._path = path.resolve()
         self._robots = scenario.robot_count
-        self._pixels = scenario.camera_pixels
-        self._memory = tuple(dict.fromkeys(memory))
-        check_fields(scenario, self._memory)
-        schema = _schema(self._pixels, self._memory)
+        check_fields(scenario, memory)
+        self._columns = _columns(scenario.camera_pixels, memory)
         self._steps = max(1, CHUNK_ROWS // self._robots)
-        self._columns = {
-            field.name: np.zeros((self._steps, self._robots), field.type.to_pandas_dtype())
-            for field in schema
-            if field.name != "camera"
+        self._values = {
+            name: np.zeros((self._steps, self._robots, *column.shape), column.dtype)
+            for name, column in self._columns.items()
         }
-        self._columns["robot"][:] = np.arange(self._robots)
-        self._camera = np.zeros((self._steps, self._robots, self._pixels), np.uint8)
         self._filled = 0
-        self._relations: dict[str, list[list[int]]] | None = {"sees": [], "touches": []} if relations else None
-        if relations:
-            for name in ("sees", "touches"):
-                schema = schema.append(pa.field(name, pa.list_(pa.int32())))
-        metadata = {
-            "scenario": write_scenario(scenario),
-            "seed": str(seed),
-            "versions": json.dumps(versions()),
-        }
-        self._schema = schema.with_metadata(metadata)
+        self._relations: dict[str, list[list[int]]] = {"sees": [], "touches": []} if relations else {}
+        fields = [(name, column.arrow_type) for name, column in self._columns.items()]
+        lists = [(name, pa.list_(pa.int32())) for name in self._relations]
+        metadata = {"scenario": write_scenario(scenario), "seed": str(seed), "versions": json.dumps(versions())}
+        self._schema = pa.schema([*fields, *lists], metadata)
         with ExitStack() as stack:
             self._part = stack.enter_context(temporary_path(self._path))
             with write_errors(path):
@@ -97,22 +107,9 @@ class Trace:
 
     def __call__(self, step: Step, _: SynchronyWatch) -> None:
         """Take note of a step."""
-        columns, row = self._columns, self._filled
-        columns["time_s"][row] = step.time_s
-        for axis, name in enumerate(("x_cm", "y_cm", "heading_rad")):
-            columns[name][row] = step.poses[:, axis]
-        for wheel, name in enumerate(("left_cm_s", "right_cm_s")):
-            columns[name][row] = step.wheels_cm_s[:, wheel]
-        columns["ring_on"][row] = step.ring_on
-        columns["phase_ms"][row] = step.phase_ms
-        columns["flash_seen"][row] = step.flash_seen
-        for sensor in range(SENSORS):
-            columns[f"distance_mm_{sensor}"][row] = step.distance_mm[:, sensor]
-            columns[f"infrared_{sensor}"][row] = step.infrared[:, sensor]
-        for name in self._memory:
-            columns[f"memory.{name}"][row] = memory_values(step.memories, name)
-        self._camera[row] = step.camera
-        if self._relations is not None:
+        for name, column in self._columns.items():
+            self._values[name][self._filled] = column.values(step)
+        if self._relations:
             self._relations["sees"] += _listed(step.sightings, self._robots)
             self._relations["touches"] += _listed(both_ways(step.contacts), self._robots)
         self._filled += 1
@@ -120,10 +117,8 @@ class Trace:
             self._write()
 
     def _write(self) -> None:
-        arrays = {name: _arrow(values[: self._filled].ravel()) for name, values in self._columns.items()}
-        pixels = pa.array(self._camera[: self._filled].ravel())
-        arrays["camera"] = pa.FixedSizeListArray.from_arrays(pixels, self._pixels)
-        for name, lists in (self._relations or {}).items():
+        arrays = {name: column.arrow(self._values[name][: self._filled]) for name, column in self._columns.items()}
+        for name, lists in self._relations.items():
             arrays[name] = pa.array(lists, pa.list_(pa.int32()))
             lists.clear()
         self._writer.write_table(pa.table(arrays, schema=self._schema))
@@ -158,24 +153,27 @@ def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
     return lists
 
 
-def _schema(pixels: int, memory: Sequence[str]) -> Any:
+def _columns(pixels: int, memory: Sequence[str]) -> dict[str, _Column]:
     """Return the columns of a table that has a row for each robot and control step."""
-    return pa.schema(
-        [
-            ("time_s", pa.float64()),
-            ("robot", pa.int32()),
-            *((name, pa.float64()) for name in ("x_cm", "y_cm", "heading_rad", "left_cm_s", "right_cm_s")),
-            ("ring_on", pa.bool_()),
-            ("phase_ms", pa.float64()),
-            ("flash_seen", pa.bool_()),
-            *((f"distance_mm_{sensor}", pa.int32()) for sensor in range(SENSORS)),
-            *((f"infrared_{sensor}", pa.float64()) for sensor in range(SENSORS)),
-            ("camera", pa.list_(pa.uint8(), pixels)),
-            *((f"memory.{name}", pa.float64()) for name in memory),
-        ]
-    )
+    number, whole = np.float64, np.int32
+    return {
+        "time_s": _Column(number, attrgetter("time_s")),
+        "robot": _Column(whole, lambda step: np.arange(len(step.poses))),
+        **{name: _part("poses", axis, number) for axis, name in enumerate(("x_cm", "y_cm", "heading_rad"))},
+        **{name: _part("wheels_cm_s", wheel, number) for wheel, name in enumerate(("left_cm_s", "right_cm_s"))},
+        "ring_on": _Column(np.bool_, attrgetter("ring_on")),
+        "phase_ms": _Column(number, attrgetter("phase_ms")),
+        "flash_seen": _Column(np.bool_, attrgetter("flash_seen")),
+        **{f"distance_mm_{sensor}": _part("distance_mm", sensor, whole) for sensor in range(SENSORS)},
+        **{f"infrared_{sensor}": _part("infrared", sensor, number) for sensor in range(SENSORS)},
+        "camera": _Column(np.uint8, attrgetter("camera"), (pixels,)),
+        **{f"memory.{name}": _remembered(name) for name in memory},
+    }
 
 
-def _arrow(values: npt.NDArray[np.generic]) -> Any:
-    """Return a column; NaN, the phase of a robot without an oscillator, becomes null."""
-    return pa.array(values, from_pandas=True)
+def _part(field: str, index: int, dtype: type[np.generic]) -> _Column:
+    return _Column(dtype, lambda step: getattr(step, field)[:, index])
+
+
+def _remembered(field: str) -> _Column:
+    return _Column(np.float64, lambda step: memory_values(step.memories, field))

@@ -35,30 +35,34 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
         return np.empty((0, 3), np.int64)
     robots = len(scene.swarm.robots)
     scene.swarm.numbers[robots:] = np.arange(1, robots + 1) * (True if listed is None else listed)
-    write = write_sightings if kind == "camera" else write_cone_sightings
     found = np.empty((2 * len(poses) * scene.groups[group].count, 3), np.int64)  # most robots see no more than two
-    sightings = write(scene.block, group, poses, found)
+    sightings = write_sightings(scene.block, group, kind == "cone", poses, found)
     if sightings > len(found):
         found = np.empty((sightings, 3), np.int64)
-        write(scene.block, group, poses, found)
+        write_sightings(scene.block, group, kind == "cone", poses, found)
     return found[:sightings]
 
 
 @jit
-def write_sightings(block: ByteArray, number: int, poses: FloatArray, found: IntArray) -> int:
+def write_sightings(block: ByteArray, number: int, by_cone: bool, poses: FloatArray, found: IntArray) -> int:
     """Write what `find_sightings` returns, as far as there is room; return the number of sightings.
 
     Labels are the numbers of robots, counted from 1; 0 for those that are not to be listed.
     """
     swarm = swarm_at(block)
-    group = swarm.groups[number]
-    lit = list_labelled(len(swarm.robots), swarm.numbers)
+    group, robots = swarm.groups[number], len(swarm.robots)
+    lit = list_labelled(robots, swarm.numbers)
     row = swarm.pixels[: group.pixels]
-    last_row = np.zeros(len(swarm.robots) + 1, np.int64)  # counted over all steps, in which each robot was listed
+    last_row = np.zeros(robots + 1, np.int64)  # counted over all steps, in which each robot was listed
     sightings = rows = 0
     for step in range(len(poses)):
         place_robots(swarm, poses[step])
         for observer in range(group.first, group.first + group.count):
+            if by_cone:
+                for robot in range(robots):
+                    if swarm.numbers[robots + robot] > 0 and perceives(swarm, group.cone, observer, robot):
+                        sightings = _add(found, sightings, step, observer, robot)
+                continue
             rows += 1
             row[:] = 0
             if lit > 0:
@@ -68,21 +72,6 @@ def write_sightings(block: ByteArray, number: int, poses: FloatArray, found: Int
                 if seen > 0 and last_row[seen] != rows:
                     last_row[seen] = rows
                     sightings = _add(found, sightings, step, observer, seen - 1)
-    return sightings
-
-
-@jit
-def write_cone_sightings(block: ByteArray, number: int, poses: FloatArray, found: IntArray) -> int:
-    """Do what `write_sightings` does for robots with the ideal sensor."""
-    swarm = swarm_at(block)
-    group, robots = swarm.groups[number], len(swarm.robots)
-    sightings = 0
-    for step in range(len(poses)):
-        place_robots(swarm, poses[step])
-        for observer in range(group.first, group.first + group.count):
-            for robot in range(robots):
-                if swarm.numbers[robots + robot] > 0 and perceives(swarm, group.cone, observer, robot):
-                    sightings = _add(found, sightings, step, observer, robot)
     return sightings
 
 
