@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from epuck_sim.control.interface import Controller
-from epuck_sim.control.names import first_use, line_at
+from epuck_sim.control.names import first_use
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
 from epuck_sim.util.native import WITHOUT_WRAPPERS
@@ -141,9 +141,11 @@ def explain_refusal(error: Exception, path: Path, sources: Mapping[Path, bytes],
     lines = [line.strip() for line in innermost.splitlines()]
     reason = next((line for line in lines if line and "pipeline" not in line and not line.startswith(INTERNALS)), "")
     place = _place(reason, innermost, sources)
-    where = f"{place[0]}:{place[1]}" if place else str(path)
-    code = f"\n    {line_at(*place, sources)}" if place else ""
-    return f"{where}: cannot be compiled{instead}: {reason}{code}"
+    if place is None:
+        return f"{path}: cannot be compiled{instead}: {reason}"
+    file, line = place
+    code = sources[file].decode().splitlines()[line - 1].strip()
+    return f"{file}:{line}: cannot be compiled{instead}: {reason}\n    {code}"
 
 
 def _place(reason: str, message: str, sources: Mapping[Path, bytes]) -> tuple[Path, int] | None:

@@ -130,8 +130,3 @@ def first_use(name: str, sources: Mapping[Path, bytes]) -> tuple[Path, int] | No
             if isinstance(node, ast.expr) and name in (getattr(node, "attr", None), getattr(node, "id", None)):
                 return path, node.lineno
     return None
-
-
-def line_at(path: Path, line: int, sources: Mapping[Path, bytes]) -> str:
-    """Return a line of a file as it was loaded."""
-    return sources[path].decode().splitlines()[line - 1].strip()
