@@ -67,16 +67,10 @@ class Response(NamedTuple):
 
 @jit_inline
 def phase_after_pulse(response: Any, curve: ByteArray, addresses: IntArray, phase: float) -> float:
-    """Return the phase, 0 to 1, after a pulse; an oscillator at 1 fires.
+    """Return the phase, 0 to 1, after a pulse, of one above the refractory period; an oscillator at 1 fires.
 
     The phase is capped at 1, as in thesis 5.1.1, and at 0, below which the sine curve with kappa > 1 / (2 pi) would
-    lead.
-
-    Args:
-        response: The record of the response.
-        curve: The bytes of a user's curve; of a shipped one, none.
-        addresses: Addresses of what compiled code calls.
-        phase: The phase, above the refractory period.
+    lead. The curve is the bytes of a user's; of a shipped one, none.
     """
     shift: float = response.coupling * phase
     if unlikely(response.curve != MULTIPLICATIVE):
