@@ -22,7 +22,7 @@ from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.response import ResponseSection
-from epuck_sim.util.jit import BLOCK, bind, compile_cached, digest, jit, jit_inline, name_after
+from epuck_sim.util.jit import BLOCK, bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after
 from epuck_sim.util.native import array_at, evaluate, function_address, unlikely
 from epuck_sim.util.python_files import line_of_error
 
@@ -173,7 +173,9 @@ def _compile_curve(section: ResponseSection) -> CompiledCurve:
     parameters = curve.resolve(section.parameters)
     kind = record_type({name: type(value) for name, value in parameters.items()}) if parameters else _NOTHING
     sources = digest_sources(curve.sources, curve.modules).encode()
-    whole = digest([sources, *frozen_values(curve.modules.values()), repr(kind).encode()])
+    whole = digest(
+        [kernel_digest("particles").encode(), sources, *frozen_values(curve.modules.values()), repr(kind).encode()]
+    )
     if whole not in _compiled:
         try:
             with warnings.catch_warnings():

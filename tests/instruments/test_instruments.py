@@ -14,7 +14,7 @@ from epuck_sim.instruments.clusters import cluster_numbers
 from epuck_sim.instruments.links import changed_share
 from epuck_sim.measures.loader import find_measure
 from epuck_sim.order_parameter import METRICS
-from epuck_sim.particles.neighbour_lists import NeighbourLists
+from epuck_sim.particles.links import LinkSearch
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial, simulate
 
@@ -177,11 +177,11 @@ def test_no_links_have_no_share_that_changed():
     assert changed_share(empty, np.array([1])) == 1.0
 
 
-def test_neighbour_lists_leave_the_simulation_as_it_is():
+def test_a_search_for_links_leaves_the_simulation_as_it_is():
     simulation = simulate(load_scenario(AGENTS), 1)
-    lists = NeighbourLists(simulation.scenario)
+    search = LinkSearch(simulation.scenario)
     before = simulation.positions().tobytes()
-    list(lists.receivers(simulation.positions(), simulation.headings(), range(15)))
+    search.find(simulation.positions(), simulation.headings(), np.arange(15))
     assert simulation.positions().tobytes() == before
 
 
