@@ -3,12 +3,13 @@
 From a seed to the first event all is compiled, but for speeds and periods that differ from agent to agent.
 """
 
+import math
+from statistics import NormalDist
+
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
-from epuck_sim.particles.distributions import draw_speeds, truncated_normal
-from epuck_sim.particles.headings import random_heading
-from epuck_sim.particles.motion import begin_motion
+from epuck_sim.particles.motion import begin_motion, random_heading
 from epuck_sim.particles.swarm import (
     BEGIN_RUN,
     FLOAT,
@@ -20,6 +21,7 @@ from epuck_sim.particles.swarm import (
     oscillators_at,
     trajectories_at,
 )
+from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.generators import fill_doubles, seed_pcg64
 from epuck_sim.util.jit import jit
@@ -28,6 +30,10 @@ from epuck_sim.util.seed_sequences import begin_sequence, draw_words, spawn
 
 SHORTEST_PERIOD = 0.1
 """Lower limit of a jittered period, in nominal periods; jitter is at most 0.2, so that hardly any draw is below it."""
+
+TABLE_SIZE = 1000
+"""Number of speeds, all equally likely, that stand for a distribution where speeds are drawn again and again: that of
+the fastest of them bounds the motion of all agents, and neighbours are cached by that bound."""
 
 POSITION_SEED, PHASE_SEED, MOTION_SEED, RECEIVER_SEED = range(4)
 """Indices among the children of a trial's seed: of positions and speeds; of phases and periods; of directions, now and
@@ -38,12 +44,8 @@ later, and of runs; and of receivers."""
 def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     """Begin a trial: agents at uniform positions with uniform directions, and uniform phases, where none are given.
 
-    What is given takes the place of what is drawn; all else is drawn as it would be without.
-
-    Args:
-        block: A swarm to which nothing has happened, with the speeds and periods.
-        addresses: Addresses of what compiled code calls.
-        seed: The words of the trial's seed; see `util.seed_sequences`.
+    What is given takes the place of what is drawn; all else is drawn as it would be without. The block is a swarm to
+    which nothing has happened, with the speeds and periods; see `util.seed_sequences` for the words of the seed.
     """
     scene, oscillators, trajectories = (
         array_at(block, 0, SCENE_BYTES, SCENE)[0],
@@ -53,23 +55,23 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     first, end = scene.first, scene.end
     agents, child, generator = len(trajectories.speed), scene.child, scene.generator
     begin_sequence(scene.seed, seed)
-    if not scene.has_positions:
-        spawn(child, scene.seed, POSITION_SEED)
-        seed_pcg64(generator, child)
-        fill_doubles(trajectories.origin, generator)
-        for place in range(len(trajectories.origin)):
-            trajectories.origin[place] *= scene.side_cm
-    if not scene.has_phases:
-        spawn(child, scene.seed, PHASE_SEED)
-        seed_pcg64(generator, child)
-        fill_doubles(oscillators.next_firing, generator)
-        for agent in range(agents):
-            oscillators.next_firing[agent] = (1 - oscillators.next_firing[agent]) * oscillators.period[agent]
-    spawn(child, scene.seed, MOTION_SEED)
-    draw_words(array_at(block, first.streams, end.streams, WORD), child)
+    for number in range(RECEIVER_SEED + 1):
+        spawn(child, scene.seed, number)
+        if number == MOTION_SEED:
+            draw_words(array_at(block, first.streams, end.streams, WORD), child)
+        elif number == RECEIVER_SEED:
+            draw_words(array_at(block, first.receiver_streams, end.receiver_streams, WORD), child)
+        else:
+            seed_pcg64(generator, child)
+            if number == POSITION_SEED and not scene.has_positions:
+                fill_doubles(trajectories.origin, generator)
+                for place in range(len(trajectories.origin)):
+                    trajectories.origin[place] *= scene.side_cm
+            elif number == PHASE_SEED and not scene.has_phases:
+                fill_doubles(oscillators.next_firing, generator)
+                for agent in range(agents):
+                    oscillators.next_firing[agent] = (1 - oscillators.next_firing[agent]) * oscillators.period[agent]
     draw_headings(block, trajectories)
-    spawn(child, scene.seed, RECEIVER_SEED)
-    draw_words(array_at(block, first.receiver_streams, end.receiver_streams, WORD), child)
     if scene.has_runs:
         for agent in range(agents):
             call(addresses[BEGIN_RUN], block, addresses, agent, 0.0)
@@ -125,3 +127,74 @@ def initial_speeds(scenario: ParticleScenario, seed: int) -> FloatArray:
     random = np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(POSITION_SEED,))))
     random.random(scenario.space.dimensions * agents.count)  # the positions
     return draw_speeds(agents, random) * scenario.clocks.period_s
+
+
+# --- distributions of speeds and periods (thesis 5.4.2, 6.2) ------------------------------------------
+
+
+def draw_speeds(agents: AgentsSection, random: np.random.Generator) -> FloatArray:
+    """Return (agents,) cm/s: the speed of each agent at the start."""
+    spread = agents.speed_spread or 0.0
+    if agents.speed_distribution == "uniform":
+        shares = random.uniform(1 - spread, 1 + spread, agents.count)
+    elif agents.speed_distribution == "normal":
+        shares = truncated_normal(random, agents.count, spread, 0, 2)
+    elif agents.speed_distribution == "exponential":
+        shares = random.exponential(1, agents.count)
+    elif agents.speed_distribution == "lognormal":
+        sigma = _lognormal_sigma(spread)
+        shares = random.lognormal(-(sigma**2) / 2, sigma, agents.count)
+    elif agents.speed_distribution == "two_speeds":
+        slow, fast = _two_speeds(agents)
+        shares = np.where(random.random(agents.count) < (agents.fast_share or 0.0), fast, slow)
+    else:
+        shares = np.ones(agents.count)
+    return agents.speed_cm_s * shares
+
+
+def speed_table(agents: AgentsSection) -> FloatArray:
+    """Return (`TABLE_SIZE`,) cm/s, ascending: the quantiles of the distribution of speeds, scaled to its mean."""
+    spread = agents.speed_spread or 0.0
+    levels = (np.arange(TABLE_SIZE) + 0.5) / TABLE_SIZE
+    if agents.speed_distribution == "uniform":
+        shares = 1 + spread * (2 * levels - 1)
+    elif agents.speed_distribution == "normal":
+        standard = NormalDist()
+        cut = standard.cdf(-1 / spread)
+        shares = 1 + spread * _normal_quantiles(cut + levels * (1 - 2 * cut))
+    elif agents.speed_distribution == "exponential":
+        shares = -np.log(1 - levels)
+    elif agents.speed_distribution == "lognormal":
+        shares = np.exp(_lognormal_sigma(spread) * _normal_quantiles(levels))
+    elif agents.speed_distribution == "two_speeds":
+        slow, fast = _two_speeds(agents)
+        shares = np.where(levels > 1 - (agents.fast_share or 0.0), fast, slow)
+    else:
+        shares = np.ones(TABLE_SIZE)
+    speeds: FloatArray = agents.speed_cm_s * shares / shares.mean()
+    return speeds
+
+
+def _normal_quantiles(levels: FloatArray) -> FloatArray:
+    standard = NormalDist()
+    return np.array([standard.inv_cdf(level) for level in levels.tolist()])
+
+
+def _lognormal_sigma(spread: float) -> float:
+    """Return the standard deviation of the logarithm of lognormal numbers of mean 1 and deviation `spread`."""
+    return math.sqrt(math.log(1 + spread**2))
+
+
+def _two_speeds(agents: AgentsSection) -> tuple[float, float]:
+    """Return the speeds of slow and of fast agents, relative to the mean."""
+    share, ratio = agents.fast_share or 0.0, agents.fast_ratio or 1.0
+    slow = 1 / (1 + share * (ratio - 1))
+    return slow, ratio * slow
+
+
+def truncated_normal(random: np.random.Generator, count: int, sigma: float, low: float, high: float) -> FloatArray:
+    """Return normal numbers of mean 1, (count,), each drawn again until it is between `low` and `high`."""
+    drawn = random.normal(1, sigma, count)
+    while (outside := (drawn < low) | (drawn > high)).any():
+        drawn[outside] = random.normal(1, sigma, np.count_nonzero(outside))
+    return drawn

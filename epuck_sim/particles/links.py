@@ -26,14 +26,7 @@ FIRST_ROOM = 8
 
 @jit
 def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links: IntArray) -> int:
-    """Write the links of some agents, as far as there is room; return their number.
-
-    Args:
-        block: A swarm that stands still.
-        addresses: Addresses of what compiled code calls.
-        senders: (senders,) agents whose pulses are followed, in this order.
-        links: (room,) output: the sender times the number of agents, plus the receiver.
-    """
+    """Write the links of some agents to `links`, as far as there is room; return their number."""
     neighbours = neighbours_at(block)
     scene, found = neighbours.scene[0], 0
     scene.positions_time = np.nan
@@ -74,15 +67,9 @@ class LinkSearch:
         self.find(nowhere, nowhere, np.zeros(0, np.int64))
 
     def find(self, positions: FloatArray, headings: FloatArray, senders: IntArray) -> IntArray:
-        """Return the links from some agents to those that receive their pulses.
+        """Return (links,) the sender times the number of agents, plus the receiver: sender by sender, as given.
 
-        Args:
-            positions: (agents, dimensions) cm.
-            headings: (agents, dimensions) unit vectors.
-            senders: (senders,) indices of agents.
-
-        Returns:
-            (links,) the sender times the number of agents, plus the receiver: sender by sender, in the given order.
+        Positions in cm, and headings, are (agents, dimensions); senders, (senders,), are indices of agents.
         """
         self._swarm.origin[:] = positions.T
         self._swarm.heading[:] = headings.T
@@ -101,11 +88,7 @@ class LinkSearch:
     def pulse_links(self, positions: FloatArray, headings: FloatArray, fired: IntArray, received: IntArray) -> IntArray:
         """Return the links of an instant, in the order of its cascade.
 
-        Args:
-            positions: (agents, dimensions) cm.
-            headings: (agents, dimensions) unit vectors, before any agent reorients.
-            fired: (firing,) agents that fire, in the order of the cascade.
-            received: Agents whose phase was shifted.
+        Headings are those before any agent reorients; `received` are the agents whose phase was shifted.
 
         Returns:
             (links, 3) agent that fires, agent that receives, and 1 where that shifts its phase.

@@ -6,14 +6,14 @@ asked for. When this happens makes no difference, to the bit: each agent draws f
 of a trajectory are stored as a cycle and the time in that cycle. So agents of two simulations with the same seed move
 alike whatever their oscillators do.
 
+A heading is a unit vector, (dimensions,), which is overwritten; a stream is a generator's state, (4,); see `util.rng`.
 Times passed as arguments are in cycles since the start of the present cycle (see `swarm`).
 """
 
 import math
 from typing import Any
 
-from epuck_sim.arrays import BoolArray, ByteArray, IndexArray, IntArray, StreamArray
-from epuck_sim.particles.headings import heading_from_wall, random_heading, turn_heading
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.oscillators import argmin, minimum
 from epuck_sim.particles.swarm import (
     BEGIN_RUN,
@@ -115,14 +115,9 @@ def first_to_end(trajectories: Trajectories) -> int:
 def compute_positions(
     block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float, positions: int
 ) -> None:
-    """Write the positions of all agents at `time`, in cm; trajectories that have ended by then are continued.
+    """Write the positions of all agents at `time`, in cm, to the array (dimensions * agents,) that begins at an offset.
 
-    Args:
-        block: The swarm.
-        addresses: Addresses of what compiled code calls.
-        trajectories: Those of the block.
-        time: Cycles since the start of the present cycle.
-        positions: Offset in the block of the array (dimensions * agents,) to write to.
+    Trajectories that have ended by then are continued.
     """
     advance_all(block, addresses, trajectories, time)
     agents, cycle = len(trajectories.speed), trajectories.scene[0].cycle
@@ -268,3 +263,95 @@ def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time
             find_end(block, trajectories, agent)
             scene.earliest_end = min(scene.earliest_end, time_of_end(trajectories, agent))
             is_done[agent] = True
+
+
+# --- directions: away from a wall, anywhere, or around the present one --------------------------------
+
+
+@jit_inline
+def heading_from_wall(heading: FloatArray, axis: int, inward: float, stream: StreamArray) -> None:
+    """Draw a heading within 90 degrees of a wall's normal.
+
+    In a square the angle to the normal is uniform (thesis 3.1), in a cube the direction is uniform over the hemisphere
+    (D.3), and in a segment the normal is the only direction.
+    """
+    if len(heading) == 1:
+        heading[0] = inward
+    elif len(heading) == 2:
+        angle = math.pi * (uniform(stream) - 0.5)
+        heading[axis] = inward * math.cos(angle)
+        heading[1 - axis] = math.sin(angle)
+    else:
+        set_heading(heading, axis, inward * (1.0 - uniform(stream)), uniform(stream))
+
+
+@jit_inline
+def random_heading(heading: FloatArray, stream: StreamArray) -> None:
+    """Draw a heading, (dimensions,), uniformly over all directions."""
+    if len(heading) == 1:
+        heading[0] = 1.0 if uniform(stream) < 0.5 else -1.0
+    elif len(heading) == 2:
+        angle = 2 * math.pi * uniform(stream)
+        heading[0] = math.cos(angle)
+        heading[1] = math.sin(angle)
+    else:
+        set_heading(heading, 2, 2 * uniform(stream) - 1, uniform(stream))
+
+
+@jit_inline
+def set_heading(heading: FloatArray, axis: int, height: float, turn: float) -> None:
+    """Set a heading, (3,), by its component along an axis, -1 to 1, and its azimuth around it, 0 to 1 turn."""
+    rim = math.sqrt(1 - height * height)
+    heading[axis] = height
+    heading[(axis + 1) % 3] = rim * math.cos(2 * math.pi * turn)
+    heading[(axis + 2) % 3] = rim * math.sin(2 * math.pi * turn)
+
+
+@jit_inline
+def turn_heading(heading: FloatArray, persistence: float, stream: StreamArray) -> None:
+    """Turn a heading by a random angle whose mean cosine is `persistence`; with 0, any direction is as likely.
+
+    In a segment it is reversed with the chance that gives this mean. In a square the angle has a wrapped Cauchy
+    distribution, in a cube that of Henyey and Greenstein (1941), whose axis is the old heading.
+    """
+    if len(heading) == 1:
+        heading[0] = -heading[0] if uniform(stream) < (1 - persistence) / 2 else heading[0]
+    elif len(heading) == 2:
+        narrowing = (1 - persistence) / (1 + persistence)
+        angle = 2 * math.atan(narrowing * math.tan(math.pi * (uniform(stream) - 0.5)))
+        set_rotated(heading, math.cos(angle), math.sin(angle))
+    else:
+        share = 1.0 - uniform(stream)  # above 0, so that the denominator is, too
+        spread = 1 - persistence + 2 * persistence * share
+        cosine = 2 * share * (1 + persistence) ** 2 * (1 - persistence * (1 - share)) / (spread * spread) - 1
+        set_tilted(heading, min(max(cosine, -1.0), 1.0), uniform(stream))
+
+
+@jit_inline
+def set_rotated(heading: FloatArray, cosine: float, sine: float) -> None:
+    """Rotate a heading, (2,), by an angle; its length is set to 1, so that rounding errors do not add up."""
+    x = heading[0] * cosine - heading[1] * sine
+    y = heading[0] * sine + heading[1] * cosine
+    length = math.sqrt(x * x + y * y)
+    heading[0] = x / length
+    heading[1] = y / length
+
+
+@jit_inline
+def set_tilted(heading: FloatArray, cosine: float, turn: float) -> None:
+    """Tilt a heading, (3,), by an angle, in the plane that an azimuth of 0 to 1 turn around it gives; to length 1.
+
+    The two directions across it are those of Duff et al. (2017), which have no singularity.
+    """
+    x, y, z = heading[0], heading[1], heading[2]
+    side = math.copysign(1.0, z)
+    a = -1 / (side + z)
+    b = x * y * a
+    rim = math.sqrt(1 - cosine * cosine)
+    one, other = rim * math.cos(2 * math.pi * turn), rim * math.sin(2 * math.pi * turn)
+    heading[0] = one * (1 + side * x * x * a) + other * b + cosine * x
+    heading[1] = one * (side * b) + other * (side + y * y * a) + cosine * y
+    heading[2] = one * (-side * x) - other * y + cosine * z
+    length = math.sqrt(heading[0] ** 2 + heading[1] ** 2 + heading[2] ** 2)
+    for axis in range(3):
+        heading[axis] /= length

@@ -8,16 +8,24 @@ A search looks at candidates: all agents, or, in large swarms, those that the ce
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.particles.cell_list import find_candidates
-from epuck_sim.particles.motion import compute_end_times, compute_positions, distance_travelled, time_of_end
+from epuck_sim.particles.motion import (
+    advance_one,
+    compute_end_times,
+    compute_positions,
+    distance_travelled,
+    time_of_end,
+)
 from epuck_sim.particles.oscillators import minimum
 from epuck_sim.particles.selection import find_two_smallest, select_smallest
 from epuck_sim.particles.swarm import (
     FLAG,
+    INDEX,
+    INT,
     SCENE,
     SCENE_BYTES,
     SEARCH,
@@ -35,17 +43,9 @@ from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at, call
 from epuck_sim.util.rng import randint
 
-NEAREST = 0
-"""Kind of neighbourhood: the k agents nearest to the firing agent receive its pulse."""
-
-VISION_CONE = 1
-"""Kind of neighbourhood: the agents whose cones contain the firing agent receive its pulse."""
-
-EMISSION_CONE = 2
-"""Kind of neighbourhood: the agents inside the cone, or range, of the firing agent receive its pulse."""
-
-RANDOM = 3
-"""Kind of neighbourhood: k agents, which are drawn anew for each pulse, receive it."""
+NEAREST, VISION_CONE, EMISSION_CONE, RANDOM = range(4)
+"""Kinds of neighbourhood. A pulse is received by the k agents nearest to the firing agent; by those whose cones contain
+it; by those inside its own cone, or range; or by k agents that are drawn anew for each pulse."""
 
 UNLIMITED_CM = 1e30
 """An unlimited radius: farther than any agent, but finite, as an agent's distance to itself is set to inf."""
@@ -69,14 +69,7 @@ def find_receivers(
 ) -> int:
     """Find the agents that receive a pulse which `agent` emits at `time`, unless those found before are valid still.
 
-    Args:
-        block: The swarm.
-        addresses: Addresses of what compiled code calls.
-        neighbours: Those of the block.
-        agent: The agent that fires.
-        time: Cycles since the start of the present cycle.
-        by_address: None for a search in cones among all agents as part of the caller, which is not compiled if this is
-            True: then the search is called by its address.
+    With `by_address` None the search is one in cones among all agents, as part of the caller; else it is called.
 
     Returns:
         The index in `neighbours.members` of the first of them; there are `neighbours.counts[agent]`.
@@ -86,19 +79,19 @@ def find_receivers(
             search_cone(block, addresses, agent, time)
         else:
             call(addresses[SEARCH], block, addresses, agent, time)
-    return row_of(neighbours, agent)
+    return _row_of(neighbours, agent)
 
 
 @jit_inline
-def row_of(neighbours: Neighbours, agent: int) -> int:
+def _row_of(neighbours: Neighbours, agent: int) -> int:
     """Return the index in `members` at which an agent's neighbours are kept."""
     row: int = agent * neighbours.scene[0].agents if neighbours.scene[0].is_cached else 0
     return row
 
 
 @jit_inline
-def should_cache(neighbours: Neighbours, agent: int) -> bool:
-    """Return whether caching an agent's neighbours is likely to pay off; count the pulses for which it is skipped."""
+def _should_cache(neighbours: Neighbours, agent: int) -> bool:
+    """Return whether caching is likely to pay off; count the pulses for which it is skipped."""
     if neighbours.skip_count[agent] > 0:
         neighbours.skip_count[agent] -= 1
         return False
@@ -107,8 +100,7 @@ def should_cache(neighbours: Neighbours, agent: int) -> bool:
 
 
 @jit_inline
-def cache_until(neighbours: Neighbours, agent: int, time: float, until: float) -> None:
-    """Declare the neighbours of an agent, found at `time`, valid until a later time."""
+def _cache_until(neighbours: Neighbours, agent: int, time: float, until: float) -> None:
     neighbours.cached_until[agent] = until
     if until < time + 1:
         neighbours.skip_count[agent] = SKIPPED_PULSES if neighbours.scene[0].kind == NEAREST else SKIPPED_PULSES_CONE
@@ -121,20 +113,20 @@ def cache_until(neighbours: Neighbours, agent: int, time: float, until: float) -
 def search_nearest(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find the agents nearest to an agent, among all."""
     candidates, trajectories = candidates_at(block), trajectories_at(block)
-    place_all(block, addresses, trajectories, time)
+    _place_all(block, addresses, trajectories, time)
     agents = len(trajectories.speed)
-    measure_distances(block, agent, agents)
-    select_nearest(neighbours_at(block), candidates, agent, time, agents, math.inf)
+    _measure_distances(block, agent, agents)
+    _select_nearest(neighbours_at(block), candidates, agent, time, agents, math.inf)
 
 
 @jit_inline
 def search_cone(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find the agents in a cone or range, among all."""
     candidates, trajectories = candidates_at(block), trajectories_at(block)
-    place_all(block, addresses, trajectories, time)
+    _place_all(block, addresses, trajectories, time)
     agents = len(trajectories.speed)
-    measure_cone(block, trajectories.scene[0].first.heading, agent, agents)
-    select_in_cone(neighbours_at(block), trajectories, candidates, agent, time, agents, math.inf)
+    _measure_cone(block, trajectories.scene[0].first.heading, agent, agents)
+    _select_in_cone(neighbours_at(block), trajectories, candidates, agent, time, agents, math.inf)
 
 
 @jit_no_alloc
@@ -146,18 +138,18 @@ def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float)
     is_found = False
     while not is_found:
         count = find_candidates(block, addresses, trajectories, agent, time, radius_cm, candidates)
-        own = gather_candidates(block, trajectories, candidates, agent, time, count)
+        own = _gather_candidates(block, trajectories, candidates, agent, time, count)
         if count == len(trajectories.speed):
             radius_cm = math.inf  # all agents are candidates
         if is_nearest:
-            measure_distances(block, own, count)
-            is_found = count > scene.k and select_nearest(neighbours, candidates, agent, time, count, radius_cm)
+            _measure_distances(block, own, count)
+            is_found = count > scene.k and _select_nearest(neighbours, candidates, agent, time, count, radius_cm)
             radius_cm *= RADIUS_GROWTH
         else:
-            measure_cone(block, scene.first.headings, own, count)
-            select_in_cone(neighbours, trajectories, candidates, agent, time, count, radius_cm)
+            _measure_cone(block, scene.first.headings, own, count)
+            _select_in_cone(neighbours, trajectories, candidates, agent, time, count, radius_cm)
             is_found = True
-    members = neighbours.members[row_of(neighbours, agent) :]
+    members = neighbours.members[_row_of(neighbours, agent) :]
     for rank in range(neighbours.counts[agent]):
         members[rank] = candidates.agents[members[rank]]
 
@@ -171,7 +163,7 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
     scene, neighbours = array_at(block, 0, SCENE_BYTES, SCENE)[0], neighbours_at(block)
     is_drawn = array_at(block, scene.first.is_drawn, scene.end.is_drawn, FLAG)
     streams = array_at(block, scene.first.receiver_streams, scene.end.receiver_streams, STREAM)
-    members, stream = neighbours.members[row_of(neighbours, agent) :], streams[agent].words
+    members, stream = neighbours.members[_row_of(neighbours, agent) :], streams[agent].words
     others = len(is_drawn) - 1
     for rank in range(scene.k):
         last = others - scene.k + rank
@@ -190,15 +182,14 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
 
 
 @jit_inline
-def place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> None:
-    """Compute the positions of all agents, unless that is done."""
+def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> None:
     if trajectories.scene[0].positions_time != time:
         compute_positions(block, addresses, trajectories, time, trajectories.scene[0].first.positions)
         trajectories.scene[0].positions_time = time
 
 
 @jit_inline
-def gather_candidates(
+def _gather_candidates(
     block: ByteArray, trajectories: Trajectories, candidates: Candidates, agent: int, time: float, count: int
 ) -> int:
     """Compute the candidates' positions, and their headings for a cone; return the firing agent's index among them."""
@@ -219,36 +210,32 @@ def gather_candidates(
 
 
 @jit_no_alloc
-def measure_distances(block: ByteArray, own: int, count: int) -> None:
+def _measure_distances(block: ByteArray, own: int, count: int) -> None:
     """Compute the candidates' squared distances from the firing agent, whose index among them is `own`.
 
-    Loops over contiguous arrays, which vectorise, here and in `measure_cone`: not inlined, so that their branches
+    Loops over contiguous arrays, which vectorise, here and in `_measure_cone`: not inlined, so that their branches
     are taken out of the loops.
     """
     scene, square = array_at(block, 0, SCENE_BYTES, SCENE)[0], candidates_at(block).square_distance
     is_cyclic, side_cm = scene.is_cyclic, scene.side_cm
     for axis in range(scene.dimensions):
-        positions = axis_at(block, axis, scene.first.positions, 0).positions
+        positions = axis_at(block, axis, scene.first.positions, scene.first.headings).positions
         own_position = positions[own]
         for index in range(count):
-            offset = nearest_image(is_cyclic, side_cm, positions[index] - own_position)
+            offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
             square[index] = offset * offset + (square[index] if axis else 0.0)
     square[own] = math.inf
 
 
 @jit_inline
-def measure_cone(block: ByteArray, headings: int, own: int, count: int) -> None:
-    """Compute the candidates' squared distances from the firing agent, and those along the axes of the cones.
+def _measure_cone(block: ByteArray, headings: int, own: int, count: int) -> None:
+    """Compute squared distances as `_measure_distances` does, and those along the axes of the cones.
 
-    Args:
-        block: The swarm, with the candidates' positions.
-        headings: Offset in the block of the array (dimensions * agents,) of the candidates' headings.
-        own: Index of the firing agent among the candidates.
-        count: Number of candidates.
+    The headings of the candidates begin at the offset `headings` of the block.
     """
     scene, candidates = array_at(block, 0, SCENE_BYTES, SCENE)[0], candidates_at(block)
     if scene.cos == FULL_CIRCLE_COS:
-        measure_distances(block, own, count)
+        _measure_distances(block, own, count)
         return
     square, along = candidates.square_distance, candidates.axial_distance
     is_cyclic, side_cm, is_vision = scene.is_cyclic, scene.side_cm, scene.kind == VISION_CONE
@@ -258,19 +245,19 @@ def measure_cone(block: ByteArray, headings: int, own: int, count: int) -> None:
         own_position, own_direction = positions[own], directions[own]
         if is_vision:
             for index in range(count):
-                offset = nearest_image(is_cyclic, side_cm, positions[index] - own_position)
+                offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
                 square[index] = offset * offset + (square[index] if axis else 0.0)
                 along[index] = (along[index] if axis else 0.0) - offset * directions[index]
         else:
             for index in range(count):
-                offset = nearest_image(is_cyclic, side_cm, positions[index] - own_position)
+                offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
                 square[index] = offset * offset + (square[index] if axis else 0.0)
                 along[index] = (along[index] if axis else 0.0) + offset * own_direction
     square[own] = math.inf
 
 
 @jit_inline
-def nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
+def _nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
     """Return the distance along an axis to the nearest image of an agent, in a cyclic space; else `offset_cm`."""
     if is_cyclic:
         offset_cm -= side_cm * float(np.rint(offset_cm * (1 / side_cm)))
@@ -278,26 +265,14 @@ def nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
 
 
 @jit_inline
-def select_nearest(
+def _select_nearest(
     neighbours: Neighbours, candidates: Candidates, agent: int, time: float, count: int, radius_cm: float
 ) -> bool:
-    """Write the indices of the k nearest candidates to the agent's row: the nearest first, equally near as they come.
-
-    Args:
-        neighbours: Receives the indices.
-        candidates: Holds the distances.
-        agent: The agent that fires.
-        time: Cycles since the start of the present cycle.
-        count: Number of candidates.
-        radius_cm: All agents within this radius are candidates.
-
-    Returns:
-        Whether these are the nearest for certain: no agent beyond the radius may be nearer.
-    """
+    """Find the k nearest; return whether no agent beyond the radius, within which all are candidates, is nearer."""
     square, k, members = (
         candidates.square_distance,
         neighbours.scene[0].k,
-        neighbours.members[row_of(neighbours, agent) :],
+        neighbours.members[_row_of(neighbours, agent) :],
     )
     if k == 1:
         nearest, farthest, next_square = find_two_smallest(square, count)
@@ -308,15 +283,15 @@ def select_nearest(
     if farthest > radius_cm * radius_cm:
         return False
     neighbours.counts[agent] = k
-    if should_cache(neighbours, agent):
+    if _should_cache(neighbours, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
         gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)
-        cache_until(neighbours, agent, time, time + gap_cm / 2 * neighbours.scene[0].closing_time)
+        _cache_until(neighbours, agent, time, time + gap_cm / 2 * neighbours.scene[0].closing_time)
     return True
 
 
 @jit_inline
-def select_in_cone(
+def _select_in_cone(
     neighbours: Neighbours,
     trajectories: Trajectories,
     candidates: Candidates,
@@ -325,18 +300,8 @@ def select_in_cone(
     count: int,
     radius_cm: float,
 ) -> None:
-    """Write the indices of all candidates inside the cone to the agent's row; coincident agents count as inside.
-
-    Args:
-        neighbours: Receives the indices.
-        trajectories: Trajectories of all agents.
-        candidates: Holds the distances.
-        agent: The agent that fires.
-        time: Cycles since the start of the present cycle.
-        count: Number of candidates.
-        radius_cm: All agents within this radius are candidates.
-    """
-    scene, members, row = neighbours.scene[0], neighbours.members, row_of(neighbours, agent)
+    """Find all candidates inside the cone, coincident ones included; all agents within the radius are candidates."""
+    scene, members, row = neighbours.scene[0], neighbours.members, _row_of(neighbours, agent)
     square, along, margin = candidates.square_distance, candidates.axial_distance, candidates.margin
     cosine, is_round, own_radius_cm = scene.cos, scene.cos == FULL_CIRCLE_COS, scene.radius_cm
     limit = own_radius_cm * own_radius_cm
@@ -354,7 +319,7 @@ def select_in_cone(
             members[found] = index
             found += np.uint64(margin[index] >= 0)
     neighbours.counts[agent] = np.int64(found) - row
-    if should_cache(neighbours, agent):
+    if _should_cache(neighbours, agent):
         per_cm = scene.closing_time
         until = time + per_cm * (radius_cm - own_radius_cm) if radius_cm < math.inf else math.inf
         if is_round:
@@ -364,14 +329,13 @@ def select_in_cone(
             if scene.kind == EMISSION_CONE:
                 until = min(until, time_of_end(trajectories, agent))
             else:
-                find_turning_times(trajectories, candidates, count)
-            bound_crossing_times(trajectories, candidates, time, count)
-        cache_until(neighbours, agent, time, min(until, minimum(margin, 0, count)))
+                _find_turning_times(trajectories, candidates, count)
+            _bound_crossing_times(trajectories, candidates, time, count)
+        _cache_until(neighbours, agent, time, min(until, minimum(margin, 0, count)))
 
 
 @jit_inline
-def find_turning_times(trajectories: Trajectories, candidates: Candidates, count: int) -> None:
-    """Write to `end_times` when each candidate's trajectory ends."""
+def _find_turning_times(trajectories: Trajectories, candidates: Candidates, count: int) -> None:
     if trajectories.scene[0].cells == 0:
         compute_end_times(trajectories)
         return
@@ -380,7 +344,7 @@ def find_turning_times(trajectories: Trajectories, candidates: Candidates, count
 
 
 @jit_inline
-def bound_crossing_times(trajectories: Trajectories, candidates: Candidates, time: float, count: int) -> None:
+def _bound_crossing_times(trajectories: Trajectories, candidates: Candidates, time: float, count: int) -> None:
     """Overwrite `margin` with times until which each candidate certainly stays inside, or outside, the cone.
 
     An agent enters or leaves a cone across its arc or an edge, and a cone of vision turns when its agent is reflected.
@@ -398,3 +362,107 @@ def bound_crossing_times(trajectories: Trajectories, candidates: Candidates, tim
         crossing = time + per_cm * (beyond if beyond > 0 else within)
         turning = math.inf if is_own_cone or beyond > 0 else end_times[index]
         margin[index] = min(crossing, turning)
+
+
+# --- cell list: agents sorted into the cells of a grid -------------------------------------------------
+#
+# They are sorted only now and then. No agent moves faster than the fastest one, so every agent within a radius of a
+# point is still listed in a cell within that radius plus the distance which the fastest has moved since.
+
+
+@jit_inline
+def _cell_index(scene: Any, coordinate_cm: float) -> int:
+    """Return the index, along an axis, of the cell that contains a coordinate."""
+    index: int = min(max(math.floor(coordinate_cm / scene.cell_cm), 0), scene.cells - 1)
+    return index
+
+
+@jit_no_alloc
+def _sort_into_cells(
+    block: ByteArray, addresses: IntArray, trajectories: Trajectories, candidates: Candidates, time: float
+) -> None:
+    """Sort all agents by the cells in which they are at `time`, by counting."""
+    scene = trajectories.scene[0]
+    start = array_at(block, scene.first.cell_start, scene.end.cell_start, INT)
+    agents = array_at(block, scene.first.agents_by_cell, scene.end.agents_by_cell, INDEX)
+    cells = array_at(block, scene.first.cell_of_agent, scene.end.cell_of_agent, INDEX)
+    compute_positions(block, addresses, trajectories, time, scene.first.positions)
+    for cell in range(len(start)):
+        start[cell] = 0
+    for agent in range(len(agents)):
+        cell = 0
+        for axis in range(scene.dimensions):
+            cell = cell * scene.cells + _cell_index(scene, candidates.positions[axis * len(agents) + agent])
+        cells[agent] = cell
+        start[cell + 1] += 1
+    for cell in range(1, len(start)):
+        start[cell] += start[cell - 1]
+    for agent in range(len(agents) - 1, -1, -1):  # backwards, so that the end of each cell becomes its start
+        cell = entry_of(cells, agent) + 1
+        start[cell] -= 1
+        agents[start[cell]] = agent
+    for cell in range(len(start) - 1):
+        start[cell] = start[cell + 1]
+    start[len(start) - 1] = len(agents)
+    scene.sorted_at = time
+
+
+@jit_no_alloc
+def _cell_range(scene: Any, centre_cm: float, radius_cm: float) -> tuple[int, int]:
+    """Return the first index of the cells within a radius of a place along an axis, and their number.
+
+    In a cyclic space the first index may be negative, and indices may exceed the number of cells: they wrap around.
+    """
+    if scene.is_cyclic:
+        low = math.floor((centre_cm - radius_cm) / scene.cell_cm)
+        count = math.floor((centre_cm + radius_cm) / scene.cell_cm) - low + 1
+        return (low, count) if count < scene.cells else (0, scene.cells)
+    low = _cell_index(scene, centre_cm - radius_cm)
+    return low, _cell_index(scene, centre_cm + radius_cm) - low + 1
+
+
+@jit_no_alloc
+def find_candidates(
+    block: ByteArray,
+    addresses: IntArray,
+    trajectories: Trajectories,
+    agent: int,
+    time: float,
+    radius_cm: float,
+    candidates: Candidates,
+) -> int:
+    """Find all agents that may be within a radius of an agent, and the agent; advance them, and return their number."""
+    scene, agents, dimensions = trajectories.scene[0], len(trajectories.speed), trajectories.scene[0].dimensions
+    moved_cm = scene.max_speed * (time - scene.sorted_at)
+    if not moved_cm <= scene.cell_cm / 2:
+        _sort_into_cells(block, addresses, trajectories, candidates, time)
+        moved_cm = 0.0
+    start = array_at(block, scene.first.cell_start, scene.end.cell_start, INT)
+    by_cell = array_at(block, scene.first.agents_by_cell, scene.end.agents_by_cell, INDEX)
+    advance_one(block, addresses, trajectories, agent, time)
+    travelled_cm = distance_travelled(trajectories, agent, time)
+    low0 = low1 = low2 = 0  # along an axis which the space lacks there is one cell
+    count0 = count1 = count2 = 1
+    cells0 = cells1 = cells2 = 1
+    for axis in range(dimensions):
+        place = axis * agents + agent
+        centre_cm = trajectories.origin[place] + trajectories.heading[place] * travelled_cm
+        low, count = _cell_range(scene, centre_cm, radius_cm + moved_cm)
+        if axis == 0:
+            low0, count0, cells0 = low, count, scene.cells
+        elif axis == 1:
+            low1, count1, cells1 = low, count, scene.cells
+        else:
+            low2, count2, cells2 = low, count, scene.cells
+    found = 0
+    for a in range(low0, low0 + count0):
+        for b in range(low1, low1 + count1):
+            row = ((a % cells0) * cells1 + b % cells1) * cells2
+            for c in range(low2, low2 + count2):
+                cell = row + c % cells2
+                for index in range(start[cell], start[cell + 1]):
+                    other = entry_of(by_cell, index)
+                    advance_one(block, addresses, trajectories, other, time)
+                    candidates.agents[found] = other
+                    found += 1
+    return found

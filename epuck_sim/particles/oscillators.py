@@ -19,11 +19,8 @@ SIMULTANEITY_CYCLES = 1e-12
 ROUNDING_MARGIN = 1e-12
 """Upper bound, with a wide margin, of the rounding error of an order parameter."""
 
-COMPLEX = 0
-"""Metric of eq. 5.7: the modulus of the mean phasor."""
-
-REFERENCE = 1
-"""Metric of eq. 3.4: the mean cosine of the phases relative to the reference."""
+COMPLEX, REFERENCE = range(2)
+"""Metrics: the modulus of the mean phasor (eq. 5.7), the mean cosine of phases relative to the reference (eq. 3.4)."""
 
 METRIC_CODES = {"complex": COMPLEX, "reference": REFERENCE}
 """Codes of the metrics that a scenario's `stop.metric` names; the same metrics as `order_parameter.METRICS`."""

@@ -22,7 +22,7 @@ from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.response import ResponseSection
-from epuck_sim.util.jit import BLOCK, bind, compile_cached, digest, jit, jit_inline, name_after
+from epuck_sim.util.jit import BLOCK, bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after
 from epuck_sim.util.native import array_at, evaluate, function_address, unlikely
 from epuck_sim.util.python_files import line_of_error
 
@@ -67,16 +67,10 @@ class Response(NamedTuple):
 
 @jit_inline
 def phase_after_pulse(response: Any, curve: ByteArray, addresses: IntArray, phase: float) -> float:
-    """Return the phase, 0 to 1, after a pulse; an oscillator at 1 fires.
+    """Return the phase, 0 to 1, after a pulse, of one above the refractory period; an oscillator at 1 fires.
 
     The phase is capped at 1, as in thesis 5.1.1, and at 0, below which the sine curve with kappa > 1 / (2 pi) would
-    lead.
-
-    Args:
-        response: The record of the response.
-        curve: The bytes of a user's curve; of a shipped one, none.
-        addresses: Addresses of what compiled code calls.
-        phase: The phase, above the refractory period.
+    lead. The curve is the bytes of a user's; of a shipped one, none.
     """
     shift: float = response.coupling * phase
     if unlikely(response.curve != MULTIPLICATIVE):
@@ -179,7 +173,9 @@ def _compile_curve(section: ResponseSection) -> CompiledCurve:
     parameters = curve.resolve(section.parameters)
     kind = record_type({name: type(value) for name, value in parameters.items()}) if parameters else _NOTHING
     sources = digest_sources(curve.sources, curve.modules).encode()
-    whole = digest([sources, *frozen_values(curve.modules.values()), repr(kind).encode()])
+    whole = digest(
+        [kernel_digest("particles").encode(), sources, *frozen_values(curve.modules.values()), repr(kind).encode()]
+    )
     if whole not in _compiled:
         try:
             with warnings.catch_warnings():

@@ -7,9 +7,8 @@ import numpy as np
 from numba import types
 
 from epuck_sim.arrays import ByteArray, IntArray
-from epuck_sim.particles.distributions import speed_table
 from epuck_sim.particles.events import advance, advance_in_cones
-from epuck_sim.particles.initial_conditions import give_start
+from epuck_sim.particles.initial_conditions import give_start, speed_table
 from epuck_sim.particles.motion import begin_run, continue_trajectory, reorient_agents
 from epuck_sim.particles.neighbours import (
     EMISSION_CONE,
@@ -98,12 +97,8 @@ def rules_of(scenario: ParticleScenario) -> Rules:
 
 def _make_rules(scenario: ParticleScenario) -> Rules:
     """Return the rules of a scenario; compile what they call, before any clock runs."""
-    agents, space, walk, response = (
-        scenario.agents,
-        scenario.space,
-        scenario.agents.walk,
-        make_response(scenario.response),
-    )
+    agents, space, walk = scenario.agents, scenario.space, scenario.agents.walk
+    response = make_response(scenario.response)
     count, rows, has_runs = agents.count, space.dimensions * agents.count, walk.kind != "straight"
     neighbourhood = _neighbourhood(scenario)
     is_random, in_cells, cells = neighbourhood["kind"] == RANDOM, neighbourhood["cells"] > 0, neighbourhood["cells"]

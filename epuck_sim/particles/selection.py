@@ -27,13 +27,8 @@ def select_smallest(
 ) -> float:
     """Write the indices of the k smallest values to `found`: ascending, equal values in the order of their indices.
 
-    Args:
-        values: Not negative; the first `count` count. Those that are found are overwritten with inf.
-        count: Number of values, at most one of which is inf.
-        k: Number of values to find, 1 to `count`.
-        bucket_of: (count,) scratch.
-        bucket_end: (count,) scratch.
-        found: (count,) output; only the first k entries are of use afterwards.
+    The first `count` values, of which at most one is inf, are looked at; none is negative, and those that are found are
+    overwritten with inf. The buckets, (count,), are scratch; so is `found`, (count,), beyond k.
 
     Returns:
         The largest of the k values.

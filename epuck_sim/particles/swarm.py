@@ -290,14 +290,7 @@ Axis = namedtuple("Axis", "origin heading positions headings")
 
 @jit_inline
 def axis_at(block: ByteArray, axis: int, positions: int, headings: int) -> Axis:
-    """Return the rows of an axis of a block.
-
-    Args:
-        block: The swarm.
-        axis: Number of the axis.
-        positions: Offset in the block of the array (dimensions * agents,) of the positions.
-        headings: The same of the headings.
-    """
+    """Return the rows of an axis in arrays (dimensions * agents,), of which positions and headings begin at offsets."""
     scene = array_at(block, 0, SCENE_BYTES, SCENE)
     begin, end = WORD_BYTES * scene[0].agents * axis, WORD_BYTES * scene[0].agents * (axis + 1)
     origin, heading = scene[0].first.origin, scene[0].first.heading
@@ -343,9 +336,7 @@ def neighbours_at(block: ByteArray) -> Neighbours:
     )
 
 
-Candidates = namedtuple(
-    "Candidates", "agents positions headings square_distance axial_distance margin bucket_of bucket_end"
-)
+Candidates = namedtuple("Candidates", "agents positions square_distance axial_distance margin bucket_of bucket_end")
 """The agents among which neighbours are searched for; see `ARRAYS`."""
 
 
@@ -357,7 +348,6 @@ def candidates_at(block: ByteArray) -> Candidates:
     return Candidates(
         array_at(block, first.candidates, end.candidates, INDEX),
         array_at(block, first.positions, end.positions, FLOAT),
-        array_at(block, first.headings, end.headings, FLOAT),
         array_at(block, first.square_distance, end.square_distance, FLOAT),
         array_at(block, first.axial_distance, end.axial_distance, FLOAT),
         array_at(block, first.margin, end.margin, FLOAT),

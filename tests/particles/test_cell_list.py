@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from epuck_sim.particles.cell_list import find_candidates
+from epuck_sim.particles.neighbours import find_candidates
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.particles.swarm import candidates_at, trajectories_at
 from tests.particles.simulations import search_all

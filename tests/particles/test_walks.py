@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from epuck_sim.particles.headings import turn_heading
+from epuck_sim.particles.motion import turn_heading
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.loader import load_scenario
 from tests.particles.distributions import UNLIKELY, is_anywhere
