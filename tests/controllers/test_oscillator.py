@@ -26,37 +26,53 @@ def stepped(phase_ms, flash=False, ring_on=False, step_ms=100, seen=0, red=1, pi
     return robot.memory.phase_ms, robot.ring_on
 
 
-# --- Algorithm 1, line by line --------------------------------------------------------------------
+# --- a step, branch by branch ---------------------------------------------------------------------
 
-
-@pytest.mark.parametrize("step_ms", [1, 25, 100])
-def test_the_phase_advances_by_the_control_step(step_ms):
-    assert stepped(1000, step_ms=step_ms) == (1000 + step_ms, False)
+LIT, DARK, FLASH, DELAYED = {"ring_on": True}, {}, {"flash": True}, {"flash": True, "delay_ms": 62}
+TO_5000 = {"flash": True, "coupling": 0.25}
+WIDE = {"flash": True, "pixels": 1000}
 
 
 @pytest.mark.parametrize(
-    ("before", "after"), [(4899, (4999, False)), (4900, (0, True)), (4901, (0, True)), (4999, (0, True))]
+    ("before", "given_", "after"),
+    [
+        *((1000, {"step_ms": step_ms}, (1000 + step_ms, False)) for step_ms in (1, 25, 100)),
+        # at tau the phase becomes 0 and the ring goes on
+        (4899, DARK, (4999, False)),
+        *((before, DARK, (0, True)) for before in (4900, 4901, 4999)),
+        # the ring goes off past phi_led, not at it; a phase within the flash alone does not light it
+        *((before, LIT, (before + 100, before <= 275)) for before in (0, 274, 275, 276, 3000)),
+        (100, DARK, (200, False)),
+        # no update up to and at phi_ref, one past it, and none without a flash
+        *((before, FLASH, (before + 100, False)) for before in (400, 649, 650)),
+        (651, FLASH, (826, False)),
+        (652, FLASH, (827, False)),
+        (3000, DARK, (3100, False)),
+        # an update that reaches tau or beyond fires, and so does a complete cycle with a flash in view
+        (4445, FLASH, (4999, False)),
+        *((before, FLASH, (0, True)) for before in (4446, 4800, 4900, 4950, 4999)),
+        (3900, TO_5000, (0, True)),
+        # so many red pixels are a flash, however wide the camera is
+        *((1000, FLASH | {"red": red, "flash_pixels": red}, (1210, False)) for red in (1, 2)),
+        *((1000, FLASH | {"red": red, "flash_pixels": red + 1}, (1100, False)) for red in (1, 60)),
+        *((1000, WIDE | {"red": red}, (1210, False)) for red in (255, 256, 512, 1000)),
+        # Algorithm 2: the update acts on the phase at the flash, which must be past phi_ref, too
+        (1000, DELAYED, (1038 * 11 // 10 + 62, False)),
+        (2345, DELAYED, (2683, False)),
+        (651, DELAYED, (751, False)),
+        (712, DELAYED, (812, False)),
+        (713, DELAYED, (813 + 75, False)),
+        # a cycle that began at the flash is delta old; one that completed before or after it fires
+        *((before, DELAYED, (62, True)) for before in (4600, 4950, 4961, 4962, 4999)),
+        (3962, TO_5000 | {"delay_ms": 62}, (0, True)),
+    ],
 )
-def test_at_tau_the_phase_becomes_0_and_the_ring_goes_on(before, after):
-    assert stepped(before) == after
+def test_a_step_leads_to_the_phase_and_the_ring_of_the_thesis(before, given_, after):
+    assert stepped(before, **given_) == after
 
 
-@pytest.mark.parametrize(("before", "lit"), [(0, True), (274, True), (275, True), (276, False), (3000, False)])
-def test_the_ring_goes_off_past_phi_led_and_not_at_it(before, lit):
-    assert stepped(before, ring_on=True) == (before + 100, lit)
-
-
-def test_a_phase_within_the_flash_alone_does_not_light_the_ring():
-    assert stepped(100, ring_on=False) == (200, False)
-
-
-@pytest.mark.parametrize(("before", "after"), [(400, 500), (649, 749), (650, 750), (651, 826), (652, 827)])
-def test_no_update_up_to_and_at_phi_ref_and_update_past_it(before, after):
-    assert stepped(before, flash=True)[0] == after
-
-
-def test_without_a_flash_there_is_no_update():
-    assert stepped(3000, flash=False)[0] == 3100
+def test_with_a_delay_a_phase_of_tau_at_the_flash_fires_only_once_delta_is_added():
+    assert function("updated", "oscillator")(4062, settings("oscillator", coupling=0.25, delay_ms=62)) == (5062, False)
 
 
 @pytest.mark.parametrize("coupling", [0.1, 0.05, 0.3, 0.7, 0.123456, 1.0, 9.99])
@@ -68,36 +84,10 @@ def test_an_update_is_truncated_to_whole_milliseconds_with_epsilon_as_written(co
     ]
 
 
-def test_eps_of_a_tenth_means_eleven_tenths_without_rounding_up_or_down():
-    updated, parameters = function("updated", "oscillator"), settings("oscillator")
-    assert all(updated(phase, parameters)[0] == phase * 11 // 10 for phase in range(751, 4546))
+# --- sightings, and pictures that are not new -----------------------------------------------------
 
 
-@pytest.mark.parametrize(("before", "after"), [(4445, (4999, False)), (4446, (0, True)), (4800, (0, True))])
-def test_an_update_that_reaches_beyond_tau_fires(before, after):
-    assert stepped(before, flash=True) == after
-
-
-def test_an_update_that_reaches_tau_exactly_fires():
-    assert stepped(3900, flash=True, coupling=0.25) == (0, True)
-
-
-@pytest.mark.parametrize("before", [4900, 4950, 4999])
-def test_a_cycle_that_is_complete_fires_though_a_flash_is_in_view(before):
-    assert stepped(before, flash=True) == (0, True)
-
-
-# --- what counts as a flash -----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("red", "needed", "acts"), [(1, 1, True), (1, 2, False), (2, 2, True), (60, 61, False)])
-def test_so_many_red_pixels_are_a_flash(red, needed, acts):
-    assert stepped(1000, flash=True, red=red, flash_pixels=needed)[0] == (1210 if acts else 1100)
-
-
-@pytest.mark.parametrize("red", [255, 256, 512, 1000])
-def test_a_camera_full_of_red_is_a_flash_however_wide_it_is(red):
-    assert stepped(1000, flash=True, red=red, pixels=1000)[0] == 1210
+ONCE = {"once_per_sighting": True}
 
 
 def phases_over(flashes, new_pictures=None, **parameters):
@@ -112,33 +102,23 @@ def phases_over(flashes, new_pictures=None, **parameters):
     return phases
 
 
-def test_every_step_in_view_updates():
-    assert phases_over([1, 1, 1, 0]) == [1210, 1441, 1695, 1795]
-
-
-def test_once_per_sighting_only_the_first_step_in_view_updates_and_a_new_sighting_does_again():
-    assert phases_over([1, 1, 0, 1, 1], once_per_sighting=True) == [1210, 1310, 1410, 1661, 1761]
-
-
-def test_once_per_sighting_a_sighting_that_begins_in_the_refractory_period_is_used_up():
-    assert phases_over([1, 1, 1], once_per_sighting=True, refractory_fraction=0.23) == [1100, 1200, 1300]
-
-
-# --- pictures that are not new --------------------------------------------------------------------
-
-
 @given(phase=st.integers(0, 4999), ring=st.booleans())
 def test_a_picture_that_is_not_new_acts_like_a_dark_one(phase, ring):
     assert stepped(phase, flash=True, ring_on=ring, new=False) == stepped(phase, flash=False, ring_on=ring)
 
 
-def test_a_picture_acts_once_however_many_steps_it_is_there():
-    assert phases_over([1, 1, 1, 1, 0], [1, 0, 0, 1, 1]) == [1210, 1310, 1410, 1661, 1761]
-
-
-def test_once_per_sighting_only_the_first_picture_in_view_updates_and_a_new_sighting_does_again():
-    flashes, new = [1, 1, 1, 0, 0, 1, 1], [1, 0, 1, 1, 0, 1, 0]
-    assert phases_over(flashes, new, once_per_sighting=True) == [1210, 1310, 1410, 1510, 1610, 1881, 1981]
+@pytest.mark.parametrize(
+    ("flashes", "new_pictures", "given_", "phases"),
+    [
+        ([1, 1, 1, 0], None, {}, [1210, 1441, 1695, 1795]),
+        ([1, 1, 0, 1, 1], None, ONCE, [1210, 1310, 1410, 1661, 1761]),
+        ([1, 1, 1], None, ONCE | {"refractory_fraction": 0.23}, [1100, 1200, 1300]),  # used up while it is refractory
+        ([1, 1, 1, 1, 0], [1, 0, 0, 1, 1], {}, [1210, 1310, 1410, 1661, 1761]),
+        ([1, 1, 1, 0, 0, 1, 1], [1, 0, 1, 1, 0, 1, 0], ONCE, [1210, 1310, 1410, 1510, 1610, 1881, 1981]),
+    ],
+)
+def test_each_new_picture_of_a_flash_updates_or_the_first_of_a_sighting_alone(flashes, new_pictures, given_, phases):
+    assert phases_over(flashes, new_pictures, **given_) == phases
 
 
 def test_what_was_taken_for_a_flash_is_what_the_last_picture_shows():
@@ -150,33 +130,6 @@ def test_what_was_taken_for_a_flash_is_what_the_last_picture_shows():
         robot.step()
         seen.append(robot.memory.flash_seen)
     assert seen == [1, 1, 0, 0]
-
-
-# --- Algorithm 2 ----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("before", "after"), [(1000, (1038 * 11 // 10 + 62, False)), (2345, (2683, False))])
-def test_with_a_delay_the_update_acts_on_the_phase_at_the_flash(before, after):
-    assert stepped(before, flash=True, delay_ms=62) == after
-
-
-@pytest.mark.parametrize(("before", "after"), [(651, 751), (712, 812), (713, 813 + 75)])
-def test_with_a_delay_the_phase_at_the_flash_must_be_past_phi_ref_too(before, after):
-    assert stepped(before, flash=True, delay_ms=62)[0] == after
-
-
-def test_with_a_delay_a_cycle_that_began_at_the_flash_is_delta_old_and_the_ring_is_on():
-    assert stepped(4600, flash=True, delay_ms=62) == (62, True)
-
-
-def test_with_a_delay_a_phase_of_tau_at_the_flash_fires_only_once_delta_is_added():
-    assert function("updated", "oscillator")(4062, settings("oscillator", coupling=0.25, delay_ms=62)) == (5062, False)
-    assert stepped(3962, flash=True, coupling=0.25, delay_ms=62) == (0, True)
-
-
-@pytest.mark.parametrize("before", [4950, 4961, 4962, 4999])
-def test_with_a_delay_a_cycle_that_completed_before_or_after_the_flash_fires(before):
-    assert stepped(before, flash=True, delay_ms=62) == (62, True)
 
 
 @given(phase=st.integers(0, 4999), coupling=st.integers(1, 10_000))
