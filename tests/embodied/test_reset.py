@@ -12,6 +12,7 @@ from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from tests.control.bench import with_step
+from tests.embodied.changing import CHANGING
 from tests.embodied.test_simulation import SHIPPED, steps_of
 
 
@@ -46,7 +47,7 @@ UNLIKE = load_scenario(
 
 
 @pytest.mark.parametrize("interpret", [False, True])
-@pytest.mark.parametrize("scenario", [*SHIPPED, IMPERFECT, UNLIKE], ids=str)
+@pytest.mark.parametrize("scenario", [*SHIPPED, IMPERFECT, UNLIKE, *map(load_scenario, CHANGING.values())], ids=str)
 def test_a_reset_simulation_is_as_good_as_a_new_one_to_the_bit(scenario, interpret):
     used = Simulation(scenario, 5, interpret=interpret)
     if len(used.external_wheels):
@@ -138,6 +139,16 @@ def test_copies_go_on_equal_to_the_bit_among_contacts_commands_and_changes(way, 
     assert drive(made, 60, np.random.default_rng(2)) == expected
     if made is not original:  # which neither notices its copy nor shares anything with it
         assert drive(original, 60, np.random.default_rng(2)) == expected
+
+
+@pytest.mark.parametrize("name", CHANGING)
+def test_copies_go_on_equal_to_the_bit_among_scheduled_changes_and_faults(name):
+    original = Simulation(CHANGING[name], 3)
+    original.advance(35)
+    made = [COPIES[way](original) for way in ("restored", "deep copied", "pickled")]
+    expected = following(Simulation(CHANGING[name], 3), 70)
+    assert [following(each, 35) for each in made] == [expected[35:]] * 3
+    assert [each.events for each in made] == [original.events] * 3
 
 
 def test_a_snapshot_is_a_moment_which_later_steps_do_not_change():

@@ -18,6 +18,7 @@ from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files
+from tests.embodied.changing import CHANGING
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
 LONG = ("crowded", "obstacles", "physical", "thesis")
@@ -403,9 +404,10 @@ def test_iterating_again_goes_on_where_the_simulation_stands():
 
 
 @pytest.mark.parametrize("interpret", [False, True])
-@pytest.mark.parametrize("arena", ["crowded", "physical", "push"])
-def test_steps_taken_at_once_are_the_steps_taken_one_by_one(arena, interpret):
-    expected = kept(Simulation(arena, 3), 120)
+@pytest.mark.parametrize("scenario", ["crowded", "physical", "push", *CHANGING])
+def test_steps_taken_at_once_are_the_steps_taken_one_by_one(scenario, interpret):
+    arena = CHANGING.get(scenario, scenario)
+    expected = kept(Simulation(arena, 3), 84)
     simulation = Simulation(arena, 3, interpret=interpret)
     for count in (1, 2, 15, 16, 17, 33):
         step = simulation.advance(count)

@@ -1,8 +1,6 @@
 """Claims about robots that come and go: who is out is as if it did not exist, and who comes starts anew."""
 
-import copy
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -17,15 +15,9 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
 from tests.embodied.changes.blocks import controlled_block
-from tests.embodied.changes.test_faults import NOWHERE, steps_of
+from tests.embodied.changing import NOWHERE, SIGNALS, coming_and_going, steps_of
 
 POSES = [[10, 10, 0.3], [20, 20, 2], [30, 12, 3], [45, 45, 1], [12, 40, 4], [40, 20, 5]]
-SIGNALS = [
-    {"kind": "camera"},
-    {"kind": "cone", "angle_deg": 360, "range_cm": 30},
-    {"kind": "cone", "angle_deg": 360},
-    {"kind": "radio", "collisions": True},
-]
 MOVABLES = [{"x_cm": 25, "y_cm": 30, "radius_cm": 3, "mass_kg": 0.05, "friction": 0.1}]
 
 
@@ -181,41 +173,12 @@ def test_a_robot_that_leaves_is_seen_and_touched_until_then():
     assert simulation.advance(20).poses[0, 0] > 30
 
 
-@pytest.mark.parametrize(
-    ("signal", "interpret"), [(SIGNALS[0], False), (SIGNALS[1], True), (SIGNALS[2], False), (SIGNALS[3], False)]
-)
-def test_comings_and_goings_are_kept_by_resets_copies_and_interpreted_controllers(signal, interpret):
-    robots = [{"count": 6, "signal": signal}, {"count": 3, "present": False, "signal": signal}]
-    if signal["kind"] == "camera":
-        robots[0]["camera"] = {"frames_per_s": 8, "latency_ms": 50}
-    schedule = [
-        {"at_s": 1, "remove": [2, 4], "add": [6]},
-        {"at_s": 2.5, "add": [7, 2], "poses": [[30, 30, 0], [30, 40, 1]], "remove": [0, 6, 7]},
-        {"at_s": 4, "add": [0, 1, 8]},
-    ]
-    scenario = {
-        "robots": robots,
-        "schedule": schedule,
-        "arena": {"width_cm": 150, "height_cm": 150, "obstacles": []},
-        "stop": {"reference_robot": 3},
-        "faults": [{"kind": "restart", "per_hour": 900}],
-    }
-    if interpret:
-        scenario["robots"] = [{**group, "parameters": {"speed_cm_s": 5}} for group in robots]
-    scenario["robots"] = [{**group, "placement": "grid"} for group in scenario["robots"]]
-    expected = steps_of({**scenario, "schedule": [schedule[0], {**schedule[1], "poses": None}, schedule[2]]}, 60, 1)
-    scenario["schedule"][1].pop("poses")
-    simulation = Simulation(scenario, 7, interpret=interpret)
-    simulation.advance(33)
-    simulation.reset(1)
-    simulation.advance(20)
-    for made in (copy.deepcopy(simulation), pickle.loads(pickle.dumps(simulation)), simulation):
-        step = made.advance(40)
-        for name, values in expected.items():
-            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes(), name
-    present = [*(0, 1, 2, 3), *(5,), *(7, 8)]
-    assert np.flatnonzero(step.present).tolist() == present
-    assert np.flatnonzero(~np.isnan(expected["poses"][15, :, 0])).tolist() == [0, 1, 3, 5, 6]
+def test_who_is_in_the_arena_is_whom_entries_add_and_do_not_remove():
+    scenario = coming_and_going(SIGNALS[0])
+    scenario["schedule"][1] |= {"poses": [[30, 30, 0], [30, 40, 1]]}
+    simulation = Simulation(scenario, 1)
+    present = [np.flatnonzero(simulation.advance(15).present).tolist() for _ in range(3)]
+    assert present == [[0, 1, 3, 5, 6], [1, 2, 3, 5, 7], [0, 1, 2, 3, 5, 7, 8]]
     assert [event.what for event in simulation.events if event.source == "schedule.0"] == ["removes 2, 4; adds 6"]
 
 
@@ -277,17 +240,3 @@ def test_who_finds_no_place_ends_the_trial(entry, message):
     simulation = Simulation(scenario, 1)
     with pytest.raises(ScenarioError, match=message):
         simulation.advance(25)
-
-
-def test_robots_among_movables_come_and_go():
-    schedule = [{"at_s": 3, "remove": [1, 2]}, {"at_s": 5, "add": [1], "set": {"arena.width_cm": 61}}]
-    scenario = quiet([[0, 1, 2, 3]], arena={"movables": MOVABLES}, schedule=schedule)
-    expected = steps_of(scenario, 100, 1)
-    assert np.isnan(expected["poses"][30:50, [1, 2]]).all()
-    assert np.hypot(*np.diff(expected["poses"][51:, [0, 1, 3], :2], axis=0).T).max() > 1
-    simulation = Simulation(scenario, 4)
-    simulation.advance(70)
-    simulation.reset(1)
-    simulation.advance(40)
-    for made in (copy.deepcopy(simulation), simulation):
-        assert made.advance(60).poses.tobytes() == expected["poses"][-1].tobytes()

@@ -1,8 +1,6 @@
 """Claims about faults of robots: who has them and when, what they do, and that they change nothing else."""
 
-import copy
 import math
-import pickle
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +11,6 @@ from hypothesis import strategies as st
 from epuck_sim.control.loader import find_controller, load_controller
 from epuck_sim.embodied.changes import faults
 from epuck_sim.embodied.changes.faults import (
-    KINDS,
     LOGGED_STEPS,
     change_faults,
     hide_flashes,
@@ -29,51 +26,13 @@ from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.trial.model import run_trial
+from tests.embodied.changing import EVERYTHING, FAULTY, NOWHERE, steps_of, swarm_of
 
 STEP_MS = 100
-NOWHERE = np.zeros(0, np.int64)
-"""Addresses for kernels that call nothing."""
-
-
-def swarm_of(simulation):
-    """Return what a simulation of robots knows of them."""
-    return open_block(simulation._block)
-
-
-def steps_of(scenario, steps, seed=3, *, interpret=False):
-    """Return copies of what robots show in some steps, by field."""
-    shown = {"poses": [], "ring_on": [], "ring_commands": [], "camera": [], "infrared": [], "distance_mm": []}
-    shown["phase_ms"] = []
-    simulation = Simulation(scenario, seed, interpret=interpret)
-    for _ in range(steps):
-        step = next(simulation)
-        for name, values in shown.items():
-            values.append(np.array(getattr(step, name)))
-    return {name: np.array(values) for name, values in shown.items()}
 
 
 def with_fault(kind, **keys):
     return {"faults": [{"kind": kind, **keys}]}
-
-
-EVERYTHING = [
-    *({"kind": kind, "count": 2, "per_hour": 900, "mean_s": 4} for kind in list(KINDS)[:3]),
-    {"kind": "clock_drift", "rate": 1.03, "share": 0.5, "at_s": 3, "until_s": 12},
-    {"kind": "clock_jitter", "jitter": 0.05, "share": 0.3, "at_s": 1},
-    {"kind": "camera_blind", "count": 2, "per_hour": 900, "mean_s": 4},
-    {"kind": "camera_misses", "missed": 0.4, "share": 0.7},
-    {"kind": "camera_misses", "missed": 1, "farther_than_cm": 20, "robots": [1]},
-    {"kind": "infrared_dead", "count": 2, "per_hour": 900, "mean_s": 4},
-    {"kind": "wheels_dead", "count": 2, "per_hour": 900, "mean_s": 4},
-    {"kind": "restart", "per_hour": 300},
-]
-MIXED = {
-    "faults": EVERYTHING,
-    "robots": [
-        {"count": 4, "camera": {"frames_per_s": 8, "latency_ms": 50}},
-        {"count": 4, "signal": {"kind": "cone", "angle_deg": 90}},
-    ],
-}
 
 
 # --- who, and when ----------------------------------------------------------------------------------
@@ -355,7 +314,7 @@ def test_oscillators_start_anew_at_uniform_phases_with_dark_rings():
 
 def test_events_are_the_beginnings_and_ends_of_faults_in_whom_they_began_and_ended():
     """The slow twin looks at who has which fault in each step."""
-    simulation = Simulation(MIXED, 3)
+    simulation = Simulation(FAULTY, 3)
     swarm = swarm_of(simulation)
     active, expected = np.zeros((len(EVERYTHING), 8), bool), []
     for number in range(150):
@@ -372,7 +331,7 @@ def test_events_are_the_beginnings_and_ends_of_faults_in_whom_they_began_and_end
         active = now.copy()
     assert [(event.step, event.source, event.what, event.robots) for event in simulation.events] == expected
     assert len(expected) > 40
-    unseen = Simulation(MIXED, 3)
+    unseen = Simulation(FAULTY, 3)
     unseen.advance(150)
     assert unseen.events == simulation.events
 
@@ -398,20 +357,3 @@ def test_changes_are_told_once_by_their_times_faults_and_kinds_and_the_log_has_r
     }
     assert [event.step for event in events] == sorted(event.step for event in events)
     assert take_events(swarm) == []
-
-
-# --- determinism ------------------------------------------------------------------------------------
-
-
-def test_faults_are_equal_to_the_bit_compiled_and_interpreted_reset_copied_and_restored():
-    expected = steps_of(MIXED, 150)
-    interpreted = steps_of(MIXED, 150, interpret=True)
-    assert all(interpreted[name].tobytes() == values.tobytes() for name, values in expected.items())
-    used = Simulation(MIXED, 8)
-    used.advance(100)
-    used.reset(3)
-    used.advance(100)
-    for made in (used, copy.deepcopy(used), pickle.loads(pickle.dumps(used))):
-        step = made.advance(50)
-        for name, values in expected.items():
-            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes()

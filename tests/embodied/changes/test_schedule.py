@@ -1,7 +1,5 @@
 """Claims about schedules of simulations: what changes when, and that nothing else does."""
 
-import copy
-
 import numpy as np
 import pytest
 
@@ -12,26 +10,14 @@ from epuck_sim.embodied.swarm import open_block
 from epuck_sim.scenario.robot_schedule import RobotDisplacement
 from epuck_sim.scenario.schedule import TrialEvent
 from tests.embodied.changes.blocks import controlled_block
-from tests.embodied.changes.test_faults import steps_of, swarm_of
+from tests.embodied.changing import SCHEDULED, steps_of, swarm_of
 
-APART = {
-    "robots": [{"poses": [[15, 15, 0]]}, {"poses": [[15, 30, 0], [15, 45, 0]]}],
-    "noise": "off",
-    "arena": {"width_cm": 100},
-}
-LIGHT = {"kind": "ring_dead", "robots": [1], "scheduled": True}
-CHANGES = [
-    {"at_s": 1.0, "set": {"robots.1.parameters.speed_cm_s": 1.5, "robots.1.parameters.coupling": 0.3}},
-    {"at_s": 2.35, "displace": {"robots": [0, 2], "by_cycles": 0.25}},
-    {"at_s": 0.5, "begin": [0]},
-    {"at_s": 1.5, "end": [0]},
-    {"at_s": 3.0, "displace": {"by_cycles": "random"}, "set": {"robots.0.parameters.speed_cm_s": 0}},
-]
-SCENARIO = {**APART, "faults": [LIGHT], "schedule": CHANGES}
+APART = {key: SCHEDULED[key] for key in ("robots", "noise", "arena")}
+(LIGHT,) = SCHEDULED["faults"]
 
 
 def test_changes_act_from_the_first_control_step_that_is_not_before_their_time():
-    simulation = Simulation(SCENARIO, 1)
+    simulation = Simulation(SCHEDULED, 1)
     speeds, phases = [], []
     for _ in range(40):
         step = next(simulation)
@@ -70,30 +56,6 @@ def test_scheduled_faults_begin_and_end():
         lit.append(simulation.last_step.ring_on.copy())
     assert np.all(lit, axis=0).tolist() == [True, False]
     np.testing.assert_array_equal(np.array(lit)[:, 1], [not 5 <= step < 15 for step in range(30)])
-
-
-@pytest.mark.parametrize("stride", [1, 7, 40])
-def test_a_schedule_is_kept_however_steps_are_taken_and_whatever_runs_the_controllers(stride):
-    expected = steps_of(SCENARIO, 40, 1)
-    for interpret in (False, True):
-        simulation = Simulation(SCENARIO, 1, interpret=interpret)
-        while simulation.steps < 40:
-            step = simulation.advance(min(stride, 40 - simulation.steps))
-        for name, values in expected.items():
-            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes()
-
-
-def test_schedules_begin_again_with_reset_and_go_on_in_copies():
-    expected = steps_of(SCENARIO, 40, 1)
-    simulation = Simulation(SCENARIO, 5)
-    simulation.advance(20)
-    simulation.reset(1)
-    simulation.advance(20)
-    for made in (copy.deepcopy(simulation), simulation):
-        step = made.advance(20)
-        assert len(made.events) == 7
-        for name, values in expected.items():
-            assert np.array(getattr(step, name)).tobytes() == values[-1].tobytes()
 
 
 @pytest.mark.parametrize("begun", [False, True])
