@@ -146,16 +146,3 @@ def test_a_camera_looks_from_where_it_is_mounted():
     for forward_cm in (0.0, 0.7):
         degrees = 2 * math.degrees(math.asin(1.65 / (6 - forward_cm)))
         assert width(forward_cm) == pytest.approx(10 * degrees, abs=2)
-
-
-# --- all together -----------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("interpret", [False, True])
-def test_a_trial_of_kilobots_is_the_same_again_after_a_reset(interpret):
-    fresh, used = (Simulation("kilobots", seed, interpret=interpret) for seed in (3, 8))
-    used.advance(30)
-    used.reset(3)
-    for one, other in zip(islice(fresh, 60), islice(used, 60), strict=True):
-        np.testing.assert_array_equal(one.poses, other.poses)
-        np.testing.assert_array_equal(one.phase_ms, other.phase_ms)

@@ -18,6 +18,7 @@ from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.util.builtin import ARENAS, builtin_files
+from tests.control.bench import with_step
 from tests.embodied.changing import CHANGING
 
 SHIPPED = [name for name in builtin_files(ARENAS) if isinstance(load_scenario(name), EmbodiedScenario)]
@@ -68,23 +69,35 @@ def test_interpreted_controllers_make_the_same_trial_bit_for_bit(arena):
     assert fingerprint(arena, interpret=True) == fingerprinted(arena)
 
 
-def test_interpreted_controllers_make_the_same_trial_with_other_than_default_settings():
-    changes = (
-        *("robots.0.camera.central_pixels=20", "robots.0.infrared.distance=firmware_table", "contact.friction=0.2"),
-        *("robots.0.parameters.delay_ms=62", "robots.0.parameters.flash_pixels=2", "timing.control_hz=40"),
-        *("robots.0.parameters.once_per_sighting=true", "robots.0.parameters.speed_cm_s=3", "timing.physics_hz=200"),
-    )
-    scenario = load_scenario("crowded", changes)
-    assert fingerprint(scenario, interpret=True, steps=200) == fingerprint(scenario, steps=200)
+OTHER_SETTINGS = (
+    *("robots.0.camera.central_pixels=20", "robots.0.infrared.distance=firmware_table", "contact.friction=0.2"),
+    *("robots.0.parameters.delay_ms=62", "robots.0.parameters.flash_pixels=2", "timing.control_hz=40"),
+    *("robots.0.parameters.once_per_sighting=true", "robots.0.parameters.speed_cm_s=3", "timing.physics_hz=200"),
+)
+GREAT_IMPERFECTIONS = (
+    *("spread={wheel_speed: 0.3, wheel_imbalance: 0.3, clock_rate: 0.1, infrared_gain: 0.5}", "stuck.per_hour=900"),
+    *("stuck.mean_s=2", "robots.0.camera.frames_per_s=15", "robots.0.parameters.once_per_sighting=true"),
+)
+LAMP = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
+WATCHER = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0}}
+MORE_RED_THAN_A_BYTE_COUNTS = {
+    "robots": [{**WATCHER, "camera": {"pixels": 256, "field_of_view_deg": 20}}, LAMP],
+    "noise": "off",
+}
 
 
-def test_interpreted_controllers_make_the_same_trial_with_great_imperfections():
-    changes = (
-        *("spread={wheel_speed: 0.3, wheel_imbalance: 0.3, clock_rate: 0.1, infrared_gain: 0.5}", "stuck.per_hour=900"),
-        *("stuck.mean_s=2", "robots.0.camera.frames_per_s=15", "robots.0.parameters.once_per_sighting=true"),
-    )
-    scenario = load_scenario("physical", changes)
-    assert fingerprint(scenario, interpret=True, steps=400) == fingerprint(scenario, steps=400)
+@pytest.mark.filterwarnings("ignore:overflow")
+@pytest.mark.parametrize(
+    ("given", "changes", "steps"),
+    [("crowded", OTHER_SETTINGS, 200), ("physical", GREAT_IMPERFECTIONS, 400), (MORE_RED_THAN_A_BYTE_COUNTS, (), 60)],
+)
+def test_interpreted_controllers_make_the_same_trial_with_other_settings(given, changes, steps):
+    scenario = load_scenario(given, changes)
+    assert fingerprint(scenario, interpret=True, steps=steps) == fingerprint(scenario, steps=steps)
+
+
+def test_a_camera_before_a_lamp_is_red_all_over():
+    assert Simulation(MORE_RED_THAN_A_BYTE_COUNTS, 1).advance(3).camera[0].all()
 
 
 @pytest.fixture(scope="module")
@@ -121,46 +134,10 @@ def test_trials_that_run_by_turns_do_not_disturb_each_other():
     np.testing.assert_array_equal(np.moveaxis(by_turns, 1, 0), [alone, alone])
 
 
-@pytest.mark.filterwarnings("ignore:overflow")
-def test_interpreted_and_compiled_controllers_agree_where_more_pixels_are_red_than_a_byte_can_count():
-    camera = {"pixels": 256, "field_of_view_deg": 20}
-    watcher = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0}, "camera": camera}
-    lamp = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
-    scenario = load_scenario({"robots": [watcher, lamp], "noise": "off"})
-    *_, step = steps_of(Simulation(scenario, 1), 3)
-    assert step.camera[0].all()
-    assert fingerprint(scenario, interpret=True, steps=60) == fingerprint(scenario, steps=60)
-
-
 # --- controllers for these tests --------------------------------------------------------------------
 
-BLINK = """
-PARAMETERS = {"at": 3}
-MEMORY = {"taken": int}
-
-
-def start(memory, parameters, random):
-    memory.taken = 0
-
-
-def step(sensors, memory, actuators, parameters, random):
-    actuators.ring_on = memory.taken == parameters.at
-    memory.taken += 1
-"""
-
-RACE = """
-PARAMETERS = {}
-MEMORY = {}
-
-
-def start(memory, parameters, random):
-    pass
-
-
-def step(sensors, memory, actuators, parameters, random):
-    actuators.left_cm_s = -1e9
-    actuators.right_cm_s = float("inf")
-"""
+BLINK = with_step("actuators.ring_on = memory.x == 3\n    memory.x += 1")
+RACE = with_step("actuators.left_cm_s = -1e9\n    actuators.right_cm_s = float('inf')")
 
 REACT = """
 PARAMETERS = {"beat": 7}
@@ -188,40 +165,26 @@ def step(sensors, memory, actuators, parameters, random):
 FAIL = """
 import math
 
-PARAMETERS = {"kind": 0}
+PARAMETERS = {"way": 0}
 MEMORY = {"taken": int}
 
 
 def start(memory, parameters, random):
-    memory.taken = 0
-    if parameters.kind == 3:
+    if parameters.way == 3:
         raise ValueError("not today")
 
 
 def step(sensors, memory, actuators, parameters, random):
     memory.taken += 1
     if memory.taken == 4 and sensors.infrared[7] > 1000:
-        if parameters.kind == 0:
+        if parameters.way == 0:
             raise ValueError("too near")
-        if parameters.kind == 1:
+        if parameters.way == 1:
             actuators.left_cm_s = math.nan
-        if parameters.kind == 2:
+        if parameters.way == 2:
             actuators.right_cm_s = math.nan
-"""
-
-
-FAIL_LATE = """
-PARAMETERS = {}
-MEMORY = {"left": int}
-
-
-def start(memory, parameters, random):
-    memory.left = 50
-
-
-def step(sensors, memory, actuators, parameters, random):
-    memory.left -= 1
-    actuators.left_cm_s = 1 / memory.left
+    if parameters.way == 4:
+        actuators.left_cm_s = 1 / (50 - memory.taken)
 """
 
 
@@ -299,11 +262,10 @@ def test_the_order_of_robots_and_of_groups_does_not_matter_to_what_happens(contr
 
 
 def test_groups_with_different_cameras_and_controllers_work_side_by_side(controller):
-    lamp = {"poses": [[30, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
     wide = {"poses": [[50, 30, math.pi]], "controller": "constant", "camera": {"pixels": 100, "field_of_view_deg": 112}}
     few = {"poses": [[30, 50, -math.pi / 2]], "parameters": {"speed_cm_s": 0}, "camera": {"pixels": 20}}
     blind = {"poses": [[10, 30, 0]], "controller": controller(REACT), "camera": {"pixels": 30, "range_cm": 5}}
-    simulation = Simulation({"robots": [lamp, wide, few, blind], "noise": "off"}, 1)
+    simulation = Simulation({"robots": [LAMP, wide, few, blind], "noise": "off"}, 1)
     _, step = kept(simulation, 2)
     assert step.camera.shape == (4, 100)
     # a disc of radius 3.7 cm, seen 16.3 cm away from where the camera sits, covers 2 asin(3.7 / 16.3)
@@ -330,34 +292,28 @@ def test_each_group_has_its_own_parameters():
 # --- controllers that fail --------------------------------------------------------------------------
 
 
-def failing(path, kind):
-    """Return a scenario in which robot 3, in the second group, stands before a wall."""
-    second = {"poses": [[20, 50, 0], [56, 30, 0], [20, 10, 0]], "controller": path, "parameters": {"kind": kind}}
-    robots = [{"poses": [[10, 30, 0], [20, 30, 0]], "controller": "constant"}, second]
-    return {"name": "failing", "robots": robots, "noise": "off"}
-
-
 @pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
 @pytest.mark.parametrize(
-    ("kind", "message"),
+    ("way", "robot", "step", "message"),
     [
-        (0, "ValueError: too near"),
-        (1, "wheel speed or a turn that is not a number"),
-        (2, "wheel speed or a turn that is not a number"),
+        (0, 3, 3, "ValueError: too near"),
+        (1, 3, 3, "wheel speed or a turn that is not a number"),
+        (2, 3, 3, "wheel speed or a turn that is not a number"),
+        (3, 2, 0, "ValueError: not today"),
+        (4, 2, 49, "(ZeroDivisionError|FloatingPointError)"),
     ],
 )
-def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, kind, message, interpret):
-    simulation = Simulation(failing(controller(FAIL), kind), 5, interpret=interpret)
-    for _ in range(3):
-        next(simulation)
-    with pytest.raises(ControllerError, match=rf"failing: robot 3, step 3, seed 5: .*{message}"):
-        next(simulation)
+def test_a_controller_that_fails_is_blamed_with_robot_step_and_seed(controller, way, robot, step, message, interpret):
+    """Robot 3, in the second group, stands before a wall."""
+    places = [[20, 50, 0], [56, 30, 0], [20, 10, 0]]
+    failing = {"poses": places, "controller": controller(FAIL), "parameters": {"way": way}}
+    robots = [{"poses": [[10, 30, 0], [20, 30, 0]], "controller": "constant"}, failing]
 
+    def run():
+        Simulation({"name": "failing", "robots": robots, "noise": "off"}, 5, interpret=interpret).advance(100)
 
-@pytest.mark.parametrize("interpret", [False, True], ids=["compiled", "interpreted"])
-def test_a_controller_that_cannot_start_is_blamed_with_its_first_robot(controller, interpret):
-    with pytest.raises(ControllerError, match=r"failing: robot 2, step 0, seed 5: .*not today"):
-        Simulation(failing(controller(FAIL), 3), 5, interpret=interpret)
+    with pytest.raises(ControllerError, match=rf"failing: robot {robot}, step {step}, seed 5: .*{message}"):
+        run()
 
 
 # --- steps ------------------------------------------------------------------------------------------
@@ -438,19 +394,13 @@ def test_steps_taken_at_once_end_where_the_reference_fires(reference, interpret)
     assert len(seen) > 2
 
 
-def test_no_step_is_refused():
+def test_no_step_and_a_negative_seed_are_refused():
+    with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
+        Simulation("pair", -1)
     simulation = Simulation("thesis", 3)
     with pytest.raises(ValueError, match="steps is 0; allowed: 1 and above"):
         simulation.advance(0)
     assert simulation.steps == 0
-
-
-@pytest.mark.parametrize("interpret", [False, True])
-def test_a_controller_that_fails_within_many_steps_is_blamed_with_its_own_step(controller, interpret):
-    group, other = {"count": 1, "controller": "constant"}, {"count": 2, "controller": controller(FAIL_LATE)}
-    simulation = Simulation({"robots": [group, other]}, 3, interpret=interpret)
-    with pytest.raises(ControllerError, match=r"robot 1, step 49, seed 3: .*(ZeroDivisionError|FloatingPointError)"):
-        simulation.advance(100)
 
 
 # --- phases and flashes ---------------------------------------------------------------------------------
@@ -468,9 +418,8 @@ def test_robots_that_are_no_oscillators_have_no_phase_and_judge_a_flash_by_any_r
 
 
 def test_a_controllers_own_judgement_of_a_flash_counts():
-    watcher = {"poses": [[20, 30, 0]], "parameters": {"speed_cm_s": 0, "flash_pixels": 61}}
-    lamp = {"poses": [[40, 30, 0]], "controller": "constant", "parameters": {"ring_on": True}}
-    step = kept(Simulation({"robots": [watcher, lamp], "noise": "off"}, 1), 2)[-1]
+    watcher = {**WATCHER, "parameters": {"speed_cm_s": 0, "flash_pixels": 61}}
+    step = kept(Simulation({"robots": [watcher, LAMP], "noise": "off"}, 1), 2)[-1]
     assert step.camera[0].any()
     assert not step.flash_seen[0]
 
@@ -516,11 +465,6 @@ def test_noise_of_infrared_is_10_counts_by_default_and_drawn_anew_for_each_senso
     }
     for name, (one, other) in pairs.items():
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / math.sqrt(one.size), name
-
-
-def test_a_negative_seed_is_refused():
-    with pytest.raises(ScenarioError, match=r"pair: seed is -1; allowed: whole numbers from 0"):
-        Simulation("pair", -1)
 
 
 def test_no_step_makes_numba_look_for_types_anew(monkeypatch):
