@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.testing import TestRobot
 from epuck_sim.util.rng import randint
-from tests.control.bench import Bench, function, random_distances, sensors, settings
+from tests.control.bench import MODES, Bench, function, random_distances, sensors, settings
 
 FRONT_RIGHT, RIGHT, LEFT, FRONT_LEFT = 0, 2, 5, 7
 AHEAD, TURN_LEFT, TURN_RIGHT = (12.8, 12.8), (-12.8, 12.8), (12.8, -12.8)
@@ -270,7 +270,7 @@ def wandering(steps, robots, seed=3):
     return distances
 
 
-@pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
+@MODES
 @pytest.mark.parametrize(
     "constants",
     [
@@ -288,26 +288,3 @@ def test_long_drives_are_appendix_b_s(constants, interpret):
 
 def test_steps_that_have_nothing_to_do_with_each_other_are_appendix_b_s():
     drive(random_distances(np.random.default_rng(8), (2000, 20, 8)), interpret=False)
-
-
-# --- check ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("name", "inside", "outside"),
-    [
-        ("speed_cm_s", 0.0, -5e-324),
-        ("speed_cm_s", 12.8, np.nextafter(12.8, 13)),
-        ("rotation_speed_cm_s", 0.0, -5e-324),
-        ("rotation_speed_cm_s", 12.8, np.nextafter(12.8, 13)),
-        ("proximity_threshold", 0, -1),
-        ("proximity_threshold", 99, 100),
-        ("proximity_count_threshold", 0, -1),
-        ("rotation_max", 1, 0),
-        ("rotation_max", 1_000_000, 1_000_001),
-    ],
-)
-def test_check_allows_up_to_each_limit_and_names_what_lies_beyond(name, inside, outside):
-    settings("obstacle_avoidance", **{name: inside})
-    with pytest.raises(ValueError, match=rf"^{name} is {outside}; allowed: .*\d"):
-        settings("obstacle_avoidance", **{name: outside})

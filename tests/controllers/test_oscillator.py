@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from epuck_sim.control.loader import find_controller
 from epuck_sim.testing import TestRobot
 from epuck_sim.util.seeds import robot_streams
-from tests.control.bench import Bench, exactly, function, sensors, settings
+from tests.control.bench import MODES, Bench, exactly, function, sensors, settings
 
 ONE_STREAM = robot_streams(np.random.SeedSequence(1), 1)[0]
 
@@ -237,7 +237,7 @@ WORLDS = {
 }
 
 
-@pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
+@MODES
 @pytest.mark.parametrize("name", WORLDS)
 def test_long_sequences_are_the_thesis_s_own(name, interpret):
     """A swarm under flashes of random length, step by step beside the literal algorithms."""
@@ -262,7 +262,7 @@ def test_seconds_as_written_become_whole_milliseconds():
     assert function("whole_ms", "oscillator")(0.7505) == 750
 
 
-# --- start and check ------------------------------------------------------------------------------
+# --- start ------------------------------------------------------------------------------
 
 
 def test_phases_begin_uniform_over_all_whole_milliseconds_below_tau():
@@ -270,31 +270,6 @@ def test_phases_begin_uniform_over_all_whole_milliseconds_below_tau():
     counts = np.bincount(phases, minlength=20)
     assert len(counts) == 20
     assert ((counts - 1000) ** 2 / 1000).sum() < 43.8  # chi-square, 19 degrees of freedom, 0.1 %
-
-
-LONGEST_DELAY = {"period_s": 1.0, "flash_fraction": 0.125}
-
-
-@pytest.mark.parametrize(
-    ("name", "inside", "outside", "others"),
-    [
-        ("period_s", 0.001, np.nextafter(0.001, 0), {}),
-        ("period_s", 86_400.0, np.nextafter(86_400, 1e6), {}),
-        ("coupling", 1e-6, 0.0, {}),
-        ("coupling", 10.0, np.nextafter(10, 11), {}),
-        ("refractory_fraction", np.nextafter(1, 0), 1.0, {}),
-        ("refractory_fraction", 0.0, -1e-300, {"flash_fraction": 0.0}),
-        ("flash_fraction", 0.0, -1e-300, {}),
-        ("flash_fraction", 0.15, np.nextafter(0.15, 1), {}),
-        ("delay_ms", 0, -1, {}),
-        ("delay_ms", 125, 126, LONGEST_DELAY),
-        ("flash_pixels", 1, 0, {}),
-    ],
-)
-def test_check_allows_up_to_each_limit_and_names_what_lies_beyond(name, inside, outside, others):
-    settings("oscillator", **others, **{name: inside})
-    with pytest.raises(ValueError, match=rf"^{name} is {outside}; allowed: .*\d"):
-        settings("oscillator", **others, **{name: outside})
 
 
 @given(millionths=st.integers(1, 10_000_000), phase=st.integers(1, 7_854_545))

@@ -11,6 +11,7 @@ from epuck_sim.control.interface import Wheels
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.epuck import WHEEL_BASE_CM
 from epuck_sim.testing import TestRobot
+from tests.control.bench import MODES
 from tests.particles.distributions import UNLIKELY
 
 STEP_S = 0.1
@@ -55,7 +56,7 @@ def test_runs_of_a_levy_walk_have_a_power_law():
     assert stats.kstest(long[long > 6], "pareto", args=(1.5, 0, 6)).pvalue > UNLIKELY
 
 
-@pytest.mark.parametrize("interpret", [True, False])
+@MODES
 def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn(interpret):
     robot = TestRobot("random_walk", {"speed_cm_s": 5}, interpret=interpret)
     robot.memory.turn_left_rad = 2.0
@@ -73,7 +74,7 @@ def test_it_avoids_what_is_near_and_then_goes_on_with_its_turn(interpret):
     assert (robot.left_cm_s, robot.right_cm_s) == (5, 5)
 
 
-@pytest.mark.parametrize("interpret", [True, False])
+@MODES
 def test_a_robot_with_other_wheels_reckons_with_these(interpret):
     wheels = Wheels(limit_cm_s=1.0, base_cm=2.5)
     robot = TestRobot("random_walk", {"speed_cm_s": 1}, interpret=interpret, wheels=wheels)
@@ -97,25 +98,3 @@ def test_robots_without_persistence_forget_their_direction_and_those_with_all_of
 
     assert abs(kept(0.0)) < 4 / math.sqrt(2 * 81)
     assert kept(1.0) == pytest.approx(1)
-
-
-@pytest.mark.parametrize("interpret", [True, False])
-def test_a_walking_firefly_flashes_as_an_oscillator_does(interpret):
-    parameters = {"period_s": 2.0, "run_s": 1.0}
-    walker = TestRobot("walking_firefly", parameters, interpret=interpret)
-    alone = TestRobot("oscillator", {"period_s": 2.0}, interpret=interpret)
-    alone.memory.phase_ms = walker.memory.phase_ms
-    for _ in range(200):
-        walker.step()
-        alone.step()
-        assert walker.ring_on == alone.ring_on
-        assert walker.memory.phase_ms == alone.memory.phase_ms
-
-
-@pytest.mark.parametrize(
-    "parameters",
-    [{"run_s": 0.05}, {"persistence": 1.1}, {"exponent": 1.0}, {"exponent": 3.5}, {"rotation_speed_cm_s": 0.0}],
-)
-def test_walks_that_there_are_not_are_refused(parameters):
-    with pytest.raises(ValueError, match=f"{next(iter(parameters))} is .*; allowed: "):
-        TestRobot("random_walk", parameters)

@@ -12,9 +12,7 @@ import pytest
 from epuck_sim.embodied.controllers import RobotError
 from epuck_sim.errors import ControllerError
 from epuck_sim.testing import TestRobot, facing_robot, facing_wall
-from tests.control.bench import with_step, write_controller
-
-MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])
+from tests.control.bench import MODES, with_step, write_controller
 
 ALL = """
 memory.x = sensors.infrared[2] + sensors.distance_mm[3] + sensors.camera[59] + sensors.step_ms
