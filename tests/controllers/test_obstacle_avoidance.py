@@ -10,7 +10,7 @@ from epuck_sim.testing import TestRobot
 from epuck_sim.util.rng import randint
 from tests.control.bench import MODES, Bench, function, random_distances, sensors, settings
 
-FRONT_RIGHT, RIGHT, LEFT, FRONT_LEFT = 0, 2, 5, 7
+FRONT_RIGHT, RIGHT, BACK_RIGHT, BACK_LEFT, LEFT, FRONT_LEFT = 0, 2, 3, 4, 5, 7
 AHEAD, TURN_LEFT, TURN_RIGHT = (12.8, 12.8), (-12.8, 12.8), (12.8, -12.8)
 
 
@@ -40,43 +40,28 @@ def pointer(threshold=70, **distance_mm):
 # --- rule by rule ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mm_s", [5, 7, 10, 14, 21, 30, 43, 62, 89, 128])
-def test_with_nothing_near_a_robot_drives_straight_at_its_speed(mm_s):
-    assert robot(speed_cm_s=mm_s / 10).wheels() == (mm_s / 10, mm_s / 10)
-
-
-def test_a_speed_below_1_mm_s_keeps_its_fraction():
-    assert robot(speed_cm_s=0.03125).wheels() == (0.03125, 0.03125)
-
-
 @pytest.mark.parametrize(
-    ("near", "turn"),
+    ("speed_cm_s", "near", "wheels"),
     [
-        ({"front_left": 10}, TURN_RIGHT),
-        ({"front_right": 10}, TURN_LEFT),
-        ({"front_left": 5, "front_right": 20}, TURN_RIGHT),
-        ({"front_left": 20, "front_right": 5}, TURN_LEFT),
-        ({"front_left": 10, "front_right": 10}, TURN_RIGHT),  # not to the right of ahead counts as left
+        # with nothing near, straight ahead at its speed, and a speed below 1 mm/s keeps its fraction
+        *((mm_s / 10, {}, (mm_s / 10, mm_s / 10)) for mm_s in (5, 7, 10, 14, 21, 30, 43, 62, 89, 128)),
+        (0.03125, {}, (0.03125, 0.03125)),
+        # an obstacle in front turns it on the spot away from it; what is not to the right of ahead counts as left
+        (3.0, {"front_left": 10}, TURN_RIGHT),
+        (3.0, {"front_right": 10}, TURN_LEFT),
+        (3.0, {"front_left": 5, "front_right": 20}, TURN_RIGHT),
+        (3.0, {"front_left": 20, "front_right": 5}, TURN_LEFT),
+        (3.0, {"front_left": 10, "front_right": 10}, TURN_RIGHT),
+        # one beside it does not stop it
+        (12.8, {"left": 0}, AHEAD),
+        (12.8, {"right": 0}, AHEAD),
+        # nearer than 30 mm is close
+        (12.8, {"front_left": 29, "front_right": 29}, TURN_RIGHT),
+        *((12.8, {"front_left": mm, "front_right": mm}, AHEAD) for mm in (30, 100, OUT_OF_RANGE_MM)),
     ],
 )
-def test_an_obstacle_in_front_turns_the_robot_on_the_spot_away_from_it(near, turn):
-    assert robot(speed_cm_s=3.0).wheels(**near) == turn
-
-
-@pytest.mark.parametrize("beside", ["left", "right"])
-def test_an_obstacle_beside_the_robot_does_not_stop_it(beside):
-    assert robot().wheels(**{beside: 0}) == AHEAD
-
-
-@pytest.mark.parametrize(("mm", "turns"), [(29, True), (30, False), (100, False), (OUT_OF_RANGE_MM, False)])
-def test_nearer_than_30_mm_is_close(mm, turns):
-    assert (robot().wheels(front_left=mm, front_right=mm) != AHEAD) == turns
-
-
-@pytest.mark.parametrize("sensor", [3, 4])
-def test_the_two_sensors_at_the_back_are_not_looked_at(sensor):
-    parameters = settings("obstacle_avoidance")
-    assert function("proximity_pointer", "obstacle_avoidance")(sensors(distance_mm={sensor: 0}), parameters) == (0, 0)
+def test_a_robot_drives_straight_ahead_and_turns_away_from_what_is_close_in_front(speed_cm_s, near, wheels):
+    assert robot(speed_cm_s=speed_cm_s).wheels(**near) == wheels
 
 
 @pytest.mark.parametrize(
@@ -89,6 +74,7 @@ def test_proximity_is_what_is_left_to_100_mm_and_0_beyond(mm, value):
 @pytest.mark.parametrize(
     ("near", "x", "y"),
     [
+        ({"back_left": 0, "back_right": 0}, 0, 0),  # which are not looked at
         ({"front_right": 0}, 96, 30),
         ({"front_left": 0}, 96, -30),
         ({"right": 0}, 0, 100),
@@ -148,13 +134,14 @@ def beside_a_wall(threshold, seed=1):
 
 
 @pytest.mark.parametrize("threshold", [1, 2, 5, 9])
-def test_more_than_so_many_steps_close_to_something_and_it_is_a_wall(threshold):
-    near_wall = beside_a_wall(threshold)
-    assert near_wall.memory.proximity_count == threshold
-    assert near_wall.memory.rotation_time == 0
-    assert near_wall.wheels(right=5) == TURN_LEFT
-    assert near_wall.memory.proximity_count == 0
-    assert 0 <= near_wall.memory.rotation_time < 25
+def test_more_than_so_many_steps_close_to_something_and_it_is_a_wall_and_what_has_gone_is_forgotten(threshold):
+    for distances, is_wall in (({"right": 5}, True), ({}, False)):
+        near_wall = beside_a_wall(threshold)
+        assert near_wall.memory.proximity_count == threshold
+        assert near_wall.memory.rotation_time == 0
+        assert near_wall.wheels(**distances) == (TURN_LEFT if is_wall else AHEAD)
+        assert near_wall.memory.proximity_count == 0
+        assert 0 <= near_wall.memory.rotation_time < 25
 
 
 def test_at_a_wall_the_robot_turns_for_a_random_time_of_up_to_25_steps():
@@ -167,12 +154,6 @@ def test_at_a_wall_the_robot_turns_for_a_random_time_of_up_to_25_steps():
         assert turns == [TURN_LEFT] * length + [AHEAD] * (31 - length)
         lengths.append(length)
     assert set(lengths) == set(range(1, 26))
-
-
-def test_what_was_near_and_has_gone_is_forgotten():
-    near_wall = beside_a_wall(5)
-    near_wall.wheels()
-    assert near_wall.memory.proximity_count == 0
 
 
 # --- beside Appendix B's C ------------------------------------------------------------------------
