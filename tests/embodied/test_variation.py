@@ -1,39 +1,46 @@
 """Claims about robots' imperfections: in what they differ, their clocks, and how they get stuck."""
 
 import math
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import pytest
-from epuck_sim.embodied.variation import RobotClocks, begin_stoppages, draw_variation, stop_and_release, tick
 from hypothesis import given
 from hypothesis import strategies as st
 
+from epuck_sim.embodied.loop import stop_and_release, tick
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.scenario.imperfections import SpreadSection, StuckSection
+from epuck_sim.embodied.start import vary
+from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.trial.model import run_trial
 from epuck_sim.util.seeds import robot_streams
+from tests.embodied.changing import NOWHERE
 
 SPREADS = {"wheel_speed": 0.03, "wheel_imbalance": 0.02, "clock_rate": 0.002, "infrared_gain": 0.2}
+FACTORS = ("wheel_gain", "clock_rate", "infrared_gain")
 
 shares = st.floats(0, 0.99)
-spreads = st.builds(
-    SpreadSection,
-    wheel_speed=shares,
-    wheel_imbalance=shares,
-    clock_rate=st.floats(0, 0.1),
-    infrared_gain=shares,
-)
+spreads = st.fixed_dictionaries({**dict.fromkeys(SPREADS, shares), "clock_rate": st.floats(0, 0.1)})
 
 
-def streams_of(robots, seed=4):
-    return robot_streams(np.random.SeedSequence(seed), robots)
+def block_of(robots, seed=4, step_ms=100):
+    """Return a block of robots with streams for what they differ in."""
+    block = make_block({"robots": robots})
+    swarm = open_block(block)
+    swarm.scene[0].step_ms, swarm.scene[0].step_s = step_ms, step_ms / 1000
+    swarm.robots.variation_random = robot_streams(np.random.SeedSequence(seed), robots)
+    return block
 
 
-def variation_of(spread, robots=1000, seed=4):
-    return draw_variation(SpreadSection(**spread), streams_of(robots, seed))
+def variation_of(spread, robots=1000):
+    """Return the factors of robots with this spread, by name."""
+    block = block_of(robots)
+    swarm = open_block(block)
+    swarm.scene[0].spread = [spread.get(name, 0) for name in SPREADS]
+    vary(block)
+    return {name: swarm.robots[name].copy() for name in FACTORS}
 
 
 def assert_uniform(values, low, high):
@@ -70,36 +77,31 @@ def test_imperfect_robots_synchronise_at_full_speed():
 
 
 def test_without_spread_all_robots_are_exactly_as_they_should_be():
-    variation = variation_of({})
-    assert [factors.shape for factors in variation] == [(1000, 2), (1000,), (1000, 8)]
-    assert all((factors == 1.0).all() for factors in variation)
+    assert all((factors == 1.0).all() for factors in variation_of({}).values())
 
 
 @pytest.mark.parametrize("name", SPREADS)
 def test_each_spread_moves_only_what_it_says_and_does_not_decide_what_else_is_drawn(name):
-    field = {"clock_rate": "clock_rate", "infrared_gain": "infrared_gain"}.get(name, "wheel_gain")
-    alone = variation_of({name: SPREADS[name]})
-    for name_of_factors, values in alone._asdict().items():
-        assert (values == 1.0).all() == (name_of_factors != field)
-    together = variation_of(SPREADS)
+    field = name if name in FACTORS else "wheel_gain"
+    alone, together = variation_of({name: SPREADS[name]}), variation_of(SPREADS)
+    assert [factors for factors, values in alone.items() if (values != 1.0).any()] == [field]
     if field == name:
-        np.testing.assert_array_equal(getattr(together, field), getattr(alone, field))
+        np.testing.assert_array_equal(together[field], alone[field])
     else:
-        wheels = [variation_of({wheel: SPREADS[wheel]}).wheel_gain for wheel in ("wheel_speed", "wheel_imbalance")]
-        np.testing.assert_array_equal(together.wheel_gain, wheels[0] * wheels[1])
+        wheels = [variation_of({wheel: SPREADS[wheel]})[field] for wheel in ("wheel_speed", "wheel_imbalance")]
+        np.testing.assert_array_equal(together[field], wheels[0] * wheels[1])
 
 
 def test_factors_are_uniform_around_one_and_drawn_for_each_robot_wheel_and_sensor():
-    both = variation_of({"wheel_speed": 0.03}, 4000).wheel_gain
+    both = variation_of({"wheel_speed": 0.03}, 4000)["wheel_gain"]
     np.testing.assert_array_equal(both[:, 0], both[:, 1])
-    drawn = np.column_stack(
-        [
-            (both[:, 0] - 1) / 0.03,
-            (variation_of({"wheel_imbalance": 0.5}, 4000).wheel_gain - 1) / 0.5,
-            (variation_of({"clock_rate": 0.002}, 4000).clock_rate - 1) / 0.002,
-            (variation_of({"infrared_gain": 0.2}, 4000).infrared_gain - 1) / 0.2,
-        ]
-    )
+    columns = [(both[:, 0] - 1) / 0.03]
+    for name, field, spread in (
+        *(("wheel_imbalance", "wheel_gain", 0.5), ("clock_rate", "clock_rate", 0.002)),
+        ("infrared_gain", "infrared_gain", 0.2),
+    ):
+        columns.append((variation_of({name: spread}, 4000)[field] - 1) / spread)
+    drawn = np.column_stack(columns)
     for column in drawn.T:
         assert_uniform(column, -1 - 1e-9, 1 + 1e-9)
     correlation = np.corrcoef(drawn.T)[np.triu_indices(12, 1)]
@@ -109,9 +111,9 @@ def test_factors_are_uniform_around_one_and_drawn_for_each_robot_wheel_and_senso
 
 @given(spreads, st.integers(1, 30), st.integers(0, 30))
 def test_further_robots_leave_the_others_as_they_are(spread, robots, more):
-    few, many = (draw_variation(spread, streams_of(number)) for number in (robots, robots + more))
-    for one, other in zip(few, many, strict=True):
-        np.testing.assert_array_equal(one, other[:robots])
+    few, many = (variation_of(spread, number) for number in (robots, robots + more))
+    for name in FACTORS:
+        np.testing.assert_array_equal(few[name], many[name][:robots])
 
 
 def moved(spread, robots=10):
@@ -119,7 +121,7 @@ def moved(spread, robots=10):
     group = {"count": robots, "placement": "grid", "controller": "constant"}
     group["parameters"] = {"left_cm_s": 1.0, "right_cm_s": 1.0}
     simulation = Simulation({"robots": [group], "noise": "off", "spread": spread}, 3)
-    poses = [step.poses.copy() for step, _ in zip(simulation, range(6), strict=False)]
+    poses = [step.poses.copy() for step in islice(simulation, 6)]
     way = poses[-1] - poses[0]
     return np.column_stack([np.hypot(way[:, 0], way[:, 1]), way[:, 2]])
 
@@ -154,22 +156,27 @@ def test_each_sensor_s_gain_multiplies_its_reading():
 
 @given(st.lists(st.floats(0.9, 1.1), min_size=1, max_size=5), st.sampled_from([1, 25, 100]))
 def test_no_millisecond_of_a_clock_is_lost_or_counted_twice(rates, step_ms):
-    passed = np.zeros(len(rates), np.int64)
-    clocks = RobotClocks(step_ms * np.array(rates), passed)
+    block = block_of(len(rates), step_ms=step_ms)
+    swarm, own_ms = open_block(block), step_ms * np.array(rates)
+    swarm.robots.own_step_ms = own_ms
     total = np.zeros(len(rates), np.int64)
     for step in range(1000):
-        tick(clocks, step)
-        assert (np.abs(passed - step_ms * np.array(rates)) < 1).all()
+        swarm.scene[0].step = step
+        tick(block, NOWHERE, 0)
+        passed = swarm.robots.sensors.step_ms
+        assert (np.abs(passed - own_ms) < 1).all()
         total += passed
-    assert total.tolist() == [math.floor(1000 * (step_ms * rate)) for rate in rates]
+    assert total.tolist() == [math.floor(1000 * each) for each in own_ms]
 
 
 def test_a_clock_that_is_right_always_counts_the_control_step():
-    passed = np.zeros(1, np.int64)
-    clocks = RobotClocks(np.full(1, 25.0), passed)
+    block = block_of(1)
+    swarm = open_block(block)
+    swarm.robots.own_step_ms = 25.0
     for step in (0, 1, 7, 10**6, 10**12):
-        tick(clocks, step)
-        assert passed == 25
+        swarm.scene[0].step = step
+        tick(block, NOWHERE, 0)
+        assert swarm.robots.sensors.step_ms.tolist() == [25]
 
 
 def test_phases_run_by_the_robots_own_clocks():
@@ -188,13 +195,16 @@ def test_phases_run_by_the_robots_own_clocks():
 # --- getting stuck ----------------------------------------------------------------------------------
 
 
-def stuck_over(per_hour, mean_s, steps, robots=1, step_s=0.1):
-    """Return (steps, robots) whether stuck."""
-    gain = np.full((robots, 2), 0.75)
-    stoppages = begin_stoppages(StuckSection(per_hour=per_hour, mean_s=mean_s), streams_of(robots), gain)
-    found = np.empty((steps, robots), bool)
+def stuck_over(steps, robots=1, step_ms=100):
+    """Return (steps, robots) whether robots are stuck that are so for 5 s and free for 10 s on average."""
+    block = block_of(robots, step_ms=step_ms)
+    swarm = open_block(block)
+    swarm.scene[0].mean_stuck_s, swarm.scene[0].mean_free_s = 5, 10
+    swarm.robots.free_gain, swarm.robots.is_stuck = 0.75, True
+    gain, found = swarm.robots.wheel_gain, np.empty((steps, robots), bool)
     for step in range(steps):
-        stop_and_release(stoppages, step * step_s)
+        swarm.scene[0].step = step
+        stop_and_release(block, NOWHERE, 0)
         assert ((gain == 0.75) | (gain == 0)).all()
         found[step] = gain[:, 0] == 0
         np.testing.assert_array_equal(gain[:, 0], gain[:, 1])
@@ -212,7 +222,7 @@ def lengths(stuck):
 
 
 def test_robots_begin_free_and_the_share_of_time_stuck_is_that_of_the_means():
-    stuck = stuck_over(per_hour=360, mean_s=5, steps=20_000, robots=50)
+    stuck = stuck_over(20_000, 50)
     assert not stuck[0].any()
     share = 5 / (5 + 10)
     cycles = stuck.size * 0.1 / 15
@@ -220,7 +230,7 @@ def test_robots_begin_free_and_the_share_of_time_stuck_is_that_of_the_means():
 
 
 def test_times_stuck_and_free_are_exponential_with_their_means():
-    held, free = lengths(stuck_over(per_hour=360, mean_s=5, steps=20_000, robots=50))
+    held, free = lengths(stuck_over(20_000, 50))
     for steps, mean_s in ((held, 5), (free, 10)):
         assert len(steps) > 3000
         assert 0.1 * steps.mean() == pytest.approx(mean_s, rel=0.06)
@@ -229,9 +239,9 @@ def test_times_stuck_and_free_are_exponential_with_their_means():
 
 
 def test_times_stuck_do_not_depend_on_other_robots_nor_on_the_control_step():
-    few, many = (stuck_over(360, 5, 2000, robots) for robots in (3, 9))
+    few, many = (stuck_over(2000, robots) for robots in (3, 9))
     np.testing.assert_array_equal(few, many[:, :3])
-    finer = stuck_over(360, 5, 20_000, 3, step_s=0.01)
+    finer = stuck_over(20_000, 3, step_ms=10)
     np.testing.assert_array_equal(finer[::10], few)
 
 
@@ -239,7 +249,7 @@ def test_a_robot_that_is_stuck_stands_still_with_its_wheels_turning_and_its_osci
     settings = ["stuck.per_hour=600", "stuck.mean_s=5", "arena.width_cm=400", "arena.height_cm=400", "noise=off"]
     simulation = Simulation(load_scenario("thesis", settings), 2)
     poses, wheels, phases = [], [], []
-    for step, _ in zip(simulation, range(600), strict=False):
+    for step in islice(simulation, 600):
         poses.append(step.poses.copy())
         wheels.append(step.wheels_cm_s.copy())
         phases.append(step.phase_ms)
