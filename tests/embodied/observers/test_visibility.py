@@ -137,57 +137,47 @@ def test_a_camera_sees_red_where_a_robot_in_view_is_lit() -> None:
 # --- occlusion --------------------------------------------------------------------------------------
 
 
-def test_a_robot_behind_another_is_not_listed() -> None:
-    near, far = at(20), at(60)
-    assert seen_by_me([near, far]) == [1]
-    assert seen_by_me([far, near]) == [2]
-
-
-def test_a_robot_half_hidden_is_listed() -> None:
-    near, far = at(20), at(60, 10)
-    assert seen_by_me([near, far]) == [2, 1]
-
-
-def test_a_robot_on_both_sides_of_a_pillar_is_listed_once() -> None:
-    pillar = [(at(10)[0], ME[1], 0.5)]
-    assert seen_by_me([at(20)], obstacles=(pillar, ())) == [1]
-    assert seen_by_me([at(20, 20), at(20), at(20, -20)], obstacles=(pillar, ())) == [1, 2, 3]
-
-
-def test_all_round_a_robot_behind_is_listed_once_and_where_its_left_part_is() -> None:
-    assert seen_by_me([at(20, 90), at(20, 180), at(20, -90)], ALL_ROUND) == [2, 1, 3]
+AHEAD, BEHIND_IT, BESIDE = at(20), at(60), at(60, 10)
+PILLAR = ([(at(10)[0], ME[1], 0.5)], ())
+FAR, ASIDE = at(50), at(50, 25)
+ROUND = ([(130, 100, 5)], ())
+BOX = ((), [box_corners(130, 100, 1, 20, 0)])
+TRIANGLE = ((), [np.array([(128, 90), (132, 90), (130, 108)], float)])
 
 
 @pytest.mark.parametrize(
-    "obstacles",
+    ("others", "obstacles", "seen"),
     [
-        ([(130, 100, 5)], ()),
-        ((), [box_corners(130, 100, 1, 20, 0)]),
-        ((), [np.array([(128, 90), (132, 90), (130, 108)], float)]),
+        ([AHEAD, BEHIND_IT], ((), ()), [1]),
+        ([BEHIND_IT, AHEAD], ((), ()), [2]),
+        ([AHEAD, BESIDE], ((), ()), [2, 1]),  # half hidden
+        ([AHEAD], PILLAR, [1]),  # on both sides of it
+        ([at(20, 20), AHEAD, at(20, -20)], PILLAR, [1, 2, 3]),
+        ([FAR, ASIDE], ((), ()), [2, 1]),
+        *(([FAR, ASIDE], obstacles, [2]) for obstacles in (ROUND, BOX, TRIANGLE)),
+        *(([at(15), ASIDE], obstacles, [2, 1]) for obstacles in (ROUND, BOX, TRIANGLE)),
     ],
-    ids=["circle", "box", "triangle"],
 )
-def test_an_obstacle_hides(obstacles) -> None:
-    assert seen_by_me([at(50), at(50, 25)]) == [2, 1]
-    assert seen_by_me([at(50), at(50, 25)], obstacles=obstacles) == [2]
-    assert seen_by_me([at(15), at(50, 25)], obstacles=obstacles) == [2, 1]
+def test_robots_are_listed_once_each_from_left_to_right_unless_they_are_hidden(others, obstacles, seen) -> None:
+    assert seen_by_me(others, obstacles=obstacles) == seen
 
 
-# --- how far and how wide a camera looks ------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("range_cm", "seen"), [(25.0, []), (26.2, []), (26.4, [1]), (math.inf, [1])])
-def test_a_robot_whose_surface_is_out_of_range_is_not_listed(range_cm: float, seen: list[int]) -> None:
-    assert seen_by_me([at(30)], CameraSettings(61, 56.0, 61, range_cm)) == seen
-
-
-@pytest.mark.parametrize(("central", "seen"), [(60, [1, 2, 3]), (40, [2, 3]), (10, [2])])
-def test_only_the_central_window_is_looked_at(central: int, seen: list[int]) -> None:
-    assert seen_by_me([at(40, 27), at(40), at(40, -18)], CameraSettings(60, 56.0, central)) == seen
-
-
-def test_a_robot_between_two_rays_is_not_listed() -> None:
-    assert seen_by_me([at(30), at(30, 90)], CameraSettings(2, 360.0, 2)) == [2]
+@pytest.mark.parametrize(
+    ("others", "camera", "seen"),
+    [
+        ([at(20, 90), at(20, 180), at(20, -90)], ALL_ROUND, [2, 1, 3]),  # who is behind is where its left part is
+        *(([at(30)], CameraSettings(61, 56.0, 61, range_cm), []) for range_cm in (25.0, 26.2)),
+        *(([at(30)], CameraSettings(61, 56.0, 61, range_cm), [1]) for range_cm in (26.4, math.inf)),
+        *(
+            ([at(40, 27), at(40), at(40, -18)], CameraSettings(60, 56.0, central), seen)
+            for central, seen in ((60, [1, 2, 3]), (40, [2, 3]), (10, [2]))
+        ),
+        ([at(30), at(30, 90)], CameraSettings(2, 360.0, 2), [2]),  # between two rays
+        ([], ALL_ROUND, []),
+    ],
+)
+def test_robots_are_listed_within_the_view_of_the_camera(others, camera: CameraSettings, seen: list[int]) -> None:
+    assert seen_by_me(others, camera) == seen
 
 
 def test_what_a_robot_faces_does_not_matter_but_to_itself() -> None:
@@ -232,7 +222,3 @@ def test_there_is_room_for_any_number_of_sightings(steps: int) -> None:
     poses = np.array([[ME, *(at(30, bearing) for bearing in bearings)]] * steps)
     found = sightings(poses, make_arena(200, 200, [], []), ALL_ROUND, 0, 1)
     assert found == [[step, 0, robot] for step in range(steps) for robot in range(1, 10)]
-
-
-def test_a_robot_alone_sees_nobody() -> None:
-    assert seen_by_me([], ALL_ROUND) == []
