@@ -20,7 +20,7 @@ from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
 from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
-from epuck_sim.embodied.swarm import SENSED, Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, open_block, swarm_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
 from epuck_sim.util.messages import describe_error
@@ -122,7 +122,7 @@ def assign_bytes(swarm: Swarm, number: int, controller: Controller, first: int) 
     """
     parameters, memory = controller.parameter_type, controller.memory
     group = swarm.groups[number]
-    group.parameters = swarm.scene[0].at[-2] + first
+    group.parameters = swarm.scene[0].at[BYTES] + first
     group.memory = group.parameters + parameters.itemsize
     group.memory_bytes = memory.itemsize
     group.phase = group.period = -1

@@ -18,7 +18,7 @@ from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
-from epuck_sim.embodied.changes.replacement import Replaced, check_alike, move, parameters_for, replace_controller
+from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
 from epuck_sim.embodied.changes.schedule import carry_out, timed_entries
 from epuck_sim.embodied.commands import Commands
 from epuck_sim.embodied.controllers import GroupControllers
@@ -30,7 +30,7 @@ from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
-from epuck_sim.embodied.swarm import open_block
+from epuck_sim.embodied.swarm import PIXELS, open_block
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters
@@ -138,7 +138,7 @@ class Simulation:
         self._find_periods()
         self._first_periods = self.period_ms.copy()
         swarm.robots["starts"] = self._starts[0] = True
-        self._template = block.copy()
+        self._template = block[: swarm.scene[0].at[PIXELS]].copy()
         self._starts[0] = False
         self._show(self._arenas[0])
 
@@ -169,7 +169,8 @@ class Simulation:
         self._replaced_at: int | None = None
         self.is_firing = False
         block, addresses = self._block, self._loop.addresses
-        block[:] = self._template
+        block[: len(self._template)] = self._template
+        block[len(self._template) :] = 0
         draw_start(block, self.seed)
         if self._varies:
             vary(block)
@@ -379,7 +380,6 @@ class Simulation:
         try:
             self._build([controller if each is old else each.controller for each in self._groups], first_parameters)
             replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
-            move(before["_template"], self._template, group)
         except BaseException:
             vars(self).update(before)
             self._world.use(self._block, self._loop.addresses)

@@ -300,16 +300,18 @@ class Swarm(NamedTuple):
     """(room,) CIRCLE: round obstacles, and movables behind them."""
     edges: Any
     """(room,) EDGE: edges of the other obstacles."""
-    pixels: Any
-    """(n,) int64: rows of cameras, group by group; see `GROUP`. 1 where a lit ring is seen."""
     rays: Any
     """(n,) RAY: directions of the pixels of each group."""
-    air: Any
-    """(n,) PULSES: of each group with radios, (slots, robots)."""
     faults: Any
     """(faults,) FAULT."""
     affected: Any
     """(faults * robots,) AFFECTED."""
+    bytes: Any
+    """(n,) uint8: what robots remember, and the parameters of their controllers."""
+    pixels: Any
+    """(n,) int64: rows of cameras, group by group; see `GROUP`. 1 where a lit ring is seen."""
+    air: Any
+    """(n,) PULSES: of each group with radios, (slots, robots)."""
     log: Any
     """(room,) CHANGE: what faults did since Python looked."""
     numbers: Any
@@ -317,19 +319,20 @@ class Swarm(NamedTuple):
     and then a label of each robot: what a pixel that shows it becomes, 0 for dark rings and those that faults hide."""
     depths: Any
     """(3 * pixels of the longest row,) float64: scratch."""
-    bytes: Any
-    """(n,) uint8: what robots remember, and the parameters of their controllers."""
 
 
 INT64, FLOAT64, BYTE = np.dtype(np.int64), np.dtype(np.float64), np.dtype(np.uint8)
 
 _DTYPES: tuple[np.dtype[Any], ...] = (
-    *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, INT64, RAY, PULSES, FAULT, AFFECTED, CHANGE),
-    *(INT64, FLOAT64, BYTE),
+    *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, RAY, FAULT, AFFECTED, BYTE),
+    *(INT64, PULSES, CHANGE, INT64, FLOAT64),
 )
 assert len(_DTYPES) == len(Swarm._fields) == ARRAYS
 
 SCENE_BYTES = SCENE.itemsize
+
+BYTES, PIXELS = map(Swarm._fields.index, ("bytes", "pixels"))
+"""Numbers of two arrays of a block: from the second on, all are zeros before the first step of a trial."""
 
 
 @jit_inline
@@ -346,15 +349,15 @@ def swarm_at(block: npt.NDArray[np.uint8]) -> Swarm:
         array_at(block, at[5], at[6], MEMBER),
         array_at(block, at[6], at[7], CIRCLE),
         array_at(block, at[7], at[8], EDGE),
-        array_at(block, at[8], at[9], INT64),
-        array_at(block, at[9], at[10], RAY),
-        array_at(block, at[10], at[11], PULSES),
-        array_at(block, at[11], at[12], FAULT),
-        array_at(block, at[12], at[13], AFFECTED),
-        array_at(block, at[13], at[14], CHANGE),
-        array_at(block, at[14], at[15], INT64),
-        array_at(block, at[15], at[16], FLOAT64),
-        array_at(block, at[16], at[17], BYTE),
+        array_at(block, at[8], at[9], RAY),
+        array_at(block, at[9], at[10], FAULT),
+        array_at(block, at[10], at[11], AFFECTED),
+        array_at(block, at[11], at[12], BYTE),
+        array_at(block, at[12], at[13], INT64),
+        array_at(block, at[13], at[14], PULSES),
+        array_at(block, at[14], at[15], CHANGE),
+        array_at(block, at[15], at[16], INT64),
+        array_at(block, at[16], at[17], FLOAT64),
     )
 
 

@@ -61,19 +61,25 @@ class World:
         scene, robots = self._swarm.scene[0], len(self._swarm.robots)
         self._make_bodies = partial(make_bodies, arenas[0], robots, kind, friction, drive_force_n, touch=scene.touch)
         self._bodies: Bodies = self._make_bodies()
-        scene.bodies = chipmunk.END
-        scene.movables = scene.bodies + 2 * robots
-        end = scene.movables + chipmunk.MOVABLE_ADDRESSES * len(self._bodies.movables)
-        scene.drives = end if self._bodies.drives else -1
-        scene.surfaces = end + 2 * len(self._bodies.drives)
-        scene.surface_count = len(self._bodies.surfaces)
-        scene.moved_publicly = self.is_public = bool(reason)
+        self.is_public = bool(reason)
+        self._number_bodies()
         if self.is_public:
             warnings.warn(
                 f"{chipmunk.versions()}: {reason}; robots are moved by pymunk's public interface, to the same outcome, "
                 "but many times as slowly; install pymunk 7.3",
                 stacklevel=2,
             )
+
+    def _number_bodies(self) -> None:
+        """Write to the block where in the addresses its bodies are."""
+        scene, bodies = self._swarm.scene[0], self._bodies
+        scene.bodies = chipmunk.END
+        scene.movables = scene.bodies + 2 * len(bodies.robots)
+        end = scene.movables + chipmunk.MOVABLE_ADDRESSES * len(bodies.movables)
+        scene.drives = end if bodies.drives else -1
+        scene.surfaces = end + 2 * len(bodies.drives)
+        scene.surface_count = len(bodies.surfaces)
+        scene.moved_publicly = self.is_public
 
     def addresses(self) -> list[int]:
         """Return what the addresses begin with, up to where other parts of the swarm add theirs; see `use`."""
@@ -103,6 +109,7 @@ class World:
             if self.is_public:
                 self._public_space.use(block)
         self._block, self._swarm, self._addresses = block, open_block(block), addresses
+        self._number_bodies()
         self._finalizer = weakref.finalize(self, _free, addresses, self._bodies)
 
     def place(self) -> None:

@@ -110,7 +110,9 @@ def replace_controller(
 def move(old_block: ByteArray, block: ByteArray, replaced: int) -> None:
     """Copy a swarm to another block: all but memories and parameters of the group whose controller is replaced."""
     old, new = open_block(old_block), open_block(block)
-    for name in Swarm._fields[:-1]:
+    for name in Swarm._fields:
+        if name == "bytes":
+            continue
         array, before = getattr(new, name), getattr(old, name).copy()
         for field in _PLACES.get(name, ()):
             before[field] = array[field]
