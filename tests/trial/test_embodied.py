@@ -166,12 +166,6 @@ def test_observers_that_write_into_a_steps_arrays_do_not_change_the_outcome(fiel
     assert outcome(run_trial(Simulation(scenario, 2), [meddle])) == outcome(run_trial(Simulation(scenario, 2)))
 
 
-@pytest.mark.parametrize("arena", ["thesis", "obstacles", "pair"])
-def test_the_same_seed_has_the_same_outcome(arena):
-    scenario = load_scenario(arena, ["stop.max_cycles=40"])
-    assert outcome(run_trial(Simulation(scenario, 3))) == outcome(run_trial(Simulation(scenario, 3)))
-
-
 def test_a_trial_needs_a_fresh_simulation():
     simulation = Simulation("pair", 2)
     run_trial(simulation)

@@ -51,11 +51,8 @@ def test_every_value_is_that_of_the_simulation(tmp_path, arena: str) -> None:
         expected = {
             "time_s": np.full(scenario.robot_count, number / 10),
             "robot": np.arange(scenario.robot_count),
-            "x_cm": step.poses[:, 0],
-            "y_cm": step.poses[:, 1],
-            "heading_rad": step.poses[:, 2],
-            "left_cm_s": step.wheels_cm_s[:, 0],
-            "right_cm_s": step.wheels_cm_s[:, 1],
+            **dict(zip(("x_cm", "y_cm", "heading_rad"), step.poses.T, strict=True)),
+            **dict(zip(("left_cm_s", "right_cm_s"), step.wheels_cm_s.T, strict=True)),
             "ring_on": step.ring_on,
             "phase_ms": step.phase_ms,
             "flash_seen": step.flash_seen,
