@@ -176,22 +176,17 @@ def test_the_record_holds_each_value_as_it_is(typed, flag, whole, number):
     assert record[["flag", "whole", "number"]].tolist() == [(flag, whole, number)]
 
 
-def test_check_sees_all_parameters_and_what_it_raises_comes_through(tmp_path):
-    path = tmp_path / "mine.py"
-    text = with_step("pass", PARAMETERS="{'low': 1.0, 'high': 2.0}")
-    text += (
-        "def check(parameters):\n    if parameters.low > parameters.high:\n        raise ValueError('low above high')"
+def test_check_sees_all_parameters_and_what_it_raises_comes_through_errors_with_their_line(tmp_path):
+    text = (
+        with_step("pass", PARAMETERS="{'low': 1.0, 'high': 2.0}") + "def check(parameters):\n    1 / parameters.low\n"
     )
-    controller = write_controller(path, text)
+    text += "    if parameters.low > parameters.high: raise ValueError('low above high')"
+    controller = write_controller(tmp_path / "mine.py", text)
     assert controller.resolve({"low": 2.0}) == {"low": 2.0, "high": 2.0}
-    with pytest.raises(ValueError, match="low above high"):
+    with pytest.raises(ValueError, match="^low above high$"):
         controller.resolve({"low": 2.5})
-
-
-def test_an_error_in_check_is_named_with_its_line(tmp_path):
-    text = with_step("pass", PARAMETERS="{'low': 1.0}") + "def check(parameters):\n    1 / 0"
-    with pytest.raises(ValueError, match=r"mine\.py:12: ZeroDivisionError: division by zero"):
-        write_controller(tmp_path / "mine.py", text).resolve({})
+    with pytest.raises(ValueError, match=r"mine\.py:12: ZeroDivisionError: .*division by zero"):
+        controller.resolve({"low": 0.0})
 
 
 # --- names that there are not ------------------------------------------------------------------------

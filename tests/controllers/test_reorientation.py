@@ -8,17 +8,23 @@ import pytest
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.trial.model import run_trial
 
+ARENA = {"width_cm": 100, "height_cm": 100}
+AHEAD = {"controller": "constant", "parameters": {"left_cm_s": 5, "right_cm_s": 5}}
 
-def swarm(interpret: bool = False, count: int = 1, **sections) -> Simulation:
-    group = {"count": count, "controller": "reorientation", "infrared": {"robots": False}, **sections}
-    arena = {"width_cm": 100, "height_cm": 100}
-    return Simulation({"arena": arena, "noise": "off", "robots": [group]}, 5, interpret=interpret)
+
+def swarm(group, interpret: bool = False, **sections) -> Simulation:
+    scenario = {"arena": ARENA, "noise": "off", "robots": [group], **sections}
+    return Simulation(scenario, 5, interpret=interpret)
+
+
+def reorienting(**sections) -> dict[str, object]:
+    return {"controller": "reorientation", "infrared": {"robots": False}, **sections}
 
 
 def headings_after_a_wall(heading: float) -> np.ndarray:
     """Return rad: headings of robots, relative to the normal of the right wall, after they have met it."""
     poses = [[90.0, 5.0 + 9 * place, heading] for place in range(1, 10)]
-    simulation, found = swarm(poses=poses, count=9), []
+    simulation, found = swarm(reorienting(poses=poses)), []
     before = np.full(9, heading)
     for _ in range(30):
         step = simulation.advance(1)
@@ -37,7 +43,7 @@ def test_a_robot_turns_to_within_90_degrees_of_the_normal_of_a_wall_that_it_meet
 
 @pytest.mark.parametrize("interpret", [False, True])
 def test_a_robot_goes_straight_ahead_between_walls_and_never_touches_one(interpret):
-    simulation = swarm(interpret, count=5)
+    simulation = swarm(reorienting(count=5), interpret)
     poses = np.array([simulation.advance(1).poses.copy() for _ in range(300 if interpret else 5000)])
     moved = np.diff(poses, axis=0)
     assert poses[..., :2].min() > 3.7
@@ -48,53 +54,33 @@ def test_a_robot_goes_straight_ahead_between_walls_and_never_touches_one(interpr
     assert len(straight) > 0.8 * moved[..., 2].size
 
 
-def test_robots_that_do_not_touch_pass_through_each_other():
-    poses = [[30.0, 50.0, 0.0], [50.0, 50.0, math.pi]]
-
-    def after(robots: bool) -> np.ndarray:
-        group = {"poses": poses, "controller": "constant", "parameters": {"left_cm_s": 5, "right_cm_s": 5}}
-        arena = {"width_cm": 100, "height_cm": 100}
-        simulation = Simulation({"arena": arena, "noise": "off", "contact": {"robots": robots}, "robots": [group]})
-        return simulation.advance(41).poses[:, 0].copy()
-
-    np.testing.assert_allclose(after(False), [50, 30], atol=1e-9)
-    np.testing.assert_allclose(after(True), [40 - 3.7, 40 + 3.7], atol=0.1)
-
-
-def test_robots_that_do_not_touch_still_touch_walls():
-    group = {"poses": [[90.0, 50.0, 0.0]], "controller": "constant", "parameters": {"left_cm_s": 5, "right_cm_s": 5}}
-    arena = {"width_cm": 100, "height_cm": 100}
-    simulation = Simulation({"arena": arena, "contact": {"robots": False}, "noise": "off", "robots": [group]})
-    assert simulation.advance(60).poses[0, 0] == pytest.approx(100 - 3.7, abs=0.1)
+@pytest.mark.parametrize(("robots", "x_cm", "off_cm"), [(False, [50, 30], 1e-9), (True, [40 - 3.7, 40 + 3.7], 0.1)])
+def test_robots_that_do_not_touch_pass_through_each_other_but_not_through_walls(robots, x_cm, off_cm):
+    poses = [[30.0, 50.0, 0.0], [50.0, 50.0, math.pi], [90.0, 10.0, 0.0]]
+    step = swarm({"poses": poses, **AHEAD}, contact={"robots": robots}).advance(41)
+    np.testing.assert_allclose(step.poses[:2, 0], x_cm, atol=off_cm)
+    assert step.poses[2, 0] == pytest.approx(100 - 3.7, abs=0.1)
 
 
 def test_infrared_that_sees_no_robots_still_sees_walls():
     group = {"poses": [[50.0, 50.0, 0.0], [60.0, 50.0, 0.0], [93.0, 50.0, 0.0]], "controller": "constant"}
-    scenario = {"arena": {"width_cm": 100, "height_cm": 100}, "noise": "off"}
-    readings = {
-        robots: Simulation({**scenario, "robots": [{**group, "infrared": {"robots": robots}}]})
-        .advance(1)
-        .infrared.copy()
-        for robots in (True, False)
-    }
-    assert readings[True][0].max() > 0
-    assert not readings[False][:2].any()
-    np.testing.assert_array_equal(readings[True][2], readings[False][2])
+    seeing, blind = (swarm({**group, "infrared": {"robots": robots}}).advance(1).infrared for robots in (True, False))
+    assert seeing[0].max() > 0
+    assert not blind[:2].any()
+    np.testing.assert_array_equal(seeing[2], blind[2])
 
 
-@pytest.mark.parametrize("sweep", ["fig-3-7", "fig-3-8"])
-def test_robots_of_chapter_3_synchronise_fast_when_they_see_far_and_all_around(sweep):
+@pytest.mark.parametrize("width_cm", [200, 100], ids=["fig-3-7", "fig-3-8"])
+def test_robots_of_chapter_3_synchronise_fast_when_they_see_far_and_all_around(width_cm):
     group = {
         "count": 20,
         "controller": "reorienting_firefly",
         "parameters": {"period_s": 8, "flash_fraction": 0.0375, "refractory_fraction": 0.1},
         "infrared": {"robots": False},
     }
-    width = {"fig-3-7": 200, "fig-3-8": 100}[sweep]
-    stop = {"metric": "reference", "max_cycles": 200}
+    arena, stop = {"width_cm": width_cm, "height_cm": width_cm}, {"metric": "reference", "max_cycles": 200}
     cycles = []
-    for signal in ({"kind": "cone"}, {"kind": "cone", "range_cm": width / 10, "angle_deg": 30}):
-        arena = {"width_cm": width, "height_cm": width}
+    for signal in ({"kind": "cone"}, {"kind": "cone", "range_cm": width_cm / 10, "angle_deg": 30}):
         trial = run_trial(Simulation({"arena": arena, "robots": [{**group, "signal": signal}], "stop": stop}, 4))
         cycles.append(trial.t_sync_cycles if trial.t_sync_cycles is not None else 200)
     assert cycles[0] < 30 < cycles[1]

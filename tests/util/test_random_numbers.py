@@ -63,15 +63,10 @@ def test_uniform_is_the_word_s_upper_53_bits(state):
     assert uniform(stream(*state)) == (xoshiro256pp(state)[0] >> 11) / 2**53
 
 
-def test_uniform_reaches_0_and_never_1():
-    assert uniform(stream(*ZERO)) == 0
-    assert uniform(stream(*LARGEST)) == 1 - 2**-53
-
-
 @pytest.mark.parametrize("limit", [1, 2, 25, 5000, 86_400_000, 2**31 - 1, 2**31])
-def test_randint_reaches_0_and_the_last_number_below_its_limit(limit):
-    assert randint(stream(*ZERO), limit) == 0
-    assert randint(stream(*LARGEST), limit) == limit - 1
+def test_uniform_reaches_0_and_never_1_and_randint_0_and_the_last_number_below_its_limit(limit):
+    assert (uniform(stream(*ZERO)), uniform(stream(*LARGEST))) == (0, 1 - 2**-53)
+    assert (randint(stream(*ZERO), limit), randint(stream(*LARGEST), limit)) == (0, limit - 1)
 
 
 @given(state=STATES, limit=st.integers(1, 2**31))
