@@ -47,10 +47,8 @@ def compile_for(controller: Controller, function: Any, room_digest: str) -> Any:
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
                 _compiled[key] = compile_call(bound, contents_digest)
         except Exception as error:  # numba's own errors, and what escapes it
-            message = explain_refusal(
-                error, controller.path, controller.sources, "; --interpret runs it as plain Python"
-            )
-            raise ControllerError(message) from error
+            instead = "; --interpret runs it as plain Python"
+            raise ControllerError(explain_refusal(error, controller.path, controller.sources, instead)) from error
     return _compiled[key]
 
 
@@ -87,7 +85,6 @@ def _bound_values(function: FunctionType) -> list[object]:
 
 
 def _can_be_frozen(value: object) -> bool:
-    """Return whether numba copies a global value into compiled code."""
     if isinstance(value, tuple):
         return all(map(_can_be_frozen, value))
     return isinstance(value, bool | int | float | complex | str | bytes | np.ndarray | np.generic)

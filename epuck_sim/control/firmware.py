@@ -124,8 +124,6 @@ def _default(name: str, field: _Field) -> Value:
 
 
 def _check_of(library: ctypes.CDLL, parameters: np.dtype[Any]) -> Callable[[SimpleNamespace], None]:
-    """Return a controller's `check` that calls the firmware's."""
-
     def check(values: SimpleNamespace) -> None:
         record = np.zeros(1, parameters)
         for name, value in vars(values).items():
@@ -138,7 +136,6 @@ def _check_of(library: ctypes.CDLL, parameters: np.dtype[Any]) -> Callable[[Simp
 
 
 def _runs_in_c(*_: object) -> None:
-    """Stand for a function that is not in Python."""
     raise NotImplementedError
 
 

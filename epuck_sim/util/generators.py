@@ -23,7 +23,6 @@ _PCG_HIGH, _PCG_LOW = np.uint64(2549297995355413924), np.uint64(4865540595714422
 
 @jit_inline
 def _high_product(left: np.uint64, right: np.uint64) -> np.uint64:
-    """Return the upper 64 bits of a product."""
     left_low, left_high = left & _LOWER, left >> _HALF
     right_low, right_high = right & _LOWER, right >> _HALF
     middle = left_high * right_low + (left_low * right_low >> _HALF)

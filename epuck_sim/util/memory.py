@@ -80,7 +80,6 @@ def _of_cgroup(folder: Path) -> Iterator[int]:
 
 
 def _read(path: str | Path) -> str:
-    """Return the contents of a file of the system; nothing where there is none."""
     try:
         return Path(path).read_text()
     except OSError:

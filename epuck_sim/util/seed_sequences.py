@@ -39,7 +39,7 @@ def seed_words(*seeds: int) -> WordArray:
 
 @jit_inline
 def _hashed(value: np.uint64, sequence: WordArray) -> np.uint64:
-    """Return a word hashed with the sequence's factor, which advances."""
+    """Hash a word with the sequence's factor, which advances."""
     value ^= sequence[_POOL]
     sequence[_POOL] = sequence[_POOL] * _MIX_FACTOR & _LOWER
     value = value * sequence[_POOL] & _LOWER
@@ -47,11 +47,12 @@ def _hashed(value: np.uint64, sequence: WordArray) -> np.uint64:
 
 
 @jit_no_alloc
-def _mix_in(word: np.uint64, sequence: WordArray) -> None:
-    """Mix a word of 32 bits into the whole pool."""
+def _mix_in(word: np.uint64, sequence: WordArray, but: int = _POOL) -> None:
+    """Mix a word of 32 bits into the whole pool, `but` for a place."""
     for place in range(_POOL):
-        mixed = _LEFT * sequence[place] - _RIGHT * _hashed(word, sequence) & _LOWER
-        sequence[place] = mixed ^ mixed >> _SHIFT
+        if place != but:
+            mixed = _LEFT * sequence[place] - _RIGHT * _hashed(word, sequence) & _LOWER
+            sequence[place] = mixed ^ mixed >> _SHIFT
 
 
 @jit_no_alloc
@@ -66,10 +67,7 @@ def begin_sequence(sequence: WordArray, words: WordArray) -> None:
     for place in range(_POOL):
         sequence[place] = _hashed(words[place] if place < len(words) else np.uint64(0), sequence)
     for source in range(_POOL):
-        for place in range(_POOL):
-            if place != source:
-                mixed = _LEFT * sequence[place] - _RIGHT * _hashed(sequence[source], sequence) & _LOWER
-                sequence[place] = mixed ^ mixed >> _SHIFT
+        _mix_in(sequence[source], sequence, source)
     for source in range(_POOL, len(words)):
         _mix_in(words[source], sequence)
 
@@ -93,7 +91,6 @@ def spawn(child: WordArray, parent: WordArray, key: int) -> None:
 
 @jit_inline
 def _drawn(word: np.uint64, factor: np.uint64) -> np.uint64:
-    """Return a word of 32 bits of a sequence's output."""
     value: np.uint64 = (word ^ factor) * (factor * _DRAW_FACTOR & _LOWER) & _LOWER
     return value ^ value >> _SHIFT
 

@@ -183,7 +183,7 @@ def test_check_sees_all_parameters_and_what_it_raises_comes_through_errors_with_
     text += "    if parameters.low > parameters.high: raise ValueError('low above high')"
     controller = write_controller(tmp_path / "mine.py", text)
     assert controller.resolve({"low": 2.0}) == {"low": 2.0, "high": 2.0}
-    with pytest.raises(ValueError, match="^low above high$"):
+    with pytest.raises(ValueError, match=r"^low above high$"):
         controller.resolve({"low": 2.5})
     with pytest.raises(ValueError, match=r"mine\.py:12: ZeroDivisionError: .*division by zero"):
         controller.resolve({"low": 0.0})
