@@ -47,14 +47,7 @@ class Commands:
     def __init__(
         self, controllers: Sequence[Controller], counts: Sequence[int], block: ByteArray, addresses: IntArray
     ) -> None:
-        """Find the robots that are commanded from outside.
-
-        Args:
-            controllers: What runs on each group.
-            counts: Number of robots of each group.
-            block: The swarm.
-            addresses: What its control steps call.
-        """
+        """Find the robots that are commanded from outside, in groups with these controllers and numbers of robots."""
         self._block, self._addresses = block, addresses
         self.wheel_robots, self.ring_robots = (
             np.flatnonzero(np.repeat([part in each.external for each in controllers], counts))

@@ -16,12 +16,12 @@ from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller, Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.changes.attendance import take_out
+from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
-from epuck_sim.embodied.changes.schedule import carry_out, timed_entries
+from epuck_sim.embodied.changes.schedule import begin_or_end, check_bodies_outside, displace_phases, timed_entries
 from epuck_sim.embodied.commands import Commands
-from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.controllers import GroupControllers, RobotError
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers.relations import Relations
@@ -338,19 +338,32 @@ class Simulation:
         """Have snapshots know of a call that has changed the simulation."""
         self._changes.append(Change(self.steps, method, given, values))
 
-    def _carry_out(self, entry: int) -> None:
-        sequence = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, entry))
-        event = carry_out(
-            *(entry, self.scenario, sequence, self._block, self._world, self._groups),
-            *(self._change_arena, self._set_parameters),
-        )
-        self.events.append(event)
-
-    def _change_arena(self, arena: Arena) -> None:
-        """Have all move and sense in another arena, with the same movables, from the next step on."""
-        set_arena(self._swarm, arena, self.scenario.robot.cell_cm)
-        self._world.change_arena(arena)
-        self._show(arena)
+    def _carry_out(self, number: int) -> None:
+        """Make the changes of an entry, which act from the next control step on."""
+        scenario, swarm, entry = self.scenario, self._swarm, self.scenario.schedule[number]
+        time_ms = self.steps * self._step_ms
+        origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {self.seed}"
+        take_out(entry.remove, self._block, self._world, self._groups)
+        if entry.arena_values():
+            arena = arena_after(scenario, number).build()
+            set_arena(swarm, arena, scenario.robot.cell_cm)
+            self._world.change_arena(arena)
+            self._show(arena)
+            check_bodies_outside(swarm, arena, origin)
+        phases = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number))
+        places = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number, 0))
+        try:
+            put_in(entry.add, entry.poses, scenario, self._block, self._world, self._groups, places, origin)
+        except RobotError as error:
+            raise ControllerError(f"{origin}: {error}") from error
+        for group, values in entry.parameters().items():
+            self._set_parameters(group, values)
+        if entry.displace is not None:
+            displace_phases(swarm, self._groups, entry.displace, phases)
+        for faults, begins in ((entry.begin, True), (entry.end, False)):
+            for fault in faults:
+                begin_or_end(swarm, fault, begins=begins, time_ms=time_ms)
+        self.events.append(TrialEvent(self.steps, time_ms / 1000, f"schedule.{number}", entry.what))
 
     def replace_controller(self, group: int, controller: Controller) -> Replaced:
         """Have the robots of a group go on with another controller from the next step on.

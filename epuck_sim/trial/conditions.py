@@ -1,10 +1,15 @@
-"""Conditions on measures, and whether they have held in a trial."""
+"""What a trial waits for: conditions on measures, and the moments of entries of its schedule."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from epuck_sim.measures.interface import Value
 from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.scenario import STOP
+from epuck_sim.scenario.schedule import ScheduleEntry, condition_key
+from epuck_sim.trial.observer import TrialState
+
+NEVER = 2**62
+"""Number of a firing that no trial reaches."""
 
 
 class ConditionWatch:
@@ -46,3 +51,34 @@ class Conditions:
     def is_over(self) -> bool:
         """Return whether the condition that ends the trial has held, if there is one."""
         return STOP in self._watches and self.has_held(STOP)
+
+
+class WaitingEntries:
+    """Has entries of a schedule carried out when their moment has come; entries that have a time are none of these."""
+
+    def __init__(
+        self, schedule: Sequence[ScheduleEntry], conditions: Conditions, carry_out: Callable[[int], None]
+    ) -> None:
+        """Wait for all moments; carry_out: carries out the entry of a number, from the next event on."""
+        self._waiting = {number: entry for number, entry in enumerate(schedule) if entry.at_s is None}
+        self._conditions = conditions
+        self._carry_out = carry_out
+
+    @property
+    def next_cycle(self) -> int:
+        """Number of the next firing after which an entry is to be carried out; `NEVER` if none waits for one."""
+        return min((entry.at_cycle for entry in self._waiting.values() if entry.at_cycle is not None), default=NEVER)
+
+    def look(self, state: TrialState) -> None:
+        """Have those carried out whose moment has come; to be called between two events."""
+        if not self._waiting:
+            return
+        for number in [number for number in self._waiting if self._has_come(number, state)]:
+            self._carry_out(number)
+            del self._waiting[number]
+
+    def _has_come(self, number: int, state: TrialState) -> bool:
+        at_cycle = self._waiting[number].at_cycle
+        if at_cycle is not None:
+            return state.cycles >= at_cycle
+        return self._conditions.has_held(condition_key(number))

@@ -4,10 +4,9 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.trial.conditions import Conditions
+from epuck_sim.trial.conditions import Conditions, WaitingEntries
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.schedule import WaitingEntries
 from epuck_sim.trial.synchrony import SynchronyWatch
 
 UNSEEN_STEPS = 50

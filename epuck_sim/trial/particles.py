@@ -4,10 +4,9 @@ import time
 from collections.abc import Sequence
 
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.trial.conditions import Conditions
+from epuck_sim.trial.conditions import Conditions, WaitingEntries
 from epuck_sim.trial.observer import Observer, Progress
 from epuck_sim.trial.result import TrialResult
-from epuck_sim.trial.schedule import WaitingEntries
 
 SLICE_S = 0.1
 """Wall time for which compiled code runs before Python has its turn, for Ctrl-C and for progress."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from epuck_sim.arrays import BoolArray, FloatArray
+from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import ControllerError
@@ -101,12 +101,11 @@ class SynchronyWatch:
         if not self._members_change:
             return self._metric(phases, self._periods)
         rows = phases.reshape(-1, len(self._periods))
-        found = [self._measure_present(row, ~np.isnan(row)) for row in rows]
+        found = [
+            float(self._metric(row[present], self._periods[present])) if present.any() else math.nan
+            for row, present in zip(rows, ~np.isnan(rows), strict=True)
+        ]
         return np.reshape(found, phase_ms.shape[:-1])
-
-    def _measure_present(self, phases: FloatArray, present: BoolArray) -> float:
-        """Return the order parameter of some of (oscillators,) phases."""
-        return float(self._metric(phases[present], self._periods[present])) if present.any() else math.nan
 
     @property
     def time_s(self) -> float:

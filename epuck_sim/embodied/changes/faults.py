@@ -79,13 +79,7 @@ def _in_ms(time_s: float) -> float:
 
 
 def restart_faults(block: ByteArray, scenario: EmbodiedScenario, sequence: np.random.SeedSequence) -> None:
-    """Begin a trial: draw who may have each fault, and when random ones begin first.
-
-    Args:
-        block: The swarm.
-        scenario: Its faults.
-        sequence: The seed sequence of the trial's faults.
-    """
+    """Begin a trial: draw, by its seed sequence of faults, who may have each, and when random ones begin first."""
     swarm = open_block(block)
     robots = len(swarm.robots)
     affected = swarm.affected.reshape(len(scenario.faults), robots)

@@ -1,31 +1,23 @@
-"""Carries out the schedule of a scenario: changes that are made while a trial of robots runs."""
+"""Parts of a schedule of robots: when entries are carried out, new walls, displaced phases, and scheduled faults."""
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from epuck_sim.arena import Arena, clearance_cm, without_movables
-from epuck_sim.arrays import ByteArray
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
-from epuck_sim.embodied.bodies.world import World
-from epuck_sim.embodied.changes.attendance import put_in, take_out
-from epuck_sim.embodied.controllers import GroupControllers, RobotError
-from epuck_sim.embodied.swarm import Swarm, open_block
-from epuck_sim.errors import ControllerError, ScenarioError
-from epuck_sim.scenario.arena_changes import arena_after
-from epuck_sim.scenario.embodied import EmbodiedScenario
+from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.swarm import Swarm
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.robot_schedule import RobotDisplacement, RobotScheduleEntry
-from epuck_sim.scenario.schedule import TimedEntries, TrialEvent
+from epuck_sim.scenario.schedule import TimedEntries
 
 NEVER = 2**62
 """Number of a control step that no simulation takes."""
 
 DEEPEST_CM = 2 * MARGIN_CM
 """How far a body may reach into new walls and obstacles, cm: as far as bodies may overlap that press on each other."""
-
-_PLACES = 0  # spawn key of the places of robots that come
 
 
 def timed_entries(schedule: Sequence[RobotScheduleEntry], step_ms: int) -> TimedEntries[int]:
@@ -36,56 +28,6 @@ def timed_entries(schedule: Sequence[RobotScheduleEntry], step_ms: int) -> Timed
         if entry.at_s is not None
     ]
     return TimedEntries(sorted(steps), NEVER)
-
-
-def carry_out(
-    number: int,
-    scenario: EmbodiedScenario,
-    sequence: np.random.SeedSequence,
-    block: ByteArray,
-    world: World,
-    controllers: Sequence[GroupControllers],
-    change_arena: Callable[[Arena], None],
-    set_parameters: Callable[[int, dict[str, Any]], None],
-) -> TrialEvent:
-    """Make the changes of an entry, which act from the next control step on, and return them as an event.
-
-    Args:
-        number: Number of the entry.
-        scenario: The scenario with the schedule.
-        sequence: The entry's seed sequence, from the trial's seed.
-        block: The swarm.
-        world: All bodies.
-        controllers: Those of all groups.
-        change_arena: Has all move and sense in another arena, with the same movables.
-        set_parameters: Sets parameters of the group of a number.
-
-    Raises:
-        ScenarioError: A body is in the way of an obstacle, or a robot that comes finds no place.
-        ControllerError: The controller of a robot that comes raises.
-    """
-    swarm, entry = open_block(block), scenario.schedule[number]
-    step = int(swarm.scene[0].step) + 1
-    time_ms = step * scenario.timing.step_ms
-    origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {sequence.entropy}"
-    take_out(entry.remove, block, world, controllers)
-    if entry.arena_values():
-        arena = arena_after(scenario, number).build()
-        change_arena(arena)
-        check_bodies_outside(swarm, arena, origin)
-    places = np.random.SeedSequence(sequence.entropy, spawn_key=(*sequence.spawn_key, _PLACES))
-    try:
-        put_in(entry.add, entry.poses, scenario, block, world, controllers, places, origin)
-    except RobotError as error:
-        raise ControllerError(f"{origin}: {error}") from error
-    for group, values in entry.parameters().items():
-        set_parameters(group, values)
-    if entry.displace is not None:
-        displace_phases(swarm, controllers, entry.displace, sequence)
-    for faults, begins in ((entry.begin, True), (entry.end, False)):
-        for fault in faults:
-            begin_or_end(swarm, fault, begins=begins, time_ms=time_ms)
-    return TrialEvent(step, time_ms / 1000, f"schedule.{number}", entry.what)
 
 
 def check_bodies_outside(swarm: Swarm, arena: Arena, origin: str) -> None:

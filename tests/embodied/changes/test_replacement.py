@@ -57,6 +57,20 @@ def simulate(path: Path, interpret: bool, **changes) -> Simulation:
     return Simulation(load_scenario({"name": "counting", "robots": [group, {"count": 2}]}), 4, interpret=interpret)
 
 
+def twins(path: Path, interpret: bool, steps: int) -> tuple[Simulation, Simulation]:
+    """Return two simulations that are equal after some steps."""
+    simulation, twin = simulate(path, interpret), simulate(path, interpret)
+    for each in (simulation, twin):
+        each.advance(steps)
+    return simulation, twin
+
+
+def assert_alike(step, other) -> None:
+    for name in ("poses", "infrared"):
+        assert getattr(step, name).tobytes() == getattr(other, name).tobytes()
+    assert [each.tobytes() for each in step.memories] == [each.tobytes() for each in other.memories]
+
+
 def memory(simulation: Simulation):
     return next(simulation).memories[0]
 
@@ -64,9 +78,7 @@ def memory(simulation: Simulation):
 @INTERPRET
 def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: bool, tmp_path) -> None:
     path = tmp_path / "mine.py"
-    simulation, twin = simulate(path, interpret), simulate(path, interpret)
-    for each in (simulation, twin):
-        each.advance(10)
+    simulation, twin = twins(path, interpret, 10)
     save(path, source(rise="100"))
     replaced = simulation.replace_controller(0, load_controller(path))
     assert (replaced.kept, replaced.started) == (("steps", "drawn"), ())
@@ -85,15 +97,11 @@ def test_robots_go_on_with_the_new_one_and_remember_what_they_did(interpret: boo
 @INTERPRET
 def test_the_same_file_again_changes_nothing_to_the_bit(interpret: bool, tmp_path) -> None:
     path = tmp_path / "mine.py"
-    simulation, twin = simulate(path, interpret), simulate(path, interpret)
-    for each in (simulation, twin):
-        each.advance(30)
+    simulation, twin = twins(path, interpret, 30)
     save(path, source() + "# another line\n")
     simulation.replace_controller(0, load_controller(path))
     for step, other in islice(zip(simulation, twin, strict=True), 60):
-        assert step.poses.tobytes() == other.poses.tobytes()
-        assert step.infrared.tobytes() == other.infrared.tobytes()
-        assert [each.tobytes() for each in step.memories] == [each.tobytes() for each in other.memories]
+        assert_alike(step, other)
 
 
 @INTERPRET
@@ -145,15 +153,12 @@ def test_a_new_one_that_is_wrong_is_refused_and_the_old_one_goes_on_to_the_bit(
     interpret: bool, text: str, message: str, tmp_path
 ) -> None:
     path = tmp_path / "mine.py"
-    simulation, twin = simulate(path, interpret), simulate(path, interpret)
-    for each in (simulation, twin):
-        each.advance(10)
+    simulation, twin = twins(path, interpret, 10)
     save(path, text)
     with pytest.raises(EpuckSimError, match=re.escape(message)):
         simulation.replace_controller(0, load_controller(path))
     for step, other in islice(zip(simulation, twin, strict=True), 30):
-        assert step.poses.tobytes() == other.poses.tobytes()
-        assert step.memories[0].tobytes() == other.memories[0].tobytes()
+        assert_alike(step, other)
 
 
 # --- blocks -----------------------------------------------------------------------------------------
@@ -269,6 +274,5 @@ def test_without_an_edit_a_watched_trial_is_the_same() -> None:
     files, said = watched(simulation)
     for step, other in islice(zip(simulation, twin, strict=True), 100):
         look(files)
-        assert step.poses.tobytes() == other.poses.tobytes()
-        assert np.array_equal(step.memories[0], other.memories[0])
+        assert_alike(step, other)
     assert said == []
