@@ -122,7 +122,8 @@ def compile_cached(function: Function, contents_digest: str, *, careful: bool, *
         try:
             division: Literal["python", "numpy"] = "python" if careful else "numpy"
             compiler: Any = njit  # its types lack some of its options
-            compiled = compiler(cache=True, error_model=division, boundscheck=careful, **options)(function)
+            choices = {"cache": True, "error_model": division, "boundscheck": careful, "no_cfunc_wrapper": True}
+            compiled = compiler(**choices, **options)(function)
             return cast(Function, compiled)
         finally:
             settings["CACHE_DIR"] = before
