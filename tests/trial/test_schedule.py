@@ -14,7 +14,7 @@ from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.trial.model import run_trial
+from epuck_sim.trial.model import run_trial, simulate
 
 STOP = {"max_cycles": 12, "order_parameter": None}
 SCHEDULE = [
@@ -49,15 +49,18 @@ def test_changes_after_a_cycle_act_in_the_next_step_whether_trials_are_observed_
     assert not any(seen.ahead[steps[0] :])
 
 
-def test_the_phases_that_a_cycle_displaces_were_in_the_order_that_was_measured_at_it():
-    plain = load_scenario({"stop": {"max_cycles": 6, "order_parameter": None}})
-    schedule = [{"at_cycle": 5, "displace": {"by_cycles": "random"}}]
-    displaced = load_scenario({**plain.model_dump(), "schedule": schedule})
+AGENTS = {"model": "particles", "agents": {"count": 6, "speed_cm_s": 20}, "stop": STOP}
+
+
+@pytest.mark.parametrize("given", [{"stop": STOP}, AGENTS], ids=["robots", "agents"])
+def test_the_phases_that_a_cycle_displaces_were_in_the_order_that_was_measured_at_it(given):
     orders = []
-    for scenario in (plain, displaced):
-        seen = Firings()
-        run_trial(Simulation(scenario, 4), [seen])
-        orders.append(seen.orders)
+    for schedule in ([], [{"at_cycle": 5, "displace": {"by_cycles": "random"}}]):
+        seen, scenario = {}, load_scenario({**given, "schedule": schedule, "measures": ["order_parameter"]})
+        run_trial(
+            simulate(scenario, 4), [lambda _, state, seen=seen: seen.update({state.cycles: state.order_parameter})]
+        )
+        orders.append(seen)
     assert [orders[0][cycle] for cycle in range(6)] == [orders[1][cycle] for cycle in range(6)]
     assert orders[0][6] != orders[1][6]
 
@@ -138,17 +141,12 @@ def test_json_tells_what_was_carried_out(tmp_path):
 
 # --- point agents -----------------------------------------------------------------------------------
 
-AGENTS = {"model": "particles", "agents": {"count": 6, "speed_cm_s": 20}, "stop": STOP}
 CHANGES = [
     {"at_cycle": 3, "set": {"agents.speed_cm_s": 0, "neighbourhood.k": 2}},
     {"at_cycle": 5, "displace": {"by_cycles": "random"}},
     {"at_s": 7.3, "set": {"response.coupling": 0.3}},
     {"when": "order_parameter > 0.5", "for_cycles": 2, "displace": {"agents": [1], "by_cycles": 0.4}},
 ]
-
-
-def without_wall(result):
-    return result._replace(wall_s=0)
 
 
 @pytest.mark.parametrize("end", [{}, {"max_time_s": 9.1}, {"when": "order_parameter > 0.97"}])
@@ -160,23 +158,12 @@ def test_swarms_change_at_the_same_instants_whether_trials_are_observed_or_not(s
     observed = run_trial(
         ParticleSimulation(scenario, seed), [lambda _, state: cycles.setdefault(state.cycles, (state.time_s, state))]
     )
-    assert without_wall(observed) == without_wall(alone)
+    assert observed._replace(wall_s=0) == alone._replace(wall_s=0)
     times = {event.source: event.time_s for event in alone.events}
     assert alone.cycles < 5 or times["schedule.1"] == cycles[5][0]
     assert times["schedule.0"] == cycles[3][0]
     assert times.get("schedule.2", 7.3) == 7.3
     assert (alone.simulated_s == 9.1) == ("max_time_s" in end)
-
-
-def test_the_phases_of_agents_that_a_cycle_displaces_were_in_the_order_that_was_measured_at_it():
-    orders = []
-    for schedule in ([], [{"at_cycle": 5, "displace": {"by_cycles": "random"}}]):
-        simulation = ParticleSimulation({**AGENTS, "schedule": schedule, "measures": ["order_parameter"]}, 4)
-        run = []
-        run_trial(simulation, [lambda _, state, run=run: run.append((state.cycles, state.order_parameter))])
-        orders.append(dict(run))
-    assert [orders[0][cycle] for cycle in range(6)] == [orders[1][cycle] for cycle in range(6)]
-    assert orders[0][6] != orders[1][6]
 
 
 def test_a_displacement_may_bring_a_firing_before_the_end_of_a_trial():

@@ -22,11 +22,6 @@ both = pytest.mark.parametrize("metric", [order_parameter, reference_order_param
 # --- order parameters -------------------------------------------------------------------------------
 
 
-@both
-def test_all_equal_phases_are_in_full_order(metric):
-    assert metric(np.zeros(7), TAU) == pytest.approx(1)
-
-
 @pytest.mark.parametrize("phase", [0, 100, 1250, 4999])
 def test_only_the_reference_metric_asks_where_equal_phases_are(phase):
     equal = np.full(7, float(phase))

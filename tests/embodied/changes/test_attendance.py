@@ -222,21 +222,16 @@ def test_a_single_robot_that_is_left_runs_on_and_order_counts_those_present():
 
 
 @pytest.mark.parametrize(
-    ("entry", "message"),
+    ("second", "entry", "message"),
     [
-        ({"add": [1], "poses": [[12, 10, 0]]}, r"schedule\.1, at 2 s, seed 1: robot 1 cannot come to \[12, 10\]"),
-        ({"add": [1], "poses": [[59, 10, 0]]}, r"robot 1 cannot come to \[59, 10\]"),
-        ({"add": [1], "set": {"arena.width_cm": 17}}, r"no free place was found for robot 1"),
+        ([10, 30], {"poses": [[12, 10, 0]]}, r"schedule\.1, at 2 s, seed 1: robot 1 cannot come to \[12, 10\]"),
+        ([10, 30], {"poses": [[59, 10, 0]]}, r"robot 1 cannot come to \[59, 10\]"),
+        ([30, 10], {"set": {"arena.width_cm": 17, "arena.height_cm": 17}}, r"no free place was found for robot 1"),
     ],
 )
-def test_who_finds_no_place_ends_the_trial(entry, message):
-    robots = [{"poses": [[10, 10, 0], [10, 30, 0]], "parameters": {"speed_cm_s": 0}}]
-    if "set" in entry:
-        robots[0]["poses"] = [[8.5, 8.5, 0], [30, 8.5, 0]]
-        entry = {**entry, "set": {**entry["set"], "arena.height_cm": 17}}
-    scenario = {"robots": robots, "schedule": [{"at_s": 1, "remove": [1]}, {"at_s": 2, **entry}]}
-    if "set" in entry:
-        scenario["arena"] = {"height_cm": 20}
-    simulation = Simulation(scenario, 1)
+def test_who_finds_no_place_ends_the_trial(second, entry, message):
+    robots = [{"poses": [[8.5, 8.5, 0], [*second, 0]], "parameters": {"speed_cm_s": 0}}]
+    schedule = [{"at_s": 1, "remove": [1]}, {"at_s": 2, "add": [1], **entry}]
+    simulation = Simulation({"robots": robots, "schedule": schedule}, 1)
     with pytest.raises(ScenarioError, match=message):
         simulation.advance(25)
