@@ -9,8 +9,8 @@ faster the longer the rows. So whoever moves bodies looks before each physics st
 than the fastest robot and `PUSHED_CM`, and brings in whom these may touch in that step, `add_reached`; and whom those
 may touch that were brought in. The others touch nobody: a candidate that has not come too far may take a step longer
 than the fastest robot's by `PUSHED_CM` and still be out of reach. Thus a contact is found in the same step as with all
-robots in the space, unless the correction of overlaps moves a robot by more than `PUSHED_CM` in a single physics step,
-which is part of no velocity; then it is found a physics step later.
+robots in the space, unless contacts or the correction of overlaps move a robot that has not come too far by more than
+`PUSHED_CM` beyond the fastest robot's step in a single physics step; then it is found a physics step later.
 """
 
 import math
