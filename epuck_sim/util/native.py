@@ -13,15 +13,25 @@ from functools import cache
 from types import CodeType
 from typing import Any
 
-from llvmlite import ir
-from numba import _dynfunc, njit, types  # type: ignore[attr-defined]
-from numba.core import cgutils, event
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_machinery import register_pass
-from numba.core.typed_passes import NativeLowering
+import numba
+from numba import njit, types
 from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
+
+from epuck_sim.errors import EpuckSimError
+
+try:
+    from llvmlite import ir
+    from numba import _dynfunc  # type: ignore[attr-defined]
+    from numba.core import cgutils, event
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.compiler import CompilerBase, DefaultPassBuilder
+    from numba.core.compiler_machinery import register_pass
+    from numba.core.typed_passes import NativeLowering
+    from numba.np.arrayobj import populate_array
+except ImportError as error:
+    raise EpuckSimError(
+        f"numba {numba.__version__}: {error}; install a numba that epuck-sim asks for, >=0.65 and <0.70"
+    ) from error
 
 WITHOUT_ALLOCATION = {"_nrt": False}
 """Option of numba's `njit` with which a function that allocates an array is refused, and nothing counts references."""
