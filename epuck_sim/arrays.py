@@ -13,4 +13,4 @@ ByteArray = npt.NDArray[np.uint8]
 StreamArray = npt.NDArray[np.uint64]
 """(n, 4) states of random number generators, one a row; see `util.rng`."""
 WordArray = npt.NDArray[np.uint64]
-"""(n,) words of the state of a seed sequence or a generator; see `util.seed_sequences` and `util.generators`."""
+"""(n,) words of the state of a seed sequence or a generator; see `util.generators`."""

@@ -15,9 +15,8 @@ from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.util.generators import integer_between, next_double
+from epuck_sim.util.generators import choose, integer_between, next_double
 from epuck_sim.util.jit import jit, jit_no_alloc
-from epuck_sim.util.selections import choose
 
 GRID_HEADINGS = 8
 """Number of headings on the grid, multiples of 45 degrees (thesis 4.3.1)."""

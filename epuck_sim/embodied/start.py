@@ -8,11 +8,20 @@ import numpy.typing as npt
 from epuck_sim.arrays import WordArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.swarm import Swarm, swarm_at
-from epuck_sim.util.generators import next_double, seed_pcg64, seed_sfc64
+from epuck_sim.util.generators import (
+    DRAW_BEGIN,
+    SEQUENCE_WORDS,
+    begin_sequence,
+    draw_row,
+    next_double,
+    seed_pcg64,
+    seed_sfc64,
+    seed_words,
+    spawn,
+    standard_normal,
+)
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.rng import uniform
-from epuck_sim.util.seed_sequences import DRAW_BEGIN, SEQUENCE_WORDS, begin_sequence, draw_row, seed_words, spawn
-from epuck_sim.util.ziggurat import standard_normal
 
 
 class Part(IntEnum):

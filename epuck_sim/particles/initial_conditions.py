@@ -23,10 +23,9 @@ from epuck_sim.particles.swarm import (
 )
 from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.util.generators import fill_doubles, seed_pcg64
+from epuck_sim.util.generators import begin_sequence, draw_words, fill_doubles, seed_pcg64, spawn
 from epuck_sim.util.jit import jit
 from epuck_sim.util.native import array_at, call
-from epuck_sim.util.seed_sequences import begin_sequence, draw_words, spawn
 
 SHORTEST_PERIOD = 0.1
 """Lower limit of a jittered period, in nominal periods; jitter is at most 0.2, so that hardly any draw is below it."""
@@ -45,7 +44,7 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     """Begin a trial: agents at uniform positions with uniform directions, and uniform phases, where none are given.
 
     What is given takes the place of what is drawn; all else is drawn as it would be without. The block is a swarm to
-    which nothing has happened, with the speeds and periods; see `util.seed_sequences` for the words of the seed.
+    which nothing has happened, with the speeds and periods; see `util.generators` for the words of the seed.
     """
     scene, oscillators, trajectories = (
         array_at(block, 0, SCENE_BYTES, SCENE)[0],

@@ -34,7 +34,7 @@ from epuck_sim.scenario.neighbourhoods import RandomAgents
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
-from epuck_sim.util.seed_sequences import seed_words
+from epuck_sim.util.generators import seed_words
 
 KEPT_FIELDS = (
     *("now", "cycle", "fired", "received", "reached", "instants", "cycles", "firings", "pulses"),

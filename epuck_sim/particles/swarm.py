@@ -19,10 +19,9 @@ import numpy as np
 from numba import types
 
 from epuck_sim.arrays import ByteArray, IndexArray
-from epuck_sim.util.generators import GENERATOR_WORDS
+from epuck_sim.util.generators import GENERATOR_WORDS, SEQUENCE_WORDS
 from epuck_sim.util.jit import ADDRESSES, BLOCK, jit_inline
 from epuck_sim.util.native import array_at, function_address
-from epuck_sim.util.seed_sequences import SEQUENCE_WORDS
 
 
 def _record(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:

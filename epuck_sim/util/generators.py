@@ -1,14 +1,35 @@
-"""Generators of random numbers in compiled code: numpy's SFC64 and PCG64, and what its `Generator` draws from them.
+"""Random numbers in compiled code that are equal to numpy's to the bit, draw after draw; nothing allocates.
 
-All is equal to the bit to numpy, draw after draw. A generator is a row of words; nothing allocates.
-See `util.ziggurat` for normal numbers, and `util.selections` for choices.
+Seed sequences are numpy's `SeedSequence`, with states in arrays: a sequence mixes the words of its seed, and then those
+of its spawn key, into a pool of four. A child's pool is its parent's with one more number mixed in, so that a trial's
+seed is mixed once, and each part of the trial goes on there.
+
+Generators are numpy's SFC64 and PCG64, each a row of words, and what its `Generator` draws from them. Normal numbers
+come by a ziggurat of 256 layers (Marsaglia and Tsang 2000). numpy keeps its tables in its machine code; here they are
+computed, in decimals, so that they are the same on every computer.
 """
+
+import math
+from decimal import Decimal, localcontext
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, WordArray
+from epuck_sim.arrays import FloatArray, IntArray, WordArray
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
-from epuck_sim.util.seed_sequences import draw_words
+
+SEQUENCE_WORDS = 5
+"""Number of words of a seed sequence: the pool, and the factor with which the next number will be mixed in."""
+
+_POOL = 4
+_HALF, _LOWER = np.uint64(32), np.uint64(0xFFFFFFFF)
+_SHIFT = np.uint64(16)
+_MIX_BEGIN, _MIX_FACTOR = np.uint64(0x43B0D7E5), np.uint64(0x931E8875)
+_DRAW_FACTOR = np.uint64(0x58F38DED)
+
+DRAW_BEGIN = np.uint64(0x8B51F9DD)
+"""Factor with which the first word of a sequence is drawn; see `draw_row`."""
+
+_LEFT, _RIGHT = np.uint64(0xCA01F9DD), np.uint64(0x4973F715)
 
 GENERATOR_WORDS = 7
 """Number of words of a generator: four of its algorithm, the upper half of a word whose lower half has been drawn,
@@ -16,9 +37,116 @@ whether there is one, and whether the algorithm is PCG64."""
 
 _UPPER, _HAS_UPPER, _IS_PCG = 4, 5, 6
 _0, _1 = np.uint64(0), np.uint64(1)
-_HALF, _LOWER = np.uint64(32), np.uint64(0xFFFFFFFF)
 _LARGEST = np.uint64(0xFFFFFFFFFFFFFFFF)
 _PCG_HIGH, _PCG_LOW = np.uint64(2549297995355413924), np.uint64(4865540595714422341)
+
+TAIL_LIMIT, TAIL_SHARE = 10_000, 50
+"""numpy chooses from more than `TAIL_LIMIT` numbers by a shuffle, if it chooses more than one of `TAIL_SHARE`."""
+
+LAYERS = 256
+NORMAL_EDGE = 3.6541528853610087963519472518
+"""Where the tail of the normal distribution begins, in standard deviations."""
+NORMAL_AREA = 0.0049286732339746519
+"""Area of each layer below exp(-x**2 / 2)."""
+
+_DIGITS = 40
+_HIGHER_LAYER = 38
+"""Layer whose edge numpy has one unit in the last place too high, by the exponential of the program that made it."""
+
+
+def seed_words(*seeds: int) -> WordArray:
+    """Return (n,) the words of 32 bits of whole numbers, however large, as numpy splits the numbers of an entropy.
+
+    >>> seed_words(7, 2**32 + 5).tolist()
+    [7, 5, 1]
+    """
+    words: list[int] = []
+    for seed in seeds:
+        length = max(1, -(-seed.bit_length() // 32))
+        words.extend(seed >> 32 * word & 0xFFFFFFFF for word in range(length))
+    return np.array(words, np.uint64)
+
+
+@jit_inline
+def _hashed(value: np.uint64, sequence: WordArray) -> np.uint64:
+    """Hash a word with the sequence's factor, which advances."""
+    value ^= sequence[_POOL]
+    sequence[_POOL] = sequence[_POOL] * _MIX_FACTOR & _LOWER
+    value = value * sequence[_POOL] & _LOWER
+    return value ^ value >> _SHIFT
+
+
+@jit_no_alloc
+def _mix_in(word: np.uint64, sequence: WordArray, but: int = _POOL) -> None:
+    """Mix a word of 32 bits into the whole pool, `but` for a place."""
+    for place in range(_POOL):
+        if place != but:
+            mixed = _LEFT * sequence[place] - _RIGHT * _hashed(word, sequence) & _LOWER
+            sequence[place] = mixed ^ mixed >> _SHIFT
+
+
+@jit_no_alloc
+def begin_sequence(sequence: WordArray, words: WordArray) -> None:
+    """Set a sequence to numpy's `SeedSequence(seed)`.
+
+    Args:
+        sequence: (`SEQUENCE_WORDS`,) what to set.
+        words: (n,) the `seed_words` of the seed; those of a list of numbers for a list. Zeros may follow, up to 4.
+    """
+    sequence[_POOL] = _MIX_BEGIN
+    for place in range(_POOL):
+        sequence[place] = _hashed(words[place] if place < len(words) else np.uint64(0), sequence)
+    for source in range(_POOL):
+        _mix_in(sequence[source], sequence, source)
+    for source in range(_POOL, len(words)):
+        _mix_in(words[source], sequence)
+
+
+@jit_no_alloc
+def spawn(child: WordArray, parent: WordArray, key: int) -> None:
+    """Set a sequence to the one whose spawn key is its parent's and one more number.
+
+    Args:
+        child: (`SEQUENCE_WORDS`,) what to set; may be the parent.
+        parent: (`SEQUENCE_WORDS`,) which stays as it is: it does not count its children, as numpy's do.
+        key: The number of the child, 0 or more.
+    """
+    for place in range(SEQUENCE_WORDS):
+        child[place] = parent[place]
+    word = np.uint64(key)
+    _mix_in(word & _LOWER, child)
+    if word > _LOWER:
+        _mix_in(word >> _HALF, child)
+
+
+@jit_inline
+def _drawn(word: np.uint64, factor: np.uint64) -> np.uint64:
+    value: np.uint64 = (word ^ factor) * (factor * _DRAW_FACTOR & _LOWER) & _LOWER
+    return value ^ value >> _SHIFT
+
+
+@jit_no_alloc
+def draw_row(row: WordArray, sequence: WordArray, factor: np.uint64) -> np.uint64:
+    """Write words that begin with the pool's first, and return the factor after them."""
+    for word in range(len(row)):
+        place = 2 * word % _POOL
+        lower = _drawn(sequence[place], factor)
+        factor = factor * _DRAW_FACTOR & _LOWER
+        upper = _drawn(sequence[place + 1], factor)
+        factor = factor * _DRAW_FACTOR & _LOWER
+        row[word] = lower | upper << _HALF
+    return factor
+
+
+@jit_inline
+def draw_words(words: WordArray, sequence: WordArray) -> None:
+    """Write the words of numpy's `generate_state(n, np.uint64)`.
+
+    Args:
+        words: (n,) what to write.
+        sequence: (`SEQUENCE_WORDS`,) which stays as it is.
+    """
+    draw_row(words, sequence, DRAW_BEGIN)
 
 
 @jit_inline
@@ -85,7 +213,7 @@ def seed_sfc64(generator: WordArray, sequence: WordArray) -> None:
 
     Args:
         generator: (`GENERATOR_WORDS`,) what to set.
-        sequence: The seed sequence; see `util.seed_sequences`.
+        sequence: The seed sequence.
     """
     draw_words(generator[:3], sequence)
     generator[3] = _1
@@ -100,7 +228,7 @@ def seed_pcg64(generator: WordArray, sequence: WordArray) -> None:
 
     Args:
         generator: (`GENERATOR_WORDS`,) what to set.
-        sequence: The seed sequence; see `util.seed_sequences`.
+        sequence: The seed sequence.
     """
     draw_words(generator[:4], sequence)
     generator[4:] = _0
@@ -148,3 +276,96 @@ def integer_up_to(last: np.uint64, generator: WordArray) -> np.uint64:
 def integer_between(low: int, high: int, generator: WordArray) -> int:
     """Return a random integer from `low` to `high` - 1, as `Generator.integers` does with its own type of integers."""
     return low + int(np.int64(integer_up_to(np.uint64(high) - np.uint64(low) - _1, generator)))
+
+
+@jit_no_alloc
+def choose(chosen: IntArray, among: IntArray, generator: WordArray) -> None:
+    """Write different random numbers from 0 to n - 1, as `Generator.choice(n, k, replace=False)` does.
+
+    Args:
+        chosen: (k,) what to write; k is at most n.
+        among: (n,) room for the numbers, whose contents are lost.
+        generator: What to draw from.
+    """
+    count, numbers = len(chosen), len(among)
+    if numbers > TAIL_LIMIT and count > numbers // TAIL_SHARE:
+        for number in range(numbers):
+            among[number] = number
+        _settle_from(max(numbers - count, 1), among, generator)
+        for place in range(count):
+            chosen[place] = among[numbers - count + place]
+        return
+    among[:] = 0  # now whether a number is chosen (Floyd; Bentley 1987)
+    for place in range(count):
+        last = numbers - count + place
+        chosen[place] = np.int64(integer_up_to(np.uint64(last), generator))
+        if among[chosen[place]]:
+            chosen[place] = last
+        among[chosen[place]] = 1
+    _settle_from(1, chosen, generator)
+
+
+@jit_inline
+def _settle_from(first: int, numbers: IntArray, generator: WordArray) -> None:
+    """Shuffle numbers, (n,), so far that those from `first` on have their final places."""
+    for last in range(len(numbers) - 1, first - 1, -1):
+        other = np.int64(integer_up_to(np.uint64(last), generator))
+        numbers[last], numbers[other] = numbers[other], numbers[last]
+
+
+def normal_tables() -> tuple[WordArray, FloatArray, FloatArray]:
+    """Return numpy's tables of the normal distribution, rounded to a float at each step as they were when made.
+
+    For each layer: the integer below which a draw is surely inside, the width of an integer, the height of the edge.
+    """
+    with localcontext(prec=_DIGITS):
+        edges, heights = np.empty(LAYERS), np.ones(LAYERS)
+        edges[-1] = NORMAL_EDGE
+        for layer in range(LAYERS - 1, 0, -1):
+            edge = float(edges[layer])
+            heights[layer] = height = float(Decimal(-0.5 * edge * edge).exp())
+            if layer == _HIGHER_LAYER:
+                heights[layer] = height = math.nextafter(height, 1.0)
+            edges[layer - 1] = math.sqrt(-2 * float(Decimal(min(height + NORMAL_AREA / edge, 1.0)).ln()))
+    inside = np.concatenate([[NORMAL_EDGE * heights[-1] / NORMAL_AREA, 0.0], edges[1:-1] / edges[2:]])
+    edges[0] = NORMAL_AREA / heights[-1]
+    return np.rint(inside * 2.0**52).astype(np.uint64), edges / 2.0**52, heights
+
+
+_INSIDE, _WIDTH, _HEIGHT = normal_tables()
+_INVERSE_EDGE = 0.27366123732975827203338247596
+_8, _BYTE, _52_BITS = np.uint64(8), np.uint64(0xFF), np.uint64(0xFFFFFFFFFFFFF)
+
+
+@jit_no_alloc
+def _normal_of(word: np.uint64, generator: WordArray) -> float:
+    """Return a standard normal number that begins with a word outside the middle of its layer."""
+    while True:
+        layer = np.int64(word & _BYTE)
+        steps = word >> np.uint64(9) & _52_BITS
+        number: float = steps * _WIDTH[layer]
+        number = -number if word >> _8 & _1 else number
+        if steps < _INSIDE[layer]:
+            return number
+        if layer == 0:
+            while True:
+                beyond = -_INVERSE_EDGE * math.log1p(-next_double(generator))
+                height = -math.log1p(-next_double(generator))
+                if height + height > beyond * beyond:
+                    return -(NORMAL_EDGE + beyond) if steps >> _8 & _1 else NORMAL_EDGE + beyond
+        height = (_HEIGHT[layer - 1] - _HEIGHT[layer]) * next_double(generator) + _HEIGHT[layer]
+        if height < math.exp(-0.5 * number * number):
+            return number
+        word = next_uint64(generator)
+
+
+@jit_inline
+def standard_normal(generator: WordArray) -> float:
+    """Return a normal number of mean 0 and deviation 1, as `Generator.standard_normal` does."""
+    word = next_uint64(generator)
+    layer = np.int64(word & _BYTE)
+    steps = word >> np.uint64(9) & _52_BITS
+    if steps >= _INSIDE[layer]:
+        return _normal_of(word, generator)
+    number: float = steps * _WIDTH[layer]
+    return -number if word >> _8 & _1 else number

@@ -9,28 +9,28 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.util.generators import (
+    DRAW_BEGIN,
     GENERATOR_WORDS,
+    SEQUENCE_WORDS,
+    TAIL_LIMIT,
+    begin_sequence,
+    choose,
+    draw_row,
+    draw_words,
     fill_doubles,
     integer_between,
     next_double,
     next_uint32,
     next_uint64,
+    normal_tables,
     seed_pcg64,
     seed_sfc64,
-)
-from epuck_sim.util.jit import jit_no_alloc
-from epuck_sim.util.seed_sequences import (
-    DRAW_BEGIN,
-    SEQUENCE_WORDS,
-    begin_sequence,
-    draw_row,
-    draw_words,
     seed_words,
     spawn,
+    standard_normal,
 )
+from epuck_sim.util.jit import jit_no_alloc
 from epuck_sim.util.seeds import robot_streams
-from epuck_sim.util.selections import TAIL_LIMIT, choose
-from epuck_sim.util.ziggurat import normal_tables, standard_normal
 
 SEEDS = st.integers(0, 2**64 - 1) | st.integers(0, 2**300) | st.sampled_from([0, 2**32 - 1, 2**32, 2**128, 2**160])
 KEYS = st.lists(st.integers(0, 10) | st.integers(0, 2**64 - 1), max_size=4)
