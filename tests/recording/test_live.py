@@ -97,14 +97,14 @@ def shown(tmp_path_factory) -> Shown:
                 ran(look, watched)
             client = ViewerClient.connect(proxy_url(port))
             client.set_time("sim_time", duration=watched.time_s, play_state="paused")
+            robots, until = (0, 0), time.monotonic() + 30
+            while sum(robots) < SCENARIO.robot_count and time.monotonic() < until:
+                arena = pixels(BytesIO(client.take_screenshot()))[ARENA]
+                robots = len(discs(arena, LIT)), len(discs(arena, DARK))
         except (RecordingError, ConnectionError):  # it answers before it looks for a driver
             if str(window.error()) == NO_GRAPHICS:
                 pytest.skip(NO_GRAPHICS)
             raise
-        robots, until = (0, 0), time.monotonic() + 30
-        while sum(robots) < SCENARIO.robot_count and time.monotonic() < until:
-            arena = pixels(BytesIO(client.take_screenshot()))[ARENA]
-            robots = len(discs(arena, LIT)), len(discs(arena, DARK))
         return Shown(watched, client.get_state(), robots)
 
 
