@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from epuck_sim.arena import Arena
+from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Controller
 from epuck_sim.embodied.cells import cells_needed, set_cells
 from epuck_sim.embodied.changes.faults import log_length, set_faults
@@ -22,10 +22,10 @@ from epuck_sim.scenario.imperfections import SpreadSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.signals import ConeSignal, RadioSignal
 
-Block = npt.NDArray[np.uint8]
 
-
-def make_swarm_block(scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]) -> Block:
+def make_swarm_block(
+    scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]
+) -> ByteArray:
     """Return the block of a swarm before its first trial: robots have no places yet, and nothing is drawn.
 
     Args:

@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.embodied.bodies.chipmunk import move_bodies
 from epuck_sim.embodied.bodies.drive import apply_commands
 from epuck_sim.embodied.bodies.world import World
@@ -20,14 +19,12 @@ from epuck_sim.util.jit import address_of, jit_no_alloc
 from epuck_sim.util.native import array_at, call
 from epuck_sim.util.rng import uniform
 
-Block = npt.NDArray[np.uint8]
-
 DONE, FIRED = -1, -2
 """What `take_steps` returns: all is well, and the reference does not, or does, fire in the last step."""
 
 
 @jit_no_alloc
-def tick(block: Block, _addresses: IntArray, _number: int) -> None:
+def tick(block: ByteArray, _addresses: IntArray, _number: int) -> None:
     """Write the ms until the next control step by each robot's own clock: 25, 25, 26 ...; fractions carry over."""
     swarm = swarm_at(block)
     step = swarm.scene[0].step
@@ -38,7 +35,7 @@ def tick(block: Block, _addresses: IntArray, _number: int) -> None:
 
 
 @jit_no_alloc
-def stop_and_release(block: Block, _addresses: IntArray, _number: int) -> None:
+def stop_and_release(block: ByteArray, _addresses: IntArray, _number: int) -> None:
     """Stop and release robots: free and stuck by turns for exponentially distributed times, free at first (4.4)."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
@@ -54,7 +51,7 @@ def stop_and_release(block: Block, _addresses: IntArray, _number: int) -> None:
 
 
 @jit_no_alloc
-def begin_step(block: Block, addresses: IntArray) -> None:
+def begin_step(block: ByteArray, addresses: IntArray) -> None:
     """Begin a control step, up to where robots sense: bodies move, unless it is the first, and noise is drawn."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
@@ -65,7 +62,7 @@ def begin_step(block: Block, addresses: IntArray) -> None:
 
 
 @jit_no_alloc
-def act(block: Block) -> int:
+def act(block: ByteArray) -> int:
     """Carry out what controllers command; return the first robot with a speed or a turn that is no number, or -1.
 
     Robots see rings as they were before.
@@ -77,7 +74,7 @@ def act(block: Block) -> int:
 
 
 @jit_no_alloc
-def make_calls(block: Block, addresses: IntArray, first: int, end: int) -> None:
+def make_calls(block: ByteArray, addresses: IntArray, first: int, end: int) -> None:
     """Make some of the calls of a control step."""
     calls = swarm_at(block).calls
     for index in range(first, end):
@@ -85,7 +82,7 @@ def make_calls(block: Block, addresses: IntArray, first: int, end: int) -> None:
 
 
 @jit_no_alloc
-def fires(block: Block) -> bool:
+def fires(block: ByteArray) -> bool:
     """Return whether the reference fires in this control step; to be called once in each (thesis 4.2.1).
 
     A robot fires when its ring is commanded to light up, or when it is so already and the phase falls. That is as
@@ -106,7 +103,7 @@ def fires(block: Block) -> bool:
 
 
 @jit_no_alloc
-def take_steps(block: Block, addresses: IntArray, steps: int, until_firing: bool) -> int:
+def take_steps(block: ByteArray, addresses: IntArray, steps: int, until_firing: bool) -> int:
     """Take a number of control steps, or as many as it takes until the reference fires, if that is asked for.
 
     Bodies move before each step but the first. All robots sense the same instant, as rings and wheels take effect after
@@ -133,7 +130,7 @@ def take_steps(block: Block, addresses: IntArray, steps: int, until_firing: bool
 
 
 @jit_no_alloc
-def act_again(block: Block, addresses: IntArray) -> None:
+def act_again(block: ByteArray, addresses: IntArray) -> None:
     """Have robots do what actuators say, from the last control step on: as if controllers had said so in it."""
     swarm = swarm_at(block)
     scene = swarm.scene[0]
@@ -151,7 +148,7 @@ class ControlLoop:
     def __init__(
         self,
         scenario: EmbodiedScenario,
-        block: Block,
+        block: ByteArray,
         world: World,
         groups: Sequence[GroupControllers],
         *,

@@ -8,8 +8,8 @@ counted from 1, and the scratch numbers the next one behind each robot.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from epuck_sim.arrays import ByteArray
 from epuck_sim.embodied.cells import cell_index
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.epuck import GRID_SPACING_CM
@@ -35,8 +35,6 @@ TOLERANCE_CM = 1e-6
 
 PLACED = -1
 """What functions return that have placed all robots."""
-
-Block = npt.NDArray[np.uint8]
 
 
 @jit_no_alloc
@@ -105,7 +103,7 @@ def is_free(swarm: Swarm, x: float, y: float) -> bool:
 
 
 @jit_no_alloc
-def begin_placement(block: Block) -> None:
+def begin_placement(block: ByteArray) -> None:
     """Take the places of the robots that are in the arena; others are parked far outside."""
     swarm = swarm_at(block)
     for cell in range(len(swarm.cells)):
@@ -116,7 +114,7 @@ def begin_placement(block: Block) -> None:
 
 
 @jit_no_alloc
-def place_at_random(block: Block, first: int, end: int) -> int:
+def place_at_random(block: ByteArray, first: int, end: int) -> int:
     """Put robots at uniform positions away from the walls, redrawn where bodies would overlap (Enki; thesis 3.3).
 
     Returns:
@@ -144,7 +142,7 @@ def place_at_random(block: Block, first: int, end: int) -> int:
 
 
 @jit
-def place_on_grid(block: Block, first: int, end: int) -> int:
+def place_on_grid(block: ByteArray, first: int, end: int) -> int:
     """Put robots on free points of a grid of 10 cm, as far from the walls or farther, with headings of 45 degrees.
 
     Returns:
@@ -232,7 +230,7 @@ class Placement:
                 )
             robots["x"][first + row], robots["y"][first + row], robots["heading"][first + row] = x, y, heading
 
-    def place(self, block: Block) -> None:
+    def place(self, block: ByteArray) -> None:
         """Put robots on the grid, and at random places, by draws from `scene.placement_random`.
 
         Args:

@@ -35,7 +35,6 @@ from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.imperfections import SpreadSection
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
@@ -103,28 +102,28 @@ class Simulation:
         self._arenas = [scenario.arena.build(), *later]
         self.period_ms = np.empty(scenario.robot_count)
         self._timed = timed_entries(scenario.schedule, self._step_ms)
-        self._varies = scenario.spread != SpreadSection() or scenario.stuck.per_hour > 0
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         controllers = [find_controller(group.controller) for group in scenario.robots]
         groups = zip(controllers, scenario.robots, strict=True)
-        self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
-        self.reset(seed)
-
-    def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
-        """Make the swarm's block, and all that works on it, for these controllers and parameters of the groups."""
-        scenario = self.scenario
-        self._block = block = make_swarm_block(scenario, self._arenas, controllers)
-        self._swarm = swarm = open_block(block)
-        self._placement = Placement(swarm, scenario)
-        self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
-        self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
+        self._block = make_swarm_block(scenario, self._arenas, controllers)
         contact = scenario.contact
-        self._world = vars(self).get("_world") or World(
-            *(block, self._arenas),
+        self._world = World(
+            *(self._block, self._arenas),
             friction=contact.friction,
             drive_force_n=contact.drive_force_n,
             kind=scenario.robot,
         )
+        self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
+        self.reset(seed)
+
+    def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
+        """Make all that works on the swarm's block, for these controllers and parameters of the groups."""
+        scenario, block = self.scenario, self._block
+        self._swarm = swarm = open_block(block)
+        self._placement = Placement(swarm, scenario)
+        self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
+        self._varies = bool(swarm.scene[0].robots_vary)
+        self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
         self._groups = [
             GroupControllers(block, number, controller, interpret=self._interpret)
             for number, controller in enumerate(controllers)
@@ -391,7 +390,9 @@ class Simulation:
         first_parameters = list(self._first_parameters)
         first_parameters[group] = controller.parameter_record(at_first)
         try:
-            self._build([controller if each is old else each.controller for each in self._groups], first_parameters)
+            controllers = [controller if each is old else each.controller for each in self._groups]
+            self._block = make_swarm_block(self.scenario, self._arenas, controllers)
+            self._build(controllers, first_parameters)
             replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
         except BaseException:
             vars(self).update(before)

@@ -3,9 +3,8 @@
 from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
-from epuck_sim.arrays import WordArray
+from epuck_sim.arrays import ByteArray, WordArray
 from epuck_sim.control.interface import SENSORS
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.util.generators import (
@@ -37,8 +36,7 @@ class Part(IntEnum):
     SCHEDULE = 7
 
 
-_PLACEMENT, _INFRARED_NOISE, _WHEEL_NOISE, _CONTROLLERS = range(4)
-_VARIATION, _SIGNALS = 4, 5
+_PLACEMENT, _INFRARED_NOISE, _WHEEL_NOISE, _CONTROLLERS, _VARIATION, _SIGNALS, *_ = map(int, Part)
 
 
 def spawned(seed: int, part: Part) -> np.random.SeedSequence:
@@ -46,13 +44,13 @@ def spawned(seed: int, part: Part) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed, spawn_key=(part,))
 
 
-def draw_start(block: npt.NDArray[np.uint8], seed: int) -> None:
+def draw_start(block: ByteArray, seed: int) -> None:
     """Set the generators and streams of a swarm, as new, to where they are at the start of the trial with a seed."""
     _draw_start(block, seed_words(seed), np.empty(2 * SEQUENCE_WORDS, np.uint64))
 
 
 @jit_no_alloc
-def _draw_start(block: npt.NDArray[np.uint8], words: WordArray, scratch: WordArray) -> None:
+def _draw_start(block: ByteArray, words: WordArray, scratch: WordArray) -> None:
     swarm = swarm_at(block)
     scene, robots = swarm.scene[0], swarm.robots
     size = len(scratch) // 2
@@ -77,7 +75,7 @@ def _draw_start(block: npt.NDArray[np.uint8], words: WordArray, scratch: WordArr
 
 
 @jit_no_alloc
-def vary(block: npt.NDArray[np.uint8]) -> None:
+def vary(block: ByteArray) -> None:
     """Draw the factors in which robots differ, each from a stream of its own (thesis 4.4).
 
     All are drawn, so that a spread of 0 leaves the other factors as they are.

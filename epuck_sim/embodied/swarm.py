@@ -15,21 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import ACTUATORS, MAX_MESSAGES, SENSORS
 from epuck_sim.util.generators import GENERATOR_WORDS
 from epuck_sim.util.jit import jit_inline
-from epuck_sim.util.native import array_at
+from epuck_sim.util.native import array_at, record_type
 
 RAYS = 3
 """Rays of each infrared sensor."""
 
 
-def _record(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:
-    """Return a type of records whose fields Python, too, reads as attributes."""
-    return np.dtype((np.record, np.dtype(fields, align=True)))
-
-
-SENSED = _record(
+SENSED = record_type(
     [
         ("step_ms", "i8"),  # whole ms on the robot's own clock since its last control step
         ("infrared", "f8", SENSORS),  # counts: readings of the proximity sensors
@@ -41,7 +37,7 @@ SENSED = _record(
 )
 """What a robot's controller reads in a control step, beside its row of pixels."""
 
-ROBOT = _record(
+ROBOT = record_type(
     [
         ("x", "f8"),  # cm
         ("y", "f8"),  # cm
@@ -86,7 +82,7 @@ ROBOT = _record(
 )
 """A robot."""
 
-CAMERA = _record(
+CAMERA = record_type(
     [
         ("first", "i8"),  # first pixel of the central window; pixels outside are always 0
         ("end", "i8"),  # pixel after the last one of the central window
@@ -103,10 +99,10 @@ CAMERA = _record(
 )
 """The camera of a group's robots; where its pixels look stands in `Swarm.rays`."""
 
-RAY = _record([("cos", "f8"), ("sin", "f8")])
+RAY = record_type([("cos", "f8"), ("sin", "f8")])
 """Direction of a pixel in the body's frame."""
 
-CONE = _record(
+CONE = record_type(
     [
         ("range_cm", "f8"),
         ("cos", "f8"),  # cosine of half the opening angle; -2 for a full circle
@@ -116,7 +112,7 @@ CONE = _record(
 )
 """Where flashes, or radio pulses, reach."""
 
-RADIO = _record(
+RADIO = record_type(
     [
         ("loss", "f8"),  # probability with which a receiver misses a pulse
         ("collisions", "?"),  # whether several pulses at once destroy each other
@@ -127,10 +123,10 @@ RADIO = _record(
 )
 """The radio of a group's robots."""
 
-PULSES = _record([("count", "i8"), ("messages", "i8", MAX_MESSAGES)])
+PULSES = record_type([("count", "i8"), ("messages", "i8", MAX_MESSAGES)])
 """Pulses that arrive at one robot in one control step."""
 
-INFRARED = _record(
+INFRARED = record_type(
     [
         ("count", "i8"),  # number of sensors
         ("x", "f8", SENSORS),  # cm ahead of the axle's centre
@@ -152,7 +148,7 @@ INFRARED = _record(
 )
 """The proximity sensors of a group's robots."""
 
-GROUP = _record(
+GROUP = record_type(
     [
         ("first", "i8"),  # number of its first robot
         ("count", "i8"),  # number of its robots
@@ -177,16 +173,16 @@ GROUP = _record(
 )
 """A group of robots with the same controller and sensors."""
 
-MEMBER = _record([("x", "f8"), ("y", "f8"), ("robot", "i8")])
+MEMBER = record_type([("x", "f8"), ("y", "f8"), ("robot", "i8")])
 """A robot in a cell, and where it is, cm."""
 
-CIRCLE = _record([("x", "f8"), ("y", "f8"), ("radius", "f8")])
+CIRCLE = record_type([("x", "f8"), ("y", "f8"), ("radius", "f8")])
 """A round obstacle or a movable, cm."""
 
-EDGE = _record([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8"), ("polygon", "i8")])
+EDGE = record_type([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8"), ("polygon", "i8")])
 """An edge of another obstacle, cm, from a to b counter-clockwise, and the obstacle's number."""
 
-FAULT = _record(
+FAULT = record_type(
     [
         ("kind", "i8"),  # see `changes.faults.KINDS`
         ("strength", "f8"),  # rate of a clock, its jitter, or the share of flashes that is missed; 0 for others
@@ -200,7 +196,7 @@ FAULT = _record(
 )
 """A fault that robots may have."""
 
-AFFECTED = _record(
+AFFECTED = record_type(
     [
         ("random", "u8", 4),
         ("key", "u8"),  # decides, with a flash's sender and number, whether it is missed
@@ -211,10 +207,10 @@ AFFECTED = _record(
 )
 """A robot and a fault; that of robot r and fault f has index f * robots + r."""
 
-CHANGE = _record([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("begins", "?")])
+CHANGE = record_type([("time_ms", "f8"), ("fault", "i8"), ("robot", "i8"), ("begins", "?")])
 """A fault of a robot that has begun or ended."""
 
-CALL = _record([("function", "i8"), ("argument", "i8")])
+CALL = record_type([("function", "i8"), ("argument", "i8")])
 """A call: number of a function (block, addresses, argument) in the addresses, and its argument."""
 
 SPACE, GROUND, HIDE = range(3)
@@ -224,7 +220,7 @@ writes to the scratch numbers which lit rings faults leave visible to a robot.""
 ARRAYS = 17
 """Number of arrays in a block, the scene included."""
 
-SCENE = _record(
+SCENE = record_type(
     [
         ("at", "i8", ARRAYS + 1),  # offsets of the arrays, see `Swarm`; the last is the size of the block
         ("step", "i8"),  # number of the last control step; -1 before the first
@@ -336,7 +332,7 @@ BYTES, PIXELS = map(Swarm._fields.index, ("bytes", "pixels"))
 
 
 @jit_inline
-def swarm_at(block: npt.NDArray[np.uint8]) -> Swarm:
+def swarm_at(block: ByteArray) -> Swarm:
     """Return the arrays of a block in compiled code; Python has `open_block`."""
     scene = array_at(block, 0, SCENE_BYTES, SCENE)
     at = scene[0].at
@@ -361,7 +357,7 @@ def swarm_at(block: npt.NDArray[np.uint8]) -> Swarm:
     )
 
 
-def make_block(lengths: Mapping[str, int]) -> npt.NDArray[np.uint8]:
+def make_block(lengths: Mapping[str, int]) -> ByteArray:
     """Return a block of zeros; lengths: that of each array of a `Swarm` but the scene, or 0 if it is left out."""
     sizes = [dtype.itemsize * lengths.get(name, 0) for name, dtype in zip(Swarm._fields, _DTYPES, strict=True)]
     sizes[0] = SCENE_BYTES
@@ -371,7 +367,7 @@ def make_block(lengths: Mapping[str, int]) -> npt.NDArray[np.uint8]:
     return block
 
 
-def open_block(block: npt.NDArray[np.uint8]) -> Swarm:
+def open_block(block: ByteArray) -> Swarm:
     """Return the arrays of a block for Python: `swarm.robots.x` is the x of all robots, (robots,), in place."""
     at = block[_AT].view(np.int64).tolist()
     return Swarm(*(_array(block, *each) for each in zip(at[:-1], at[1:], _DTYPES, strict=True)))
@@ -380,7 +376,7 @@ def open_block(block: npt.NDArray[np.uint8]) -> Swarm:
 _AT = slice(8 * (ARRAYS + 1))  # where a scene has its offsets
 
 
-def _array(block: npt.NDArray[np.uint8], first: int, end: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+def _array(block: ByteArray, first: int, end: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
     kind: Any = np.recarray if dtype.names else np.ndarray
     array: npt.NDArray[Any] = np.ndarray.__new__(kind, ((end - first) // dtype.itemsize,), dtype, block, first)
     return array

@@ -32,12 +32,11 @@ from epuck_sim.particles.swarm import (
     REORIENT,
     SEARCH,
     Arrays,
-    address_of,
-    compile_kernel,
     make_block,
 )
 from epuck_sim.scenario.neighbourhoods import Cone, Nearest, RandomAgents, Range
 from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.util.jit import address_of, compile_kernel
 
 MAX_CACHED_AGENTS = 2000
 """Largest swarm whose neighbours are cached; the cache of a larger one would take more than 16 MB."""
@@ -184,7 +183,7 @@ def _addresses(scene: Any, response: Response) -> IntArray:
     addresses = np.zeros(CALLS, np.int64)
     addresses[CURVE] = response.from_file.address
     for number, function in called.items():
-        addresses[number] = address_of(function)
+        addresses[number] = address_of(function, types.int64, types.float64)
     return addresses
 
 

@@ -27,7 +27,7 @@ from epuck_sim.particles.schedule import (
     last_firing_before,
     timed_entries,
 )
-from epuck_sim.particles.swarm import Arrays, compile_kernel
+from epuck_sim.particles.swarm import Arrays
 from epuck_sim.scenario.agent_changes import with_values
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.neighbourhoods import RandomAgents
@@ -35,6 +35,7 @@ from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.util.generators import seed_words
+from epuck_sim.util.jit import compile_kernel
 
 KEPT_FIELDS = (
     *("now", "cycle", "fired", "received", "reached", "instants", "cycles", "firings", "pulses"),

@@ -16,20 +16,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import types
 
 from epuck_sim.arrays import ByteArray, IndexArray
 from epuck_sim.util.generators import GENERATOR_WORDS, SEQUENCE_WORDS
-from epuck_sim.util.jit import ADDRESSES, BLOCK, jit_inline
-from epuck_sim.util.native import array_at, function_address
+from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.native import array_at, record_type
 
-
-def _record(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:
-    """Return a type of records whose fields Python, too, reads as attributes."""
-    return np.dtype((np.record, np.dtype(fields, align=True)))
-
-
-STREAM = _record([("words", "u8", 4)])
+STREAM = record_type([("words", "u8", 4)])
 """State of a random number generator; see `util.rng`."""
 
 FLOAT, INT, INDEX, FLAG, BYTE, WORD = map(np.dtype, (np.float64, np.int64, np.uint32, np.bool_, np.uint8, np.uint64))
@@ -88,7 +81,7 @@ ARRAYS: Mapping[str, np.dtype[Any]] = {
 }
 """The arrays of a block, in their order, and what they hold."""
 
-RESPONSE = _record(
+RESPONSE = record_type(
     [
         ("curve", "i8"),  # number of the response curve; see `phase_response`
         ("coupling", "f8"),
@@ -101,9 +94,9 @@ RESPONSE = _record(
 )
 """A response curve and its parameters; see `phase_response.Response`."""
 
-_PLACES = _record([(name, "i8") for name in ARRAYS])
+_PLACES = record_type([(name, "i8") for name in ARRAYS])
 
-SCENE = _record(
+SCENE = record_type(
     [
         ("first", _PLACES),  # offset in the block of each array
         ("end", _PLACES),  # and of what follows its last element
@@ -213,23 +206,6 @@ class Arrays:
             array = array.view(np.uint64).reshape(-1, 4)
         setattr(self, name, array)
         return array
-
-
-def compile_kernel(function: Any, *kinds: Any) -> Any:
-    """Compile a kernel (block, addresses, ...), whose further arguments are of these types, before any clock runs.
-
-    Returns:
-        The compiled function.
-    """
-    compiled = function.for_python
-    if not compiled.overloads:
-        compiled.compile((BLOCK, ADDRESSES, *kinds))
-    return compiled
-
-
-def address_of(function: Any) -> int:
-    """Return the address at which compiled code calls a kernel (block, addresses, agent, time)."""
-    return function_address(compile_kernel(function, types.int64, types.float64))
 
 
 @jit_inline

@@ -16,6 +16,7 @@ import numpy as np
 
 from epuck_sim.arrays import FloatArray, IntArray, WordArray
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.rng import share_of
 
 SEQUENCE_WORDS = 5
 """Number of words of a seed sequence: the pool, and the factor with which the next number will be mixed in."""
@@ -204,7 +205,7 @@ def next_uint32(generator: WordArray) -> np.uint64:
 @jit_inline
 def next_double(generator: WordArray) -> float:
     """Return a random number from [0, 1)."""
-    return (next_uint64(generator) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    return share_of(next_uint64(generator))
 
 
 @jit_no_alloc

@@ -166,10 +166,24 @@ def compile_call(function: Any, contents_digest: str) -> Any:
     return compiled
 
 
+def compile_kernel(kernel: Any, *further: Any) -> Any:
+    """Compile a kernel (block, addresses, ...), whose further arguments are of these types, before any clock runs.
+
+    Returns:
+        The compiled function.
+    """
+    compiled = kernel.for_python
+    if not compiled.overloads:
+        compiled.compile((BLOCK, ADDRESSES, *further))
+    return compiled
+
+
 @cache
-def address_of(kernel: Any) -> int:
-    """Return the address at which compiled code calls a kernel (block, addresses, number); see `native.call`."""
-    function = kernel.for_python
-    if not function.overloads:
-        function.compile((BLOCK, ADDRESSES, types.intp))
-    return function_address(function)
+def address_of(kernel: Any, *further: Any) -> int:
+    """Return the address at which compiled code calls a kernel (block, addresses, ...); see `native.call`.
+
+    Args:
+        kernel: The kernel.
+        further: Types of its further arguments; one whole number if none are given.
+    """
+    return function_address(compile_kernel(kernel, *(further or (types.intp,))))

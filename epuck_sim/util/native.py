@@ -14,6 +14,7 @@ from types import CodeType
 from typing import Any
 
 import numba
+import numpy as np
 from numba import njit, types
 from numba.extending import intrinsic
 
@@ -246,6 +247,11 @@ def vector_from_c(context: Any, address: Any, *arguments: Any) -> Any:  # noqa: 
         return context.make_tuple(builder, kind, [builder.extract_value(returned, index) for index in range(2)])
 
     return _takes(kind, arguments), generate_tuple
+
+
+def record_type(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:
+    """Return a type of records whose fields Python reads as attributes, as compiled code does."""
+    return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
 @_intrinsic

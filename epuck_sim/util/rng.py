@@ -26,9 +26,15 @@ def next_word(random: StreamArray) -> np.uint64:
 
 
 @jit_inline
+def share_of(word: np.uint64) -> float:
+    """Return the number from [0, 1) that the upper 53 of 64 bits stand for."""
+    return (word >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@jit_inline
 def uniform(random: StreamArray) -> float:
     """Return a random number from [0, 1) and advance the stream."""
-    return (next_word(random) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    return share_of(next_word(random))
 
 
 @jit_inline

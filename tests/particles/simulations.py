@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
+from numba import types
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.particles.motion import begin_motion
 from epuck_sim.particles.neighbours import NEAREST, search_cone, search_nearest
 from epuck_sim.particles.simulation import Event, ParticleSimulation
-from epuck_sim.particles.swarm import SEARCH, address_of
+from epuck_sim.particles.swarm import SEARCH
+from epuck_sim.util.jit import address_of
 from tests.particles.naive_model import NaiveModel
 
 TOO_CLOSE = 1e-11
@@ -53,7 +55,9 @@ def search_all(swarm: ParticleSimulation) -> ParticleSimulation:
     """Let a swarm look for neighbours among all agents, whatever their number, and return it."""
     scene = swarm._arrays.scene
     swarm._addresses = swarm._addresses.copy()
-    swarm._addresses[SEARCH] = address_of(search_nearest if scene.kind == NEAREST else search_cone)
+    swarm._addresses[SEARCH] = address_of(
+        search_nearest if scene.kind == NEAREST else search_cone, types.int64, types.float64
+    )
     scene.cells = 0
     return swarm
 

@@ -15,10 +15,9 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 import pymunk
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contact_candidates import (
     MARGIN_CM,
     PUSHED_CM,
@@ -37,7 +36,6 @@ try:
 except ImportError:
     ffi = lib = None
 
-Block = npt.NDArray[np.uint8]
 Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
 SLOP_CM = 2 * MARGIN_CM
@@ -201,7 +199,7 @@ def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
-def step(block: Block, addresses: IntArray) -> None:
+def step(block: ByteArray, addresses: IntArray) -> None:
     """Move all bodies of a block for a control step; see `move_bodies`."""
     move_bodies(swarm_at(block), addresses)
 
@@ -210,7 +208,7 @@ def step(block: Block, addresses: IntArray) -> None:
 
 
 @jit_no_alloc
-def place(block: Block, addresses: IntArray) -> None:
+def place(block: ByteArray, addresses: IntArray) -> None:
     """Make the space anew, with all robots at rest where they are, and out of it: the world is as good as new.
 
     A space is never used for a second trial (viblo/pymunk#181). Movables are where the block says, too.
@@ -240,7 +238,7 @@ def place(block: Block, addresses: IntArray) -> None:
 
 
 @jit_no_alloc
-def rest(block: Block, addresses: IntArray, number: int) -> None:
+def rest(block: ByteArray, addresses: IntArray, number: int) -> None:
     """Put a robot at rest, as one that has touched nothing yet, and sort all robots into cells."""
     swarm = swarm_at(block)
     _rest(swarm, addresses, number)
@@ -248,7 +246,7 @@ def rest(block: Block, addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
-def sort_robots(block: Block) -> None:
+def sort_robots(block: ByteArray) -> None:
     """Sort all robots into cells."""
     sort_into_cells(swarm_at(block))
 
@@ -275,7 +273,7 @@ def _forget_motion(addresses: IntArray, body: int, x: float, y: float) -> None:
 
 
 @jit_no_alloc
-def place_movables(block: Block, addresses: IntArray, entering: int) -> None:
+def place_movables(block: ByteArray, addresses: IntArray, entering: int) -> None:
     """Take movables and joints out of the space, or put them into it, as new; entering: 0 or 1."""
     swarm = swarm_at(block)
     scene, space = swarm.scene[0], addresses[SPACE]

@@ -9,7 +9,8 @@ from collections.abc import Iterable
 import numpy as np
 import pymunk
 
-from epuck_sim.embodied.bodies.chipmunk import SLOP_CM, Block, sort_robots
+from epuck_sim.arrays import ByteArray
+from epuck_sim.embodied.bodies.chipmunk import SLOP_CM, sort_robots
 from epuck_sim.embodied.bodies.contact_candidates import PUSHED_CM, add_reached, find_contact_candidates
 from epuck_sim.embodied.bodies.shapes import Bodies
 from epuck_sim.embodied.swarm import open_block, swarm_at
@@ -19,7 +20,7 @@ from epuck_sim.util.jit import jit_no_alloc
 class PublicSpace:
     """The space of one trial after the other."""
 
-    def __init__(self, block: Block, bodies: Bodies) -> None:
+    def __init__(self, block: ByteArray, bodies: Bodies) -> None:
         """Begin a trial with bodies that have never been in a space; robots are where the block says."""
         self.use(block)
         self.bodies = bodies
@@ -34,7 +35,7 @@ class PublicSpace:
         robots.vx = robots.vy = robots.spin = 0.0
         sort_robots(block)
 
-    def use(self, block: Block) -> None:
+    def use(self, block: ByteArray) -> None:
         """Work on a block that is like the first one from now on."""
         self._block, self._swarm = block, open_block(block)
 
@@ -115,12 +116,12 @@ class PublicSpace:
 
 
 @jit_no_alloc
-def find_candidates(block: Block) -> float:
+def find_candidates(block: ByteArray) -> float:
     """Find the robots of a block that may touch something; return the speed of the fastest, cm/s."""
     return find_contact_candidates(swarm_at(block))
 
 
 @jit_no_alloc
-def add_robots_reached(block: Block, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
+def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
     """Find further robots of a block that may touch one; see `contact_candidates.add_reached`."""
     return add_reached(swarm_at(block), found, x, y, approach_cm_s, past_s)

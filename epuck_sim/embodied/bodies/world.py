@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from epuck_sim.arena import Arena
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.public_space import PublicSpace
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
@@ -37,7 +37,7 @@ class World:
 
     def __init__(
         self,
-        block: chipmunk.Block,
+        block: ByteArray,
         arenas: Sequence[Arena],
         *,
         friction: float = 0.0,
@@ -96,7 +96,7 @@ class World:
             addresses[chipmunk.PLACE_MOVABLES] = address_of(chipmunk.place_movables)
         return addresses + [address(each) for each in [*things, *bodies.surfaces]] + [0] * room
 
-    def use(self, block: chipmunk.Block, addresses: IntArray) -> None:
+    def use(self, block: ByteArray, addresses: IntArray) -> None:
         """Work on a block, the first one or one that is like it, from now on; the space is freed with the world.
 
         Args:

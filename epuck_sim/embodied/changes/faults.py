@@ -22,7 +22,7 @@ from epuck_sim.scenario.faults import FAULTS, FaultSection
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at
-from epuck_sim.util.rng import next_word, uniform
+from epuck_sim.util.rng import next_word, share_of, uniform
 from epuck_sim.util.seeds import robot_streams
 
 RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
@@ -312,7 +312,7 @@ def _misses(swarm: Swarm, robot: int, sender: int) -> bool:
 def random_share(key: np.uint64, sender: int, flash: int) -> float:
     """Return a random number from [0, 1) that belongs to a key and a flash, the same whenever it is asked for."""
     word = _mixed(_mixed(key + _GOLDEN * np.uint64(sender + 1)) + _GOLDEN * np.uint64(flash))
-    return (word >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+    return share_of(word)
 
 
 @jit_no_alloc
