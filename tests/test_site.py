@@ -12,7 +12,7 @@ from typer.main import get_command
 
 import epuck_sim
 from epuck_sim.cli.app import app
-from epuck_sim.cli.listing import describe_shipped
+from epuck_sim.cli.listing import list_names
 from epuck_sim.measures.shipped import SHIPPED
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.particles import ParticleScenario
@@ -86,7 +86,7 @@ def test_the_reference_has_every_key(site: Path) -> None:
 def test_the_reference_has_every_command_and_all_that_is_shipped_and_public(site: Path) -> None:
     commands = words(site / "commands.html")
     assert get_command(app).commands.keys() | {"--measure", "--statistic", "--threshold-ms"} <= commands
-    shipped = {name for kind in describe_shipped().values() for name in kind}
+    shipped = {name for kind in list_names().values() for name in kind}
     assert shipped | SHIPPED.keys() <= words(site / "shipped.html")
     public = words(site / "api.html")
     assert all(any(word.startswith(f"epuck_sim.{name}") for word in public) for name in epuck_sim.__all__)

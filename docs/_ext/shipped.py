@@ -4,7 +4,7 @@ import ast
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from epuck_sim.cli.listing import describe_shipped, list_measures
+from epuck_sim.cli.listing import list_measures, list_names
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files
 
 FIGURES = Path(__file__).parent.parent / "figures"
@@ -13,12 +13,12 @@ FIGURES = Path(__file__).parent.parent / "figures"
 
 def write_scenarios() -> str:
     """Return the shipped scenarios as Markdown."""
-    return _write_with_pictures("scenario", describe_shipped()["scenarios"])
+    return _write_with_pictures("scenario", list_names()["scenarios"])
 
 
 def write_sweeps() -> str:
     """Return the shipped sweeps as Markdown."""
-    return _write_with_pictures("sweep", describe_shipped()["sweeps"])
+    return _write_with_pictures("sweep", list_names()["sweeps"])
 
 
 def write_measures() -> str:
@@ -30,7 +30,7 @@ def write_controllers() -> str:
     """Return the shipped controllers as Markdown: what each does, and its parameters as its file declares them."""
     files = builtin_files(CONTROLLERS)
     parts = []
-    for name, description in describe_shipped()["controllers"].items():
+    for name, description in list_names()["controllers"].items():
         source = files[name].read_text(encoding="utf-8")
         declared = f"```python\n{_parameters_in(source)}\n```"
         parts += [f"### `{name}`", description, declared, *_pictures("controller", name)]

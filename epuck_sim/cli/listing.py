@@ -1,32 +1,40 @@
-"""Names and descriptions of the scenarios, sweeps and controllers that come with the package."""
+"""Names and descriptions of what comes with the package, and of what installed packages offer."""
 
 import ast
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from epuck_sim.measures.loader import find_measure
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.control.loader import CONTROLLER
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.measures.loader import MEASURE, find_measure
+from epuck_sim.scenario.curves import CURVE
+from epuck_sim.scenario.loader import SCENARIO
 from epuck_sim.scenario.yaml_io import read_yaml
-from epuck_sim.util.builtin import ARENAS, CONTROLLERS, SWEEPS, builtin_files
-from epuck_sim.util.messages import natural_order
+from epuck_sim.user_files import OWN_PACKAGE, Kind, Place
+from epuck_sim.util.builtin import SWEEPS, builtin_files
+from epuck_sim.util.messages import describe_error, natural_order
 
 
-def describe_shipped() -> dict[str, dict[str, str]]:
-    """Return the names and descriptions of the scenarios, sweeps and controllers, by kind."""
-    return {
-        "scenarios": _in_order(describe_scenarios(ARENAS)),
-        "sweeps": _in_order(describe_scenarios(SWEEPS)),
-        "controllers": _in_order(describe_controllers()),
+def list_names() -> dict[str, dict[str, str]]:
+    """Return the names and descriptions of scenarios, sweeps and controllers, and of curves that packages offer."""
+    sweeps = builtin_files(SWEEPS)
+    kinds = {
+        "scenarios": _describe(SCENARIO, SCENARIO.offers.keys() - sweeps.keys(), _of_yaml),
+        "sweeps": _describe(SCENARIO, sweeps, _of_yaml),
+        "controllers": _describe(CONTROLLER, CONTROLLER.offers, _of_python),
+        "response curves": _describe(CURVE, CURVE.offers.keys() - CURVE.shipped().keys(), _of_python),
     }
+    return {kind: described for kind, described in kinds.items() if described}
 
 
 def list_measures() -> dict[str, dict[str, str]]:
     """Return the names and descriptions of the measures, as one kind."""
-    return {"measures": _in_order(describe_measures())}
+    return {"measures": _describe(MEASURE, MEASURE.offers, _of_measure)}
 
 
 def print_descriptions(kinds: Mapping[str, Mapping[str, str]]) -> None:
@@ -45,30 +53,35 @@ def print_descriptions(kinds: Mapping[str, Mapping[str, str]]) -> None:
         Console().print(table)
 
 
-def _in_order(descriptions: Mapping[str, str]) -> dict[str, str]:
-    return {name: descriptions[name] for name in sorted(descriptions, key=natural_order)}
-
-
-def describe_scenarios(kind: str) -> dict[str, str]:
-    """Return the name and description of each shipped scenario of a kind, ARENAS or SWEEPS."""
-    return {name: str(read_yaml(path).get("description", "")) for name, path in builtin_files(kind).items()}
-
-
-def describe_controllers() -> dict[str, str]:
-    """Return each shipped controller's name and the first line of its docstring."""
-    docs = {
-        name: ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-        for name, path in builtin_files(CONTROLLERS).items()
-    }
-    return {name: doc.partition("\n")[0] for name, doc in docs.items()}
-
-
-def describe_measures() -> dict[str, str]:
-    """Return each shipped measure's name, the first line of its docstring, and its parameters with their defaults."""
+def _describe(kind: Kind, names: Iterable[str], describe: Callable[[Place], str]) -> dict[str, str]:
+    """Return names in order, each with its description, where it comes from, or what is wrong with it."""
     described: dict[str, str] = {}
-    for name in SHIPPED:
-        measure = find_measure(name)
-        parameters = ", ".join(f"{key}: {default}" for key, default in measure.parameters.items())
-        doc = (measure.make.__doc__ or "").partition("\n")[0]
-        described[name] = f"{doc} {{{parameters}}}" if parameters else doc
+    for name in sorted(names, key=natural_order):
+        try:
+            described[name] = describe(kind.named(name))
+        except (EpuckSimError, SyntaxError, ValueError) as error:
+            described[name] = str(error) if isinstance(error, EpuckSimError) else describe_error(error)
+        packages = [place.package for place in kind.offers[name] if place.package != OWN_PACKAGE]
+        if packages:
+            described[name] += f" (from {' and '.join(packages)})"
     return described
+
+
+def _of_yaml(place: Place) -> str:
+    """Return the description in a scenario's file."""
+    given = read_yaml(place.path or Path())
+    return str(given.get("description", "")) if isinstance(given, Mapping) else ""
+
+
+def _of_python(place: Place) -> str:
+    """Return the first line of a file's docstring."""
+    source = (place.path or Path()).read_text(encoding="utf-8")
+    return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
+
+
+def _of_measure(place: Place) -> str:
+    """Return the first line of a measure's docstring, and its parameters with their defaults."""
+    measure = find_measure(place.name)
+    parameters = ", ".join(f"{key}: {default}" for key, default in measure.parameters.items())
+    doc = (measure.make.__doc__ or "").partition("\n")[0]
+    return f"{doc} {{{parameters}}}" if parameters else doc

@@ -18,7 +18,7 @@ ScenarioArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENARIO",
-        help="A YAML file, a shipped scenario's name (see `list`), or a run folder to go on with.",
+        help="A YAML file, a scenario's name (see `list`), or a run folder to go on with.",
         autocompletion=complete_scenario,
     ),
 ]
@@ -128,11 +128,12 @@ def list_shipped(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON: names and descriptions, by kind.")] = False,
 ) -> None:
-    """List the scenarios, sweeps and controllers, or the measures, that come with epuck-sim."""
+    """List scenarios, sweeps and controllers, or measures: those of epuck-sim, and those of installed packages."""
     with exit_on_error():
-        from epuck_sim.cli.listing import describe_shipped, list_measures, print_descriptions
+        from epuck_sim.cli.listing import list_measures, list_names, print_descriptions
 
-        listed = list_measures() if measures else describe_shipped()
+        with print_warnings():
+            listed = list_measures() if measures else list_names()
         if as_json:
             print(json.dumps(listed, ensure_ascii=False, indent=2))
         else:

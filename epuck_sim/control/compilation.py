@@ -14,9 +14,9 @@ import numpy as np
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.names import first_use
 from epuck_sim.errors import ControllerError
+from epuck_sim.user_files import fingerprint
 from epuck_sim.util.jit import bind, compile_call, digest, kernel_digest, name_after
 from epuck_sim.util.native import WITHOUT_WRAPPERS
-from epuck_sim.util.python_files import fingerprint
 
 _compiled: dict[Hashable, Any] = {}
 

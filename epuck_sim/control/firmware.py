@@ -20,8 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.control.interface import Controller, Value, record_type, typed
+from epuck_sim.control.interface import Controller
 from epuck_sim.errors import ControllerError
+from epuck_sim.user_files import Value, record_type, typed
 from epuck_sim.util.cache_folder import cache_root, remove_unused
 
 HEADERS = Path(__file__).with_name("include")
@@ -96,7 +97,8 @@ def load_firmware(path: Path) -> Firmware:
         assert all(offsets[name] == field.offset for name, field in named.items())
     library.e_check.restype = ctypes.c_char_p
     check = _check_of(library, parameters)
-    return Firmware(path.stem, path, defaults, memory, _runs_in_c, _runs_in_c, check, sources, {}, (), library)
+    names, runs = (path.stem, str(path)), (_runs_in_c, _runs_in_c)
+    return Firmware(*names, path, defaults, memory, *runs, check, sources, {}, (), library)
 
 
 def _read_fields(library: ctypes.CDLL, name: str) -> dict[str, _Field]:

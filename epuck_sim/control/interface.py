@@ -14,32 +14,22 @@ A robot whose memory has `phase_ms` and whose parameters have `period_s` is an o
 A controller may import files that lie beside it, and the built-in controllers, by name.
 """
 
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
-from epuck_sim.util.python_files import line_of_error
-
-Value = bool | int | float
-
-_Parameter = TypeVar("_Parameter", bound=bool | int | float | str)
+from epuck_sim.user_files import Value, record_type, run_check, with_defaults
 
 EXTERNAL = ("wheels", "ring")
 """What a controller may leave to commands from outside."""
-
-MAX_WHOLE = 2**53
-"""Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
-
 
 SENSORS = 8
 """Number of proximity sensors that a robot can read; it may have fewer."""
@@ -106,6 +96,8 @@ class Controller:
     """A controller as its file describes it."""
 
     name: str
+    stored_name: str
+    """Name by which it is found again, see `user_files.Place`."""
     path: Path
     parameters: Mapping[str, Value]
     """Name and default of each parameter."""
@@ -136,19 +128,10 @@ class Controller:
         Raises:
             ValueError: A name or value is not allowed; the message says what is.
         """
-        values = with_defaults(self.name, given, self.parameters, typed)
+        values = with_defaults(self.name, given, self.parameters)
         if self.is_oscillator and values["period_s"] <= 0:
             raise ValueError(f"period_s is {values['period_s']}; allowed: above 0")
-        if self.check is not None:
-            try:
-                self.check(SimpleNamespace(**values))
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:  # whatever a user's file may raise
-                where = line_of_error(error, self.sources) or self.path
-                said = describe_error(error)
-                own = isinstance(error, ValueError)
-                raise ValueError(said.partition(": ")[2] if own else f"{where}: {said}") from error
+        run_check(self.check, values, self.sources)
         return values
 
     @cached_property
@@ -166,64 +149,3 @@ class Controller:
         for name, value in values.items():
             record[name] = value
         return record
-
-
-def with_defaults(
-    owner: str, given: Mapping[str, object], defaults: Mapping[str, _Parameter], convert: Callable[..., _Parameter]
-) -> dict[str, _Parameter]:
-    """Return every parameter with its given value, converted, or its default.
-
-    Args:
-        owner: Name of what has these parameters.
-        given: Values by the names of parameters.
-        defaults: Every parameter's default.
-        convert: Function of a name, a given value and a default, such as `typed`.
-
-    Raises:
-        ValueError: A name is unknown, or a value cannot be converted; the message says what is allowed.
-    """
-    for name in given:
-        if name not in defaults:
-            raise ValueError(f"{did_you_mean(name, dict(defaults))}; {owner} has {comma_list(defaults)}")
-    return {
-        name: convert(name, given[name], default) if name in given else default for name, default in defaults.items()
-    }
-
-
-def typed(name: str, given: object, default: Value) -> Value:
-    """Return `given` converted to the default's type.
-
-    Raises:
-        ValueError: That would change its value; the message names the parameter and what is allowed.
-    """
-    if isinstance(default, bool):
-        if isinstance(given, bool):
-            return given
-        raise ValueError(f"{name} is {given!r}; allowed: true or false")
-    if isinstance(given, int | float) and not isinstance(given, bool):
-        if isinstance(default, float) and abs(given) <= sys.float_info.max:
-            return float(given)
-        if isinstance(default, int) and abs(given) < MAX_WHOLE and given == int(given):
-            return int(given)
-    wanted = "a whole number" if isinstance(default, int) else "a number"
-    raise ValueError(f"{name} is {short_repr(given)}; allowed: {wanted}")
-
-
-def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
-    """Return the record type with these fields; truth values are kept as the integers 0 and 1.
-
-    Args:
-        fields: Name -> type or (type, shape).
-
-    Raises:
-        ValueError: A record cannot have this name, or a type is not int, float or bool.
-    """
-    columns: list[tuple[Any, ...]] = []
-    for name, field in fields.items():
-        kind, *shape = field if isinstance(field, tuple) else (field,)
-        if kind not in (bool, int, float):
-            raise ValueError(f"{name!r} is {field!r}; allowed: int, float, bool, or one of them and a shape")
-        if not isinstance(name, str) or not name.isidentifier() or hasattr(np.recarray, name):
-            raise ValueError(f"{name!r} is not a name that a record can have, or numpy needs it; choose another")
-        columns.append((name, np.float64 if kind is float else np.int64, *shape))
-    return np.dtype(columns or [("nothing", np.int64)], align=True)

@@ -22,10 +22,10 @@ from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, open_block, swarm_at
 from epuck_sim.errors import ControllerError
+from epuck_sim.user_files import line_of_error
 from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
 from epuck_sim.util.messages import describe_error
 from epuck_sim.util.native import array_at, call_c, function_address
-from epuck_sim.util.python_files import line_of_error
 
 Records = npt.NDArray[np.void]
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.control.interface import Controller, Value
+from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import put_in, take_out
@@ -38,6 +38,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.user_files import Value
 from epuck_sim.util.memory import lack_of_memory
 
 

@@ -11,12 +11,11 @@ import numpy.typing as npt
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
-from epuck_sim.environments.rewards import REWARDS, Situation, SituationFunction
+from epuck_sim.environments.rewards import Situation, SituationFunction, find_reward
 from epuck_sim.environments.spaces import AgentSpaces, Commanded, gather
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.arena_changes import arena_entries
 from epuck_sim.scenario.scenario import Scenario
-from epuck_sim.util.messages import comma_list, did_you_mean
 from epuck_sim.util.seeds import trial_seed
 
 
@@ -36,7 +35,7 @@ class SwarmBatch:
         threads: int = 1,
     ) -> None:
         """Build the swarms; see `parallel_env` and `vector_env` for the arguments."""
-        self._reward = _find_reward(reward)
+        self._reward = find_reward(reward)
         self._terminate = terminate
         for name, value in (("swarms", swarms), ("control_steps", control_steps), ("threads", threads)):
             if not isinstance(value, int) or value < 1:
@@ -135,14 +134,6 @@ class SwarmBatch:
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown()
-
-
-def _find_reward(reward: SituationFunction | str) -> SituationFunction:
-    if not isinstance(reward, str):
-        return reward
-    if reward not in REWARDS:
-        raise ScenarioError(f"reward: {did_you_mean(reward, REWARDS)}; shipped: {comma_list(REWARDS)}; or a function")
-    return REWARDS[reward]
 
 
 def _for_each_robot(name: str, values: npt.ArrayLike, situation: Situation) -> FloatArray:

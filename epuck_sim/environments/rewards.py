@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import ScenarioError
+from epuck_sim.user_files import Kind, load_python_file
 
 NEAR_CM = 15.0
 """Distance of two centres, in cm, within which `aggregation` counts robots as together: about two diameters."""
@@ -88,3 +89,31 @@ def _distances_cm(points: FloatArray, poses: FloatArray) -> FloatArray:
 
 REWARDS: dict[str, SituationFunction] = {"synchrony": synchrony, "aggregation": aggregation, "coverage": coverage}
 """The shipped rewards by name."""
+
+REWARD = Kind(
+    noun="reward",
+    error=ScenarioError,
+    suffixes=(".py",),
+    group="epuck_sim.rewards",
+    shipped=lambda: dict.fromkeys(REWARDS),
+    form="a function, or a file that ends in .py",
+)
+"""What rewards are found by."""
+
+
+def find_reward(reward: SituationFunction | str) -> SituationFunction:
+    """Return a reward: a function as it is, one by its name, or the function `reward` of a file.
+
+    Raises:
+        ScenarioError: There is no such reward, or the file has none.
+    """
+    if not isinstance(reward, str):
+        return reward
+    place = REWARD.locate(reward)
+    if place.path is None:
+        return REWARDS[reward]
+    file = load_python_file(place, ScenarioError)
+    if not callable(file.parts.get("reward")):
+        raise file.refusal("reward", "a reward needs a function reward(situation)")
+    function: SituationFunction = file.parts["reward"]
+    return function

@@ -23,8 +23,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from epuck_sim.control.interface import typed, with_defaults
-from epuck_sim.util.messages import describe_error, short_repr
+from epuck_sim.user_files import run_check, typed, with_defaults
 
 Parameter = bool | int | float | str
 """Value of a parameter of a measure."""
@@ -49,7 +48,7 @@ class Measure:
     name: str
     """Name of its value in results."""
     stored_name: str
-    """Name by which it is found again: of a shipped measure, or the path of a file, a colon and a name in it."""
+    """Name by which it is found again: of a shipped or installed one, or a file's path, a colon and a name in it."""
     make: Callable[..., Any]
     """The class or function."""
     parameters: Mapping[str, Parameter]
@@ -97,27 +96,9 @@ class Measure:
         Raises:
             ValueError: A name or value is not allowed; the message says what is.
         """
-        values = with_defaults(self.name, given, self.parameters, typed_parameter)
-        check = getattr(self.make, "check", None)
-        if check is not None:
-            try:
-                check(SimpleNamespace(**values))
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:  # whatever a user's file may raise
-                said = describe_error(error)
-                own = isinstance(error, ValueError)
-                raise ValueError(said.partition(": ")[2] if own else f"check: {said}") from error
+        values = with_defaults(self.name, given, self.parameters)
+        run_check(getattr(self.make, "check", None), values, self.sources)
         return values
-
-
-def typed_parameter(name: str, given: object, default: Parameter) -> Parameter:
-    """Return `given` converted to the default's type; raise ValueError if that would change its value."""
-    if not isinstance(default, str):
-        return typed(name, given, default)
-    if isinstance(given, str):
-        return given
-    raise ValueError(f"{name} is {short_repr(given)}; allowed: text")
 
 
 def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
@@ -139,5 +120,5 @@ def default_parameters(make: Callable[..., Any]) -> dict[str, Parameter]:
             raise ValueError(
                 f"has a parameter {parameter}; allowed: keywords whose default is a number, true or false, or text"
             )
-        parameters[parameter.name] = typed_parameter(parameter.name, default, default)
+        parameters[parameter.name] = typed(parameter.name, default, default)
     return parameters

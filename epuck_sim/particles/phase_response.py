@@ -17,14 +17,13 @@ from numba import types
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.control.compilation import digest_sources, explain_refusal, frozen_values, jit_functions
-from epuck_sim.control.interface import record_type
 from epuck_sim.errors import CurveError
 from epuck_sim.particles.swarm import CALLS, CURVE, FLOAT, RESPONSE, WORD_BYTES
 from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.response import ResponseSection
+from epuck_sim.user_files import line_of_error, record_type
 from epuck_sim.util.jit import BLOCK, bind, compile_cached, digest, jit, jit_inline, kernel_digest, name_after
 from epuck_sim.util.native import array_at, evaluate, function_address, unlikely
-from epuck_sim.util.python_files import line_of_error
 
 CURVES = ("multiplicative", "sawtooth", "sine", "additive", "mirollo_strogatz", "piecewise_linear")
 """Names of the shipped response curves; the index of a name is the number of its curve.

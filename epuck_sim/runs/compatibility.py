@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from epuck_sim.control.loader import find_controller, is_file
+from epuck_sim.control.loader import CONTROLLER, find_controller
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.runs.database import has_column
 from epuck_sim.scenario.curves import find_curve
@@ -73,13 +73,13 @@ def own_files(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _controller(name: str) -> str:
-    return name if not is_file(name) else _with_digest(Path(name).name, find_controller(name).sources)
+    return name if name in CONTROLLER.shipped() else _with_digest(Path(name).name, find_controller(name).sources)
 
 
 def _own_curve(scenario: Scenario) -> list[str]:
     """Return the response curve, if it is a user's."""
-    curve = scenario.response.curve if isinstance(scenario, ParticleScenario) else ""
-    return [_with_digest(Path(curve).name, find_curve(curve).sources)] if curve.endswith(".py") else []
+    curve = find_curve(scenario.response.curve) if isinstance(scenario, ParticleScenario) else None
+    return [_with_digest(Path(curve.name).name, curve.sources)] if curve and curve.sources else []
 
 
 def _measure(section: MeasureSection) -> tuple[str, dict[str, Any]]:

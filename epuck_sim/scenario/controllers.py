@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.control.interface import Controller, Value
+from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.faults import FaultSection
 from epuck_sim.scenario.robots import RobotGroup
-from epuck_sim.util.builtin import CONTROLLERS, builtin_files
+from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
 
@@ -40,7 +40,7 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
             _check_memory(controller, name, value, group.count, parameters)
         except ValueError as error:
             raise ScenarioError(f"{origin}.memory: {error}") from error
-    return group.model_copy(update={"controller": _stored_name(controller), "parameters": parameters})
+    return group.model_copy(update={"controller": controller.stored_name, "parameters": parameters})
 
 
 def resolve_parameters(
@@ -121,7 +121,7 @@ def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes
 
     def resolve(key: str, value: Any) -> Any:
         try:
-            return map_controllers(key, value, lambda name: _stored_name(find_controller(str(name), folder)))
+            return map_controllers(key, value, lambda name: find_controller(str(name), folder).stored_name)
         except ControllerError as error:
             raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
 
@@ -159,7 +159,7 @@ def replace_controllers(given: Mapping[str, Any], name: str, origin: str) -> dic
         if unknown:
             kind = "memory" if section == "memory" else "parameters" if len(unknown) > 1 else "the parameter"
             warnings.warn(f"{origin}: {controller.name} lacks {kind} {', '.join(unknown)}: left out", stacklevel=3)
-    changes = {"controller": _stored_name(controller)}
+    changes = {"controller": controller.stored_name}
     return {**given, "robots": [{**_without(group, lacking), **changes} for group in groups]}
 
 
@@ -206,12 +206,6 @@ def _without(group: Mapping[str, Any], lacking: Mapping[str, Collection[str]]) -
         if section in group
     }
     return {**group, **kept}
-
-
-def _stored_name(controller: Controller) -> str:
-    """Return the name of a shipped controller, or the path of another."""
-    is_shipped = builtin_files(CONTROLLERS).get(controller.name) == controller.path
-    return controller.name if is_shipped else str(controller.path)
 
 
 def map_controllers(key: str, value: Any, change: Callable[[Any], str]) -> Any:

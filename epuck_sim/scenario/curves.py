@@ -1,4 +1,4 @@
-"""Response curves: shipped ones by name, a user's in a file, with every parameter filled in (thesis 2.4, 5.1.1).
+"""Response curves: by name, or a user's in a file, with every parameter filled in (thesis 2.4, 5.1.1).
 
 PARAMETERS = {"bend": 2.0}                       optional: name -> default
 
@@ -13,10 +13,9 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
-from epuck_sim.control.interface import Value, record_type, typed
 from epuck_sim.errors import CurveError
-from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
-from epuck_sim.util.python_files import line_of_error, load_python_file
+from epuck_sim.user_files import Kind, Place, Value, kept, line_of_error, load_python_file, with_defaults
+from epuck_sim.util.messages import short_repr
 
 SHIPPED: Mapping[str, Mapping[str, Value]] = {
     "multiplicative": {},
@@ -43,7 +42,7 @@ class Curve:
     """A response curve as a scenario names it."""
 
     name: str
-    """Name of a shipped curve, or a file."""
+    """Name of a shipped or installed curve, or a file."""
     parameters: Mapping[str, Value]
     """Name and default of each parameter."""
     phase_shift: Callable[[float, float, Any], float] | None = None
@@ -57,22 +56,14 @@ class Curve:
         """Return every parameter with its given value or its default.
 
         Raises:
-            CurveError: A name or value is not allowed; the message says what is.
+            ValueError: A name or value is not allowed; the message says what is.
         """
-        for name in given:
-            if name not in self.parameters:
-                raise CurveError(
-                    f"{did_you_mean(name, self.parameters)}; {self.name} has {comma_list(self.parameters)}"
-                )
-        try:
-            values = {name: typed(name, given.get(name, own), own) for name, own in self.parameters.items()}
-        except ValueError as error:
-            raise CurveError(str(error)) from error
+        values = with_defaults(self.name, given, self.parameters)
         if self.phase_shift is None:
             for name, value in values.items():
                 low, high = LIMITS[name]
                 if not low <= value <= high:
-                    raise CurveError(f"{name} is {value}; allowed: {low:g} to {high:g}")
+                    raise ValueError(f"{name} is {value}; allowed: {low:g} to {high:g}")
         return values
 
     def check_shifts(self, coupling: float, parameters: Mapping[str, Value]) -> None:
@@ -95,58 +86,39 @@ class Curve:
 
 
 _SHIPPED_CURVES = {name: Curve(name, parameters) for name, parameters in SHIPPED.items()}
-_loaded: dict[Path, tuple[list[int], Curve]] = {}
+
+CURVE = Kind(
+    noun="response curve",
+    error=CurveError,
+    suffixes=(".py",),
+    group="epuck_sim.curves",
+    shipped=lambda: dict.fromkeys(SHIPPED),
+)
+"""What response curves are found by."""
 
 
 def find_curve(name: str, folder: Path | None = None) -> Curve:
     """Return a response curve.
 
     Args:
-        name: The name of a shipped curve, or the path of a file, which ends in .py.
+        name: The name of a shipped curve, or of one that an installed package offers, or the path of a file.
         folder: Where a relative path begins; if there is no such file, it begins at the working directory.
 
     Raises:
         CurveError: There is no such curve, or the file does not define one.
     """
-    if name in _SHIPPED_CURVES:
-        return _SHIPPED_CURVES[name]
-    if not name.endswith(".py"):
-        raise CurveError(
-            f"{did_you_mean(name, dict(SHIPPED))}; allowed: {comma_list(dict(SHIPPED))}, or a file that ends in .py"
-        )
-    folders = dict.fromkeys([folder or Path(), Path()])
-    for place in folders:
-        if (place / name).is_file():
-            path = (place / name).resolve()
-            stamps, curve = _loaded.get(path, ([], None))
-            if curve is None or stamps != _stamps(curve):
-                curve = _load_curve(path)
-                _loaded[path] = _stamps(curve), curve
-            return curve
-    raise CurveError(f"no file {name!r} in {' or '.join(str(place.resolve()) for place in folders)}")
+    place = CURVE.locate(name, folder)
+    return _SHIPPED_CURVES[name] if place.path is None else _load(place)
 
 
-def _stamps(curve: Curve) -> list[int]:
-    """Return when each file of a curve was changed; it is loaded again after a change."""
-    return [source.stat().st_mtime_ns for source in curve.sources if source.exists()]
-
-
-def _load_curve(path: Path) -> Curve:
-    try:
-        file = load_python_file(path)
-    except (Exception, SystemExit) as error:  # whatever a user's file may raise
-        raise CurveError(f"{path}: cannot be loaded: {type(error).__name__}: {error}") from error
-    function, parameters = vars(file.module).get("phase_shift"), vars(file.module).get("PARAMETERS", {})
+@kept
+def _load(place: Place) -> Curve:
+    file = load_python_file(place, CurveError)
+    function = file.parts.get("phase_shift")
     if not callable(function):
-        raise CurveError(f"{path}: a response curve needs a function phase_shift(phase, coupling, parameters)")
-    if not isinstance(parameters, dict):
-        raise CurveError(f"{path}: PARAMETERS is {short_repr(parameters)}; allowed: a mapping of names to numbers")
-    try:
-        parameters = {name: typed(name, default, default) for name, default in parameters.items()}
-        record_type({name: type(default) for name, default in parameters.items()})
-    except (TypeError, ValueError) as error:
-        raise CurveError(f"{path}: PARAMETERS: {error}") from error
-    return Curve(str(path), parameters, function, file.sources, file.modules)
+        said = "a response curve needs a function phase_shift(phase, coupling, parameters)"
+        raise file.refusal("phase_shift", said)
+    return Curve(place.name, file.parameters(), function, file.sources, file.modules)
 
 
 def map_curves(key: str, value: Any, change: Callable[[Any], str]) -> Any:

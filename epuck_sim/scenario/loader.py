@@ -19,11 +19,28 @@ from epuck_sim.scenario.overrides import (
     without_quick,
 )
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.scenario.scenario import Kind, Scenario
+from epuck_sim.scenario.scenario import AnyScenario, Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
+from epuck_sim.user_files import Kind
 from epuck_sim.util.builtin import ARENAS, SWEEPS, builtin_files
-from epuck_sim.util.messages import comma_list, did_you_mean, natural_order, short_repr
+from epuck_sim.util.messages import natural_order, short_repr
+
+
+def _shipped() -> dict[str, Path]:
+    files = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
+    return {name: files[name] for name in sorted(files, key=natural_order)}
+
+
+SCENARIO = Kind(
+    noun="scenario",
+    error=ScenarioError,
+    suffixes=(".yaml", ".yml"),
+    group="epuck_sim.scenarios",
+    shipped=_shipped,
+    form="a .yaml file, or a run folder",
+)
+"""What scenarios are found by."""
 
 RUN_SCENARIO = "scenario.yaml"
 """Name of the file in a run folder that holds its scenario."""
@@ -31,14 +48,14 @@ RUN_SCENARIO = "scenario.yaml"
 
 @overload
 def load_scenario(
-    source: Kind,
+    source: AnyScenario,
     settings: Sequence[str] = (),
     axes: Sequence[str] = (),
     *,
     measures: Sequence[str] = (),
     controller: str | None = None,
     quick: bool = False,
-) -> Kind: ...
+) -> AnyScenario: ...
 
 
 @overload
@@ -135,15 +152,25 @@ def _choose_version(given: Mapping[str, Any], origin: str, *, quick: bool) -> di
 
 
 def find_scenario(name: str) -> Path:
-    """Return the file of the shipped scenario `name`, the file `name`, or the scenario of the run folder `name`.
+    """Return the file of a shipped scenario, the file `name`, the scenario of a run folder, or an installed package's.
 
     Raises:
-        ScenarioError: There is none.
+        ScenarioError: There is none, or two of one name.
     """
-    shipped = {**builtin_files(ARENAS), **builtin_files(SWEEPS)}
-    if name in shipped:
-        return shipped[name]
-    path = Path(name)
+    shipped = SCENARIO.shipped()
+    path = None if name in shipped else _given_file(Path(name), name)
+    if path is None:
+        stem = Path(name).stem
+        if name.endswith(SCENARIO.suffixes):
+            named = f"; the shipped one is called {stem!r}" if stem in shipped else ""
+            raise ScenarioError(f"{name}: there is no such file{named}")
+        path = SCENARIO.named(name).path
+        assert path is not None  # scenarios are files
+    return path
+
+
+def _given_file(path: Path, name: str) -> Path | None:
+    """Return a file, or the scenario in a run folder; None if there is nothing at this path."""
     try:
         if path.is_file():
             return path
@@ -153,13 +180,7 @@ def find_scenario(name: str) -> Path:
             raise ScenarioError(f"{name}: is neither a regular file nor a run folder with a {RUN_SCENARIO}")
     except OSError as error:
         raise ScenarioError(f"{name}: cannot be read: {error.strerror}") from error
-    if path.suffix in (".yaml", ".yml"):
-        named = f"; the shipped one is called {path.stem!r}" if path.stem in shipped else ""
-        raise ScenarioError(f"{name}: there is no such file{named}")
-    names = sorted(shipped, key=natural_order)
-    raise ScenarioError(
-        f"{did_you_mean(name, shipped)}; shipped: {comma_list(names)}; or give a .yaml file, or a run folder"
-    )
+    return None
 
 
 def write_scenario(scenario: Scenario) -> str:

@@ -14,7 +14,7 @@ from epuck_sim.scenario.agent_schedule import AgentScheduleEntry, check_agents
 from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
 from epuck_sim.scenario.condition import Awaited
-from epuck_sim.scenario.curves import find_curve, map_curves
+from epuck_sim.scenario.curves import SHIPPED, find_curve, map_curves
 from epuck_sim.scenario.neighbourhoods import Nearest, Neighbourhood, RandomAgents
 from epuck_sim.scenario.response import ResponseSection, resolve_response
 from epuck_sim.scenario.scenario import Scenario
@@ -155,7 +155,7 @@ class ParticleScenario(Scenario):
     def compiled(self) -> tuple[str, ...]:
         """Names of what is compiled for its trials: the model, and a user's response curve."""
         curve = self.response.curve
-        return (self.model, curve) if curve.endswith(".py") else (self.model,)
+        return (self.model,) if curve in SHIPPED else (self.model, curve)
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
         """Return the scenario with the response curve, measures and their parameters; see `Scenario.resolved`."""

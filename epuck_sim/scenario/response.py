@@ -45,7 +45,7 @@ def resolve_response(response: ResponseSection, origin: str, folder: Path | None
     try:
         parameters = curve.resolve(response.parameters)
         curve.check_shifts(response.coupling, parameters)
-    except CurveError as error:
+    except (CurveError, ValueError) as error:
         raise ScenarioError(f"{origin}: {error}") from error
     if (curve.name, parameters) == (response.curve, response.parameters):
         return response

@@ -6,7 +6,6 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from epuck_sim.control.interface import Value
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import Number, WholeNumber
@@ -14,6 +13,7 @@ from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.faults import FaultSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.schedule import Displacement, ScheduleEntry
+from epuck_sim.user_files import Value
 
 PARAMETER = re.compile(r"robots\.(\d+)\.parameters\.(\w+)")
 """A key of a controller that a schedule may set."""

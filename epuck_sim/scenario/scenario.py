@@ -129,10 +129,10 @@ class Scenario(ConfigModel):
         return show_scenario(self)
 
 
-Kind = TypeVar("Kind", bound=Scenario)
+AnyScenario = TypeVar("AnyScenario", bound=Scenario)
 
 
-def require_model(scenario: Scenario, kind: type[Kind], why: str, origin: str | None = None) -> Kind:
+def require_model(scenario: Scenario, kind: type[AnyScenario], why: str, origin: str | None = None) -> AnyScenario:
     """Return `scenario`, which must be of class `kind`.
 
     Raises:

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.control.interface import EPUCK_WHEELS, Value, Wheels
+from epuck_sim.control.interface import EPUCK_WHEELS, Wheels
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.names import unknown_name
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.user_files import Value
 from epuck_sim.util.seeds import robot_streams
 
 

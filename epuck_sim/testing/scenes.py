@@ -3,9 +3,9 @@
 import math
 from pathlib import Path
 
-from epuck_sim.control.interface import Value
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.epuck import RADIUS_CM
+from epuck_sim.user_files import Value
 
 SIDE_CM = 100.0
 """Side of the arena."""

@@ -13,8 +13,8 @@ from epuck_sim.scenario.measures import ORDER_PARAMETER
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.conditions import Conditions, ConditionWatch
 from epuck_sim.trial.observer import Observer
+from epuck_sim.user_files import line_of_error
 from epuck_sim.util.messages import describe_error, short_repr
-from epuck_sim.util.python_files import line_of_error
 
 
 class Measuring(NamedTuple):

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import epuck_sim
 
-_PACKAGE = Path(epuck_sim.__file__).parent
+_PACKAGE = Path(epuck_sim.__file__).resolve().parent
 
 ARENAS = "arenas"
 """Kind of file, and its folder: arenas with one scenario each."""

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from epuck_sim import __main__
 from epuck_sim.cli.app import app
-from epuck_sim.cli.listing import describe_measures
+from epuck_sim.cli.listing import list_measures
 from tests.cli.commands import called
 
 
@@ -42,7 +42,7 @@ def test_lists_are_also_json() -> None:
     sweeps = list(listed["sweeps"])
     assert sweeps.index("fig-5-9") < sweeps.index("fig-5-10")
     assert listed["scenarios"]["pair"].startswith("two e-pucks")
-    assert json.loads(called("list", "--measures", "--json")) == {"measures": describe_measures()}
+    assert json.loads(called("list", "--measures", "--json")) == list_measures()
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def test_the_version_is_printed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "zzz"], "unknown 'zzz'; shipped: "),
+        (["run", "zzz"], "unknown 'zzz'; shipped scenarios: "),
         (["run", "gone.yaml"], "gone.yaml: there is no such file"),
         (["check", "thesis", "--set", "stop.max_cyles=3"], "did you mean 'max_cycles'"),
         (["run", "thesis", "--set", "robots.0.count=100"], "do not fit into the arena"),

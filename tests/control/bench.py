@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from epuck_sim.control.interface import EPUCK_WHEELS, Controller, Sensors, Value
+from epuck_sim.control.interface import EPUCK_WHEELS, Controller, Sensors
 from epuck_sim.control.loader import find_controller
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
 from epuck_sim.embodied.swarm import SENSED, make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
+from epuck_sim.user_files import Value
 from epuck_sim.util.seeds import robot_streams
 
 MODES = pytest.mark.parametrize("interpret", [True, False], ids=["interpreted", "compiled"])

@@ -98,8 +98,10 @@ def test_a_name_without_a_file_and_a_file_that_is_not_there_are_refused(tmp_path
         find_measure("order_paramter")
     with pytest.raises(MeasureError, match=rf"^no measure file 'nowhere\.py' in {tmp_path}"):
         find_measure("nowhere.py:A", tmp_path)
-    with pytest.raises(MeasureError, match=r"'nowhere:A' names no file; give FILE\.py:NAME"):
+    with pytest.raises(MeasureError, match=r"^unknown 'nowhere'; .* or give FILE\.py:NAME"):
         find_measure("nowhere:A", tmp_path)
+    with pytest.raises(MeasureError, match=r"'coverage:A' names no file; give FILE\.py:NAME"):
+        find_measure("coverage:A", tmp_path)
 
 
 # --- parameters and models ------------------------------------------------------------------------

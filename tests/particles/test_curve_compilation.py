@@ -109,7 +109,7 @@ REFUSED = [
     ("PARAMETERS = 3\ndef phase_shift(phase, coupling, parameters): return 0", "PARAMETERS is 3; allowed: a mapping"),
     (
         "PARAMETERS = {'a': 'b'}\ndef phase_shift(phase, coupling, parameters): return 0",
-        "PARAMETERS: a is 'b'; allowed: a number",
+        "PARAMETERS['a'] is 'b'; allowed: a number",
     ),
     ("def phase_shift(phase, coupling, parameters): return 1 / phase", "curve.py:1: at phase 0: ZeroDivisionError"),
     ("def phase_shift(phase, coupling, parameters): return None", "at phase 0: TypeError"),

@@ -207,7 +207,7 @@ def test_yaml_that_is_no_mapping_is_refused(tmp_path, text: str, message: str) -
 
 
 def test_a_scenario_that_is_not_there_is_named_with_the_nearest_one() -> None:
-    with pytest.raises(ScenarioError, match=r"unknown 'thesi', did you mean 'thesis'\?; shipped: arc, "):
+    with pytest.raises(ScenarioError, match=r"unknown 'thesi', did you mean 'thesis'\?; shipped scenarios: arc, "):
         load_scenario("thesi")
     with pytest.raises(ScenarioError, match=r"gone\.yaml: there is no such file"):
         load_scenario("gone.yaml")

@@ -131,10 +131,10 @@ REFUSED = [
     ({"response": {"refractory": -0.1}}, "response.refractory: is -0.1; allowed: at least 0"),
     (
         {"response": {"curve": "cosine"}},
-        "response.curve: unknown 'cosine', did you mean 'sine'?; allowed: multiplicative, sawtooth, sine, additive, "
-        "mirollo_strogatz, piecewise_linear, or a file that ends in .py",
+        "response.curve: unknown 'cosine', did you mean 'sine'?; shipped response curves: multiplicative, sawtooth, "
+        "sine, additive, mirollo_strogatz, piecewise_linear; or give a file that ends in .py",
     ),
-    ({"response": {"curve": "lost.py"}}, "response.curve: no file 'lost.py' in "),
+    ({"response": {"curve": "lost.py"}}, "response.curve: no response curve file 'lost.py' in "),
     ({"response": {"curve": 3}}, "response.curve: is 3; allowed: text"),
     ({"response": {"epsilon": 0.1}}, "response.epsilon: unknown 'epsilon'; allowed: curve, coupling, refractory, para"),
     ({"response": {"parameters": {"knee": 0.5}}}, "response: unknown 'knee'; multiplicative has none"),

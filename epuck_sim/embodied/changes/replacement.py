@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from epuck_sim.arrays import ByteArray
-from epuck_sim.control.interface import Controller, Value
+from epuck_sim.control.interface import Controller
 from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.swarm import Swarm, open_block
 from epuck_sim.errors import ControllerError
 from epuck_sim.scenario.controllers import resolve_parameters
+from epuck_sim.user_files import Value
 
 _PLACES = {
     "scene": ("at", "reference_phase", "reference_is_float"),

@@ -1,0 +1,429 @@
+"""Files that users write, and what installed packages offer: found by name, loaded, and refused with file and line.
+
+Controllers, measures, response curves, rewards and scenarios are each one `Kind`. A function that is `kept` loads the
+files of a kind: what it returns has `sources`, the files that it comes from, and is loaded again when one has changed.
+"""
+
+import ast
+import hashlib
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property, wraps
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.metadata import entry_points
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from multiprocessing import parent_process
+from pathlib import Path
+from types import FunctionType, ModuleType, SimpleNamespace
+from typing import Any, NamedTuple, Protocol, TypeVar, cast
+
+import numpy as np
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
+
+AS_LOADED = "__as_loaded__"
+"""Name in a loaded module of the fingerprints of its values when it was loaded."""
+
+MAX_WHOLE = 2**53
+"""Bound of the absolute value of integer parameters: below it, a float represents every integer exactly."""
+
+OWN_PACKAGE = "epuck-sim"
+"""Name of this package, among those that offer something."""
+
+Value = bool | int | float
+"""Value of a parameter that compiled code can read."""
+
+_ALLOWED: Mapping[type, str] = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
+
+_Parameter = TypeVar("_Parameter", bound=bool | int | float | str)
+
+
+# --- finding ----------------------------------------------------------------------------------------
+
+
+class Place(NamedTuple):
+    """Where something that a user has named comes from."""
+
+    name: str
+    """Name by which it is found again: a shipped one's, a plug-in's, or the path of a file."""
+    path: Path | None
+    """Its file; None if it is shipped and has none."""
+    package: str = ""
+    """The package that it comes from; none for a file that is given by its path."""
+
+    @property
+    def short_name(self) -> str:
+        """Name that messages and results show: that of a file has no folder and no ending."""
+        return self.name if self.package or self.path is None else self.path.stem
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A kind of file that users write, that is shipped, and that installed packages offer by entry points."""
+
+    noun: str
+    """What it is called in messages."""
+    error: type[EpuckSimError]
+    """What is raised for files of this kind."""
+    suffixes: tuple[str, ...]
+    """Endings of its files."""
+    group: str
+    """Group of the entry points by which packages offer it; each names a module, whose file has the first ending."""
+    shipped: Callable[[], Mapping[str, Path | None]]
+    """Returns the file of what is shipped, or None where it has none of its own, by name."""
+    form: str = ""
+    """How a file is given, for messages."""
+
+    def locate(self, name: str, folder: Path | None = None) -> Place:
+        """Return where something comes from.
+
+        Args:
+            name: The name of what is shipped, or of what an installed package offers; or the path of a file.
+            folder: Where a relative path begins; if there is no such file, it begins at the working directory.
+
+        Raises:
+            EpuckSimError: There is no such thing, or two of one name; the error is that of the kind.
+        """
+        if not self.is_path(name):
+            return self.named(name)
+        folders = dict.fromkeys([folder or Path(), Path()])
+        for each in folders:
+            if (each / name).is_file():
+                return self.at(each / name)
+        tried = " or ".join(str(each.resolve()) for each in folders)
+        raise self.error(f"no {self.noun} file {name!r} in {tried}")
+
+    def is_path(self, name: str) -> bool:
+        """Return whether a name is that of a file."""
+        return name.endswith(self.suffixes) or "/" in name or "\\" in name
+
+    def at(self, path: Path) -> Place:
+        """Return the place of a file, which may be a shipped one's."""
+        path = path.resolve()
+        names = (name for name, shipped in self.shipped().items() if shipped == path)
+        shipped_as = next(names, None)
+        return Place(str(path), path) if shipped_as is None else Place(shipped_as, path, OWN_PACKAGE)
+
+    def named(self, name: str) -> Place:
+        """Return where something comes from that is shipped, or offered by an installed package.
+
+        Raises:
+            EpuckSimError: There is no such thing, or two of one name; the error is that of the kind.
+        """
+        places = self.offers.get(name, [])
+        if len(places) == 1:
+            return places[0]
+        if places:
+            packages = " and by ".join(place.package for place in places)
+            raise self.error(f"{name!r} is the name of two {self.noun}s: offered by {packages}; uninstall one of these")
+        shipped = self.shipped()
+        others = [other for other in self.offers if other not in shipped]
+        form = self.form or f"a file that ends in {' or '.join(self.suffixes)}"
+        raise self.error(
+            f"{did_you_mean(name, self.offers)}; shipped {self.noun}s: {comma_list(shipped)}; "
+            + (f"installed: {comma_list(others)}; or give {form}" if others else f"or give {form}")
+        )
+
+    @cached_property
+    def offers(self) -> Mapping[str, Sequence[Place]]:
+        """What is shipped or offered by installed packages under each name: several where a name is taken twice.
+
+        Warns:
+            UserWarning: An entry point names a module that has no file.
+        """
+        found = {name: [Place(name, path, OWN_PACKAGE)] for name, path in self.shipped().items()}
+        for point in installed().select(group=self.group):
+            package = point.dist.name if point.dist else "an unnamed package"
+            path = _file_of(point.value, self.suffixes[0])
+            if path is not None:
+                found.setdefault(point.name, []).append(Place(point.name, path, package))
+            elif parent_process() is None:  # each worker would say it once more
+                said = f"{package} offers the {self.noun} {point.name!r} as {point.value}, which has no file"
+                warnings.warn(f"{said}: left out; install {package} anew", stacklevel=2)
+        return found
+
+
+@cache
+def installed() -> Any:
+    """Return the `EntryPoints` of all installed packages, which are looked for once a process."""
+    return entry_points()
+
+
+def _file_of(module: str, suffix: str) -> Path | None:
+    """Return the file of a module, or of what has its dotted name, without importing a package; None if there is none.
+
+    >>> _file_of("epuck_sim.errors", ".py").name, _file_of("epuck_sim", ".py").name, _file_of("epuck_sim.lost", ".py")
+    ('errors.py', '__init__.py', None)
+    """
+    top, *inner = module.split(".")
+    try:
+        spec = find_spec(top)
+    except (ImportError, ValueError):  # where it has been imported, and says nothing of its file
+        spec = None
+    folders = spec.submodule_search_locations if spec is not None else None
+    stems = [Path(folder, *inner) for folder in folders or ()]
+    files = [stem / "__init__.py" for stem in stems] if suffix == ".py" else []
+    if inner:
+        files += [stem.with_suffix(suffix) for stem in stems]
+    elif suffix == ".py" and spec is not None and spec.origin is not None:
+        files.append(Path(spec.origin))
+    return next((file.resolve() for file in files if file.is_file()), None)
+
+
+# --- loading ----------------------------------------------------------------------------------------
+
+
+class HasSources(Protocol):
+    """What has been loaded from files."""
+
+    @property
+    def sources(self) -> Mapping[Path, bytes]:
+        """Contents of every file that it comes from, at the time of loading."""
+
+
+_Loaded = TypeVar("_Loaded", bound=HasSources)
+
+
+def kept(load: Callable[[Place], _Loaded]) -> Callable[[Place], _Loaded]:
+    """Return a function that loads a file again only when one that it comes from has changed."""
+    loaded: dict[Place, tuple[list[int], _Loaded]] = {}
+
+    @wraps(load)
+    def load_if_new(place: Place) -> _Loaded:
+        if place in loaded:
+            stamps, found = loaded[place]
+            if stamps == _stamps(found):
+                return found
+        found = load(place)
+        loaded[place] = _stamps(found), found
+        return found
+
+    return load_if_new
+
+
+def _stamps(loaded: HasSources) -> list[int]:
+    return [source.stat().st_mtime_ns for source in loaded.sources if source.exists()]
+
+
+class PythonFile(NamedTuple):
+    """A file that has been loaded."""
+
+    path: Path
+    parts: Mapping[str, Any]
+    """What it defines, by name, in a module that no `import` statement returns."""
+    sources: Mapping[Path, bytes]
+    """Contents of the file, and of every file beside it that it imports, at the time of loading."""
+    modules: Mapping[Path, ModuleType]
+    """The module made from each of these files."""
+    error: type[EpuckSimError]
+    """What is raised for it."""
+
+    def refusal(self, part: str, said: str) -> EpuckSimError:
+        """Return the error that says something of a part of the file, with the line of its definition if it has one."""
+        where = f"{self.path}:{line_of_definition(part, self.sources[self.path])}" if part in self.parts else self.path
+        return self.error(f"{where}: {said}")
+
+    def parameters(self) -> dict[str, Value]:
+        """Return the parameters and their defaults, as `PARAMETERS` gives them; none if it is not there.
+
+        Raises:
+            EpuckSimError: It is no mapping of names to numbers and truth values.
+        """
+        given = self.parts.get("PARAMETERS", {})
+        if not isinstance(given, dict):
+            said = f"PARAMETERS is {short_repr(given)}; allowed: a mapping of names to default values"
+            raise self.refusal("PARAMETERS", said)
+        for name, default in given.items():
+            if not isinstance(default, Value):
+                said = f"PARAMETERS[{name!r}] is {default!r}; allowed: a number, true or false"
+                raise self.refusal("PARAMETERS", said)
+        try:
+            parameters = {name: typed(name, default, default) for name, default in given.items()}
+            record_type({name: type(default) for name, default in parameters.items()})
+        except (TypeError, ValueError) as error:
+            raise self.refusal("PARAMETERS", f"PARAMETERS: {error}") from error
+        return parameters
+
+    def record_type(self, part: str) -> np.dtype[Any]:
+        """Return the record type whose fields a mapping of the file declares, see `record_type`.
+
+        Raises:
+            EpuckSimError: It does not declare any.
+        """
+        try:
+            return record_type(self.parts[part])
+        except (TypeError, ValueError) as error:
+            raise self.refusal(part, f"{part}: {error}") from error
+
+
+def load_python_file(place: Place, error: type[EpuckSimError], more_folders: Sequence[Path] = ()) -> PythonFile:
+    """Run a file, and return it as a module of its own. Nothing that it imports beside it stays in `sys.modules`.
+
+    It has copies of its own of the files that it imports: two files of one name in two folders are never mistaken for
+    each other, an edit is noticed, and what it does depends on files alone.
+
+    Args:
+        place: The file.
+        error: What to raise for it.
+        more_folders: Files that it may import by name lie beside it, or else in these folders.
+
+    Raises:
+        EpuckSimError: The file raises; the error is the one given, with the line.
+    """
+    path = place.path
+    assert path is not None
+    folders = (*reversed(more_folders), path.parent)
+    beside = [file for folder in folders for file in folder.glob("*.py") if file != path]
+    importer = _Importer({file.stem: file.resolve() for file in beside})
+    hidden = {name: sys.modules.pop(name) for name in importer.files if name in sys.modules}
+    sys.meta_path.insert(0, importer)
+    try:
+        spec = spec_from_file_location(path.stem, path, loader=importer)
+        assert spec is not None  # a loader was given
+        module = module_from_spec(spec)
+        importer.exec_module(module)
+    except KeyboardInterrupt:
+        raise
+    except BaseException as raised:  # whatever a user's file may raise
+        where = line_of_error(raised, [path]) or path
+        raise error(f"{where}: cannot be loaded: {describe_error(raised)}") from raised
+    finally:
+        sys.meta_path.remove(importer)
+        for name in importer.files:
+            sys.modules.pop(name, None)
+        sys.modules.update(hidden)
+    return PythonFile(path, vars(module), importer.sources, importer.modules, error)
+
+
+class _Importer(MetaPathFinder, Loader):
+    """Imports files by name from their sources, as cached bytecode may be older than it seems, and records both."""
+
+    def __init__(self, files: Mapping[str, Path]) -> None:
+        self.files = files
+        self.sources: dict[Path, bytes] = {}
+        self.modules: dict[Path, ModuleType] = {}
+
+    def find_spec(self, name: str, path: Sequence[str] | None, target: Any = None) -> ModuleSpec | None:  # noqa: ARG002
+        return spec_from_file_location(name, self.files[name], loader=self) if name in self.files else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        path = Path(str(module.__file__))
+        source = self.sources[path] = path.read_bytes()
+        self.modules[path] = module
+        exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
+        vars(module)[AS_LOADED] = {name: fingerprint(value) for name, value in vars(module).items()}
+
+
+def fingerprint(value: object) -> object:
+    """Return the contents of numbers, text, arrays, functions and containers, and the type of anything else."""
+    if isinstance(value, FunctionType):
+        return value.__code__
+    if isinstance(value, bool | int | float | complex | str | bytes | np.generic):
+        return type(value), repr(value)
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        return value.dtype, value.shape, hashlib.sha256(value.tobytes()).digest()
+    if isinstance(value, dict):
+        return dict, tuple((fingerprint(key), fingerprint(each)) for key, each in value.items())
+    if isinstance(value, list | tuple):
+        return type(value), tuple(map(fingerprint, value))
+    return type(value)
+
+
+def line_of_error(error: BaseException, files: Collection[Path]) -> str | None:
+    """Return FILE:LINE of the last of some files that an error has passed through; None if it has passed none."""
+    if isinstance(error, SyntaxError) and error.filename is not None and Path(error.filename) in files:
+        return f"{error.filename}:{error.lineno}"
+    passed = [frame for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) in files]
+    return f"{passed[-1].filename}:{passed[-1].lineno}" if passed else None
+
+
+def line_of_definition(name: str, source: bytes) -> int:
+    """Return the number of the line at which a file's source last defines a name; 1 if it does not."""
+    line = 1
+    for node in ast.parse(source).body:
+        targets = getattr(node, "targets", [getattr(node, "target", None)])
+        named = [getattr(node, "name", None), *(getattr(target, "id", None) for target in targets)]
+        if name in named:
+            line = node.lineno
+    return line
+
+
+# --- parameters -------------------------------------------------------------------------------------
+
+
+def with_defaults(owner: str, given: Mapping[str, object], defaults: Mapping[str, _Parameter]) -> dict[str, _Parameter]:
+    """Return every parameter with its given value, converted to its default's type, or its default.
+
+    Args:
+        owner: Name of what has these parameters.
+        given: Values by the names of parameters.
+        defaults: Every parameter's default.
+
+    Raises:
+        ValueError: A name is unknown, or a value cannot be converted; the message says what is allowed.
+    """
+    for name in given:
+        if name not in defaults:
+            raise ValueError(f"{did_you_mean(name, dict(defaults))}; {owner} has {comma_list(defaults)}")
+    return {name: typed(name, given[name], own) if name in given else own for name, own in defaults.items()}
+
+
+def typed(name: str, given: object, default: _Parameter) -> _Parameter:
+    """Return `given` converted to the default's type.
+
+    Raises:
+        ValueError: That would change its value; the message names the parameter and what is allowed.
+    """
+    kind, allowed = next((kind, allowed) for kind, allowed in _ALLOWED.items() if isinstance(default, kind))
+    if kind in (bool, str) or isinstance(given, bool) or not isinstance(given, int | float):
+        fits = kind in (bool, str) and isinstance(given, kind)
+    else:
+        fits = abs(given) <= sys.float_info.max if kind is float else abs(given) < MAX_WHOLE and given == int(given)
+    if not fits:
+        raise ValueError(f"{name} is {short_repr(given)}; allowed: {allowed}")
+    return cast("_Parameter", kind(given))
+
+
+def run_check(
+    check: Callable[[SimpleNamespace], object] | None, values: Mapping[str, object], sources: Collection[Path]
+) -> None:
+    """Call the function `check(parameters)`, if there is one, of a file that is made from `sources`.
+
+    Raises:
+        ValueError: It raises; the message is that of its own ValueError, or says where there was another error.
+    """
+    if check is None:
+        return
+    try:
+        check(SimpleNamespace(**values))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever a user's file may raise
+        said = describe_error(error)
+        where = line_of_error(error, sources) or "check"
+        raise ValueError(said.partition(": ")[2] if isinstance(error, ValueError) else f"{where}: {said}") from error
+
+
+def record_type(fields: Mapping[str, Any]) -> np.dtype[Any]:
+    """Return the record type with these fields; truth values are kept as the integers 0 and 1.
+
+    Args:
+        fields: Name -> type or (type, shape).
+
+    Raises:
+        ValueError: A record cannot have this name, or a type is not int, float or bool.
+    """
+    columns: list[tuple[Any, ...]] = []
+    for name, field in fields.items():
+        kind, *shape = field if isinstance(field, tuple) else (field,)
+        if kind not in (bool, int, float):
+            raise ValueError(f"{name!r} is {field!r}; allowed: int, float, bool, or one of them and a shape")
+        if not isinstance(name, str) or not name.isidentifier() or hasattr(np.recarray, name):
+            raise ValueError(f"{name!r} is not a name that a record can have, or numpy needs it; choose another")
+        columns.append((name, np.float64 if kind is float else np.int64, *shape))
+    return np.dtype(columns or [("nothing", np.int64)], align=True)
