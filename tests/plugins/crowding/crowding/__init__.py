@@ -1,0 +1,1 @@
+"""Crowds of robots for epuck-sim: a measure and a scenario."""

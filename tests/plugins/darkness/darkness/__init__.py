@@ -1,0 +1,1 @@
+"""Robots that walk in the dark, for epuck-sim."""

@@ -1,0 +1,236 @@
+"""What users write is found by name and by path, also what installed packages offer, and reloaded after an edit."""
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from epuck_sim import user_files
+from epuck_sim.control.loader import CONTROLLER, find_controller
+from epuck_sim.environments.rewards import REWARD, find_reward
+from epuck_sim.errors import ControllerError, CurveError, EpuckSimError, ScenarioError
+from epuck_sim.measures.loader import MEASURE, find_measure
+from epuck_sim.runs.compatibility import own_files
+from epuck_sim.scenario.curves import CURVE, find_curve
+from epuck_sim.scenario.loader import SCENARIO, load_scenario
+from epuck_sim.scenario.points import points
+from epuck_sim.user_files import Kind
+from tests.cli.commands import call, called, refused
+from tests.control.bench import EMPTY
+
+PACKAGES = Path(__file__).parent / "plugins"
+CURVE_FILE = "def phase_shift(phase, coupling, parameters):\n    return coupling * phase ** 2\n"
+
+
+def look_again() -> None:
+    """Forget what is installed."""
+    importlib.invalidate_caches()
+    user_files.installed.cache_clear()
+    for kind in (CONTROLLER, MEASURE, CURVE, REWARD, SCENARIO):
+        vars(kind).pop("offers", None)
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A folder in which packages can be installed, for this process and for those that it starts."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setenv("PYTHONPATH", str(folder), prepend=":")
+    look_again()
+    yield folder
+    look_again()
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("built")
+    options = ["--quiet", "--no-index", "--no-deps", "--no-build-isolation", "--disable-pip-version-check"]
+    packages = [PACKAGES / "crowding", PACKAGES / "darkness"]
+    subprocess.run([sys.executable, "-m", "pip", "install", *options, "--target", folder, *packages], check=True)
+    return folder
+
+
+@pytest.fixture
+def plugins(built, monkeypatch):
+    """The two packages in `tests/plugins`, installed."""
+    monkeypatch.syspath_prepend(built)
+    monkeypatch.setenv("PYTHONPATH", str(built), prepend=":")
+    look_again()
+    yield built
+    look_again()
+
+
+def install(site: Path, package: str, group: str, name: str, module: str) -> None:
+    """Install a package with one entry point, and without files."""
+    folder = site / f"{package}-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text(f"[epuck_sim.{group}]\n{name} = {module}\n")
+
+
+def write(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+# --- two packages as users write them ---------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("plugins")
+def test_what_packages_offer_is_listed_with_their_names():
+    listed = json.loads(called("list", "--json"))
+    assert listed["scenarios"]["plaza"].endswith("how close they come (from crowding)")
+    assert listed["controllers"]["dark_walk"] == "Walks straight, and turns now and then. (from darkness)"
+    assert not any("(from" in said for name, said in listed["scenarios"].items() if name != "plaza")
+    measures = json.loads(called("list", "--measures", "--json"))["measures"]
+    assert measures["nearest_robot"].endswith("{most_cm: 1000.0} (from crowding)")
+    assert not {"crowding", "darkness"} & sys.modules.keys()
+
+
+@pytest.mark.usefixtures("plugins")
+def test_what_packages_offer_is_used_by_name():
+    (trial,) = (json.loads(line) for line in called("run", "plaza", "--controller", "dark_walk", "--json").splitlines())
+    interpreted = json.loads(called("run", "plaza", "--controller", "dark_walk", "--json", "--interpret"))
+    assert 7 < trial["measures"]["nearest_robot"] < 60
+    assert trial["measures"] == interpreted["measures"]
+    (measured,) = map(json.loads, called("run", "pair", "--measure", "nearest_robot", "--json").splitlines())
+    assert measured["measures"]["nearest_robot"] == 30.0
+
+
+@pytest.mark.usefixtures("plugins")
+def test_a_sweep_s_workers_find_what_packages_offer_and_its_folder_knows_their_files(tmp_path):
+    sweep = ("plaza", "--sweep", "robots.0.controller=firefly,dark_walk", "--workers", "2")
+    for trials in ("2", "3"):
+        result = call("run", *sweep, "--trials", trials, "--out", tmp_path / "runs")
+        assert result.exit_code == 0, result.stderr
+    scenario = points(load_scenario("plaza", axes=["robots.0.controller=firefly,dark_walk"]))[1].scenario
+    assert scenario.robots[0].controller == "dark_walk"
+    assert [name.partition(" with digest ")[0] for name in own_files(scenario)] == ["dark_walk", "nearest_robot"]
+
+
+def test_the_docs_show_one_of_them():
+    shown = (Path(__file__).parents[1] / "docs" / "plugins.md").read_text()
+    for file in ("pyproject.toml", "crowding/nearest.py", "crowding/plaza.yaml"):
+        assert (PACKAGES / "crowding" / file).read_text() in shown
+
+
+# --- files and names ----------------------------------------------------------------------------------
+
+
+def test_a_curve_and_a_reward_may_come_from_packages(site):
+    install(site, "bends", "curves", "bent", "bends.bent")
+    install(site, "prizes", "rewards", "calm", "prizes")
+    path = write(site / "bends" / "bent.py", CURVE_FILE)
+    write(site / "prizes.py", "def reward(situation):\n    return -situation.time_s\n")
+    curve = find_curve("bent")
+    assert (curve.name, curve.phase_shift(0.5, 1.0, None)) == ("bent", 0.25)
+    by_name, by_path = (load_scenario("particles", [f"response.curve={curve}"]) for curve in ("bent", path))
+    assert (by_name.response.curve, by_path.response.curve) == ("bent", str(path))
+    assert by_name.compiled == ("particles", "bent")
+    situation = type("Situation", (), {"time_s": np.array([2.0])})
+    assert find_reward("calm")(situation) == find_reward(str(site / "prizes.py"))(situation) == -2.0
+
+
+@pytest.mark.parametrize("file", ["dark.py", "dark/__init__.py", "deep/dark.py", "deep/dark/__init__.py"])
+def test_an_entry_point_names_a_module_or_a_package_which_is_not_imported(file, site):
+    module = file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+    install(site, "deep", "controllers", "night", module)
+    write(site / "deep" / "__init__.py", "raise RuntimeError('imported')")
+    path = write(site / file, EMPTY)
+    controller = find_controller("night")
+    assert (controller.name, controller.stored_name, controller.path) == ("night", "night", path)
+    assert find_controller("night") is controller
+
+
+def test_a_scenario_of_a_package_names_files_beside_it_and_a_folder_of_its_name_goes_first(site, tmp_path, monkeypatch):
+    install(site, "town", "scenarios", "square", "town.places.square")
+    write(site / "town" / "__init__.py", "")
+    write(site / "town" / "places" / "square.yaml", "model: embodied\nrobots: [{count: 2, controller: mine.py}]\n")
+    mine = write(site / "town" / "places" / "mine.py", EMPTY)
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("square").robots[0].controller == str(mine)
+    write(tmp_path / "square" / "scenario.yaml", "model: embodied\nrobots: [{count: 3}]\n")
+    assert load_scenario("square").population == 3
+
+
+def test_a_name_of_two_packages_is_refused_with_both_and_the_rest_works(site):
+    for package in ("night", "moon"):
+        install(site, package, "controllers", "dark", f"{package}.dark")
+        write(site / package / "dark.py", EMPTY)
+    with pytest.raises(ControllerError, match=r"^'dark' is the name of two controllers: offered by \w+ and by \w+;"):
+        find_controller("dark")
+    assert find_controller(str(site / "moon" / "dark.py")).stored_name == str(site / "moon" / "dark.py")
+    assert find_controller("firefly").name == "firefly"
+    said = json.loads(called("list", "--json"))["controllers"]["dark"]
+    assert {"night", "moon"} <= set(said.replace(";", "").split())
+
+
+def test_a_shipped_name_that_a_package_takes_is_refused_when_it_is_used(site):
+    install(site, "night", "measures", "coverage", "night.area")
+    write(site / "night" / "area.py", "def area(simulation): return 1")
+    said = "'coverage' is the name of two measures: offered by epuck-sim and by night; uninstall one of these"
+    assert said in refused("run", "pair", "--measure", "coverage")
+    assert said in json.loads(called("list", "--measures", "--json"))["measures"]["coverage"]
+    assert find_measure("degree").name == "degree"
+
+
+@pytest.mark.parametrize("module", ["nowhere", "nowhere.dark", "night.lost", "night.dark:Walk", "", "..", "sys"])
+def test_an_entry_point_without_a_file_is_warned_of_once_with_its_package_and_everything_else_works(module, site):
+    install(site, "night", "controllers", "dark", module)
+    write(site / "night" / "dark.py", EMPTY)
+    with pytest.warns(UserWarning, match=f"^night offers the controller 'dark' as {module}, which has no file"):
+        assert find_controller("firefly").name == "firefly"
+    with pytest.raises(ControllerError, match=r"^unknown 'dark'"):
+        find_controller("dark")
+    look_again()
+    result = call("check", "pair")
+    assert (result.exit_code, result.stderr.count("note: night offers the controller")) == (0, 1)
+
+
+def test_a_broken_file_of_a_package_is_refused_with_its_line_where_it_is_used(site):
+    install(site, "night", "controllers", "dark", "night.dark")
+    path = write(site / "night" / "dark.py", "\n1 / 0\n")
+    assert f"{path}:2: cannot be loaded: ZeroDivisionError" in refused("run", "pair", "--controller", "dark")
+    write(path, "def step(:\n")
+    assert "SyntaxError" in json.loads(called("list", "--json"))["controllers"]["dark"]
+
+
+def test_an_unknown_name_is_answered_with_the_nearest_and_what_is_installed(site):
+    install(site, "night", "curves", "dusk", "night.dusk")
+    write(site / "night" / "dusk.py", CURVE_FILE)
+    with pytest.raises(CurveError, match=r"^unknown 'dask', did you mean 'dusk'\?; shipped response curves: multi.*; "):
+        find_curve("dask")
+    with pytest.raises(CurveError, match=r"installed: dusk; or give a file that ends in \.py$"):
+        find_curve("zzz")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "mine.py: a reward needs a function reward"),
+        ("\nreward = 3", "mine.py:2: a reward needs a function reward"),
+        ("\n1 / 0", "mine.py:2: cannot be loaded: ZeroDivisionError"),
+    ],
+)
+def test_a_file_without_a_reward_is_refused(text, said, tmp_path):
+    with pytest.raises(ScenarioError, match=said):
+        find_reward(str(write(tmp_path / "mine.py", text)))
+
+
+def test_an_unknown_reward_is_refused_with_what_there_is():
+    with pytest.raises(ScenarioError, match=r"did you mean 'synchrony'\?; shipped rewards: synchrony, aggreg"):
+        find_reward("synchrone")
+
+
+def test_a_kind_is_one_value():
+    """As large as sensors and robots need."""
+    kind = Kind("robot", EpuckSimError, (".yaml",), "epuck_sim.robots", lambda: {"epuck": Path("epuck.yaml")})
+    assert kind.locate("epuck") == ("epuck", Path("epuck.yaml"), "epuck-sim")
+    with pytest.raises(EpuckSimError, match=r"^no robot file 'mine\.yaml' in "):
+        kind.locate("mine.yaml")
