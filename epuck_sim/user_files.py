@@ -103,11 +103,10 @@ class Kind:
         return name.endswith(self.suffixes) or "/" in name or "\\" in name
 
     def at(self, path: Path) -> Place:
-        """Return the place of a file, which may be a shipped one's."""
+        """Return the place of a file, under the name by which it is shipped or offered if it is."""
         path = path.resolve()
-        names = (name for name, shipped in self.shipped().items() if shipped == path)
-        shipped_as = next(names, None)
-        return Place(str(path), path) if shipped_as is None else Place(shipped_as, path, OWN_PACKAGE)
+        known = (places[0] for places in self.offers.values() if len(places) == 1)
+        return next((place for place in known if place.path == path), Place(str(path), path))
 
     def named(self, name: str) -> Place:
         """Return where something comes from that is shipped, or offered by an installed package.
@@ -138,7 +137,7 @@ class Kind:
         """
         found = {name: [Place(name, path, OWN_PACKAGE)] for name, path in self.shipped().items()}
         for point in installed().select(group=self.group):
-            package = point.dist.name if point.dist else "an unnamed package"
+            package = getattr(point.dist, "name", None) or "a package without a name"
             path = _file_of(point.value, self.suffixes[0])
             if path is not None:
                 found.setdefault(point.name, []).append(Place(point.name, path, package))
@@ -165,13 +164,11 @@ def _file_of(module: str, suffix: str) -> Path | None:
         spec = find_spec(top)
     except (ImportError, ValueError):  # where it has been imported, and says nothing of its file
         spec = None
-    folders = spec.submodule_search_locations if spec is not None else None
-    stems = [Path(folder, *inner) for folder in folders or ()]
-    files = [stem / "__init__.py" for stem in stems] if suffix == ".py" else []
-    if inner:
-        files += [stem.with_suffix(suffix) for stem in stems]
-    elif suffix == ".py" and spec is not None and spec.origin is not None:
-        files.append(Path(spec.origin))
+    if spec is None:
+        return None
+    folders = spec.submodule_search_locations or [str(spec.origin).removesuffix(".py")]
+    endings = ("/__init__.py", ".py") if suffix == ".py" else (suffix,)
+    files = [Path("/".join([folder, *inner]) + ending) for folder in folders for ending in endings]
     return next((file.resolve() for file in files if file.is_file()), None)
 
 

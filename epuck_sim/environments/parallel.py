@@ -34,7 +34,8 @@ def parallel_env(
         scenario: A scenario of robots, of which at least one group is driven from outside: `controller: external`,
             `external_wheels` or `external_ring`; what `load_scenario` takes.
         seed: Seed of the first episode; the scenario's own if None.
-        reward: `synchrony`, `aggregation`, `coverage`, or a function of a `Situation` of a batch of swarms.
+        reward: `synchrony`, `aggregation`, `coverage`, or a function of a `Situation` of a batch of swarms; or a file
+            with such a function, called `reward`; or the name of a reward that an installed package offers.
         terminate: Function of a `Situation` that returns (swarms,) whether the task is done; none by default.
         actions: Speeds, or numbers of motions.
         episode_s: Simulated seconds after which an episode is truncated.

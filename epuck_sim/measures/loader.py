@@ -35,13 +35,13 @@ def find_measure(name: str, folder: Path | None = None) -> Measure:
     Raises:
         MeasureError: There is no such measure, or it is none.
     """
-    file, _, member = (name, "", "") if name.endswith(".py") else name.rpartition(":")
-    place = MEASURE.locate(file or member, folder)
+    file, _, member = name.rpartition(":") if ":" in name and not name.endswith(".py") else (name, "", "")
+    place = MEASURE.locate(file, folder)
     if place.path is not None:
-        return _measure_in(_load(place), place, member if file else "")
-    if file:
+        return _measure_in(_load(place), place, member)
+    if member:
         raise MeasureError(f"{name!r} names no file; give FILE.py:NAME, or FILE.py")
-    return _shipped_measure(name)
+    return _shipped_measure(place.name)
 
 
 @cache
@@ -57,7 +57,7 @@ def _load(place: Place) -> PythonFile:
 
 
 def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
-    """Return the measure of this name in a file, or its only one, which has the file's name if a package offers it."""
+    """Return the measure of this name in a file, or its only one, under the name by which a package offers it."""
     found = _measures_of(file)
     chosen = member
     if not member:

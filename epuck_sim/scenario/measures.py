@@ -26,7 +26,7 @@ class MeasureSection(ConfigModel):
     """A measure: its name, or a mapping of that to its parameters, and to `as`; written as the latter."""
 
     measure: str
-    """Name of a shipped measure, or FILE.py:NAME."""
+    """Name of a shipped or installed measure, or FILE.py:NAME."""
     parameters: dict[str, Any]
     shown_as: str | None = None
     """Name of its value in results, given by the key `as`; the measure's own if None."""

@@ -16,8 +16,8 @@ class ResponseSection(ConfigModel):
     later_keys: ClassVar[tuple[str, ...]] = ("parameters",)
 
     curve: str = "multiplicative"
-    """Phase response curve, shift of the phase against the phase: a shipped one's name, or a file that ends in .py,
-    relative to the scenario's file (5.1.1)."""
+    """Phase response curve, shift of the phase against the phase (5.1.1): the name of a shipped or installed one, or a
+    file that ends in .py, relative to the scenario's file."""
     coupling: Annotated[Number, Field(ge=0, le=1e6)] = 0.1
     """Strength of the response: epsilon, or kappa of the sawtooth and sine curves."""
     refractory: Annotated[Number, Field(ge=0, lt=0.5)] = 0.0

@@ -86,7 +86,7 @@ class RobotGroup(ConfigModel):
     poses: tuple[tuple[Number, Number, Number], ...] | None = None
     """`x_cm, y_cm, heading_rad` of each robot, instead of a placement."""
     controller: str = "firefly"
-    """Name of a shipped controller, or a file (.py, .c or .so), relative to the scenario's file."""
+    """Name of a shipped or installed controller, or a file (.py, .c or .so), relative to the scenario's file."""
     parameters: dict[str, Any] = Field(default_factory=dict)
     """The controller's parameters by name; those that are left out have the controller's defaults."""
     memory: dict[str, Any] = Field(default_factory=dict)

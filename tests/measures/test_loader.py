@@ -1,7 +1,5 @@
 """A measure is found by name or in its file and checked; what is wrong with it is said in one readable message."""
 
-import os
-
 import pytest
 
 from epuck_sim.errors import MeasureError
@@ -19,19 +17,10 @@ def test_a_shipped_measure_is_found_by_its_name_and_says_what_it_is(name):
     assert not measure.is_function
 
 
-def test_a_file_is_found_relative_to_the_folder_then_to_the_working_directory(tmp_path, monkeypatch):
-    (tmp_path / "scenes").mkdir()
-    monkeypatch.chdir(tmp_path)
-    write(tmp_path / "mine.py", "def here(simulation): return 1")
-    write(tmp_path / "scenes" / "mine.py", "def there(simulation): return 2")
-    assert find_measure("mine.py").name == "here"
-    assert find_measure("mine.py", tmp_path / "scenes").name == "there"
-    assert find_measure("scenes/mine.py:there", tmp_path / "scenes").stored_name == f"{tmp_path}/scenes/mine.py:there"
-
-
 def test_one_of_several_is_chosen_by_name(tmp_path):
     write(tmp_path / "mine.py", COUNTER + TELLTALE + "\ndef helper(): pass\n")
-    assert find_measure("mine.py:Telltale", tmp_path).name == "Telltale"
+    measure = find_measure("mine.py:Telltale", tmp_path)
+    assert (measure.name, measure.stored_name) == ("Telltale", f"{tmp_path}/mine.py:Telltale")
     with pytest.raises(MeasureError, match=r"mine\.py: holds Counter, Telltale; give one of them as mine\.py:NAME"):
         find_measure("mine.py", tmp_path)
     with pytest.raises(
@@ -45,23 +34,10 @@ def test_a_class_goes_before_functions_that_help_it(tmp_path):
     assert find_measure("mine.py", tmp_path).name == "Counter"
 
 
-def test_an_edit_is_noticed_also_in_a_file_that_is_imported(tmp_path):
-    other = write(tmp_path / "factor.py", "FACTOR = 2")
-    write(tmp_path / "mine.py", "import factor\ndef f(simulation): return factor.FACTOR")
-    assert find_measure("mine.py", tmp_path).make(None) == 2
-    write(other, "FACTOR = 3")
-    os.utime(other, ns=(1, 1))
-    measure = find_measure("mine.py", tmp_path)
-    assert measure.make(None) == 3
-    assert {path.name for path in measure.sources} == {"mine.py", "factor.py"}
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("x = 1\ndef f(:", r"mine\.py:2: cannot be loaded: SyntaxError"),
-        ("x = 1\n\n1 / 0", r"mine\.py:3: cannot be loaded: ZeroDivisionError: division by zero"),
-        ("raise SystemExit(3)", r"mine\.py:1: cannot be loaded: SystemExit: 3"),
         ("", r"mine\.py: holds none"),
         ("def f(): return 1", r"mine\.py:1: f takes nothing; a measure takes the simulation"),
         ("\ndef f(*, gain=1.0): return 1", r"mine\.py:2: f takes gain=1\.0 first; a measure takes the simulation"),
@@ -124,9 +100,6 @@ def test_parameters_have_the_types_of_their_defaults(counter):
     ("given", "said"),
     [
         ({"weigth": 1}, "unknown 'weigth', did you mean 'weight'.; Counter has weight, offset, loud, label"),
-        ({"weight": "much"}, "weight is 'much'; allowed: a number"),
-        ({"weight": True}, "weight is True; allowed: a number"),
-        ({"offset": 0.5}, "offset is 0.5; allowed: a whole number"),
         ({"loud": 1}, "loud is 1; allowed: true or false"),
         ({"label": 1}, "label is 1; allowed: text"),
     ],

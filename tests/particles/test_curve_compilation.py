@@ -105,12 +105,7 @@ def test_curves_and_their_parameters_can_be_swept(power):
 
 REFUSED = [
     ("x = 1", "a response curve needs a function phase_shift(phase, coupling, parameters)"),
-    ("def phase_shift(:", "cannot be loaded: SyntaxError"),
     ("PARAMETERS = 3\ndef phase_shift(phase, coupling, parameters): return 0", "PARAMETERS is 3; allowed: a mapping"),
-    (
-        "PARAMETERS = {'a': 'b'}\ndef phase_shift(phase, coupling, parameters): return 0",
-        "PARAMETERS['a'] is 'b'; allowed: a number",
-    ),
     ("def phase_shift(phase, coupling, parameters): return 1 / phase", "curve.py:1: at phase 0: ZeroDivisionError"),
     ("def phase_shift(phase, coupling, parameters): return None", "at phase 0: TypeError"),
     ("def phase_shift(phase, coupling, parameters): return 1e999", "phase_shift returns inf at phase 0"),
