@@ -1,4 +1,4 @@
-"""Claims about the arena: how far the nearest wall or obstacle is, and where the edges of its obstacles run."""
+"""Claims about the arena: clearance, the edges of obstacles, the brightness of the floor and the light of lamps."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.arena import clearance_cm, make_arena
+from epuck_sim.arena import brightness_at, clearance_cm, floor_levels, light_at, make_arena, make_floor
 
 SQUARE = np.array([(40, 40), (60, 40), (60, 60), (40, 60)], float)
 
@@ -87,3 +87,82 @@ def test_the_edges_of_polygons_run_from_corner_to_corner_and_close():
 def test_an_arena_without_obstacles_has_arrays_of_the_documented_shapes():
     arena = make_arena(100, 40, [], [])
     assert (arena.circles.shape, arena.edges.shape, arena.polygons) == ((0, 3), (0, 4), ())
+
+
+# --- floor and lamps --------------------------------------------------------------------------------
+
+LADDER = np.array([(0, 51, 102), (153, 204, 255)], np.uint8)
+"""A picture of two rows and three columns: 0, 0.2, 0.4 above 0.6, 0.8, 1."""
+
+
+def test_a_white_floor_is_bright_everywhere_and_dark_without_lamps():
+    arena = make_arena(60, 40, [], [])
+    assert arena.floor.is_white
+    assert brightness_at(arena, [[0, 30], [60, 99]], 7.0).tolist() == [[1, 1], [1, 1]]
+    assert light_at(arena, [0, 30], [0, 20]).tolist() == [0, 0]
+
+
+def test_later_patches_lie_on_top_of_earlier_ones():
+    patches = [(0.0, (20, 20, 10)), (1.0, (24, 20, 4)), (0.5, SQUARE), (0.25, (60, 60, 5))]
+    arena = make_arena(100, 100, [], [], floor=make_floor(0.75, patches))
+    points = {(5, 5): 0.75, (12, 20): 0, (30, 20): 0, (22, 20): 1, (50, 45): 0.5, (59, 59): 0.25, (63, 60): 0.25}
+    assert brightness_at(arena, *np.transpose(list(points))).tolist() == list(points.values())
+    assert brightness_at(arena, 22, 20) == 1
+    assert not arena.floor.is_white
+
+
+def test_a_picture_is_stretched_between_the_walls_with_its_first_row_at_the_largest_y():
+    arena = make_arena(90, 40, [], [], floor=make_floor(1, [(0.5, (45, 20, 1))], LADDER))
+    x, y = np.array([5, 45, 85, 85, 45, 5, 45, -9, 99]), np.array([39, 21.5, 39, 1, 1, 1, 20, 50, -1])
+    expected = [0, 0.2, 0.4, 1, 0.8, 0.6, 0.5, 0, 1]
+    np.testing.assert_allclose(brightness_at(arena, x, y), expected, atol=1e-15)
+    bare = make_arena(90, 60, [], [], floor=make_floor(1, [], LADDER))
+    np.testing.assert_array_equal(floor_levels(bare, 3), LADDER)
+
+
+def _slow_brightness(point, width, height, brightness, patches, picture):
+    """The brightness of the topmost patch at a point, or else of the picture, or else of the floor."""
+    for level, shape in reversed(patches):
+        if _is_inside(shape, point) if np.ndim(shape) == 2 else math.dist(point, shape[:2]) <= shape[2]:
+            return level
+    if picture is None:
+        return brightness
+    rows, columns = picture.shape
+    return picture[int((height - point[1]) / height * rows), int(point[0] / width * columns)] / 255
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_brightness_is_that_of_a_slow_twin(seed):
+    random = np.random.default_rng(seed)
+    width, height, brightness = *random.uniform(10, 100, 2), random.random()
+    patches = []
+    for _ in range(random.integers(8)):
+        centre, radius = random.uniform(0, (width, height)), random.uniform(1, 40)
+        corners = centre + radius * ring(random.integers(3, 7), first=random.uniform(0, 7))
+        patches.append((random.random(), corners if random.random() < 0.5 else [*centre, radius]))
+    picture = random.integers(0, 256, random.integers(1, 9, 2)).astype(np.uint8) if random.random() < 0.5 else None
+    arena = make_arena(width, height, [], [], floor=make_floor(brightness, patches, picture))
+    points = random.uniform(0, (width, height), (30, 2))
+    slow = [_slow_brightness(point, width, height, brightness, patches, picture) for point in points]
+    np.testing.assert_allclose(brightness_at(arena, *points.T), slow, rtol=1e-15)
+
+
+def test_light_is_the_strength_below_a_lamp_and_falls_beside_it_in_closed_form():
+    arena = make_arena(100, 100, [], [], lamps=[(50, 50, 30, 2)])
+    assert light_at(arena, 50, 50) == 2
+    # as far beside it as it is high: twice the square of the way, and a slope of 45 degrees
+    assert light_at(arena, 80, 50) == pytest.approx(2 / 2 / math.sqrt(2))
+    both = make_arena(100, 100, [], [], lamps=[(50, 50, 30, 2), (50, 90, 40, 1)])
+    assert light_at(both, 50, 50) == pytest.approx(2 + 2**-1.5)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_light_is_that_of_rays_from_each_lamp(seed):
+    random = np.random.default_rng(seed)
+    lamps = random.uniform(1, 100, (random.integers(1, 5), 4))
+    points = random.uniform(0, 100, (5, 2))
+    slow = []
+    for point in points:
+        ways = [math.dist((*point, 0), lamp[:3]) for lamp in lamps]
+        slow.append(sum(s * h**2 / way**2 * (h / way) for (_, _, h, s), way in zip(lamps, ways, strict=True)))
+    np.testing.assert_allclose(light_at(make_arena(100, 100, [], [], lamps=lamps), *points.T), slow, rtol=1e-12)

@@ -215,10 +215,11 @@ def test_the_readmes_controller_is_no_longer_than_promised() -> None:
 
 def test_the_scenario_reference_shows_all_keys_with_their_defaults() -> None:
     pages = (parse_yaml(block, "docs") for block in blocks(ROOT / "docs/scenario.md", "yaml"))
-    shown, with_obstacles, with_movables = pages
+    shown, with_obstacles, with_movables, with_floor = pages
     assert load_scenario(shown) == load_scenario({})
     assert load_scenario({**with_movables, "robots": [{"poses": [[10, 50, 0]]}]}).arena.movables
     assert len(load_scenario(with_obstacles).arena.obstacles) == 3
+    assert len(load_scenario(with_floor).arena.floor.patches) == 3
     defaults = load_scenario({}).model_dump()
     for section, keys in defaults.items():
         if isinstance(keys, dict):

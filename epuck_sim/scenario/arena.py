@@ -1,13 +1,23 @@
-"""The section `arena` of a scenario: the walled rectangle, and what stands in it."""
+"""The section `arena` of a scenario: the walled rectangle, what stands in it, its floor and its lamps."""
 
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from epuck_sim.arena import Arena, clearance_cm, make_arena
+from epuck_sim.arena import Arena, Floor, clearance_cm, make_arena, make_floor
+from epuck_sim.arrays import FloatArray
+from epuck_sim.errors import ScenarioError
 from epuck_sim.geometry import box_corners, is_convex
 from epuck_sim.scenario.base import ConfigModel, Number, Positive
+from epuck_sim.util.messages import short_repr
+from epuck_sim.util.pictures import read_grey
+
+Brightness = Annotated[Number, Field(ge=0, le=1)]
+"""Brightness of the floor: 0 is black, 1 is white."""
 
 
 class Circle(ConfigModel):
@@ -68,10 +78,69 @@ class Movable(ConfigModel):
     """Coefficient of friction between it and the floor: what it takes to move it is this times its weight."""
 
 
-class ArenaSection(ConfigModel):
-    """The walled rectangle and what stands in it."""
+class Patch(ConfigModel):
+    """A part of the floor that has a brightness of its own."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("movables",)
+    brightness: Brightness
+    """From 0, black, to 1, white."""
+
+
+class CirclePatch(Patch, Circle):
+    """A disc on the floor."""
+
+
+class BoxPatch(Patch, Box):
+    """A rectangle on the floor."""
+
+
+class PolygonPatch(Patch, Polygon):
+    """A convex polygon on the floor."""
+
+
+class FloorSection(ConfigModel):
+    """What ground sensors see."""
+
+    brightness: Brightness = 1.0
+    """From 0, black, to 1, white, where there is no patch."""
+    patches: tuple[Annotated[CirclePatch | BoxPatch | PolygonPatch, Field(discriminator="shape")], ...] = ()
+    """Patches; later ones lie on top of earlier ones."""
+    picture: Annotated[str, Field(min_length=1)] | None = None
+    """File of a grey picture in place of `brightness`, stretched between the walls, its top at the largest y."""
+
+    @model_validator(mode="after")
+    def _check_picture_alone(self) -> "FloorSection":
+        if self.picture is not None and self.brightness != 1:
+            raise ValueError(
+                f"brightness is {self.brightness:g} and a picture is given, which has the brightness of the whole "
+                "floor; leave one of them out"
+            )
+        return self
+
+    def build(self) -> Floor:
+        """Return the floor as arrays; raise ScenarioError if its picture cannot be read."""
+        patches = [(patch.brightness, _outline(patch)) for patch in self.patches]
+        if self.picture is None:
+            return make_floor(self.brightness, patches)
+        return make_floor(1.0, patches, read_grey(Path(find_picture(self.picture, "arena.floor.picture", None))))
+
+
+class Lamp(ConfigModel):
+    """A lamp above the floor, which shines alike in all directions."""
+
+    x_cm: Number
+    """x, from the left wall."""
+    y_cm: Number
+    """y, from the lower wall."""
+    height_cm: Positive = 30.0
+    """Height above the floor."""
+    strength: Positive = 1.0
+    """Light on the floor right below."""
+
+
+class ArenaSection(ConfigModel):
+    """The walled rectangle, what stands in it, its floor and its lamps."""
+
+    later_keys: ClassVar[tuple[str, ...]] = ("movables", "floor", "lamps")
 
     width_cm: Positive = 60.0
     """Length of the floor along x, from the robots' diameter; L of thesis 4.2.1, where the arena is square."""
@@ -80,10 +149,14 @@ class ArenaSection(ConfigModel):
     obstacles: tuple[Annotated[Circle | Box | Polygon, Field(discriminator="shape")], ...] = ()
     movables: tuple[Movable, ...] = ()
     """What robots can push: as high as they are, so that it hides rings and is seen by infrared sensors."""
+    floor: FloorSection = FloorSection()
+    """What ground sensors see."""
+    lamps: tuple[Lamp, ...] = ()
+    """What light sensors see."""
 
     @model_validator(mode="after")
     def _check_obstacles_inside(self) -> "ArenaSection":
-        arena = self.build()
+        arena = self._build_solids()
         extents = [(circle[:2] - circle[2], circle[:2] + circle[2]) for circle in arena.circles]
         extents += [(corners.min(axis=0), corners.max(axis=0)) for corners in arena.polygons]
         for low, high in extents:
@@ -97,7 +170,7 @@ class ArenaSection(ConfigModel):
     @model_validator(mode="after")
     def _check_movables_free(self) -> "ArenaSection":
         for number, movable in enumerate(self.movables):
-            others = self.model_copy(update={"movables": self.movables[:number]}).build()
+            others = self.model_copy(update={"movables": self.movables[:number]})._build_solids()
             gap_cm = clearance_cm(others, movable.x_cm, movable.y_cm) - movable.radius_cm
             if gap_cm < -1e-9:
                 raise ValueError(
@@ -106,15 +179,75 @@ class ArenaSection(ConfigModel):
                 )
         return self
 
+    @model_validator(mode="after")
+    def _check_patches_and_lamps_inside(self) -> "ArenaSection":
+        outlines = [np.atleast_2d(_outline(patch))[:, :2] for patch in self.floor.patches]
+        centres = {f"floor.patches.{number}": outline.mean(axis=0) for number, outline in enumerate(outlines)}
+        centres |= {f"lamps.{number}": np.array([lamp.x_cm, lamp.y_cm]) for number, lamp in enumerate(self.lamps)}
+        for key, centre in centres.items():
+            if (centre < 0).any() or (centre > (self.width_cm, self.height_cm)).any():
+                raise ValueError(
+                    f"{key} has its centre at ({centre[0]:g}, {centre[1]:g}) cm; allowed: within the walls of the "
+                    f"{self.width_cm:g} x {self.height_cm:g} cm arena"
+                )
+        return self
+
     def build(self) -> Arena:
-        """Return the arena as arrays."""
+        """Return the arena as arrays; raise ScenarioError if the picture of its floor cannot be read."""
+        lamps = np.array([(lamp.x_cm, lamp.y_cm, lamp.height_cm, lamp.strength) for lamp in self.lamps])
+        return replace(self._build_solids(), floor=self.floor.build(), lamps=lamps.reshape(-1, 4))
+
+    def _build_solids(self) -> Arena:
+        """Return the arena with a white floor and without lamps."""
         circles = [(o.x_cm, o.y_cm, o.radius_cm) for o in self.obstacles if isinstance(o, Circle)]
-        polygons = [
-            np.array(o.corners_cm)
-            if isinstance(o, Polygon)
-            else box_corners(o.x_cm, o.y_cm, o.width_cm, o.height_cm, o.heading_rad)
-            for o in self.obstacles
-            if not isinstance(o, Circle)
-        ]
+        polygons = [_outline(o) for o in self.obstacles if not isinstance(o, Circle)]
         movables = [(m.x_cm, m.y_cm, m.radius_cm, 1000 * m.mass_kg, m.friction) for m in self.movables]
         return make_arena(self.width_cm, self.height_cm, circles, polygons, movables)
+
+    def with_picture_found(self, origin: str, folder: Path | None) -> "ArenaSection":
+        """Return the section with the path of its floor's picture; see `find_picture`."""
+        if self.floor.picture is None:
+            return self
+        found = find_picture(self.floor.picture, f"{origin}: arena.floor.picture", folder)
+        return self.model_copy(update={"floor": self.floor.model_copy(update={"picture": found})})
+
+
+def _outline(shape: Circle | Box | Polygon) -> FloatArray:
+    """Return (3,) cm, centre x, centre y and radius of a disc, or (v, 2) cm, the corners of another shape."""
+    if isinstance(shape, Circle):
+        return np.array([shape.x_cm, shape.y_cm, shape.radius_cm])
+    if isinstance(shape, Polygon):
+        return np.array(shape.corners_cm)
+    return box_corners(shape.x_cm, shape.y_cm, shape.width_cm, shape.height_cm, shape.heading_rad)
+
+
+def find_picture(name: str, origin: str, folder: Path | None) -> str:
+    """Return the path of a picture that can be read.
+
+    Args:
+        name: A file.
+        origin: Begins every error message.
+        folder: The file is looked for here first, then in the working directory.
+
+    Raises:
+        ScenarioError: There is no such file, or it holds no picture that is allowed.
+    """
+    paths = dict.fromkeys((place / name).absolute() for place in (folder or Path(), Path()))
+    for path in paths:
+        try:
+            if path.is_file():
+                read_grey(path)
+                return str(path.resolve())
+        except (OSError, ValueError) as error:
+            raise ScenarioError(f"{origin}: {path} {getattr(error, 'strerror', None) or error}") from error
+    raise ScenarioError(f"{origin}: is {short_repr(name)}; there is no file {' or '.join(map(str, paths))}")
+
+
+def map_pictures(key: str, value: Any, change: Callable[[str], str]) -> Any:
+    """Return the value of an axis in which `change` has replaced the picture of a floor that it names."""
+    if key == "arena.floor.picture" and isinstance(value, str):
+        return change(value)
+    inner = {"arena": "floor", "arena.floor": "picture"}.get(key)
+    if inner is not None and isinstance(value, Mapping) and inner in value:
+        return {**value, inner: map_pictures(f"{key}.{inner}", value[inner], change)}
+    return value

@@ -8,6 +8,9 @@ from epuck_sim.scenario.arena import ArenaSection
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.validation import validate
 
+STAYING = {"movables", "floor", "lamps"}
+"""Keys of the arena that stay as they are where walls and obstacles change."""
+
 
 def check_arenas(scenario: EmbodiedScenario, origin: str) -> None:
     """Check the arenas that entries of a schedule make.
@@ -20,7 +23,8 @@ def check_arenas(scenario: EmbodiedScenario, origin: str) -> None:
         origin: Begins every error message.
 
     Raises:
-        ScenarioError: An arena is not allowed, too small for the robots, or depends on the order of entries.
+        ScenarioError: An arena is not allowed, too small for the robots, or depends on the order of entries; or its
+            floor has a picture, which is stretched between walls that move.
     """
     first: tuple[int, set[str]] | None = None
     for number, entry in enumerate(scenario.schedule):
@@ -33,8 +37,13 @@ def check_arenas(scenario: EmbodiedScenario, origin: str) -> None:
                 f"{origin}.{number}.set: sets {_listed(values)}, and {origin}.{first[0]}.set sets {_listed(first[1])}; "
                 "give all entries that change the arena the same keys of it"
             )
+        if scenario.arena.floor.picture is not None and values.keys() - {"obstacles"}:
+            raise ScenarioError(
+                f"{origin}.{number}.set: sets {_listed(values)}, and arena.floor.picture is stretched between the "
+                "walls; give patches instead, or set arena.obstacles alone"
+            )
         given = {
-            "arena": {**scenario.arena.model_dump(exclude={"movables"}), **values},
+            "arena": {**scenario.arena.model_dump(exclude=STAYING), **values},
             "robot": scenario.robot.model_dump(),
             "robots": [{"count": scenario.robot_count, "signal": {"kind": "cone"}}],  # which all robots have
         }
@@ -47,8 +56,9 @@ def _listed(names: Mapping[str, Any] | set[str]) -> str:
 
 def arena_after(scenario: EmbodiedScenario, entry: int) -> ArenaSection:
     """Return the arena after an entry of the schedule; its movables are given where they begin."""
-    given = {**scenario.arena.model_dump(exclude={"movables"}), **scenario.schedule[entry].arena_values()}
-    return ArenaSection.model_validate(given).model_copy(update={"movables": scenario.arena.movables})
+    given = {**scenario.arena.model_dump(exclude=STAYING), **scenario.schedule[entry].arena_values()}
+    stays = {key: getattr(scenario.arena, key) for key in STAYING}
+    return ArenaSection.model_validate(given).model_copy(update=stays)
 
 
 def largest_cm(scenario: EmbodiedScenario) -> tuple[float, float]:

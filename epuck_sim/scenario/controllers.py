@@ -11,6 +11,7 @@ import numpy as np
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
 from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.scenario.arena import find_picture, map_pictures
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.faults import FaultSection
 from epuck_sim.scenario.robots import RobotGroup
@@ -113,17 +114,19 @@ def check_oscillators(
 
 
 def resolve_axes(axes: SweepAxes, origin: str, folder: Path | None) -> SweepAxes:
-    """Return the axes with the paths of the users' controllers that they name.
+    """Return the axes with the paths of the users' controllers, and of the pictures of floors, that they name.
 
     Raises:
-        ScenarioError: There is no such controller.
+        ScenarioError: There is no such controller or picture.
     """
 
     def resolve(key: str, value: Any) -> Any:
+        where = f"{origin}: sweep: {key}"
+        value = map_pictures(key, value, lambda name: find_picture(name, where, folder))
         try:
             return map_controllers(key, value, lambda name: find_controller(str(name), folder).stored_name)
         except ControllerError as error:
-            raise ScenarioError(f"{origin}: sweep: {key}: {error}") from error
+            raise ScenarioError(f"{where}: {error}") from error
 
     return axes.mapped(resolve)
 

@@ -181,7 +181,7 @@ class EmbodiedScenario(Scenario):
         return max(group.pixels for group in self.robots)
 
     def resolved(self, origin: str, folder: Path | None = None) -> Self:
-        """Return the scenario with controllers, measures and their parameters filled in; see `Scenario.resolved`."""
+        """Return the scenario with controllers, measures, parameters and the floor's picture found; see `Scenario`."""
         swept = self.sweep.keys if self.sweep else ()
         robots = tuple(
             group  # its controller, hence its parameters, are known at each point only
@@ -198,7 +198,8 @@ class EmbodiedScenario(Scenario):
 
             check_arenas(self, f"{origin}: schedule")
         sweep = self.sweep and resolve_axes(self.sweep, origin, folder)
-        resolved = self.model_copy(update={"robots": robots, "sweep": sweep})
+        arena = self.arena.with_picture_found(origin, folder)
+        resolved = self.model_copy(update={"robots": robots, "sweep": sweep, "arena": arena})
         resolved = super(EmbodiedScenario, resolved).resolved(origin, folder)
         if self.members_change:
             check_measures_of_present(resolved.measures, origin)

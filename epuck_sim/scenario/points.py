@@ -9,6 +9,7 @@ from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 from epuck_sim.errors import ScenarioError
+from epuck_sim.scenario.arena import map_pictures
 from epuck_sim.scenario.axes import canonical_text
 from epuck_sim.scenario.controllers import map_controllers, share_parameters
 from epuck_sim.scenario.curves import map_curves
@@ -27,7 +28,7 @@ class Point(NamedTuple):
     key: str
     """The axis values as text."""
     axes: dict[str, Any]
-    """Value of each axis by dotted key; for a user's controller or response curve, its file's name."""
+    """Value of each axis by dotted key; for a user's file, such as a controller, its name."""
     scenario: Scenario
     """The scenario with these values, and without a sweep."""
 
@@ -67,7 +68,7 @@ def points(scenario: Scenario | str | Path | Mapping[str, Any]) -> tuple[Point, 
 
 
 def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
-    """Return the name of each controller and response curve in the rows.
+    """Return the name of each controller, response curve and picture in the rows.
 
     That of a file has the folders which tell it from others. It does not depend on the folders that all files share,
     so that a sweep can move to another machine.
@@ -94,8 +95,8 @@ def _short_names(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
 
 
 def _map_names(key: str, value: Any, change: Callable[[Any], str]) -> Any:
-    """Return the value of an axis in which `change` has replaced every controller and response curve that it names."""
-    return map_curves(key, map_controllers(key, value, change), change)
+    """Return the value of an axis in which `change` has replaced each controller, curve and picture that it names."""
+    return map_pictures(key, map_curves(key, map_controllers(key, value, change), change), change)
 
 
 def _point(number: int, row: dict[str, Any], base: dict[str, Any], names: dict[str, str]) -> Point:

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.scenario.arena import Box, Circle, Polygon
+from epuck_sim.scenario.arena import Box, BoxPatch, Circle, CirclePatch, Polygon, PolygonPatch
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.faults import FAULTS
 from epuck_sim.scenario.neighbourhoods import Cone, Everybody, Nearest, RandomAgents, Range
@@ -31,6 +31,7 @@ class Union(NamedTuple):
 UNIONS = {
     "faults": Union("kind", FAULTS),
     "obstacles": Union("shape", {"circle": Circle, "box": Box, "polygon": Polygon}),
+    "patches": Union("shape", {"circle": CirclePatch, "box": BoxPatch, "polygon": PolygonPatch}),
     "neighbourhood": Union(
         "kind",
         {

@@ -47,6 +47,7 @@ def test_sweeps_and_statistics_need_none_of_them(folder: Path, command: str) -> 
         (("run", "pair", "--trace", "trace.parquet"), "pyarrow", "table"),
         (("run", "pair", "--record", "pair.rrd"), "rerun-sdk", "view"),
         (("run", "pair", "--film", "pair.mp4"), "opencv-python-headless", "film"),
+        (("run", "pair", "--set", "arena.floor.picture=runs/scenario.yaml"), "opencv-python-headless", "film"),
         (("run", "pair", "--live"), "rerun-sdk", "view"),
         (("track", "film.mp4"), "opencv-python-headless", "film"),
     ],
