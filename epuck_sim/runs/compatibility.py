@@ -11,6 +11,7 @@ from epuck_sim.control.loader import CONTROLLER, find_controller
 from epuck_sim.errors import ScenarioError, StoreError
 from epuck_sim.runs.database import has_column
 from epuck_sim.scenario.curves import find_curve
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.measures import MeasureSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.points import Point
@@ -35,8 +36,8 @@ class StoredPoint(NamedTuple):
     axes: str
     scenario: str
     controllers: str
-    """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file; of
-    agents, a user's response curve."""
+    """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file, and
+    likewise the picture of a floor; of agents, a user's response curve."""
     measures: str
     """By the name of each measure, its parameters and the measure itself, as controllers are stored."""
 
@@ -50,7 +51,7 @@ def stored_point(point: Point) -> StoredPoint:
         scenario.trials,
         json.dumps(point.axes),
         scenario.model_dump_json(),
-        json.dumps([*map(_controller, scenario.controllers), *_own_curve(scenario)]),
+        json.dumps(_named(scenario)),
         json.dumps(dict(map(_measure, scenario.measures))),
     )
 
@@ -63,17 +64,30 @@ def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -
 
 
 def own_files(scenario: Scenario) -> tuple[str, ...]:
-    """Return what a scenario's trials call by name: controllers, a response curve and measures, with their digests.
+    """Return what a scenario's trials need by name: controllers, curve, picture and measures, with their digests.
 
     Raises:
         EpuckSimError: One of them is not there.
     """
     measures = (str(_measure(section)[1]["measure"]) for section in scenario.measures)
-    return (*map(_controller, scenario.controllers), *_own_curve(scenario), *measures)
+    return (*_named(scenario), *measures)
+
+
+def _named(scenario: Scenario) -> list[str]:
+    """Return controllers, a floor's picture and a user's response curve."""
+    return [*map(_controller, scenario.controllers), *_own_picture(scenario), *_own_curve(scenario)]
 
 
 def _controller(name: str) -> str:
     return name if name in CONTROLLER.shipped() else _with_digest(Path(name).name, find_controller(name).sources)
+
+
+def _own_picture(scenario: Scenario) -> list[str]:
+    """Return the picture of the floor, if there is one."""
+    if not isinstance(scenario, EmbodiedScenario) or scenario.arena.floor.picture is None:
+        return []
+    path = Path(scenario.arena.floor.picture)
+    return [_with_digest(path.name, {path: path.read_bytes()})]
 
 
 def _own_curve(scenario: Scenario) -> list[str]:
@@ -162,11 +176,12 @@ def _differences(stored: StoredPoint, now: StoredPoint, other: str) -> Iterator[
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
     scenario = _with_defaults(json.loads(point.scenario))
-    stored = json.loads(point.controllers)
-    for group, controller in zip(scenario.get("robots", ()), stored, strict="robots" in scenario):
-        group["controller"] = controller
-    if "response" in scenario and stored:
-        (scenario["response"]["curve"],) = stored
+    named = iter(json.loads(point.controllers))
+    for group in scenario.get("robots", ()):
+        group["controller"] = next(named)
+    for section, key in ((scenario.get("arena", {}).get("floor"), "picture"), (scenario.get("response"), "curve")):
+        if section is not None and section.get(key) is not None:
+            section[key] = next(named, section[key])  # a shipped curve is stored with the scenario alone
     return {key: value for key, value in scenario.items() if key not in WITHOUT_EFFECT}
 
 

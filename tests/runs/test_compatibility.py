@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from epuck_sim.errors import StoreError
@@ -64,3 +66,15 @@ def test_a_stored_scenario_that_today_s_keys_do_not_fit_is_compared_as_it_is():
     with pytest.raises(StoreError) as caught:
         check_same_sweep(FOLDER, [old], [described()])
     assert str(caught.value).splitlines()[1:] == ["  contact.bounce: 0.5 in the folder, 'nothing' now"]
+
+
+def test_trials_on_another_version_of_a_floors_picture_are_refused_wherever_it_lies(tmp_path):
+    versions = []
+    for folder, level in (("here", 0), ("there", 0), ("edited", 255)):
+        (tmp_path / folder).mkdir()
+        cv2.imwrite(str(tmp_path / folder / "ground.png"), np.full((2, 2), level, np.uint8))
+        versions.append(described(f"arena.floor.picture={tmp_path / folder / 'ground.png'}"))
+    here, there, edited = versions
+    check_same_sweep(FOLDER, [here], [there])
+    with pytest.raises(StoreError, match=r"arena\.floor\.picture: 'ground\.png with digest .* in the folder, 'ground"):
+        check_same_sweep(FOLDER, [here], [edited])
