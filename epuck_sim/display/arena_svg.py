@@ -1,10 +1,17 @@
-"""The arena from above as SVG: walls, obstacles, and robots or agents with their numbers, headings and lit rings."""
+"""The arena from above as SVG: floor, walls, obstacles, lamps, and robots or agents with numbers and lit rings."""
 
 import math
+import struct
+import zlib
+from base64 import b64encode
+from collections.abc import Iterator
+from dataclasses import replace
 from xml.etree.ElementTree import Element
 
-from epuck_sim.arena import Arena
-from epuck_sim.arrays import BoolArray, FloatArray
+import numpy as np
+
+from epuck_sim.arena import Arena, floor_levels
+from epuck_sim.arrays import BoolArray, ByteArray, FloatArray
 from epuck_sim.display.html import element
 
 SIDE_PX = 320
@@ -18,6 +25,12 @@ SHARE_OF_NUMBERS = 1.1
 
 SMALLEST_NUMBERS = 26
 """The longer side of a picture, in heights of the smallest legible number."""
+
+LAMP_SHARE = 1 / 80
+"""Radius of a lamp's dot, as a share of the longer side of a picture."""
+
+LAMP = "#ffc800"
+"""Colour of lamps."""
 
 MARGIN = 0.03
 """Margin around the walls, as a share of the longer side."""
@@ -48,11 +61,20 @@ def draw_arena(arena: Arena, poses: FloatArray, radius_cm: float, ring_on: BoolA
     top, bottom = middle, middle + arena.height_cm
     walls = " ".join(f"{_text(x)},{_text(y)}" for x, y in ((0, top), (width, top), (width, bottom), (0, bottom)))
     parts = [element("polygon", points=walls, fill="none", stroke="currentColor", stroke_width=_text(stroke))]
+    if not arena.floor.is_white:
+        place = dict(zip(("x", "y", "width", "height"), map(_text, (0, top, width, arena.height_cm)), strict=True))
+        box = f"0 0 {_text(width)} {_text(arena.height_cm)}"  # a picture in the picture shows nothing beyond it
+        parts.insert(0, element("svg", *_draw_floor(arena), viewBox=box, class_="floor", **place))
     for x, y, radius in arena.circles.tolist():
         parts.append(_circle(x, height - middle - y, radius, fill=OBSTACLE))
     for corners in arena.polygons:
         points = " ".join(f"{_text(x)},{_text(height - middle - y)}" for x, y in corners.tolist())
         parts.append(element("polygon", points=points, fill=OBSTACLE))
+    for x, y, height_cm, strength in arena.lamps.tolist():
+        title = element("title", f"lamp: {height_cm:g} cm, strength {strength:g}")
+        parts.append(
+            element("g", title, _circle(x, height - middle - y, LAMP_SHARE * longer, fill=LAMP), class_="lamp")
+        )
     for number, ((x, y, heading), is_lit) in enumerate(zip(poses.tolist(), ring_on.tolist(), strict=True)):
         if math.isnan(x):  # it is not in the arena
             continue
@@ -68,6 +90,39 @@ def draw_arena(arena: Arena, poses: FloatArray, radius_cm: float, ring_on: BoolA
         role="img",
         aria_label="the arena from above",
     )
+
+
+def _draw_floor(arena: Arena) -> Iterator[Element]:
+    """Yield the picture or the brightness of a floor, and its patches, from the upper left corner on."""
+    floor, size = arena.floor, {"width": _text(arena.width_cm), "height": _text(arena.height_cm)}
+    if floor.picture.size:
+        levels = floor_levels(replace(arena, floor=replace(floor, patches=floor.patches[:0])), SIDE_PX)
+        yield element("image", href=_png_address(levels), preserveAspectRatio="none", **size)
+    else:
+        yield element("rect", fill=_grey(floor.brightness), **size)
+    for patch in floor.patches:
+        grey = _grey(float(patch["brightness"]))
+        if patch["edge_count"]:
+            edges = floor.edges[patch["first_edge"] :][: patch["edge_count"]]
+            points = " ".join(f"{_text(x)},{_text(arena.height_cm - y)}" for x, y, _, _ in edges.tolist())
+            yield element("polygon", points=points, fill=grey)
+        else:
+            yield _circle(patch["x"], arena.height_cm - patch["y"], patch["radius"], fill=grey)
+
+
+def _grey(brightness: float) -> str:
+    return "#" + 3 * f"{round(255 * brightness):02x}"
+
+
+def _png_address(levels: ByteArray) -> str:
+    """Return (rows, columns) grey levels as a PNG in an address, as pages have it without a file beside them."""
+    rows, columns = levels.shape
+    lines = np.hstack([np.zeros((rows, 1), np.uint8), levels])  # each begins with the number of its filter: none
+    header = struct.pack(">IIBBBBB", columns, rows, 8, 0, 0, 0, 0)
+    png = b"\x89PNG\r\n\x1a\n"
+    for kind, content in ((b"IHDR", header), (b"IDAT", zlib.compress(lines.tobytes(), 9)), (b"IEND", b"")):
+        png += struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+    return f"data:image/png;base64,{b64encode(png).decode()}"
 
 
 def _draw_robot(

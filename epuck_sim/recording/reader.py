@@ -1,6 +1,7 @@
 """Reads a recording back into arrays."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from epuck_sim.recording.links import LINKED, read_links
 from epuck_sim.recording.parts import layout_of, population_of
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.recorder import FORMAT, OUTCOME, TRIAL
+from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import parse_yaml
@@ -140,8 +142,18 @@ def _fields(trial: dict[str, Any]) -> list[str]:
 
 
 def _scenario(trial: dict[str, Any]) -> Scenario:
-    """Return the scenario in a recording's properties; raise ScenarioError if this version cannot read it."""
+    """Return the scenario in a recording's properties; raise ScenarioError if this version cannot read it.
+
+    A picture of its floor that is not there any more is left out.
+    """
     given = parse_yaml(trial["scenario"], "its scenario")
     if not isinstance(given, dict):
         raise ScenarioError("its scenario is not a mapping of keys to values")
-    return validate(given, "its scenario")
+    scenario = validate(given, "its scenario")
+    if not isinstance(scenario, EmbodiedScenario) or not (picture := scenario.arena.floor.picture):
+        return scenario
+    if Path(picture).is_file():
+        return scenario
+    warnings.warn(f"{scenario.name}: the picture of its floor is left out: there is no file {picture}", stacklevel=4)
+    floor = scenario.arena.floor.model_copy(update={"picture": None})
+    return scenario.model_copy(update={"arena": scenario.arena.model_copy(update={"floor": floor})})

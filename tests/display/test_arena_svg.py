@@ -1,12 +1,14 @@
 """Pictures of the arena show robots where they are, with numbers, and what is lit."""
 
 import math
+from base64 import b64decode
 from xml.etree.ElementTree import fromstring
 
+import cv2
 import numpy as np
 import pytest
 
-from epuck_sim.arena import make_arena
+from epuck_sim.arena import make_arena, make_floor
 from epuck_sim.display.arena_svg import DARK, LIT, MOST_NUMBERED, draw_arena
 from epuck_sim.display.html import element, table, to_html
 from epuck_sim.embodied.simulation import Simulation
@@ -78,3 +80,46 @@ def test_text_is_escaped_wherever_it_stands() -> None:
 def test_robots_are_drawn_as_large_as_they_are() -> None:
     drawn = fromstring("<div>" + Simulation("kilobots", seed=1)._repr_html_() + "</div>")
     assert [each.get("r") for each in drawn.iterfind(".//{*}circle")] == ["1.65"] * 25
+
+
+NOBODY = np.empty((0, 3)), 3.7, np.empty(0, bool)
+
+
+def test_patches_lie_in_their_order_below_everything_and_end_at_the_walls() -> None:
+    floor = make_floor(0.8, [(0, (10, 30, 5)), (1, SQUARE), (0.5, (59, 1, 9))])
+    drawn = draw_arena(make_arena(60, 40, [(30, 30, 5)], [], floor=floor), *NOBODY)
+    ground, walls, obstacle = drawn
+    assert (ground.tag, ground.get("viewBox"), ground.get("y"), walls.tag) == ("svg", "0 0 60 40", "0", "polygon")
+    assert [(part.tag, part.get("fill")) for part in ground] == [
+        ("rect", "#cccccc"),
+        ("circle", "#000000"),
+        ("polygon", "#ffffff"),
+        ("circle", "#808080"),
+    ]
+    assert (ground[1].get("cx"), ground[1].get("cy"), ground[2].get("points")) == (
+        "10",
+        "10",
+        "10,30 20,30 20,20 10,20",
+    )
+    assert obstacle.tag == "circle"
+    assert draw_arena(make_arena(60, 40, [], []), *NOBODY).find("svg") is None
+
+
+def test_a_picture_of_the_floor_is_in_the_page() -> None:
+    levels = np.array([[0, 100, 200], [50, 150, 250]], np.uint8)
+    arena = make_arena(60, 40, [], [], floor=make_floor(1, [(0.5, (30, 20, 5))], levels))
+    picture, patch = draw_arena(arena, *NOBODY)[0]
+    kind, _, coded = picture.get("href").partition(",")
+    shown = cv2.imdecode(np.frombuffer(b64decode(coded), np.uint8), cv2.IMREAD_UNCHANGED)
+    assert kind == "data:image/png;base64"
+    assert (picture.get("width"), picture.get("height"), patch.get("fill")) == ("60", "40", "#808080")
+    assert shown.shape == (213, 320)
+    np.testing.assert_array_equal(shown[53::107, 53::107], levels)
+
+
+def test_lamps_are_dots_that_say_how_high_and_how_strong_they_are() -> None:
+    drawn = draw_arena(make_arena(60, 40, [], [], lamps=[(10, 30, 25, 2)]), *NOBODY)
+    (lamp,) = drawn.findall("g")
+    dot = lamp.find("circle")
+    assert lamp.find("title").text == "lamp: 25 cm, strength 2"
+    assert (dot.get("cx"), dot.get("cy")) == ("10", "10")

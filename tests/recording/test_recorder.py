@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
@@ -24,6 +25,7 @@ from epuck_sim.recording import recorder
 from epuck_sim.recording.layers import images
 from epuck_sim.recording.layers.robots import UNBOUNDED_VIEW_CM
 from epuck_sim.recording.level import Level
+from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record
 from epuck_sim.recording.viewer.process import PROGRAM, run_rerun
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -504,6 +506,33 @@ def test_the_arena_is_shown_with_y_up(tmp_path) -> None:
     sides = np.hypot(*np.diff(bar, axis=0).T)
     np.testing.assert_allclose(sorted(sides), [4, 4, 30, 30], rtol=1e-5)
     assert wedge.tolist() == [[20, 70], [35, 72], [24, 85], [20, 70]]
+
+
+def test_floor_and_lamps_are_shown_where_they_are(tmp_path) -> None:
+    disc = {"shape": "circle", "x_cm": 30, "y_cm": 10, "radius_cm": 10, "brightness": 0.4}
+    arena = {"width_cm": 100, "height_cm": 50, "floor": {"patches": [disc]}, "lamps": [{"x_cm": 70, "y_cm": 40}]}
+    with record(tmp_path / "t.rrd", load_scenario({"arena": arena}), 0, Level.POSES):
+        pass
+    static = Found(tmp_path / "t.rrd").static
+    floor, lamps = static["/arena/floor"], static["/arena/lamps"]
+    levels = np.array(floor["Image:buffer"][0], np.uint8).reshape(512, 1024)
+    to_cm = np.array(floor["Transform3D:mat3x3"][0]).reshape(3, 3).T  # columns come first
+    for place, level in {(30, 10): 102, (30, 19): 102, (30, 22): 255, (39, 10): 102, (70, 40): 255}.items():
+        column, row = np.linalg.solve(to_cm[:2, :2], place - np.array(floor["Transform3D:translation"][0][:2]))
+        assert levels[int(row), int(column)] == level, place
+    assert lamps["Points2D:positions"] == [[70, 40]]
+    assert lamps["Points2D:labels"] == ["30 cm, strength 1"]
+
+
+def test_a_recording_on_a_floor_whose_picture_is_gone_is_read_without_it(tmp_path) -> None:
+    cv2.imwrite(str(tmp_path / "ground.png"), np.array([[0, 255]], np.uint8))
+    scenario = load_scenario({"arena": {"floor": {"picture": str(tmp_path / "ground.png")}}})
+    with record(tmp_path / "t.rrd", scenario, 0, Level.POSES):
+        pass
+    assert read_recording(tmp_path / "t.rrd").scenario == scenario
+    (tmp_path / "ground.png").unlink()
+    with pytest.warns(UserWarning, match=r"^thesis: the picture of its floor is left out: there is no file .*ground"):
+        assert read_recording(tmp_path / "t.rrd").scenario.arena == load_scenario({}).arena
 
 
 @pytest.mark.parametrize(("robots", "are_shown"), [(49, True), (50, False)])

@@ -1,4 +1,4 @@
-"""The arena as a recording shows it, whatever its model: walls, obstacles, movables, and the robots or agents.
+"""The arena as a recording shows it, whatever its model: floor, lamps, walls, obstacles, movables, robots or agents.
 
 Everything lies under `/arena`, in cm. In rerun's pictures y points down; a transform there flips them, so that data
 keep the coordinates of the simulation.
@@ -6,13 +6,14 @@ keep the coordinates of the simulation.
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 from rerun.chunk import Chunk
 
-from epuck_sim.arena import Arena
+from epuck_sim.arena import Arena, floor_levels
 from epuck_sim.arrays import FloatArray
 from epuck_sim.recording.buffers.row_batch import RowBatch
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
@@ -30,6 +31,12 @@ OBSTACLES = "/arena/obstacles"
 MOVABLES = "/arena/movables"
 """Entity with a disc for each movable in each row."""
 
+FLOOR = "/arena/floor"
+"""Entity with a grey picture of a floor that is not white."""
+
+LAMPS = "/arena/lamps"
+"""Entity with a point for each lamp."""
+
 ROBOTS = "/arena/robots"
 """Entity with (count,) discs in each row, robots or agents, of class 1 while the ring is lit or the flash is shown."""
 
@@ -45,11 +52,18 @@ UNLABELLED = 50
 CIRCLE_CORNERS = 64
 """Corners of a round obstacle's outline."""
 
+FLOOR_PX = 1024
+"""Longer side of the picture of a floor, in pixels."""
+
+LAMP_SHARE = 1 / 80
+"""Radius of a lamp's point, as a share of the arena's longer side."""
+
 GREY = (150, 150, 150)
 FAINT = (90, 90, 100)
 WHITE = (255, 255, 255)
 LIT = (255, 80, 60)
 DARK = (75, 80, 92)
+YELLOW = (255, 200, 0)
 RINGS = rr.AnnotationContext([(0, "dark", DARK), (1, "lit", LIT)])
 """Rings differ in brightness, too, for those who do not tell red from green."""
 
@@ -61,10 +75,11 @@ ARROW_RADIUS = 0.25 / 3.7
 
 
 def static_arena_entities(population: Population) -> Iterator[Chunk]:
-    """Yield walls and obstacles that stay, the appearance of movables, and the appearance of robots or agents."""
+    """Yield floor, lamps, walls and obstacles that stay, and the appearance of movables and of robots or agents."""
     arena = population.arena
-    _, height = population.largest_cm
+    width, height = population.largest_cm
     yield static_chunk(ARENA, rr.Transform3D(translation=[0, height, 0], mat3x3=np.diag([1, -1, 1])))
+    yield from _floor_and_lamps(replace(arena, width_cm=width, height_cm=height))
     if population.arena_changes:
         for entity in (WALLS, OBSTACLES):
             yield static_chunk(entity, rr.LineStrips2D.from_fields(colors=GREY))
@@ -84,6 +99,20 @@ def static_arena_entities(population: Population) -> Iterator[Chunk]:
     yield static_chunk(ROBOTS, discs)
     arrows = rr.Arrows2D.from_fields(colors=WHITE, radii=ARROW_RADIUS * population.radius_cm, draw_order=30)
     yield static_chunk(HEADINGS, arrows)
+
+
+def _floor_and_lamps(arena: Arena) -> Iterator[Chunk]:
+    if not arena.floor.is_white:
+        levels = floor_levels(arena, FLOOR_PX)
+        rows, columns = levels.shape
+        pixel_cm = np.diag([arena.width_cm / columns, -arena.height_cm / rows, 1])  # rows count downwards
+        yield static_chunk(FLOOR, rr.Transform3D(translation=[0, arena.height_cm, 0], mat3x3=pixel_cm))
+        yield static_chunk(FLOOR, rr.Image(levels, color_model="L", draw_order=-10))
+    if len(arena.lamps):
+        labels = [f"{height:g} cm, strength {strength:g}" for _, _, height, strength in arena.lamps]
+        radius = LAMP_SHARE * max(arena.width_cm, arena.height_cm)
+        lamps = rr.Points2D(arena.lamps[:, :2], radii=radius, colors=YELLOW, labels=labels, draw_order=10)
+        yield static_chunk(LAMPS, lamps)
 
 
 def changing_walls(batch: RowBatch) -> Iterator[Chunk]:
