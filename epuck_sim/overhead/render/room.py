@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim import epuck
-from epuck_sim.arena import Arena
+from epuck_sim.arena import Arena, brightness_at
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from epuck_sim.geometry import contains
 from epuck_sim.overhead.camera_model import WALL_HEIGHT_CM
@@ -20,7 +20,7 @@ TABLE = 30.0
 """Grey level of the table around the arena."""
 
 FLOOR = 145.0
-"""Grey level of the arena's floor."""
+"""Grey level of the arena's floor where it is white."""
 
 WALL_FACE = 200.0
 """Grey level of the inner side of the walls."""
@@ -66,7 +66,8 @@ def render_room(floor_cm: Float32Array, eye_cm: FloatArray, arena: Arena) -> Flo
     room = np.full(floor_cm.shape[:2], TABLE, np.float32)
     room[_is_within(at_top, arena, WALL_THICKNESS_CM)] = WALL_TOP
     room[_is_within(at_top, arena, 0.0)] = WALL_FACE
-    room[_is_within(floor_cm, arena, 0.0)] = FLOOR
+    on_floor = _is_within(floor_cm, arena, 0.0)
+    room[on_floor] = FLOOR * brightness_at(arena, *floor_cm[on_floor].T)
     for x, y, radius in arena.circles[: arena.first_movable]:
         draw_circle(room, floor_cm, (x, y), radius)
     for corners in arena.polygons:

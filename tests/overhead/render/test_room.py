@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from epuck_sim import epuck
-from epuck_sim.arena import make_arena
+from epuck_sim.arena import make_arena, make_floor
 from epuck_sim.overhead.camera_model import WALL_HEIGHT_CM
 from epuck_sim.overhead.render.renderer import ExposureSample
 from epuck_sim.overhead.render.room import (
@@ -100,6 +100,16 @@ def test_wide_arena() -> None:
     assert (picture[pixel_at(scene.camera, 119, 39)] == FLOOR).all()
     assert (picture[pixel_at(scene.camera, 60, 40, 3)] == WALL_FACE).all()
     assert (picture[pixel_at(scene.camera, 110, 5, epuck.HEIGHT_CM)] == BODY_TOP).all()
+
+
+def test_a_floor_is_as_grey_as_it_is_bright() -> None:
+    picture = np.array([[0, 255]], np.uint8)
+    arena = make_arena(60, 60, [], [], floor=make_floor(1, [(0.2, (50, 50, 5)), (0.6, (59, 30, 4))], picture))
+    seen = make_set(arena, **CLEAN)
+    grey = seen.renderer.render(standing(lit=False), room_is_lit=True)
+    for place, level in {(10, 30): 0, (40, 30): FLOOR, (50, 52): 0.2 * FLOOR, (58, 30): 0.6 * FLOOR}.items():
+        assert (grey[pixel_at(seen.camera, *place)] == round(level)).all(), place
+    assert (grey[pixel_at(seen.camera, 60, 30, 3)] == WALL_FACE).all()
 
 
 def test_robots_beyond_the_picture_are_cut_off() -> None:
