@@ -257,6 +257,22 @@ def test_a_summary_is_drawn_without_an_arena(tmp_path) -> None:
     assert len(discs(picture, LIT)) == len(discs(picture, DARK)) == 0
 
 
+def test_patches_of_the_floor_are_shown_where_they_are_with_y_up(tmp_path) -> None:
+    patches = np.array([(12, 48, 8), (14, 12, 5), (46, 50, 6)])
+    shapes = [
+        {"shape": "circle", "x_cm": x, "y_cm": y, "radius_cm": r, "brightness": 1} for x, y, r in patches.tolist()
+    ]
+    arena = {"floor": {"brightness": 0, "patches": shapes}}
+    scenario = load_scenario({"arena": arena, "robots": [{"poses": [[50, 10, 0]]}], "stop": {"max_time_s": 0.2}})
+    with record(tmp_path / "t.rrd", scenario, 3) as recorder:
+        run_trial(Simulation(scenario, 3), [recorder])
+    shown = discs(drawn(tmp_path / "t.rrd", 0.1, tmp_path / "p.png")[ARENA], (255, 255, 255))
+    scale = (shown[2, 0] - shown[0, 0]) / 34
+    expected = shown[0] + scale * (patches - patches[0]) * (1, -1, 1)
+    np.testing.assert_allclose(shown, expected, rtol=0, atol=1.5)
+    assert shown[0, 2] == pytest.approx(8 * scale, abs=1.5)
+
+
 def test_without_a_graphics_driver_an_error_says_what_to_install(thesis, tmp_path, monkeypatch) -> None:
     for name in NO_DRIVER:
         monkeypatch.setenv(name, "/nonexistent")
