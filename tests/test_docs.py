@@ -13,6 +13,7 @@ from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -66,13 +67,32 @@ def is_controller(block: str) -> bool:
     return "PARAMETERS = " in block and ("def step(" in block or "\nstep = " in block)
 
 
+def reads_a_sensor_in_a_file(block: str) -> bool:
+    return "sensors.ground <" in block
+
+
 @pytest.mark.parametrize("block", code(lambda block: not is_controller(block)))
 def test_examples_run(block: str, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
+    for name, text in named_files(ROOT / "docs/sensors.md").items():
+        Path(name).write_text(text)
     exec(compile(block, "example", "exec"), {"__name__": "__main__"})
 
 
-@pytest.mark.parametrize("block", code(is_controller))
+def test_the_robots_shown_stop_in_the_dark(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    files = named_files(ROOT / "docs/sensors.md")
+    for name, text in files.items():
+        Path(name).write_text(text)
+    assert sum(len(text.splitlines()) for text in files.values()) <= 60
+    steps = [Simulation("patches.yaml", 2, interpret=interpret).advance(300) for interpret in (False, True)]
+    assert steps[0].poses.tobytes() == steps[1].poses.tobytes()
+    is_dark = steps[0].readings["ground"] < 0.5
+    assert is_dark.any()
+    np.testing.assert_array_equal((steps[0].wheels_cm_s == 0).all(axis=1), is_dark)
+
+
+@pytest.mark.parametrize("block", code(lambda block: is_controller(block) and not reads_a_sensor_in_a_file(block)))
 def test_controllers_run_compiled_and_interpreted_alike(block: str, tmp_path) -> None:
     path = tmp_path / "shown.py"
     path.write_text(block)

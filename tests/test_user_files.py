@@ -11,6 +11,8 @@ import pytest
 
 from epuck_sim import user_files
 from epuck_sim.control.loader import CONTROLLER, find_controller
+from epuck_sim.control.sensors import SENSOR
+from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.environments.rewards import REWARD, find_reward
 from epuck_sim.errors import ControllerError, CurveError, EpuckSimError, ScenarioError
 from epuck_sim.measures.loader import MEASURE, find_measure
@@ -18,6 +20,7 @@ from epuck_sim.runs.compatibility import own_files
 from epuck_sim.scenario.curves import CURVE, find_curve
 from epuck_sim.scenario.loader import SCENARIO, load_scenario
 from epuck_sim.scenario.points import points
+from epuck_sim.scenario.robot_kind import ROBOT
 from epuck_sim.user_files import Kind
 from tests.cli.commands import call, called, refused
 from tests.control.bench import EMPTY
@@ -30,7 +33,7 @@ def look_again() -> None:
     """Forget what is installed."""
     importlib.invalidate_caches()
     user_files.installed.cache_clear()
-    for kind in (CONTROLLER, MEASURE, CURVE, REWARD, SCENARIO):
+    for kind in (CONTROLLER, SENSOR, ROBOT, MEASURE, CURVE, REWARD, SCENARIO):
         vars(kind).pop("offers", None)
 
 
@@ -112,6 +115,21 @@ def test_a_sweep_s_workers_find_what_packages_offer_and_its_folder_knows_their_f
     scenario = points(load_scenario("plaza", axes=["robots.0.controller=firefly,dark_walk"]))[1].scenario
     assert scenario.robots[0].controller == "dark_walk"
     assert [name.partition(" with digest ")[0] for name in own_files(scenario)] == ["dark_walk", "nearest_robot"]
+
+
+@pytest.mark.usefixtures("plugins")
+def test_a_package_offers_a_robot_with_a_sensor_of_its_own():
+    listed = json.loads(called("list", "--json"))
+    assert listed["robots"]["rover"] == "a slow robot that looks at the floor (from darkness)"
+    assert listed["sensors"] == {"darkness": "How dark the floor is below the middle of the body. (from darkness)"}
+    floor = {"patches": [{"shape": "circle", "x_cm": 20, "y_cm": 20, "radius_cm": 10, "brightness": 0.25}]}
+    groups = [{"poses": [[20, 20, 0], [50, 50, 0]], "controller": "external", "signal": {"kind": "radio"}}]
+    scenario = load_scenario({"robot": "rover", "arena": {"floor": floor}, "robots": groups})
+    assert scenario.robot.kind == "rover"
+    assert scenario.robots[0].sensors == {"ground": {"file": "darkness"}}
+    assert Simulation(scenario, 1).advance(1).readings["darkness"].tolist() == [0.75, 0.0]
+    by_name = load_scenario({"robots": groups, "sensors": ["darkness"]})
+    assert by_name.robots[0].sensors == {"darkness": {"file": "darkness"}}
 
 
 def test_the_docs_show_one_of_them():

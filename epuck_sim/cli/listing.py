@@ -10,10 +10,12 @@ from rich.table import Table
 from rich.text import Text
 
 from epuck_sim.control.loader import CONTROLLER
+from epuck_sim.control.sensors import SENSOR
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.loader import MEASURE, find_measure
 from epuck_sim.scenario.curves import CURVE
 from epuck_sim.scenario.loader import SCENARIO
+from epuck_sim.scenario.robot_kind import ROBOT
 from epuck_sim.scenario.yaml_io import read_yaml
 from epuck_sim.user_files import OWN_PACKAGE, Kind, Place
 from epuck_sim.util.builtin import SWEEPS, builtin_files
@@ -21,12 +23,14 @@ from epuck_sim.util.messages import describe_error, natural_order
 
 
 def list_names() -> dict[str, dict[str, str]]:
-    """Return the names and descriptions of scenarios, sweeps and controllers, and of curves that packages offer."""
+    """Return names and descriptions of scenarios, sweeps, controllers, robots, and what else packages offer."""
     sweeps = builtin_files(SWEEPS)
     kinds = {
         "scenarios": _describe(SCENARIO, SCENARIO.offers.keys() - sweeps.keys(), _of_yaml),
         "sweeps": _describe(SCENARIO, sweeps, _of_yaml),
         "controllers": _describe(CONTROLLER, CONTROLLER.offers, _of_python),
+        "robots": _describe(ROBOT, ROBOT.offers, _of_yaml),
+        "sensors": _describe(SENSOR, SENSOR.offers, _of_python),
         "response curves": _describe(CURVE, CURVE.offers.keys() - CURVE.shipped().keys(), _of_python),
     }
     return {kind: described for kind, described in kinds.items() if described}

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from epuck_sim.cli.errors import exit_on_error, reject_first
-from epuck_sim.cli.templates import CONTROLLER, MEASURE, SCENARIO
+from epuck_sim.cli.templates import CONTROLLER, MEASURE, ROBOT, SCENARIO, SENSOR
 
 news = typer.Typer(no_args_is_help=True, help="Write a commented file to begin with.")
 
@@ -31,6 +31,27 @@ def new_controller(
     with exit_on_error():
         _reject_no_name(name, "controller", "wanderer")
         _write_new(Path(f"{name}.py"), CONTROLLER.format(name=name), f"run thesis --controller {name}.py")
+
+
+@news.command("sensor")
+def new_sensor(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the sensor, and of its file NAME.py.")],
+) -> None:
+    """Write NAME.py, a commented sensor of robots that runs as it stands."""
+    with exit_on_error():
+        _reject_no_name(name, "sensor", "ground")
+        command = f'run thesis --set "robots.0.sensors=[{name}.py]" --trace {name}.parquet'
+        _write_new(Path(f"{name}.py"), SENSOR.format(name=name), command)
+
+
+@news.command("robot")
+def new_robot(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the robot's file NAME.yaml.")],
+) -> None:
+    """Write NAME.yaml, a commented robot that runs as it stands."""
+    with exit_on_error():
+        _reject_no_name(name, "robot", "cart")
+        _write_new(Path(f"{name}.yaml"), ROBOT.format(name=name), f"run thesis --set robot={name}.yaml")
 
 
 @news.command("scenario")

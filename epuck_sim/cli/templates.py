@@ -96,6 +96,56 @@ def step(sensors, memory, actuators, parameters, random):
 '''
 """A new controller."""
 
+SENSOR = '''\
+"""A sensor of robots; see what it tells in a trace:
+
+epuck-sim run thesis --set "robots.0.sensors=[{name}.py]" --trace {name}.parquet
+
+It runs as it stands: looks at the floor and at the lamps below the front of the body. Change what you need.
+"""
+
+import math
+
+from epuck_sim.embodied.sensing import brightness_at, light_at
+from epuck_sim.util.rng import uniform
+
+# Name to default; a scenario sets them as sensors: [{{{name}.py: {{noise: 0.1}}}}].
+PARAMETERS = {{"ahead_cm": 3.0, "noise": 0.0}}
+
+# Name to type: what controllers find in `sensors`, as sensors.{name}; also arrays, such as (float, 3).
+READINGS = {{"{name}": float, "{name}_light": float}}
+
+
+# Called for each robot in each control step, before any controller.
+# `world` has time_s, width_cm, height_cm, radius_cm, robots (x, y, heading, ring_on, present, number of each), circles
+# and edges (of obstacles); `robot` is the one that senses. epuck_sim.embodied.sensing has what else it may ask.
+# `readings` keep their values until they are set again. Draw random numbers from `random`, and from nowhere else.
+def sense(world, robot, readings, parameters, random):
+    x = robot.x + parameters.ahead_cm * math.cos(robot.heading)
+    y = robot.y + parameters.ahead_cm * math.sin(robot.heading)
+    readings.{name} = brightness_at(world, x, y) + parameters.noise * (uniform(random) - 0.5)
+    readings.{name}_light = light_at(world, x, y)
+'''
+"""A new sensor."""
+
+ROBOT = """\
+# A robot; run it with: epuck-sim run thesis --set robot={name}.yaml
+# It runs as it stands. What is left out is the e-puck's; docs/other_robots.md has all keys.
+description: a robot of my own
+radius_cm: 3.0 # of the body, a disc
+wheel_base_cm: 4.5 # distance between the wheels
+wheel_limit_cm_s: 10.0 # largest speed of a wheel
+mass_g: 100.0
+
+infrared: # up to eight proximity sensors; null for none
+  sensors: [[2.8, -0.8, -20], [2.8, 0.8, 20]] # x_cm ahead, y_cm to the left, direction_deg counter-clockwise
+  range_cm: 10.0
+
+# Sensors in files of their own beside this one, with their parameters; epuck-sim new sensor ground writes one.
+# sensors: [{{ground.py: {{ahead_cm: 2.0}}}}]
+"""
+"""A new robot."""
+
 SCENARIO = """\
 # A scenario; run it with: epuck-sim run {name}.yaml
 # It runs as it stands. What is left out has its default; epuck-sim check {name}.yaml prints all keys.

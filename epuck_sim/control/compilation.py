@@ -11,7 +11,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from epuck_sim.control.interface import Controller
+from epuck_sim.control.interface import Described
 from epuck_sim.control.names import first_use
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import fingerprint
@@ -21,42 +21,43 @@ from epuck_sim.util.native import WITHOUT_WRAPPERS
 _compiled: dict[Hashable, Any] = {}
 
 
-def compile_for(controller: Controller, function: Any, room_digest: str) -> Any:
-    """Compile a function (block, addresses, number) that calls the controller's `start` and `step`, by these names.
+def compile_for(user: Described, function: Any, room_digest: str, names: Mapping[str, Any], contents: str = "") -> Any:
+    """Compile a function (block, addresses, number) that calls functions of a user's file.
 
-    `MEMORY` and `PARAMETERS` stand in it for the types of the controller's records. What is compiled is cached under
-    the sources and the global values that it is made from.
+    What is compiled is cached under the sources and the global values that it is made from.
 
     Args:
-        controller: The controller.
+        user: What the file describes.
         function: The function.
         room_digest: The `kernel_digest` of the function's room.
+        names: What the function's global names stand for: functions of the file, types of records, or kernels.
+        contents: Stands for what those kernels are made from.
 
     Raises:
-        ControllerError: The controller cannot be compiled.
+        ControllerError: The file cannot be compiled.
     """
-    records = (controller.memory, controller.parameter_type)
-    values = frozen_values(controller.modules.values())
-    contents_digest = digest([_static_digest(controller).encode(), *values, room_digest.encode()])
-    key = controller, function, contents_digest
+    types = tuple(value for value in names.values() if isinstance(value, np.dtype))
+    values = frozen_values(user.modules.values())
+    contents_digest = digest([_static_digest(user, types, contents).encode(), *values, room_digest.encode()])
+    key = user, function, contents_digest
     if key not in _compiled:
-        start, step = jit_functions((controller.start, controller.step), controller.modules, contents_digest)
-        bound = bind(function, start=start, step=step, MEMORY=records[0], PARAMETERS=records[1])
+        own = {name: value for name, value in names.items() if isinstance(value, FunctionType)}
+        compiled = jit_functions(own.values(), user.modules, contents_digest)
+        bound = bind(function, **{**names, **dict(zip(own, compiled, strict=True))})
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", numba.core.errors.NumbaWarning)
                 _compiled[key] = compile_call(bound, contents_digest)
         except Exception as error:  # numba's own errors, and what escapes it
             instead = "; --interpret runs it as plain Python"
-            raise ControllerError(explain_refusal(error, controller.path, controller.sources, instead)) from error
+            raise ControllerError(explain_refusal(error, user.path, user.sources, instead)) from error
     return _compiled[key]
 
 
 @lru_cache
-def _static_digest(controller: Controller) -> str:
-    """Return the digest of what cannot change in a controller that is loaded, which takes long."""
-    records = repr((controller.memory, controller.parameter_type))
-    return digest([digest_sources(controller.sources, controller.modules).encode(), records.encode()])
+def _static_digest(user: Described, types: tuple[np.dtype[Any], ...], contents: str) -> str:
+    """Return the digest of what cannot change in a file that is loaded, which takes long."""
+    return digest([digest_sources(user.sources, user.modules).encode(), repr(types).encode(), contents.encode()])
 
 
 def digest_sources(sources: Mapping[Path, bytes], modules: Mapping[Path, ModuleType]) -> str:

@@ -98,7 +98,7 @@ def load_firmware(path: Path) -> Firmware:
     library.e_check.restype = ctypes.c_char_p
     check = _check_of(library, parameters)
     names, runs = (path.stem, str(path)), (_runs_in_c, _runs_in_c)
-    return Firmware(*names, path, defaults, memory, *runs, check, sources, {}, (), library)
+    return Firmware(*names, path, defaults, check, sources, {}, memory, *runs, (), library)
 
 
 def _read_fields(library: ctypes.CDLL, name: str) -> dict[str, _Field]:

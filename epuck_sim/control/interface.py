@@ -78,6 +78,28 @@ class Sensors(NamedTuple):
     """What the robot knows of its wheels, for controllers that reckon with turns."""
 
 
+class World(NamedTuple):
+    """What a sensor in a file of its own can look at, at one instant."""
+
+    time_s: float
+    """Simulated time, s."""
+    width_cm: float
+    """Length of the floor along x, cm."""
+    height_cm: float
+    """Length of the floor along y, cm."""
+    radius_cm: float
+    """Radius of a robot, cm."""
+    robots: Any
+    """(robots,) records: `x` and `y` (cm), `heading` (rad), `ring_on` (whether the ring is lit), `present` (whether the
+    robot is in the arena) and `number`."""
+    circles: Any
+    """(n,) records: `x`, `y` and `radius` (cm) of round obstacles and of movables."""
+    edges: Any
+    """(n,) records: `ax`, `ay`, `bx` and `by` (cm), the ends of an edge of another obstacle."""
+    swarm: Any
+    """All of the swarm, for the functions of `epuck_sim.embodied.sensing`."""
+
+
 ACTUATORS = np.dtype(
     [
         ("left_cm_s", np.float64),  # of the left wheel, within the wheels' limit
@@ -92,8 +114,8 @@ ACTUATORS = np.dtype(
 
 
 @dataclass(frozen=True, eq=False)
-class Controller:
-    """A controller as its file describes it."""
+class Described:
+    """What a user's file describes that runs on robots: a controller, or a sensor."""
 
     name: str
     stored_name: str
@@ -101,23 +123,11 @@ class Controller:
     path: Path
     parameters: Mapping[str, Value]
     """Name and default of each parameter."""
-    memory: np.dtype[Any]
-    """Record type of what a robot remembers."""
-    start: Callable[..., None]
-    step: Callable[..., None]
     check: Callable[[SimpleNamespace], None] | None
     sources: Mapping[Path, bytes]
-    """Contents of every file that the controller's code comes from, at the time of loading."""
+    """Contents of every file that its code comes from, at the time of loading."""
     modules: Mapping[Path, ModuleType]
-    """The module made from each of these files: the controller's own copy, which no `import` statement returns."""
-    external: tuple[str, ...]
-    """What is commanded from outside, of `EXTERNAL`."""
-
-    @property
-    def is_oscillator(self) -> bool:
-        """Whether its robots have a phase, one number, and a period."""
-        has_phase = "phase_ms" in (self.memory.names or ()) and self.memory["phase_ms"].shape == ()
-        return has_phase and isinstance(self.parameters.get("period_s"), float)
+    """The module made from each of these files: its own copy, which no `import` statement returns."""
 
     def resolve(self, given: Mapping[str, object]) -> dict[str, Value]:
         """Return every parameter with its given value or its default.
@@ -129,10 +139,12 @@ class Controller:
             ValueError: A name or value is not allowed; the message says what is.
         """
         values = with_defaults(self.name, given, self.parameters)
-        if self.is_oscillator and values["period_s"] <= 0:
-            raise ValueError(f"period_s is {values['period_s']}; allowed: above 0")
+        self.check_values(values)
         run_check(self.check, values, self.sources)
         return values
+
+    def check_values(self, values: Mapping[str, Value]) -> None:
+        """Raise ValueError for parameters that make no sense, whatever the file's own `check` says."""
 
     @cached_property
     def parameter_type(self) -> np.dtype[Any]:
@@ -149,3 +161,35 @@ class Controller:
         for name, value in values.items():
             record[name] = value
         return record
+
+
+@dataclass(frozen=True, eq=False)
+class Controller(Described):
+    """A controller as its file describes it."""
+
+    memory: np.dtype[Any]
+    """Record type of what a robot remembers."""
+    start: Callable[..., None]
+    step: Callable[..., None]
+    external: tuple[str, ...]
+    """What is commanded from outside, of `EXTERNAL`."""
+
+    @property
+    def is_oscillator(self) -> bool:
+        """Whether its robots have a phase, one number, and a period."""
+        has_phase = "phase_ms" in (self.memory.names or ()) and self.memory["phase_ms"].shape == ()
+        return has_phase and isinstance(self.parameters.get("period_s"), float)
+
+    def check_values(self, values: Mapping[str, Value]) -> None:
+        """Raise ValueError if an oscillator's period is not above 0."""
+        if self.is_oscillator and values["period_s"] <= 0:
+            raise ValueError(f"period_s is {values['period_s']}; allowed: above 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor(Described):
+    """A sensor as its file describes it; see `control.sensors`."""
+
+    readings: np.dtype[Any]
+    """Record type of what it tells the controller."""
+    sense: Callable[..., None]

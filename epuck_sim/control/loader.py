@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 
 from epuck_sim.control.firmware import load_firmware
-from epuck_sim.control.interface import EXTERNAL, Controller
-from epuck_sim.control.names import check_names
+from epuck_sim.control.interface import EXTERNAL, Controller, Described
+from epuck_sim.control.names import check_own_names
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import AS_LOADED, Kind, Place, fingerprint, kept, load_python_file
 from epuck_sim.util.builtin import CONTROLLERS, builtin_files, builtin_folder
@@ -71,19 +71,19 @@ def _load(place: Place) -> Controller:
         place.name,
         file.path,
         file.parameters(),
-        file.record_type("MEMORY"),
-        parts["start"],
-        parts["step"],
         parts.get("check"),
         file.sources,
         file.modules,
+        file.record_type("MEMORY"),
+        parts["start"],
+        parts["step"],
         external,
     )
-    check_names(controller)
+    check_own_names(controller)
     return controller
 
 
-def check_imported_copies(controller: Controller) -> None:
+def check_imported_copies(controller: Described) -> None:
     """Reject values that the program set in its own import of a controller's file, which the controller would not see.
 
     Raises:

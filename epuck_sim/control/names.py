@@ -1,45 +1,67 @@
 """Checks the names that a controller's code uses of its sensors, memory, actuators and parameters, without running it.
 
-Compiled and interpreted controllers thus get the same message, even for code that is seldom reached.
+Compiled and interpreted controllers thus get the same message, even for code that is seldom reached. The same goes for
+sensors in files of their own. What a controller reads of its sensors depends on which sensors its robots have.
 """
 
 import ast
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 
 import numpy as np
 
-from epuck_sim.control.interface import ACTUATORS, Controller, Sensors
+from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, World
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.messages import comma_list, nearest_name
 
 ARGUMENTS: Mapping[str, tuple[str, ...]] = {
     "step": ("sensors", "memory", "actuators", "parameters", "random"),
     "start": ("memory", "parameters", "random"),
+    "sense": ("world", "robot", "readings", "parameters", "random"),
     "check": ("parameters",),
 }
-"""What a controller's functions are given, in this order."""
+"""What a controller's functions, and a sensor's, are given, in this order."""
 
 
-def check_names(controller: Controller) -> None:
-    """Reject a controller that uses a name which its sensors, memory, actuators or parameters do not have.
-
-    Functions that `start`, `step` and `check` hand these to are followed. What is assigned to another name, or comes
-    from elsewhere, is not looked at.
+def check_own_names(user: Controller | Sensor) -> None:
+    """Reject a file that uses names which its memory, actuators, readings, world or parameters do not have.
 
     Raises:
         ControllerError: The message has file, line, and the nearest name.
     """
-    known = {
-        "sensors": Sensors._fields,
-        "memory": controller.memory.names or (),
-        "actuators": ACTUATORS.names or (),
-        "parameters": tuple(controller.parameters),
-    }
-    trees = {str(path): ast.parse(source) for path, source in controller.sources.items()}
+    own: dict[str, Sequence[str]] = (
+        {"readings": user.readings.names or (), "world": World._fields}
+        if isinstance(user, Sensor)
+        else {"memory": user.memory.names or (), "actuators": ACTUATORS.names or ()}
+    )
+    _check_names(user, {**own, "parameters": tuple(user.parameters)})
+
+
+@lru_cache
+def check_sensed(controller: Controller, readings: tuple[str, ...] = ()) -> None:
+    """Reject a controller that uses a name which its sensors do not have.
+
+    Args:
+        controller: The controller.
+        readings: Names of what sensors in files of their own tell it.
+
+    Raises:
+        ControllerError: The message has file, line, and the nearest name.
+    """
+    _check_names(controller, {"sensors": (*Sensors._fields, *readings)})
+
+
+def _check_names(user: Described, known: Mapping[str, Sequence[str]]) -> None:
+    """Check the names that a file's functions use of what they are given, by these roles.
+
+    Functions that they hand these to are followed. What is assigned to another name, or comes from elsewhere, is not
+    looked at.
+    """
+    trees = {str(path): ast.parse(source) for path, source in user.sources.items() if path.suffix == ".py"}
     todo: list[tuple[object, tuple[str | None, ...]]] = [
-        (getattr(controller, name), arguments) for name, arguments in ARGUMENTS.items()
+        (getattr(user, name), arguments) for name, arguments in ARGUMENTS.items() if hasattr(user, name)
     ]
     done = set()
     while todo:
@@ -86,7 +108,7 @@ def _check_attributes(
     for node in sorted(used, key=lambda node: (node.lineno, node.col_offset)):
         assert isinstance(node.value, ast.Name)
         role = names[node.value.id]
-        kind = Sensors if role == "sensors" else np.record  # whose own attributes are allowed, too
+        kind = {"sensors": Sensors, "world": World}.get(role, np.record)  # whose own attributes are allowed, too
         if role in known and node.attr not in known[role] and not hasattr(kind, node.attr):
             raise ControllerError(f"{file}:{node.lineno}: {unknown_name(role, node.attr, known[role])}")
 

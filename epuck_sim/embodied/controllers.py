@@ -18,8 +18,10 @@ import numpy.typing as npt
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
-from epuck_sim.control.interface import ACTUATORS, Controller, Sensors, Wheels
+from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
+from epuck_sim.control.names import check_sensed
+from epuck_sim.embodied.sensors.completion import completion, names_of_readings, view_at
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, open_block, swarm_at
 from epuck_sim.errors import ControllerError
 from epuck_sim.user_files import line_of_error
@@ -51,6 +53,7 @@ AGAIN_S = 1.0
 if TYPE_CHECKING:  # `bind` provides them
     start: Callable[..., None]
     step: Callable[..., None]
+    complete: Callable[..., Any]
     MEMORY: np.dtype[Any]
     PARAMETERS: np.dtype[Any]
 
@@ -86,7 +89,8 @@ def _run(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: A
             sensed.messages[:],
             wheels,
         )
-        step(sensors, memories[member], robot.actuators, parameters, robot.random[:])  # noqa: F821
+        sensed_by_all = complete(sensors, block, swarm, group.sense, member)  # noqa: F821
+        step(sensed_by_all, memories[member], robot.actuators, parameters, robot.random[:])  # noqa: F821
     scene.serving = -1
 
 
@@ -144,20 +148,31 @@ class GroupControllers:
     """Runs one control step of each robot; takes the block, the addresses and the group's number. Compiled, unless
     controllers are interpreted."""
 
-    def __init__(self, block: ByteArray, number: int, controller: Controller, *, interpret: bool = False) -> None:
+    def __init__(
+        self,
+        block: ByteArray,
+        number: int,
+        controller: Controller,
+        sensors: Sequence[Sensor] = (),
+        *,
+        interpret: bool = False,
+    ) -> None:
         """Prepare `controller`, without starting it: the block stays as it is.
 
         Args:
             block: The swarm, in which the group has its bytes, see `assign_bytes`.
             number: Number of the group.
             controller: What runs on its robots.
+            sensors: Their sensors in files of their own.
             interpret: Whether it runs as plain Python instead of compiled.
 
         Raises:
-            ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
+            ControllerError: It cannot be compiled, reads what its sensors do not tell, or the program has set a value
+                in its own import of the file.
         """
         check_imported_copies(controller)
-        self.controller = controller
+        check_sensed(controller, names_of_readings(sensors))
+        self.controller, self._sensors = controller, sensors
         self._block, self._number, self._swarm = block, number, open_block(block)
         self._scene, self._group = self._swarm.scene[0], self._swarm.groups[number]
         self.robots = slice(int(self._group.first), int(self._group.first + self._group.count))
@@ -175,9 +190,12 @@ class GroupControllers:
             else:
                 self._entries[0] = address_of(_run_firmware_compiled)
         elif interpret:
-            self.run = _interpreted(controller, self._swarm)
+            self.run = self._interpreted(self._swarm)
         else:
-            self.run = compile_for(controller, _run, kernel_digest("embodied"))
+            names = {"start": controller.start, "step": controller.step, "complete": completion(sensors)}
+            types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
+            contents = repr([(each.name, each.readings) for each in sensors])
+            self.run = compile_for(controller, _run, kernel_digest("embodied"), {**names, **types}, contents)
             self._entries[0] = function_address(self.run)
 
     def addresses(self, first: int) -> list[int]:
@@ -237,7 +255,7 @@ class GroupControllers:
     def fault(self, error: BaseException) -> "RobotError | None":
         """Return what to say of an error that a robot of this group has raised; None if none of them did."""
         member = int(self._scene.serving - self._group.first)
-        if not 0 <= member < self._group.count:
+        if self._scene.sensing or not 0 <= member < self._group.count:
             return None
         if isinstance(error, BdbQuit | KeyboardInterrupt):  # the debugger was left, or Ctrl-C pressed
             return None
@@ -259,8 +277,8 @@ class GroupControllers:
         swarm.robots.present[others] = swarm.robots.starts[others] = False
         expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
         try:
-            with _time_limit(AGAIN_S):
-                _interpreted(self.controller, swarm)(block, np.zeros(0, np.int64), self._number)
+            with time_limit(AGAIN_S):
+                self._interpreted(swarm)(block, np.zeros(0, np.int64), self._number)
         except KeyboardInterrupt:
             raise
         except BaseException as second:
@@ -268,9 +286,23 @@ class GroupControllers:
                 return line_of_error(second, self.controller.sources)
         return None
 
+    def _interpreted(self, swarm: Swarm) -> Any:
+        """Return `_run` as plain Python, which raises where compiled code does and numpy would warn: at 1 / 0."""
+        views = _views(swarm)
+        names: dict[str, Any] = {
+            "start": self.controller.start,
+            "step": self.controller.step,
+            "complete": completion(self._sensors, view_at),
+            "MEMORY": self.controller.memory,
+            "PARAMETERS": self.controller.parameter_type,
+            "swarm_at": lambda _: views,
+            "array_at": view_at,
+        }
+        return np.errstate(divide="raise", invalid="raise")(bind(_run, **names))
+
 
 @contextmanager
-def _time_limit(seconds: float) -> Iterator[None]:
+def time_limit(seconds: float) -> Iterator[None]:
     """Raise TimeoutError in Python code that takes longer."""
     end_s, before = perf_counter() + seconds, sys.gettrace()
 
@@ -284,20 +316,6 @@ def _time_limit(seconds: float) -> Iterator[None]:
         yield
     finally:
         sys.settrace(before)
-
-
-def _interpreted(controller: Controller, swarm: Swarm) -> Any:
-    """Return `_run` as plain Python, which raises, as compiled code does, where numpy would warn of a division by 0."""
-    views = _views(swarm)
-    names: dict[str, Any] = {
-        "start": controller.start,
-        "step": controller.step,
-        "MEMORY": controller.memory,
-        "PARAMETERS": controller.parameter_type,
-        "swarm_at": lambda _: views,
-        "array_at": lambda block, first, end, dtype: block[first:end].view(dtype).view(np.recarray),
-    }
-    return np.errstate(divide="raise", invalid="raise")(bind(_run, **names))
 
 
 def _views(swarm: Swarm) -> Swarm:
@@ -345,13 +363,14 @@ def _rows(array: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
 
 
 class RobotError(ControllerError):
-    """The controller of a robot has raised an error.
+    """The controller of a robot, or a sensor in a file of its own, has raised an error.
 
     Attributes:
         robot: The robot's number in its group.
     """
 
-    def __init__(self, controller: Controller, robot: int, error: BaseException, place: str) -> None:
-        inside = "" if place.startswith(str(controller.path)) else f" (in the controller {controller.path})"
+    def __init__(self, user: Described, robot: int, error: BaseException, place: str) -> None:
+        kind = "sensor" if isinstance(user, Sensor) else "controller"
+        inside = "" if place.startswith(str(user.path)) else f" (in the {kind} {user.path})"
         super().__init__(f"{place}: {describe_error(error)}{inside}")
         self.robot = robot

@@ -1,5 +1,6 @@
 """Makes the block of a scenario's swarm, with all that does not depend on a trial's seed."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -8,13 +9,15 @@ import numpy as np
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import ByteArray
-from epuck_sim.control.interface import Controller
+from epuck_sim.control.interface import Controller, Sensor
 from epuck_sim.embodied.cells import cells_needed, set_cells
 from epuck_sim.embodied.changes.faults import log_length, set_faults
 from epuck_sim.embodied.controllers import assign_bytes, bytes_needed
 from epuck_sim.embodied.sensors.camera import set_camera
 from epuck_sim.embodied.sensors.flash_cone import set_cone
 from epuck_sim.embodied.sensors.infrared import set_infrared
+from epuck_sim.embodied.sensors.own import assign_sense
+from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.sensors.radio import set_radio, slots_of
 from epuck_sim.embodied.swarm import Swarm, make_block, open_block
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -24,7 +27,10 @@ from epuck_sim.scenario.signals import ConeSignal, RadioSignal
 
 
 def make_swarm_block(
-    scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]
+    scenario: EmbodiedScenario,
+    arenas: Sequence[Arena],
+    controllers: Sequence[Controller],
+    sensors: Sequence[Sequence[Sensor]],
 ) -> ByteArray:
     """Return the block of a swarm before its first trial: robots have no places yet, and nothing is drawn.
 
@@ -32,23 +38,33 @@ def make_swarm_block(
         scenario: The scenario.
         arenas: Every arena that there is in a trial, first the one that it begins with.
         controllers: What runs on each group.
+        sensors: Each group's sensors in files of their own.
     """
-    block = make_block(_lengths(scenario, arenas, controllers))
+    block = make_block(_lengths(scenario, arenas, controllers, sensors))
     swarm = open_block(block)
     _set_scene(swarm.scene[0], scenario)
     set_arena(swarm, arenas[0], scenario.robot.cell_cm)
+    _set_floor(swarm, arenas[0])
     _set_robots(swarm.robots, scenario)
     _set_groups(swarm, scenario, controllers)
+    _set_senses(swarm, scenario, sensors)
     set_faults(swarm, scenario)
     _set_reference(swarm, scenario.stop.reference_robot)
     return block
 
 
-def _lengths(scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]) -> dict[str, int]:
+def _lengths(
+    scenario: EmbodiedScenario,
+    arenas: Sequence[Arena],
+    controllers: Sequence[Controller],
+    sensors: Sequence[Sequence[Sensor]],
+) -> dict[str, int]:
     """Return how long each array of the block is."""
     robots, faults = scenario.robot_count, len(scenario.faults)
     groups = scenario.robots
-    most_calls = 7 + 9 * len(groups)  # of the swarm: imperfections, faults; of a group: sensors, controllers, faults
+    own = [(each, group.count) for group, listed in zip(groups, sensors, strict=True) for each in listed]
+    # of the swarm: imperfections, faults; of a group: sensors, controllers, faults
+    most_calls = 7 + 9 * len(groups) + len(own)
     return {
         "robots": robots,
         "groups": len(groups),
@@ -66,6 +82,12 @@ def _lengths(scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: S
         "log": log_length(scenario),
         "numbers": 3 * robots + 2 * scenario.camera_pixels,
         "depths": 3 * scenario.camera_pixels,
+        "patches": len(arenas[0].floor.patches),
+        "patch_edges": len(arenas[0].floor.edges),
+        "lamps": len(arenas[0].lamps),
+        "picture": arenas[0].floor.picture.size,
+        "senses": len(own),
+        "sensed": sum(itertools.starmap(sensed_bytes_needed, own)),
         "bytes": sum(bytes_needed(each, group.count) for group, each in zip(groups, controllers, strict=True)),
     }
 
@@ -117,7 +139,22 @@ def set_arena(swarm: Swarm, arena: Arena, cell_cm: float) -> None:
     set_cells(swarm, arena.width_cm, arena.height_cm, cell_cm)
 
 
+def _set_floor(swarm: Swarm, arena: Arena) -> None:
+    """Write floor and lamps, which no schedule changes."""
+    scene, floor = swarm.scene[0], arena.floor
+    scene.brightness = floor.brightness
+    scene.picture_rows, scene.picture_columns = floor.picture.shape
+    swarm.picture[:] = floor.picture.ravel()
+    for name in ("brightness", "x", "y", "radius"):
+        swarm.patches[name] = floor.patches[name]
+    swarm.patches.first, swarm.patches.edges = floor.patches["first_edge"], floor.patches["edge_count"]
+    edges, lamps = swarm.patch_edges, swarm.lamps
+    edges.ax, edges.ay, edges.bx, edges.by = floor.edges.T
+    lamps.x, lamps.y, lamps.height, lamps.strength = arena.lamps.T
+
+
 def _set_robots(robots: Any, scenario: EmbodiedScenario) -> None:
+    robots.number = np.arange(len(robots))
     robots.present = scenario.present
     robots.wheel_gain = robots.free_gain = robots.clock_rate = robots.infrared_gain = 1.0
     robots.own_step_ms = robots.sensors.step_ms = scenario.timing.step_ms
@@ -142,6 +179,16 @@ def _set_groups(swarm: Swarm, scenario: EmbodiedScenario, controllers: Sequence[
         robot, row, ray = robot + section.count, row + rows, ray + section.pixels
         pulses += slots_of(section.signal, scenario.timing.step_ms) * section.count
         byte += bytes_needed(controller, section.count)
+
+
+def _set_senses(swarm: Swarm, scenario: EmbodiedScenario, sensors: Sequence[Sequence[Sensor]]) -> None:
+    number, byte = 0, 0
+    for group, section, listed in zip(swarm.groups, scenario.robots, sensors, strict=True):
+        group.sense = number
+        for name, sensor in zip(section.sensors, listed, strict=True):
+            swarm.senses[number].name = scenario.sensor_names.index(name)
+            assign_sense(swarm.senses[number], sensor, group.first, group.count, byte)
+            number, byte = number + 1, byte + sensed_bytes_needed(sensor, group.count)
 
 
 def _set_signal(swarm: Swarm, group: Any, section: RobotGroup, scenario: EmbodiedScenario) -> None:

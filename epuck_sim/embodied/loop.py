@@ -11,6 +11,7 @@ from epuck_sim.embodied.bodies.drive import apply_commands
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.calls import plan_calls
 from epuck_sim.embodied.controllers import GroupControllers
+from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.sensors.signals import sensors_of
 from epuck_sim.embodied.start import draw_noise
 from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, open_block, swarm_at
@@ -150,6 +151,7 @@ class ControlLoop:
         scenario: EmbodiedScenario,
         block: ByteArray,
         world: World,
+        sensors: Sequence[OwnSensor],
         groups: Sequence[GroupControllers],
         *,
         interpret: bool,
@@ -160,17 +162,18 @@ class ControlLoop:
             scenario: The scenario.
             block: The swarm.
             world: Its bodies.
+            sensors: Sensors in files of their own, of all groups.
             groups: The controllers of each group.
             interpret: Whether controllers run as plain Python.
         """
         self._block, self._world, self._scene = block, world, open_block(block).scene[0]
         self._in_python = interpret or world.is_public
-        calls = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups)
+        calls = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups, sensors)
         imperfections = {tick: scenario.spread.clock_rate > 0, stop_and_release: scenario.stuck.per_hour > 0}
         early = [*((function, 0) for function, exists in imperfections.items() if exists), *calls.early]
         self._early, self._late = (
             [
-                (function.run if isinstance(function, GroupControllers) else function, argument)
+                (function.run if isinstance(function, GroupControllers | OwnSensor) else function, argument)
                 for function, argument in each
             ]
             for each in (early, calls.late)
@@ -184,7 +187,8 @@ class ControlLoop:
         for function, _ in (*early, *calls.late):
             if function not in numbers:
                 numbers[function] = len(addresses)
-                addresses.append(0 if self._in_python else address_of(function))
+                is_own = isinstance(function, OwnSensor)
+                addresses.append(0 if self._in_python else function.address if is_own else address_of(function))
         listed = open_block(block).calls
         for index, (function, argument) in enumerate((*early, *calls.late)):
             listed[index].function, listed[index].argument = numbers[function], argument

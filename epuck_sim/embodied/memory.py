@@ -1,16 +1,20 @@
-"""Fields of what controllers remember, by name, for measures, traces and recordings."""
+"""Fields of what controllers remember and read, by name, for measures, traces and recordings."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.control.loader import find_controller
+from epuck_sim.control.sensors import find_sensor
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.util.messages import comma_list, did_you_mean
+
+if TYPE_CHECKING:  # a step knows this module
+    from epuck_sim.embodied.step import Step
 
 
 def memory_field(memory: npt.NDArray[Any], field: str, default: float) -> FloatArray:
@@ -23,6 +27,30 @@ def memory_field(memory: npt.NDArray[Any], field: str, default: float) -> FloatA
 def memory_values(memories: Sequence[npt.NDArray[Any]], field: str) -> FloatArray:
     """Return (robots,) a copy of a field of all groups' memories; NaN for robots that have no such field."""
     return np.concatenate([memory_field(memory, field, np.nan) for memory in memories])
+
+
+READING = "sensors."
+"""Begins names of readings of sensors in files of their own: `sensors.ground`, or `sensors.ground.2` of an array."""
+
+
+def reading_fields(scenario: EmbodiedScenario) -> list[str]:
+    """Return the names of all single numbers that robots read of sensors in files of their own."""
+    fields: dict[str, None] = {}
+    for section in (each for group in scenario.robots for each in group.sensors.values()):
+        readings = find_sensor(section["file"]).readings
+        for name in readings.names or ():
+            size = int(np.prod(readings[name].shape, dtype=int))
+            of_array = [f"{READING}{name}.{place}" for place in range(size)]
+            fields |= dict.fromkeys(of_array if readings[name].shape else [f"{READING}{name}"])
+    return list(fields)
+
+
+def field_values(step: "Step", field: str) -> FloatArray:
+    """Return (robots,) the values of a field of all robots' memories, or of a reading; NaN for those that lack it."""
+    if not field.startswith(READING):
+        return memory_values(step.memories, field)
+    name, _, place = field.removeprefix(READING).partition(".")
+    return step.readings[name].reshape(len(step.poses), -1)[:, int(place or 0)]
 
 
 def check_field(scenario: EmbodiedScenario, field: str, robot: int | None = None) -> None:

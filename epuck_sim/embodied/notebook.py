@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.arrays import IntArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.display.arena_svg import DARK, LIT, draw_arena
 from epuck_sim.display.html import element, table, to_html
 from epuck_sim.scenario.embodied import EmbodiedScenario
@@ -33,6 +33,7 @@ def show_simulation(scenario: EmbodiedScenario, seed: int, step: "Step") -> str:
 def show_step(step: "Step") -> str:
     """Return a table of what robots sensed and command at a step as HTML."""
     head = element("p", element("b", f"Step {step.number}"), f", {step.time_s:.1f} s")
+    readings = step.readings
     robots = range(min(len(step.poses), MOST_ROBOTS))
     rows = (
         [
@@ -43,12 +44,18 @@ def show_step(step: "Step") -> str:
             _draw_camera(step.camera[robot]),
             ", ".join(f"{value:.1f}" for value in step.wheels_cm_s[robot]),
             "lit" if step.ring_on[robot] else "dark",
+            *(_in_words(values[robot]) for values in readings.values()),
         ]
         for robot in robots
     )
     rest = len(step.poses) - len(robots)
     more = [element("p", f"and {rest} robots more")] * bool(rest)
-    return to_html(head, table(HEADINGS, rows), *more)
+    return to_html(head, table((*HEADINGS, *readings), rows), *more)
+
+
+def _in_words(reading: FloatArray) -> str:
+    """Return a robot's reading of a sensor in a file of its own, one number or an array."""
+    return ", ".join("-" if np.isnan(value) else f"{value:.3g}" for value in reading.ravel().tolist())
 
 
 def _nearest(distance_mm: IntArray) -> str:

@@ -4,6 +4,7 @@ Within a step all robots sense the same instant, then every controller runs, the
 bodies move. What a controller commands in one step is seen by the other robots in the next.
 """
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Self
@@ -15,6 +16,7 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
+from epuck_sim.control.sensors import find_sensor
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.changes.attendance import put_in, take_out
 from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take_events
@@ -26,11 +28,12 @@ from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers.relations import Relations
 from epuck_sim.embodied.placement import Placement
+from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
-from epuck_sim.embodied.swarm import PIXELS, open_block
+from epuck_sim.embodied.swarm import PATCHES, PIXELS, open_block
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters
@@ -38,6 +41,7 @@ from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
+from epuck_sim.scenario.sensors import sensor_parameters
 from epuck_sim.user_files import Value
 from epuck_sim.util.memory import lack_of_memory
 
@@ -106,7 +110,10 @@ class Simulation:
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         controllers = [find_controller(group.controller) for group in scenario.robots]
         groups = zip(controllers, scenario.robots, strict=True)
-        self._block = make_swarm_block(scenario, self._arenas, controllers)
+        self._own_sensors = [
+            [find_sensor(section["file"]) for section in group.sensors.values()] for group in scenario.robots
+        ]
+        self._block = make_swarm_block(scenario, self._arenas, controllers, self._own_sensors)
         contact = scenario.contact
         self._world = World(
             *(self._block, self._arenas),
@@ -126,13 +133,20 @@ class Simulation:
         self._varies = bool(swarm.scene[0].robots_vary)
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
         self._groups = [
-            GroupControllers(block, number, controller, interpret=self._interpret)
+            GroupControllers(block, number, controller, self._own_sensors[number], interpret=self._interpret)
             for number, controller in enumerate(controllers)
         ]
+        self._sensors = [
+            OwnSensor(block, number, sensor, interpret=self._interpret)
+            for number, sensor in enumerate(itertools.chain(*self._own_sensors))
+        ]
+        sections = itertools.chain(*(group.sensors.values() for group in scenario.robots))
+        for own, section in zip(self._sensors, sections, strict=True):
+            own.parameters[:] = own.sensor.parameter_record({name: section[name] for name in own.sensor.parameters})
         for group, record in zip(self._groups, parameters, strict=True):
             group.parameters[:] = record
         self._first_parameters = parameters
-        self._loop = ControlLoop(scenario, block, self._world, self._groups, interpret=self._interpret)
+        self._loop = ControlLoop(scenario, block, self._world, self._sensors, self._groups, interpret=self._interpret)
         counts = [section.count for section in scenario.robots]
         self.commands = Commands(controllers, counts, block, self._loop.addresses)
         self._find_periods()
@@ -147,7 +161,8 @@ class Simulation:
         self._arena = arena
         self._relations = Relations(self.scenario, self._swarm, arena)
         memories = [group.memory for group in self._groups]
-        self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, self._relations)
+        sensed = [(sensor.robots, sensor.readings) for sensor in self._sensors]
+        self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, sensed, self._relations)
 
     def reset(self, seed: int | None = None) -> None:
         """Start anew, to the same outcome as a new simulation with this seed, but many times as fast.
@@ -170,8 +185,10 @@ class Simulation:
         self.is_firing = False
         block, addresses = self._block, self._loop.addresses
         block[: len(self._template)] = self._template
-        block[len(self._template) :] = 0
+        block[len(self._template) : self._swarm.scene[0].at[PATCHES]] = 0
         draw_start(block, self.seed)
+        for sensor in self._sensors:
+            sensor.draw_streams(self.seed)
         if self._varies:
             vary(block)
         self._placement.place(block)
@@ -323,6 +340,14 @@ class Simulation:
         changed.parameters[:] = controller.parameter_record(resolved)
         self._find_periods()
 
+    def _set_sensor(self, group: int, name: str, values: Mapping[str, Value]) -> None:
+        names = [(number, key) for number, section in enumerate(self.scenario.robots) for key in section.sensors]
+        changed = self._sensors[names.index((group, name))]
+        now = {**self.scenario.robots[group].sensors[name], **changed.sensor.parameter_values(changed.parameters[0])}
+        origin = f"{self.scenario.name}: robots.{group}.sensors"
+        resolved = sensor_parameters({name: now}, name, values, origin)
+        changed.parameters[:] = changed.sensor.parameter_record(resolved)
+
     def carry_out_scheduled(self, entry: int) -> None:
         """Carry out an entry of the scenario's schedule now: its changes act from the next step on.
 
@@ -358,6 +383,8 @@ class Simulation:
             raise ControllerError(f"{origin}: {error}") from error
         for group, values in entry.parameters().items():
             self._set_parameters(group, values)
+        for (group, name), values in entry.sensor_parameters().items():
+            self._set_sensor(group, name, values)
         if entry.displace is not None:
             displace_phases(swarm, self._groups, entry.displace, phases)
         for faults, begins in ((entry.begin, True), (entry.end, False)):
@@ -392,7 +419,7 @@ class Simulation:
         first_parameters[group] = controller.parameter_record(at_first)
         try:
             controllers = [controller if each is old else each.controller for each in self._groups]
-            self._block = make_swarm_block(self.scenario, self._arenas, controllers)
+            self._block = make_swarm_block(self.scenario, self._arenas, controllers, self._own_sensors)
             self._build(controllers, first_parameters)
             replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
         except BaseException:
@@ -469,6 +496,9 @@ class Simulation:
 
     def _located(self, error: BaseException) -> BaseException:
         """Return the error of a controller with its location; any other error as it is."""
+        for sensor in self._sensors:
+            if fault := sensor.fault(error):
+                return ControllerError(f"{self._location(fault.robot)}: {fault}")
         for group in self._groups:
             if fault := group.fault(error):
                 return ControllerError(f"{self._location(group.robots.start + fault.robot)}: {fault}")

@@ -34,6 +34,7 @@ class Part(IntEnum):
     SIGNALS = 5
     FAULTS = 6
     SCHEDULE = 7
+    SENSORS = 8
 
 
 _PLACEMENT, _INFRARED_NOISE, _WHEEL_NOISE, _CONTROLLERS, _VARIATION, _SIGNALS, *_ = map(int, Part)

@@ -49,6 +49,8 @@ class Step(NamedTuple):
     """Walls and obstacles at this instant, and the movables: another one after the schedule has changed it."""
     memories: tuple[npt.NDArray[Any], ...]
     """One record array for each group: the memory of each of its robots."""
+    sensed: tuple[tuple[slice, npt.NDArray[Any]], ...]
+    """Of each sensor in a file of its own, numbers of the robots that have it and a record array of what they read."""
     relations: Relations
     """Finds `sightings` and `contacts`."""
 
@@ -58,6 +60,17 @@ class Step(NamedTuple):
         groups = [memory_field(memory, "phase_ms", np.nan) for memory in self.memories]
         phases = groups[0] if len(groups) == 1 else np.concatenate(groups)  # a concatenation takes as long as all else
         return phases if self.present.all() else np.where(self.present, phases, np.nan)
+
+    @property
+    def readings(self) -> dict[str, FloatArray]:
+        """(robots, ...) what robots read of sensors in files of their own, by name; NaN for those that lack it."""
+        found: dict[str, FloatArray] = {}
+        for robots, records in self.sensed:
+            for name in records.dtype.names or ():
+                values = records[name]
+                everyone = found.setdefault(name, np.full((len(self.poses), *values.shape[1:]), np.nan))
+                everyone[robots] = values
+        return found
 
     @property
     def flash_seen(self) -> BoolArray:
@@ -98,9 +111,10 @@ class ShownArrays:
         swarm: Swarm,
         arena: Arena,
         memories: Sequence[npt.NDArray[Any]],
+        sensed: Sequence[tuple[slice, npt.NDArray[Any]]],
         relations: Relations,
     ) -> None:
-        """Find the arrays of a swarm in an arena; memories: what the robots of each group remember."""
+        """Find the arrays of a swarm in an arena; memories, sensed: see `Step`."""
         self._swarm, robots = swarm, swarm.robots
         self._poses = poses_of(robots)
         poses = self._copied_poses = self._poses.copy() if scenario.members_change else None
@@ -119,6 +133,7 @@ class ShownArrays:
             _read_only(robots.present),
             replace(arena, circles=circles),
             tuple(map(_read_only, memories)),
+            tuple((robots, _read_only(records)) for robots, records in sensed),
             relations,
         )
 

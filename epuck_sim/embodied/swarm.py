@@ -52,6 +52,7 @@ ROBOT = record_type(
         ("ring_on", "?"),  # whether it is lit: the same, unless it has a fault
         ("ring_before", "?"),  # whether it was lit a control step before, which is what others see
         ("starts", "?"),  # whether its controller is to start, where `scene.starts` says that controllers do
+        ("number", "i8"),
         ("present", "?"),  # whether the robot is in the arena; others are parked far outside, at rest, in the dark
         ("may_touch", "?"),  # whether it may touch something in this control step
         ("in_space", "?"),  # whether its body is in Chipmunk's space
@@ -169,6 +170,7 @@ GROUP = record_type(
         ("phase", "i8"),  # offset in a memory of the phase in ms; -1 for robots that are no oscillators
         ("phase_is_float", "?"),  # else it is a whole number
         ("period", "i8"),  # offset in the parameters of the period in s
+        ("sense", "i8"),  # index in `Swarm.senses` of its first sensor in a file of its own
     ]
 )
 """A group of robots with the same controller and sensors."""
@@ -182,10 +184,32 @@ CIRCLE = record_type([("x", "f8"), ("y", "f8"), ("radius", "f8")])
 EDGE = record_type([("ax", "f8"), ("ay", "f8"), ("bx", "f8"), ("by", "f8"), ("polygon", "i8")])
 """An edge of another obstacle, cm, from a to b counter-clockwise, and the obstacle's number."""
 
+SENSE = record_type(
+    [
+        ("name", "i8"),  # number of its name among those of all, see `EmbodiedScenario.sensor_names`
+        ("first", "i8"),  # number of the first robot that has it
+        ("count", "i8"),  # number of these robots
+        ("parameters", "i8"),  # offset in `Swarm.sensed` of the record of its parameters
+        ("readings", "i8"),  # of the records of what robots read
+        ("random", "i8"),  # of the robots' streams, four words each
+        ("end", "i8"),  # of what follows them
+        ("floats", "i8"),  # number of words at the beginning of a reading that are floats; others are whole numbers
+    ]
+)
+"""A sensor in a file of its own, of one group."""
+
+PATCH = record_type([(name, "f8") for name in ("brightness", "x", "y", "radius")] + [("first", "i8"), ("edges", "i8")])
+"""A patch of the floor: brightness from 0 to 1; centre and radius in cm of a disc, or of a convex polygon its first
+edge in `Swarm.patch_edges` and how many it has."""
+
+LAMP = record_type([(name, "f8") for name in ("x", "y", "height", "strength")])
+"""A lamp above the floor, cm; its strength is the light on the floor right below."""
+
 FAULT = record_type(
     [
         ("kind", "i8"),  # see `changes.faults.KINDS`
         ("strength", "f8"),  # rate of a clock, its jitter, or the share of flashes that is missed; 0 for others
+        ("sensor", "i8"),  # number of the name of the sensor, in a file of its own, that is dead
         ("nearer_cm", "f8"),  # flashes from nearer than this are missed ...
         ("farther_cm", "f8"),  # ... or from farther than this
         ("begin_ms", "f8"),  # when it begins, or may begin; infinity for those that are scheduled
@@ -217,7 +241,7 @@ SPACE, GROUND, HIDE = range(3)
 """Indices in the addresses: Chipmunk's space, the body of the floor, and the function (block, addresses, robot) that
 writes to the scratch numbers which lit rings faults leave visible to a robot."""
 
-ARRAYS = 17
+ARRAYS = 23
 """Number of arrays in a block, the scene included."""
 
 SCENE = record_type(
@@ -238,6 +262,9 @@ SCENE = record_type(
         ("cell_width_cm", "f8"),
         ("cell_height_cm", "f8"),
         ("radius_cm", "f8"),  # of a robot
+        ("brightness", "f8"),  # of the floor where there is no patch and no picture
+        ("picture_rows", "i8"),  # of the floor's picture; 0 if there is none
+        ("picture_columns", "i8"),
         ("touch", "?"),  # whether robots touch each other; else they pass through each other
         ("moved_publicly", "?"),  # whether bodies move by pymunk's public interface, between calls of compiled code
         ("clocks_differ", "?"),
@@ -254,8 +281,9 @@ SCENE = record_type(
         ("robots_vary", "?"),  # whether `ROBOT.variation_random` is drawn from
         ("signals_draw", "?"),  # whether `ROBOT.signal_random` is
         ("spread", "f8", 4),  # half-widths of the factors of both wheels, each wheel, clocks, and infrared readings
-        ("serving", "i8"),  # robot whose controller is running; -1 if none is
-        ("kept_random", "u8", 4),  # its stream and its actuators before its controller ran
+        ("serving", "i8"),  # robot whose controller, or sensor in a file of its own, is running; -1 if none is
+        ("sensing", "i8"),  # number from 1 in `Swarm.senses` of the sensor that is running; 0 if none is
+        ("kept_random", "u8", 4),  # its stream and its actuators before that
         ("kept_actuators", ACTUATORS),
         ("starts", "?"),  # whether controllers start on the robots with `starts`, instead of running a step
         ("changes", "i8"),  # number of records in `Swarm.log`
@@ -302,6 +330,10 @@ class Swarm(NamedTuple):
     """(faults,) FAULT."""
     affected: Any
     """(faults * robots,) AFFECTED."""
+    senses: Any
+    """(n,) SENSE: sensors in files of their own, group by group."""
+    sensed: Any
+    """(n,) uint8: their parameters, readings and streams."""
     bytes: Any
     """(n,) uint8: what robots remember, and the parameters of their controllers."""
     pixels: Any
@@ -315,20 +347,29 @@ class Swarm(NamedTuple):
     and then a label of each robot: what a pixel that shows it becomes, 0 for dark rings and those that faults hide."""
     depths: Any
     """(3 * pixels of the longest row,) float64: scratch."""
+    patches: Any
+    """(n,) PATCH: patches of the floor; later ones lie on top of earlier ones."""
+    patch_edges: Any
+    """(n,) EDGE: edges of those patches that are polygons."""
+    lamps: Any
+    """(n,) LAMP."""
+    picture: Any
+    """(rows * columns,) uint8: levels of the floor's picture, row by row from the wall of largest y on."""
 
 
-INT64, FLOAT64, BYTE = np.dtype(np.int64), np.dtype(np.float64), np.dtype(np.uint8)
+INT64, FLOAT64, BYTE, WORD = map(np.dtype, (np.int64, np.float64, np.uint8, np.uint64))
 
 _DTYPES: tuple[np.dtype[Any], ...] = (
-    *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, RAY, FAULT, AFFECTED, BYTE),
-    *(INT64, PULSES, CHANGE, INT64, FLOAT64),
+    *(SCENE, ROBOT, GROUP, CALL, INT64, MEMBER, CIRCLE, EDGE, RAY, FAULT, AFFECTED, SENSE, BYTE, BYTE),
+    *(INT64, PULSES, CHANGE, INT64, FLOAT64, PATCH, EDGE, LAMP, BYTE),
 )
 assert len(_DTYPES) == len(Swarm._fields) == ARRAYS
 
 SCENE_BYTES = SCENE.itemsize
 
-BYTES, PIXELS = map(Swarm._fields.index, ("bytes", "pixels"))
-"""Numbers of two arrays of a block: from the second on, all are zeros before the first step of a trial."""
+SENSED_BYTES, BYTES, PIXELS, PATCHES = map(Swarm._fields.index, ("sensed", "bytes", "pixels", "patches"))
+"""Numbers of four arrays of a block: from the third to before the fourth, all are zeros before the first step of a
+trial; from the fourth on, nothing changes while trials run."""
 
 
 @jit_inline
@@ -348,12 +389,18 @@ def swarm_at(block: ByteArray) -> Swarm:
         array_at(block, at[8], at[9], RAY),
         array_at(block, at[9], at[10], FAULT),
         array_at(block, at[10], at[11], AFFECTED),
-        array_at(block, at[11], at[12], BYTE),
-        array_at(block, at[12], at[13], INT64),
-        array_at(block, at[13], at[14], PULSES),
-        array_at(block, at[14], at[15], CHANGE),
-        array_at(block, at[15], at[16], INT64),
-        array_at(block, at[16], at[17], FLOAT64),
+        array_at(block, at[11], at[12], SENSE),
+        array_at(block, at[12], at[13], BYTE),
+        array_at(block, at[13], at[14], BYTE),
+        array_at(block, at[14], at[15], INT64),
+        array_at(block, at[15], at[16], PULSES),
+        array_at(block, at[16], at[17], CHANGE),
+        array_at(block, at[17], at[18], INT64),
+        array_at(block, at[18], at[19], FLOAT64),
+        array_at(block, at[19], at[20], PATCH),
+        array_at(block, at[20], at[21], EDGE),
+        array_at(block, at[21], at[22], LAMP),
+        array_at(block, at[22], at[23], BYTE),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import BoolArray, Float32Array, FloatArray
+from epuck_sim.embodied.memory import READING
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.environments.rewards import Situation
@@ -65,14 +66,23 @@ class AgentSpaces:
         self._robot = robot = simulation.scenario.robot
         sensors = len(robot.infrared.sensors) if robot.infrared else 0
         sizes = {"camera": simulation.scenario.camera_pixels, "infrared": sensors}
-        sizes |= {"wheels": 2, "ring": 1, **({"phase": PHASE_FEATURES} if has_phase else {})}
+        self._readings = {name: values[0].size for name, values in simulation.last_step.readings.items()}
+        sizes |= {
+            "wheels": 2,
+            "ring": 1,
+            **({"phase": PHASE_FEATURES} if has_phase else {}),
+            **{READING + name: size for name, size in self._readings.items()},
+        }
         ends = np.cumsum(list(sizes.values())).tolist()
         self.fields = {part: slice(end - size, end) for (part, size), end in zip(sizes.items(), ends, strict=True)}
         """Which columns of an observation hold what."""
         low = np.zeros(ends[-1], np.float32)
         for part in self.fields.keys() & {"wheels", "phase"}:
             low[self.fields[part]] = -1.0
-        self.observation = gymnasium.spaces.Box(low, np.ones_like(low))
+        high = np.ones_like(low)
+        for name in self._readings:  # which may be any numbers
+            low[self.fields[READING + name]], high[self.fields[READING + name]] = -np.inf, np.inf
+        self.observation = gymnasium.spaces.Box(low, high)
         self.action = self.new_action_space()
 
     def new_action_space(self) -> gymnasium.Space[Any]:
@@ -94,6 +104,9 @@ class AgentSpaces:
         if "phase" in self.fields:
             angles = 2 * np.pi * situation.phase[:, self.robots]
             seen[..., self.fields["phase"]] = np.nan_to_num(np.stack([np.cos(angles), np.sin(angles)], axis=-1))
+        for name, size in self._readings.items():
+            values = gather([step.readings[name] for step in steps])[:, self.robots]
+            seen[..., self.fields[READING + name]] = np.nan_to_num(values.reshape(*values.shape[:2], size))
         return seen
 
     def command(self, actions: npt.ArrayLike) -> Commanded:

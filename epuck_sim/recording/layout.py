@@ -8,6 +8,7 @@ from pathlib import Path
 import rerun as rr
 import rerun.blueprint as rrb
 
+from epuck_sim.embodied.memory import READING
 from epuck_sim.recording.chunks import APPLICATION, TIMELINE
 from epuck_sim.recording.layers.arena import NUMBERS, ROBOTS
 from epuck_sim.recording.layers.events import EVENTS
@@ -39,7 +40,9 @@ def robot_layout(
         has_events: Whether there is a log of events.
     """
     flashes, lead, phases, order = _plots("robot")
-    logs: list[rrb.View] = [_plot(memory_entity(field), f"memory: {field}") for field in memory]
+    logs: list[rrb.View] = [
+        _plot(memory_entity(field), field if field.startswith(READING) else f"memory: {field}") for field in memory
+    ]
     if has_events:
         logs.insert(0, rrb.TextLogView(origin=EVENTS, name="events"))
     arena = _arena(width_cm, height_cm, MARGIN_CM)

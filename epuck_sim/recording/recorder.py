@@ -14,7 +14,7 @@ from rerun.chunk import Chunk
 from epuck_sim.recording.chunks import static_chunk, strict_mode
 from epuck_sim.recording.layers.arena import arena_entities, changing_walls, static_arena_entities
 from epuck_sim.recording.layers.events import EventLog
-from epuck_sim.recording.layers.memory import MemorySeries
+from epuck_sim.recording.layers.memory import MemorySeries, recorded_fields
 from epuck_sim.recording.layers.time_series import static_time_series, time_series
 from epuck_sim.recording.layout import layout_file
 from epuck_sim.recording.level import Level
@@ -60,7 +60,7 @@ def record(
     """
     scenario = load_scenario(scenario)  # with every default written out
     parts = parts_of(scenario)
-    memory = tuple(dict.fromkeys(memory))
+    memory = recorded_fields(scenario, level, memory)
     width_cm, height_cm = parts.population(scenario).largest_cm
     layout = layout_file(level, width_cm, height_cm, parts.layout, memory, scenario.has_events)
     with rrd_file(Path(path), recording_id(scenario, seed, level, memory), layout) as write:

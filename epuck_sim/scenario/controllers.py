@@ -10,11 +10,13 @@ import numpy as np
 
 from epuck_sim.control.interface import Controller
 from epuck_sim.control.loader import find_controller
+from epuck_sim.control.names import check_sensed
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena import find_picture, map_pictures
 from epuck_sim.scenario.axes import SweepAxes
 from epuck_sim.scenario.faults import FaultSection
 from epuck_sim.scenario.robots import RobotGroup
+from epuck_sim.scenario.sensors import resolve_sensors
 from epuck_sim.user_files import Value
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -31,8 +33,10 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
     Raises:
         ScenarioError: There is no such controller, or it does not take these parameters.
     """
+    sensors, readings = resolve_sensors(group.sensors, origin, folder)
     try:
         controller = find_controller(group.controller, folder)
+        check_sensed(controller, readings)
     except ControllerError as error:
         raise ScenarioError(f"{origin}.controller: {error}") from error
     parameters = resolve_parameters(controller, group.parameters, step_ms, origin)
@@ -41,7 +45,8 @@ def resolve_group(group: RobotGroup, step_ms: int, origin: str, folder: Path | N
             _check_memory(controller, name, value, group.count, parameters)
         except ValueError as error:
             raise ScenarioError(f"{origin}.memory: {error}") from error
-    return group.model_copy(update={"controller": controller.stored_name, "parameters": parameters})
+    found = {"controller": controller.stored_name, "parameters": parameters, "sensors": sensors}
+    return group.model_copy(update=found)
 
 
 def resolve_parameters(

@@ -128,6 +128,11 @@ class EmbodiedScenario(Scenario):
         return any(entry.remove or entry.add for entry in self.schedule) or not all(self.present)
 
     @property
+    def sensor_names(self) -> list[str]:
+        """Names of the sensors in files of their own, of all groups, each once."""
+        return list(dict.fromkeys(name for group in self.robots for name in group.sensors))
+
+    @property
     def population(self) -> int:
         """Robots in all groups."""
         return self.robot_count

@@ -5,6 +5,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 from pydantic import Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.util.messages import comma_list
 
 _WHOM = ("robots", "share", "count")
 _WHEN = ("at_s", "until_s", "per_hour", "mean_s")
@@ -138,6 +139,15 @@ class WheelsDead(FaultSection):
     kind: Literal["wheels_dead"]
 
 
+class SensorDead(FaultSection):
+    """A sensor in a file of its own reads 0."""
+
+    changes: ClassVar[str] = "sensor"
+    kind: Literal["sensor_dead"]
+    sensor: str
+    """Its name in `sensors`."""
+
+
 class Restart(FaultSection):
     """The oscillator starts anew at a random phase, with a dark ring; it takes no time."""
 
@@ -161,7 +171,8 @@ AnyFault = Annotated[
     | CameraMisses
     | InfraredDead
     | WheelsDead
-    | Restart,
+    | Restart
+    | SensorDead,
     Field(discriminator="kind"),
 ]
 
@@ -179,6 +190,11 @@ def check_faults(faults: tuple[FaultSection, ...], groups: tuple[Any, ...]) -> N
             fault.check_robots(robot_count)
         except ValueError as error:
             raise ValueError(f"faults.{number}.{error}") from error
+        if isinstance(fault, SensorDead) and not any(fault.sensor in group.sensors for group in groups):
+            own = comma_list(dict.fromkeys(name for group in groups for name in group.sensors))
+            raise ValueError(
+                f"faults.{number}.sensor is {fault.sensor!r}; allowed: a sensor in a file of its own: {own}"
+            )
         first = 0
         for place, group in enumerate(groups):
             if fault.changes == "flashes" and group.signal.kind == "radio" and fault.may_befall(first, group.count):

@@ -19,7 +19,9 @@ from epuck_sim.scenario.overrides import (
     without_quick,
 )
 from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.robot_kind import with_robot
 from epuck_sim.scenario.scenario import AnyScenario, Scenario
+from epuck_sim.scenario.sensors import spread
 from epuck_sim.scenario.validation import validate
 from epuck_sim.scenario.yaml_io import read_yaml, write_yaml
 from epuck_sim.user_files import Kind
@@ -108,7 +110,7 @@ def load_scenario(
     if isinstance(source, Scenario) and not any((settings, axes, measures, controller, quick)):
         return source.resolved(source.name)
     given, origin, folder = _read(source)
-    given = _choose_version(given, origin, quick=quick)
+    given = _expanded(_choose_version(given, origin, quick=quick), origin, folder)
     if controller is not None:
         given = note_changes(replace_controllers(given, controller, origin), [f"controller={controller}"], [])
     if measures:
@@ -120,11 +122,18 @@ def load_scenario(
     options = [*(f"--set {setting}" for setting in settings), *(f"--sweep {axis}" for axis in axes)]
     origin = " ".join([origin, *options])
     given = note_changes(given, settings, axes)
-    scenario = validate(given, origin)
+    scenario = validate(_expanded(given, origin, folder), origin)
     reject_swept_keys(settings, scenario.sweep)
     if controller is not None:
         reject_swept_controllers(controller, scenario.sweep)
     return scenario.resolved(origin, folder)
+
+
+def _expanded(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
+    """Return a scenario's keys with its robot's file and with sensors in each group, so that keys lead to them."""
+    if given.get("model", "embodied") != "embodied":
+        return dict(given)
+    return spread(with_robot(given, origin, folder), origin)
 
 
 def _read(source: Scenario | str | Path | Mapping[str, Any]) -> tuple[dict[str, Any], str, Path | None]:

@@ -1,15 +1,23 @@
-"""The section `robot` of a scenario: the body, wheels and sensors that all of its robots have."""
+"""The section `robot` of a scenario: the body, wheels and sensors that all of its robots have; robots in files."""
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from epuck_sim import epuck, kilobot
+from epuck_sim import epuck
 from epuck_sim.control.interface import SENSORS, Wheels
+from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.base import ConfigModel, Number, Positive
+from epuck_sim.scenario.sensors import beside
+from epuck_sim.scenario.yaml_io import read_yaml
+from epuck_sim.user_files import Kind
+from epuck_sim.util.builtin import ROBOTS, builtin_files
+from epuck_sim.util.messages import short_repr
 
 ROUNDING_CM = 1e-9
 """Distance by which a sensor may lie beyond the body's edge."""
@@ -20,6 +28,77 @@ _EPUCK_SENSORS = tuple(
         epuck.INFRARED_POSITIONS_CM.tolist(), epuck.INFRARED_DIRECTIONS_DEG.tolist(), strict=True
     )
 )
+
+
+DEFAULT = "epuck"
+"""The robot whose values stand for those that are not given."""
+
+ROBOT = Kind(
+    noun="robot",
+    error=ScenarioError,
+    suffixes=(".yaml",),
+    group="epuck_sim.robots",
+    shipped=partial(builtin_files, ROBOTS),
+)
+"""What robots are found by."""
+
+
+class RobotFile(NamedTuple):
+    """A robot as its file describes it."""
+
+    name: str
+    """Name by which it is found again."""
+    keys: dict[str, Any]
+    """Values of the keys of a `RobotKind`."""
+    sensors: Any
+    """Its sensors in files of their own, as a scenario gives them."""
+
+
+def find_robot(name: str, folder: Path | None = None) -> RobotFile:
+    """Return a robot: a shipped one, an installed package's, or the one in a file.
+
+    Args:
+        name: A name, or the path of a file, which ends in .yaml.
+        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
+
+    Raises:
+        ScenarioError: There is no such robot, or its file is no mapping of keys to values.
+    """
+    place = ROBOT.locate(name, folder)
+    assert place.path is not None  # each has a file
+    given = read_yaml(place.path)
+    if not isinstance(given, Mapping):
+        raise ScenarioError(f"{place.path}: is {short_repr(given)}; a robot is a mapping of keys to values")
+    keys = {key: value for key, value in given.items() if key not in ("description", "sensors", "kind")}
+    return RobotFile(place.name, keys, beside(given.get("sensors") or [], place.path.parent))
+
+
+def with_robot(given: Mapping[str, Any], origin: str, folder: Path | None) -> dict[str, Any]:
+    """Return a scenario's keys with the path of its robot's file, and with the sensors that come with that robot.
+
+    Args:
+        given: The keys; sensors that they give for all robots take the place of the robot's.
+        origin: Begins every message.
+        folder: The robot's file is looked for here first, then in the working directory.
+
+    Raises:
+        ScenarioError: There is no such robot.
+    """
+    robot = given.get("robot")
+    section = {"kind": robot} if isinstance(robot, str) else robot
+    if not isinstance(section, Mapping) or not isinstance(section.get("kind"), str) or _is_whole(section):
+        return dict(given)
+    try:
+        found = find_robot(section["kind"], folder)
+    except ScenarioError as error:
+        raise ScenarioError(f"{origin}: robot.kind: {error}") from error
+    sensors = {"sensors": found.sensors} if found.sensors else {}
+    return {**sensors, **given, "robot": {**section, "kind": found.name}}
+
+
+def _is_whole(section: Mapping[str, Any]) -> bool:
+    """Return whether a section `robot` has all keys, as scenarios are stored, and needs no file."""
+    return RobotKind.model_fields.keys() <= section.keys()
 
 
 class ProximitySection(ConfigModel):
@@ -59,10 +138,10 @@ class CameraMount(ConfigModel):
 
 
 class RobotKind(ConfigModel):
-    """What kind of robot all robots of the scenario are: a shipped kind, or one that differs from it in some keys."""
+    """What kind of robot all robots of the scenario are: one in a file, or one that differs from it in some keys."""
 
-    kind: Literal["epuck", "kilobot"] = "epuck"
-    """The shipped kind, whose values the other keys have by default."""
+    kind: str = "epuck"
+    """A shipped robot, an installed package's, or a file (.yaml), whose values the other keys have by default."""
     radius_cm: Annotated[Positive, Field(ge=0.5, le=50)] = epuck.RADIUS_CM
     """Radius of the body, a disc around the axle's centre."""
     height_cm: Positive = epuck.HEIGHT_CM
@@ -86,8 +165,13 @@ class RobotKind(ConfigModel):
         section = {"kind": given} if isinstance(given, str) else given
         if not isinstance(section, Mapping):
             return section
-        kind = section.get("kind", "epuck")
-        return {**(KINDS.get(kind, {}) if isinstance(kind, str) else {}), **section}
+        kind = section.get("kind", DEFAULT)
+        if not isinstance(kind, str) or _is_whole(section):
+            return section
+        try:
+            return {**find_robot(kind).keys, **section}
+        except ScenarioError as error:
+            raise ValueError(f"kind: {error}") from error
 
     @model_validator(mode="after")
     def _check_body(self) -> "RobotKind":
@@ -131,22 +215,6 @@ class RobotKind(ConfigModel):
         """Least side of a cell, cm, so that who senses or touches a robot is in its cell or in one around it."""
         return max(self.ray_reach_cm, 3 * self.radius_cm) + self.radius_cm
 
-
-KINDS: dict[str, dict[str, Any]] = {
-    "epuck": {},
-    "kilobot": {
-        "radius_cm": kilobot.RADIUS_CM,
-        "height_cm": kilobot.HEIGHT_CM,
-        "mass_g": kilobot.MASS_G,
-        "wheel_base_cm": kilobot.WHEEL_BASE_CM,
-        "wheel_limit_cm_s": kilobot.WHEEL_LIMIT_CM_S,
-        "ring_radius_cm": kilobot.RING_RADIUS_CM,
-        "ring_height_cm": kilobot.RING_HEIGHT_CM,
-        "infrared": None,
-        "camera": None,
-    },
-}
-"""Values in which each shipped kind differs from the e-puck."""
 
 EPUCK = RobotKind()
 """The e-puck."""

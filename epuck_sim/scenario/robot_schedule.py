@@ -13,10 +13,14 @@ from epuck_sim.scenario.controllers import resolve_parameters
 from epuck_sim.scenario.faults import FaultSection
 from epuck_sim.scenario.robots import RobotGroup
 from epuck_sim.scenario.schedule import Displacement, ScheduleEntry
+from epuck_sim.scenario.sensors import sensor_parameters
 from epuck_sim.user_files import Value
 
 PARAMETER = re.compile(r"robots\.(\d+)\.parameters\.(\w+)")
 """A key of a controller that a schedule may set."""
+
+SENSOR = re.compile(r"robots\.(\d+)\.sensors\.(\w+)\.(\w+)")
+"""A key of a sensor in a file of its own that a schedule may set."""
 
 ARENA = re.compile(r"arena\.(width_cm|height_cm|obstacles)")
 """A key of the arena that a schedule may set."""
@@ -63,11 +67,12 @@ class RobotScheduleEntry(ScheduleEntry):
     @staticmethod
     def check_key(key: str) -> None:
         """Raise ValueError for a key that cannot change during a trial."""
-        if ARENA.fullmatch(key):
+        if ARENA.fullmatch(key) or SENSOR.fullmatch(key):
             return
         if PARAMETER.fullmatch(key) is None:
             raise ValueError(
-                f"set: {key} cannot change during a trial; allowed: robots.NUMBER.parameters.NAME, arena.width_cm, "
+                f"set: {key} cannot change during a trial; allowed: robots.NUMBER.parameters.NAME, "
+                "robots.NUMBER.sensors.SENSOR.NAME, arena.width_cm, "
                 "arena.height_cm and arena.obstacles; besides, displace phases, begin and end faults, "
                 "and remove and add robots"
             )
@@ -93,6 +98,14 @@ class RobotScheduleEntry(ScheduleEntry):
                 values.setdefault(int(found[1]), {})[found[2]] = value
         return values
 
+    def sensor_parameters(self) -> dict[tuple[int, str], dict[str, Any]]:
+        """Return the new values of parameters by name, for each sensor by its group's number and its name."""
+        values: dict[tuple[int, str], dict[str, Any]] = {}
+        for key, value in self.set.items():
+            if found := SENSOR.fullmatch(key):
+                values.setdefault((int(found[1]), found[2]), {})[found[3]] = value
+        return values
+
     def arena_values(self) -> dict[str, Any]:
         """Return the new values of the arena's keys, by their names in the section."""
         found = {key: ARENA.fullmatch(key) for key in self.set}
@@ -109,7 +122,7 @@ def check_schedule(
     robot_count = sum(group.count for group in groups)
     for number, entry in enumerate(schedule):
         origin = f"schedule.{number}"
-        for group in entry.parameters():
+        for group in (*entry.parameters(), *(group for group, _ in entry.sensor_parameters())):
             if group >= len(groups):
                 raise ValueError(f"{origin}.set: robots.{group} is no group; allowed: robots.0 to {len(groups) - 1}")
         named = {"displace.robots": (entry.displace and entry.displace.robots) or (), "remove": entry.remove}
@@ -155,6 +168,8 @@ def check_scheduled_controllers(
         for place, values in entry.parameters().items():
             if place in known:
                 check_parameters(known[place], values, step_ms, f"{where}.set: robots.{place}")
+        for (place, name), values in entry.sensor_parameters().items():
+            sensor_parameters(groups[place].sensors, name, values, f"{where}.set: robots.{place}.sensors")
         first = 0
         for place, group in enumerate(groups):
             robots = range(first, first + group.count)

@@ -2,9 +2,10 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from epuck_sim.scenario.base import ConfigModel, Number, Positive, WholeNumber
+from epuck_sim.scenario.sensors import by_name
 from epuck_sim.scenario.signals import CameraSignal, RadioSignal, SignalSection
 
 
@@ -75,7 +76,7 @@ class InfraredSection(ConfigModel):
 class RobotGroup(ConfigModel):
     """Robots that share a controller."""
 
-    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal", "present")
+    later_keys: ClassVar[tuple[str, ...]] = ("memory", "signal", "present", "sensors")
 
     count: Annotated[WholeNumber, Field(ge=1, le=100_000)] = 10
     """Number of robots in the group; N of thesis 4.2.1, where there is one group."""
@@ -95,6 +96,8 @@ class RobotGroup(ConfigModel):
     signal: SignalSection = CameraSignal()
     camera: CameraSection = CameraSection()
     infrared: InfraredSection = InfraredSection()
+    sensors: Annotated[dict[str, dict[str, Any]], BeforeValidator(by_name)] = Field(default_factory=dict)
+    """Sensors in files of their own, each with its parameters: `[ground.py, {light.py: {range_cm: 30}}]`."""
 
     @model_validator(mode="before")
     @classmethod

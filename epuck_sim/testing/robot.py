@@ -1,6 +1,6 @@
 """One robot under its controller, with sensors that a test sets."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,7 +11,10 @@ from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.control.interface import EPUCK_WHEELS, Wheels
 from epuck_sim.control.loader import find_controller
 from epuck_sim.control.names import unknown_name
+from epuck_sim.control.sensors import find_sensor
 from epuck_sim.embodied.controllers import GroupControllers, assign_bytes, bytes_needed
+from epuck_sim.embodied.sensors.own import assign_sense, readings_of
+from epuck_sim.embodied.sensors.own import bytes_needed as sensed_bytes_needed
 from epuck_sim.embodied.swarm import make_block, open_block
 from epuck_sim.epuck import OUT_OF_RANGE_MM
 from epuck_sim.user_files import Value
@@ -33,13 +36,15 @@ class TestRobot:
     True
     """
 
-    __slots__ = ("_actuators", "_camera", "_controllers", "_senses", "memory", "parameters")
+    __slots__ = ("_actuators", "_camera", "_controllers", "_senses", "memory", "parameters", "readings")
     __test__: ClassVar[bool] = False  # or pytest would take this class for tests
 
     memory: "Record"
     """What the robot remembers, by name."""
     parameters: "Record"
     """The controller's parameters, by name; changes count from the next step on."""
+    readings: "Record"
+    """What sensors in files of their own tell, by name."""
 
     def __init__(
         self,
@@ -51,6 +56,7 @@ class TestRobot:
         step_ms: int = 100,
         interpret: bool = True,
         wheels: Wheels = EPUCK_WHEELS,
+        sensors: Sequence[str | Path] = (),
         **more_parameters: Value,
     ) -> None:
         """Start the controller.
@@ -63,6 +69,7 @@ class TestRobot:
             step_ms: Milliseconds from one step to the next.
             interpret: Whether the controller runs as plain Python, so that breakpoints and coverage work, or compiled.
             wheels: What the robot knows of its wheels; for a Kilobot, `RobotKind(kind="kilobot").wheels`.
+            sensors: Sensors in files of their own, relative to the working directory, whose `readings` a test sets.
             more_parameters: Further parameters.
 
         Raises:
@@ -71,8 +78,13 @@ class TestRobot:
         """
         found = find_controller(str(controller))
         record = found.parameter_record(found.resolve({**(parameters or {}), **more_parameters}))
-        block = make_block({"robots": 1, "groups": 1, "pixels": pixels, "bytes": bytes_needed(found, 1)})
+        own = [find_sensor(str(sensor)) for sensor in sensors]
+        sizes = [sensed_bytes_needed(sensor, 1) for sensor in own]
+        lengths = {"robots": 1, "groups": 1, "pixels": pixels, "bytes": bytes_needed(found, 1)}
+        block = make_block({**lengths, "senses": len(own), "sensed": sum(sizes)})
         swarm = open_block(block)
+        for number, sensor in enumerate(own):
+            assign_sense(swarm.senses[number], sensor, 0, 1, sum(sizes[:number]))
         scene, robot = swarm.scene[0], swarm.robots[0]
         scene.serving, scene.wheel_limit_cm_s, scene.wheel_base_cm = -1, *wheels
         swarm.groups[0].count, swarm.groups[0].pixels = 1, pixels
@@ -80,11 +92,13 @@ class TestRobot:
         assign_bytes(swarm, 0, found, 0)
         self._camera, self._senses, self._actuators = swarm.pixels, robot.sensors, robot.actuators
         self._senses.step_ms, self._senses.distance_mm, self._senses.new_picture = step_ms, OUT_OF_RANGE_MM, True
-        self._controllers = GroupControllers(block, 0, found, interpret=interpret)
+        self._controllers = GroupControllers(block, 0, found, own, interpret=interpret)
         self._controllers.parameters[:] = record
         self._controllers.start()
         self.memory = Record("memory", self._controllers.memory)
         self.parameters = Record("parameters", self._controllers.parameters)
+        sensed = zip(swarm.senses, own, strict=True)
+        self.readings = Record("readings", *(readings_of(swarm, sense, sensor) for sense, sensor in sensed))
 
     def step(self, steps: int = 1) -> None:
         """Run control steps; sensors stay as they are.
@@ -209,17 +223,18 @@ class Record:
 
     __slots__ = ("_kind", "_values")
     _kind: str
-    _values: npt.NDArray[np.void]
+    _values: dict[str, npt.NDArray[Any]]
 
-    def __init__(self, kind: str, values: npt.NDArray[np.void]) -> None:
-        """Show the only record of an array.
+    def __init__(self, kind: str, *values: npt.NDArray[np.void]) -> None:
+        """Show the fields of records.
 
         Args:
             kind: What it is called in messages.
-            values: (1,) the record.
+            values: (1,) each record.
         """
+        fields = {name: record.view(np.ndarray)[name] for record in values for name in record.dtype.names or ()}
         object.__setattr__(self, "_kind", kind)
-        object.__setattr__(self, "_values", values.view(np.ndarray))
+        object.__setattr__(self, "_values", fields)
 
     def __getattr__(self, name: str) -> Any:
         value = self._field(name)[0]
@@ -229,12 +244,12 @@ class Record:
         self._field(name)[0] = value
 
     def __dir__(self) -> list[str]:
-        return list(self._values.dtype.names or ())
+        return list(self._values)
 
     def __repr__(self) -> str:
         return f"{self._kind}({', '.join(f'{name}={getattr(self, name)}' for name in dir(self))})"
 
     def _field(self, name: str) -> npt.NDArray[Any]:
-        if name not in (self._values.dtype.names or ()):
-            raise AttributeError(unknown_name(self._kind, name, list(self._values.dtype.names or ())))
+        if name not in self._values:
+            raise AttributeError(unknown_name(self._kind, name, list(self._values)))
         return self._values[name]

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from epuck_sim.arrays import IntArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.memory import check_fields, memory_values
+from epuck_sim.embodied.memory import check_fields, field_values, reading_fields
 from epuck_sim.embodied.step import Step
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.loader import write_scenario
@@ -85,7 +85,7 @@ class Trace:
         self._path = path.resolve()
         self._robots = scenario.robot_count
         check_fields(scenario, memory)
-        self._columns = _columns(scenario.camera_pixels, memory)
+        self._columns = _columns(scenario.camera_pixels, memory, reading_fields(scenario))
         self._steps = max(1, CHUNK_ROWS // self._robots)
         self._values = {
             name: np.zeros((self._steps, self._robots, *column.shape), column.dtype)
@@ -153,7 +153,7 @@ def _listed(pairs: IntArray, robots: int) -> list[list[int]]:
     return lists
 
 
-def _columns(pixels: int, memory: Sequence[str]) -> dict[str, _Column]:
+def _columns(pixels: int, memory: Sequence[str], readings: Sequence[str]) -> dict[str, _Column]:
     """Return the columns of a table that has a row for each robot and control step."""
     number, whole = np.float64, np.int32
     return {
@@ -167,7 +167,8 @@ def _columns(pixels: int, memory: Sequence[str]) -> dict[str, _Column]:
         **{f"distance_mm_{sensor}": _part("distance_mm", sensor, whole) for sensor in range(SENSORS)},
         **{f"infrared_{sensor}": _part("infrared", sensor, number) for sensor in range(SENSORS)},
         "camera": _Column(np.uint8, attrgetter("camera"), (pixels,)),
-        **{f"memory.{name}": _remembered(name) for name in memory},
+        **{name: _field(name) for name in readings},
+        **{f"memory.{name}": _field(name) for name in memory},
     }
 
 
@@ -175,5 +176,5 @@ def _part(field: str, index: int, dtype: type[np.generic]) -> _Column:
     return _Column(dtype, lambda step: getattr(step, field)[:, index])
 
 
-def _remembered(field: str) -> _Column:
-    return _Column(np.float64, lambda step: memory_values(step.memories, field))
+def _field(field: str) -> _Column:
+    return _Column(np.float64, lambda step: field_values(step, field))

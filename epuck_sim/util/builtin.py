@@ -1,4 +1,4 @@
-"""The arenas, sweeps and controllers that come with the package, found by name from any folder."""
+"""The arenas, sweeps, robots and controllers that come with the package, found by name from any folder."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -15,10 +15,13 @@ ARENAS = "arenas"
 SWEEPS = "arenas/sweeps"
 """Kind of file, and its folder: sweeps of scenarios."""
 
+ROBOTS = "arenas/robots"
+"""Kind of file, and its folder: robots."""
+
 CONTROLLERS = "controllers"
 """Kind of file, and its folder: controllers of robots."""
 
-_SUFFIX = {ARENAS: ".yaml", SWEEPS: ".yaml", CONTROLLERS: ".py"}
+_SUFFIX = {ARENAS: ".yaml", SWEEPS: ".yaml", ROBOTS: ".yaml", CONTROLLERS: ".py"}
 
 
 def builtin_folder(kind: str) -> Path:

@@ -164,7 +164,17 @@ def test_new_writes_a_scenario_that_runs_as_it_stands(tmp_path):
     assert len(points(load_scenario("swept.yaml"))) == 6
 
 
-@pytest.mark.parametrize("kind", ["controller", "scenario"])
+def test_new_writes_a_sensor_and_a_robot_that_run_as_they_stand():
+    assert called("new", "sensor", "eye").startswith("eye.py: try it: epuck-sim run thesis --set ")
+    assert called("new", "robot", "cart") == "cart.yaml: try it: epuck-sim run thesis --set robot=cart.yaml\n"
+    swarm = load_scenario("thesis", ["robot=cart.yaml", "robots.0.sensors=[eye.py]"])
+    runs = [Simulation(swarm, 3, interpret=interpret).advance(30) for interpret in (False, True)]
+    assert runs[0].poses.tobytes() == runs[1].poses.tobytes()
+    assert runs[0].readings["eye"].tolist() == [1.0] * 10
+    assert swarm.robot.radius_cm == 3
+
+
+@pytest.mark.parametrize("kind", ["controller", "sensor", "robot", "scenario"])
 def test_new_refuses_bad_names_and_overwrites_nothing(kind, tmp_path):
     for name in ("two words", "a/b", "3rd"):
         assert f"{name!r} is no name for a {kind}" in refused("new", kind, name)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.control.loader import PARTS, find_controller, load_controller
+from epuck_sim.control.names import check_sensed
 from epuck_sim.errors import ControllerError
 from epuck_sim.util.builtin import builtin_folder
 from tests.control.bench import EMPTY, with_step, write_controller, write_soon_after
@@ -206,14 +207,14 @@ def test_check_sees_all_parameters_and_what_it_raises_comes_through_errors_with_
 def test_a_name_that_there_is_not_is_refused_with_its_line_and_the_nearest(line, said, tmp_path):
     text = with_step(line, PARAMETERS="{'gain': 1.0}", MEMORY="{'wait': int, 'rest': int}")
     with pytest.raises(ControllerError, match=rf"^{tmp_path}/mine\.py:9: {said}$"):
-        write_controller(tmp_path / "mine.py", text)
+        check_sensed(write_controller(tmp_path / "mine.py", text))
 
 
 def test_names_are_followed_into_helpers_and_other_files(tmp_path):
     (tmp_path / "helper.py").write_text("def see(view, more):\n    return more + view.cammera[0]\n")
     text = "import helper\ndef deep(s, m):\n    m.x = helper.see(s, 1)\n" + with_step("deep(sensors, memory)")
     with pytest.raises(ControllerError, match=r"helper\.py:2: sensors have no 'cammera'; did you mean 'camera'\?"):
-        write_controller(tmp_path / "mine.py", text)
+        check_sensed(write_controller(tmp_path / "mine.py", text))
 
 
 def test_names_in_start_and_check_are_looked_at(tmp_path):

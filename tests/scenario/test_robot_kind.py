@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from epuck_sim import epuck, kilobot
+from epuck_sim import Simulation, epuck
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.loader import load_scenario, write_scenario
 from epuck_sim.scenario.points import points
@@ -27,7 +27,7 @@ def test_robots_are_e_pucks_unless_a_scenario_says_otherwise() -> None:
 def test_a_kilobot_has_neither_infrared_sensors_nor_a_camera() -> None:
     robot = load_scenario({"robot": "kilobot", "robots": RADIO}).robot
     assert (robot.radius_cm, robot.height_cm, robot.mass_g) == (1.65, 3.4, 24)
-    assert robot.wheels == (kilobot.WHEEL_LIMIT_CM_S, kilobot.WHEEL_BASE_CM) == (1, 2.5)
+    assert robot.wheels == (1, 2.5)
     assert (robot.infrared, robot.camera) == (None, None)
     assert robot.cell_cm >= 2 * robot.radius_cm
 
@@ -70,9 +70,10 @@ def test_numbers_of_resamples_of_folders_without_the_section_stay() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"robot": "thymio"}, "robot.kind: is 'thymio'; allowed: 'epuck' or 'kilobot'"),
+        ({"robot": "thymio"}, "robot.kind: unknown 'thymio'; shipped robots: epuck, kilobot, pogobot; or give a"),
+        ({"robot": "thymio.yaml"}, "robot.kind: no robot file 'thymio.yaml' in "),
         ({"robot": 3}, "robot: is 3; allowed: a mapping of keys to values"),
-        ({"robot": {"kind": ["epuck"]}}, "robot.kind: is ['epuck']; allowed: 'epuck' or 'kilobot'"),
+        ({"robot": {"kind": ["epuck"]}}, "robot.kind: is ['epuck']; allowed: text"),
         ({"robot": {"radius": 3}}, "robot.radius: unknown 'radius', did you mean 'radius_cm'?; allowed: kind"),
         ({"robot": {"radius_cm": 0}}, "robot.radius_cm: is 0; allowed: above 0"),
         ({"robot": {"radius_cm": 100}}, "robot.radius_cm: is 100; allowed: at most 50"),
@@ -104,6 +105,42 @@ def test_robots_that_there_are_not_are_refused_in_words(given, message) -> None:
     with pytest.raises(ScenarioError) as caught:
         load_scenario(given)
     assert message in str(caught.value)
+
+
+def test_a_robot_is_a_file_with_its_sensors_beside_it(tmp_path, monkeypatch) -> None:
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "cart.yaml").write_text(
+        "description: mine\nradius_cm: 5\nwheel_base_cm: 8\ninfrared: null\nsensors: [{clock.py: {step: 2.0}}]\n"
+    )
+    (tmp_path / "lab" / "clock.py").write_text(
+        "PARAMETERS = {'step': 1.0}\nREADINGS = {'clock': float}\n\n\n"
+        "def sense(world, robot, readings, parameters, random):\n    readings.clock += parameters.step\n"
+    )
+    (tmp_path / "lab" / "carts.yaml").write_text("robot: {kind: cart.yaml, mass_g: 700}\nrobots: [{count: 2}]\n")
+    monkeypatch.chdir(tmp_path)
+    scenario = load_scenario("lab/carts.yaml")
+    robot = scenario.robot
+    assert (robot.radius_cm, robot.wheel_base_cm, robot.mass_g, robot.infrared) == (5, 8, 700, None)
+    assert Simulation(scenario, 1).advance(5).readings["clock"].tolist() == [10, 10]
+    (tmp_path / "lab" / "cart.yaml").unlink()
+    assert load_scenario(parse_yaml(write_scenario(scenario), "written")) == scenario
+
+
+def test_a_pogobot_tells_how_bright_it_is_on_three_sides() -> None:
+    lamp = {"x_cm": 0, "y_cm": 20, "height_cm": 5}
+    given = {"robot": "pogobot", "arena": {"width_cm": 40, "height_cm": 40, "lamps": [lamp]}, "noise": "off"}
+    group = {"poses": [[20, 20, math.pi]], "controller": "external", "signal": {"kind": "radio"}}
+    light = Simulation({**given, "robots": [group]}, 1).advance(1).readings["light"][0]
+    assert light[0] > light[1] == pytest.approx(light[2])
+
+
+def test_wheels_wider_than_the_body_of_a_file_are_refused(tmp_path) -> None:
+    (tmp_path / "wide.yaml").write_text("radius_cm: 3\nwheel_base_cm: 7\n")
+    with pytest.raises(ScenarioError, match="robot: wheel_base_cm is 7; allowed: up to 6, the body's diameter"):
+        load_scenario({"robot": str(tmp_path / "wide.yaml")})
+    (tmp_path / "wide.yaml").write_text("- 3\n")
+    with pytest.raises(ScenarioError, match=r"wide\.yaml: is \[3\]; a robot is a mapping of keys to values"):
+        load_scenario({"robot": str(tmp_path / "wide.yaml")})
 
 
 def test_faster_wheels_are_allowed_with_more_physics_steps() -> None:

@@ -19,13 +19,16 @@ class Calls(NamedTuple):
     """What sensors call for a robot, at `swarm.HIDE`, if faults may keep robots from seeing flashes."""
 
 
-def plan_calls(scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], controllers: Sequence[Any]) -> Calls:
+def plan_calls(
+    scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], controllers: Sequence[Any], own: Sequence[Any] = ()
+) -> Calls:
     """Return what a control step calls.
 
     Args:
         scenario: Its faults, and whether robots come and go.
         sensors: For each group, the functions with which its robots sense.
         controllers: For each group, the function that runs its controllers.
+        own: Sensors in files of their own, of all groups.
     """
     groups = range(len(scenario.robots))
 
@@ -37,6 +40,7 @@ def plan_calls(scenario: EmbodiedScenario, sensors: Sequence[Sequence[Any]], con
         *hooks(faults.BEGIN, 0),
         *hooks(faults.BEFORE_SENSING, *groups),
         *((sense, group) for group in groups for sense in sensors[group]),
+        *((sensor, number) for number, sensor in enumerate(own)),
         *hooks(faults.AFTER_SENSING, *groups),
         *((blank, group) for group in groups if absent),
         *((controllers[group], group) for group in groups),

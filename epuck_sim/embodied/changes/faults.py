@@ -16,9 +16,9 @@ import numpy as np
 from epuck_sim import epuck
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.interface import SENSORS
-from epuck_sim.embodied.swarm import FLOAT64, INT64, Swarm, open_block, swarm_at
+from epuck_sim.embodied.swarm import FLOAT64, INT64, SENSED_BYTES, Swarm, open_block, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.scenario.faults import FAULTS, FaultSection
+from epuck_sim.scenario.faults import FAULTS, FaultSection, SensorDead
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import array_at
@@ -26,7 +26,7 @@ from epuck_sim.util.rng import next_word, share_of, uniform
 from epuck_sim.util.seeds import robot_streams
 
 RING_DEAD, RING_STUCK_ON, OSCILLATOR_FROZEN, CLOCK_DRIFT, CLOCK_JITTER = range(5)
-CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART = range(5, 10)
+CAMERA_BLIND, CAMERA_MISSES, INFRARED_DEAD, WHEELS_DEAD, RESTART, SENSOR_DEAD = range(5, 11)
 """Numbers of the kinds of faults: those in `scenario.faults.FAULTS`, in order."""
 
 KINDS = tuple(FAULTS)
@@ -55,6 +55,8 @@ def set_faults(swarm: Swarm, scenario: EmbodiedScenario) -> None:
         fault.kind = KINDS.index(section.kind)
         for key in ("rate", "jitter", "missed"):
             fault.strength = getattr(section, key, fault.strength)
+        if isinstance(section, SensorDead):
+            fault.sensor = scenario.sensor_names.index(section.sensor)
         fault.nearer_cm, fault.farther_cm = _missed_cm(section)
         fault.begin_ms = math.inf if section.scheduled else _in_ms(section.at_s or 0.0)
         fault.end_ms = _in_ms(_or_infinity(section.until_s))
@@ -279,6 +281,22 @@ def blank_infrared(block: ByteArray, _addresses: IntArray, number: int) -> None:
 
 
 @jit_no_alloc
+def blank_readings(block: ByteArray, _addresses: IntArray, number: int) -> None:
+    """Write what a group's dead sensors in files of their own read: 0."""
+    swarm = swarm_at(block)
+    at, group = swarm.scene[0].at[SENSED_BYTES], swarm.groups[number]
+    for index in range(len(swarm.senses)):
+        own = swarm.senses[index]
+        size = (own.random - own.readings) // own.count
+        for member in range(own.count if own.first == group.first else 0):
+            for fault in range(len(swarm.faults)):
+                is_active = swarm.affected[fault * len(swarm.robots) + own.first + member].is_active
+                if is_active and swarm.faults[fault].kind == SENSOR_DEAD and swarm.faults[fault].sensor == own.name:
+                    first = at + own.readings + member * size
+                    array_at(block, first, first + size, INT64)[:] = 0
+
+
+@jit_no_alloc
 def hide_flashes(block: ByteArray, _addresses: IntArray, robot: int) -> None:
     """Write which lit rings faults do not keep a robot from seeing: 1 for each, 0 for others, one for each robot.
 
@@ -353,6 +371,7 @@ HOOKS: tuple[tuple[str, int, Any], ...] = (
     ("clock", BEGIN, tick_clocks),
     ("phase", BEFORE_SENSING, hold_phases),
     ("infrared", AFTER_SENSING, blank_infrared),
+    ("sensor", AFTER_SENSING, blank_readings),
     ("phase", AFTER_CONTROLLERS, freeze_phases),
     ("ring", LATE, fail_rings),
     ("wheels", LATE, stop_wheels),

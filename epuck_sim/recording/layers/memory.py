@@ -1,4 +1,4 @@
-"""Plots of what controllers remember: fields of their MEMORY, by name."""
+"""Plots of fields of what controllers remember, by name, and of what sensors in files of their own tell."""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,10 +7,11 @@ import rerun as rr
 from rerun.chunk import Chunk
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.embodied.memory import check_fields, memory_values
+from epuck_sim.embodied.memory import READING, check_fields, field_values, reading_fields
 from epuck_sim.embodied.step import Step
 from epuck_sim.recording.chunks import static_chunk, temporal_chunk
 from epuck_sim.recording.layers.time_series import KEEP_EXTREMES, robot_names, scalar_columns
+from epuck_sim.recording.level import Level
 from epuck_sim.recording.population import Population
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import Scenario, require_model
@@ -25,14 +26,15 @@ class MemorySeries:
     def __init__(self, scenario: Scenario, fields: Sequence[str], population: Population) -> None:
         """Check the fields; raise ScenarioError if no controller remembers one, or if there are no controllers."""
         if fields:
-            check_fields(require_model(scenario, EmbodiedScenario, "robots alone have a memory to record"), fields)
+            own = [field for field in fields if not field.startswith(READING)]
+            check_fields(require_model(scenario, EmbodiedScenario, "robots alone have a memory to record"), own)
         self._rows: dict[str, list[FloatArray]] = {field: [] for field in fields}
         self._population = population
 
     def append(self, step: Step) -> None:
         """Add a step."""
         for field, rows in self._rows.items():
-            rows.append(memory_values(step.memories, field))
+            rows.append(field_values(step, field))
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of the plots."""
@@ -45,6 +47,12 @@ class MemorySeries:
         for field, rows in self._rows.items():
             yield temporal_chunk(memory_entity(field), time_ns, *scalar_columns(np.array(rows)))
             rows.clear()
+
+
+def recorded_fields(scenario: Scenario, level: Level, memory: Sequence[str]) -> tuple[str, ...]:
+    """Return the fields that a recording has: those that are asked for, each once, and in a full one all readings."""
+    readings = reading_fields(scenario) if level is Level.FULL and isinstance(scenario, EmbodiedScenario) else []
+    return tuple(dict.fromkeys([*memory, *readings]))
 
 
 def memory_entity(field: str) -> str:

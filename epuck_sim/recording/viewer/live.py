@@ -8,6 +8,7 @@ import rerun as rr
 
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
+from epuck_sim.recording.layers.memory import recorded_fields
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import layout_of
 from epuck_sim.recording.recorder import Recorder
@@ -78,6 +79,7 @@ def live(
         RecordingError: The viewer was closed before the trial ended.
         KeyboardInterrupt: The key that ends the trial was pressed.
     """
+    memory = recorded_fields(scenario, level, memory)
     with chunk_stream(intake, str(uuid.uuid4()), layout_of(scenario, level, memory)) as stream:
         recorder = Recorder(
             scenario, seed, level, REFRESH_S * speed, lambda chunks: rr.send_chunks(chunks, recording=stream), memory

@@ -1,0 +1,81 @@
+"""What a sensor in a file of its own is: one Python file with `READINGS` and `sense`.
+
+    PARAMETERS = {"noise": 0.0}             optional: name -> default; the default's type is the parameter's type
+    READINGS = {"ground": (float, 3)}       name -> type, or (type, shape): what controllers find in `sensors`
+
+    def sense(world, robot, readings, parameters, random): ...
+    def check(parameters): ...              optional: raises ValueError on values that make no sense
+
+`sense` is called for each robot in each control step, when bodies have moved and before any controller runs. It looks
+at `world` (see `World`) from `robot`, the record of the robot that senses, and sets the fields of `readings`, which
+keep their values until they are set again. `random` is a stream of the robot's and the sensor's own, so that a sensor
+that nobody reads changes no outcome. The functions of `epuck_sim.embodied.sensing` tell what is at a place.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.control.interface import Sensor, Sensors
+from epuck_sim.control.names import check_own_names
+from epuck_sim.errors import ControllerError
+from epuck_sim.user_files import Kind, Place, kept, load_python_file
+
+
+def _shipped() -> Mapping[str, Path | None]:
+    return {}
+
+
+SENSOR = Kind(noun="sensor", error=ControllerError, suffixes=(".py",), group="epuck_sim.sensors", shipped=_shipped)
+"""What sensors in files of their own are found by."""
+
+
+def find_sensor(name: str, folder: Path | None = None) -> Sensor:
+    """Return a sensor: an installed package's, or the one that a file describes.
+
+    Args:
+        name: A name, or the path of a file, which ends in .py.
+        folder: Where a relative path begins; if there is no such file, it begins at the working directory.
+
+    Raises:
+        ControllerError: There is no such sensor, or the file does not describe one.
+    """
+    return _load(SENSOR.locate(name, folder))
+
+
+@kept
+def _load(place: Place) -> Sensor:
+    file = load_python_file(place, ControllerError)
+    parts = file.parts
+    if not isinstance(parts.get("READINGS"), dict):
+        raise file.refusal("READINGS", "a sensor needs READINGS: a mapping of names to types")
+    if not callable(parts.get("sense")):
+        said = "a sensor needs sense: a function sense(world, robot, readings, parameters, random)"
+        raise file.refusal("sense", said)
+    if not callable(parts.get("check", print)):
+        raise file.refusal("check", "check must be a function check(parameters), or not be there")
+    if not parts["READINGS"]:
+        raise file.refusal("READINGS", "READINGS has no reading; allowed: at least one")
+    if taken := next((name for name in parts["READINGS"] if name in Sensors._fields), None):
+        raise file.refusal("READINGS", f"READINGS: {taken!r} is taken by a sensor that all robots have; choose another")
+    sensor = Sensor(
+        place.short_name,
+        place.name,
+        file.path,
+        file.parameters(),
+        parts.get("check"),
+        file.sources,
+        file.modules,
+        _floats_first(file.record_type("READINGS")),
+        parts["sense"],
+    )
+    check_own_names(sensor)
+    return sensor
+
+
+def _floats_first(readings: np.dtype[Any]) -> np.dtype[Any]:
+    """Return a record type whose floats come before whole numbers, so that they can be looked at as one array."""
+    names = sorted(readings.names or (), key=lambda name: readings[name].base.kind != "f")
+    return np.dtype([(name, readings[name].base, readings[name].shape) for name in names], align=True)

@@ -1,0 +1,122 @@
+"""What sensors in files of their own ask of the world: the floor, lamps, robots and walls at a place.
+
+Each function takes `world` first, as `sense` is given it, and runs in compiled and in interpreted sensors alike. Where
+there is no function, `world` has the records themselves (see `control.interface.World`).
+"""
+
+import math
+
+from epuck_sim.control.interface import World
+from epuck_sim.embodied.cells import cell_index
+from epuck_sim.embodied.placement import clearance_cm as clearance_of
+from epuck_sim.embodied.sensors.ray_casting import to_disc, to_segment
+from epuck_sim.util.jit import jit_no_alloc
+
+NOBODY = -1
+"""Stands for no robot."""
+
+
+@jit_no_alloc
+def brightness_at(world: World, x: float, y: float) -> float:
+    """Return the brightness of the floor at a point, from 0, black, to 1, white; beyond the walls that at the walls.
+
+    Patches on top of others count, and their edges belong to them; else the picture, or the floor itself.
+    """
+    swarm = world.swarm
+    for number in range(len(swarm.patches) - 1, -1, -1):
+        patch = swarm.patches[number]
+        dx, dy = x - patch.x, y - patch.y
+        is_inside = patch.edges > 0 or dx * dx + dy * dy <= patch.radius * patch.radius
+        for index in range(patch.first, patch.first + patch.edges):
+            edge = swarm.patch_edges[index]
+            is_inside &= (edge.bx - edge.ax) * (y - edge.ay) - (edge.by - edge.ay) * (x - edge.ax) >= 0.0
+        if is_inside:
+            return float(patch.brightness)
+    scene = swarm.scene[0]
+    if scene.picture_rows == 0:
+        return float(scene.brightness)
+    rows, columns = scene.picture_rows, scene.picture_columns
+    column = min(max(int(x / world.width_cm * columns), 0), columns - 1)
+    row = rows - 1 - min(max(int(y / world.height_cm * rows), 0), rows - 1)
+    return float(swarm.picture[row * columns + column]) / 255.0
+
+
+@jit_no_alloc
+def light_at(world: World, x: float, y: float) -> float:
+    """Return the light that all lamps throw on the floor at a point; nothing throws shadows.
+
+    A lamp of height h and strength s throws s * (h**2 / (h**2 + d**2))**1.5 at a horizontal distance d.
+    """
+    light = 0.0
+    for number in range(len(world.swarm.lamps)):
+        lamp = world.swarm.lamps[number]
+        dx, dy, square = x - lamp.x, y - lamp.y, lamp.height * lamp.height
+        share = square / (square + dx * dx + dy * dy)
+        light += lamp.strength * share * math.sqrt(share)
+    return light
+
+
+@jit_no_alloc
+def clearance_cm(world: World, x: float, y: float) -> float:
+    """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
+    clearance: float = clearance_of(world.swarm, x, y)
+    return clearance
+
+
+@jit_no_alloc
+def nearest_robot(world: World, x: float, y: float, range_cm: float, but: int = NOBODY) -> int:
+    """Return the number of the robot whose centre is nearest to a point; `NOBODY` if none is within a range.
+
+    Args:
+        world: The world.
+        x: x of the point, cm.
+        y: y of the point, cm.
+        range_cm: Largest distance, cm.
+        but: Number of a robot that does not count, such as the one that senses.
+    """
+    swarm, scene = world.swarm, world.swarm.scene[0]
+    first_column = cell_index(x - range_cm, scene.cell_width_cm, scene.columns)
+    last_column = cell_index(x + range_cm, scene.cell_width_cm, scene.columns)
+    first_row = cell_index(y - range_cm, scene.cell_height_cm, scene.rows)
+    nearest, least = NOBODY, range_cm * range_cm
+    for row in range(first_row, cell_index(y + range_cm, scene.cell_height_cm, scene.rows) + 1):
+        first = row * scene.columns
+        for place in range(swarm.cells[first + first_column], swarm.cells[first + last_column + 1]):
+            member = swarm.members[place]
+            dx, dy = member.x - x, member.y - y
+            square = dx * dx + dy * dy
+            is_nearer = square < least or (square == least and (nearest == NOBODY or member.robot < nearest))
+            if member.robot != but and is_nearer:
+                nearest, least = member.robot, square
+    return nearest
+
+
+@jit_no_alloc
+def distance_cm(world: World, x: float, y: float, direction: float, range_cm: float, but: int = NOBODY) -> float:
+    """Return the distance along a ray to the first wall, obstacle, movable or robot; infinity if none is in range.
+
+    Args:
+        world: The world.
+        x: x of where the ray begins, cm.
+        y: y of where it begins, cm.
+        direction: Its direction, rad, counter-clockwise from x.
+        range_cm: Its length, cm.
+        but: Number of a robot that it passes, such as the one that senses.
+    """
+    dx, dy = math.cos(direction), math.sin(direction)
+    nearest = math.inf
+    if dx != 0.0:
+        nearest = ((world.width_cm if dx > 0.0 else 0.0) - x) / dx
+    if dy != 0.0:
+        nearest = min(nearest, ((world.height_cm if dy > 0.0 else 0.0) - y) / dy)
+    for number in range(len(world.circles)):
+        circle = world.circles[number]
+        nearest = min(nearest, to_disc(x, y, dx, dy, circle.x, circle.y, circle.radius))
+    for number in range(len(world.edges)):
+        edge = world.edges[number]
+        nearest = min(nearest, to_segment(x, y, dx, dy, edge.ax, edge.ay, edge.bx, edge.by))
+    for number in range(len(world.robots)):
+        if number != but:
+            other = world.robots[number]
+            nearest = min(nearest, to_disc(x, y, dx, dy, other.x, other.y, world.radius_cm))
+    return nearest if nearest <= range_cm else math.inf

@@ -1,0 +1,66 @@
+"""What controllers read of sensors in files of their own: further fields of `Sensors`, by the names of the readings."""
+
+from collections import namedtuple
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from epuck_sim.arrays import ByteArray
+from epuck_sim.control.interface import Sensor, Sensors
+from epuck_sim.embodied.swarm import SENSED_BYTES
+from epuck_sim.util.jit import jit_inline
+from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, array_at
+
+
+def names_of_readings(sensors: Sequence[Sensor]) -> tuple[str, ...]:
+    """Return the names of all readings of sensors, in order."""
+    return tuple(name for sensor in sensors for name in sensor.readings.names or ())
+
+
+def completion(sensors: Sequence[Sensor], array_at: Callable[..., Any] = array_at) -> Any:
+    """Return a function (sensors, block, swarm, first, member) that adds the readings of further sensors to `Sensors`.
+
+    Args:
+        sensors: Sensors in files of their own, of one group; the first has index `first` in `Swarm.senses`.
+        array_at: `native.array_at`, for compiled code; `view_at` for plain Python.
+    """
+    if not sensors:
+        return _as_they_are if array_at is not view_at else lambda sensors, *_: sensors
+    known: dict[str, Any] = {
+        "array_at": array_at,
+        "Complete": namedtuple("Sensors", (*Sensors._fields, *names_of_readings(sensors))),
+    }
+    lines, fields = [], [f"sensors.{name}" for name in Sensors._fields]
+    for number, sensor in enumerate(sensors):
+        known[f"TYPE_{number}"] = sensor.readings
+        place = f"swarm.senses[first + {number}]"
+        lines.append(
+            f"    own_{number} = array_at(block, at + {place}.readings, at + {place}.random, TYPE_{number})[member]"
+        )
+        for name in sensor.readings.names or ():
+            field = sensor.readings[name]
+            number_type = "float" if field.kind == "f" else "int"
+            fields.append(f"own_{number}.{name}[:]" if field.shape else f"{number_type}(own_{number}.{name})")
+    # numba makes a tuple of different types only of as many expressions as it has fields
+    source = [
+        "def complete(sensors, block, swarm, first, member):",
+        f"    at = swarm.scene[0].at[{SENSED_BYTES}]",
+        *lines,
+        f"    return Complete({', '.join(fields)})",
+    ]
+    exec("\n".join(source), known)
+    complete = known["complete"]
+    if array_at is view_at:
+        return complete
+    return Kernel(complete, complete, error_model="numpy", **WITHOUT_ALLOCATION, forceinline=True)
+
+
+@jit_inline
+def _as_they_are(sensors: Any, block: ByteArray, swarm: Any, first: int, member: int) -> Any:  # noqa: ARG001
+    return sensors
+
+
+def view_at(block: ByteArray, first: int, end: int, dtype: np.dtype[Any]) -> Any:
+    """Do what `native.array_at` does, in plain Python."""
+    return block[first:end].view(dtype).view(np.recarray)

@@ -1,0 +1,194 @@
+"""Sensors in files of their own: compiled with their files, or run as plain Python (see `control.sensors`)."""
+
+from bdb import BdbQuit
+from collections.abc import Callable
+from math import isnan
+from typing import TYPE_CHECKING, Any
+from zlib import crc32
+
+import numpy as np
+import numpy.typing as npt
+
+from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.control.compilation import compile_for
+from epuck_sim.control.interface import Sensor, World
+from epuck_sim.control.loader import check_imported_copies
+from epuck_sim.embodied.controllers import AGAIN_S, RobotError, time_limit
+from epuck_sim.embodied.sensors.completion import view_at
+from epuck_sim.embodied.start import Part
+from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, WORD, Swarm, open_block, swarm_at
+from epuck_sim.user_files import line_of_definition, line_of_error
+from epuck_sim.util.jit import bind, kernel_digest
+from epuck_sim.util.native import array_at, function_address
+from epuck_sim.util.seeds import robot_streams
+
+STREAM_BYTES = 32
+
+if TYPE_CHECKING:  # `bind` provides them
+    sense: Callable[..., None]
+    READINGS: np.dtype[Any]
+    PARAMETERS: np.dtype[Any]
+
+
+def _sense(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: ARG001
+    """Have the robots of a group that are in the arena read a sensor; others read 0."""
+    swarm = swarm_at(block)
+    scene, own = swarm.scene[0], swarm.senses[number]
+    at = scene.at[SENSED_BYTES]
+    parameters = array_at(block, at + own.parameters, at + own.readings, PARAMETERS)[0]  # noqa: F821
+    readings = array_at(block, at + own.readings, at + own.random, READINGS)  # noqa: F821
+    words = array_at(block, at + own.readings, at + own.random, FLOAT64)
+    streams = array_at(block, at + own.random, at + own.end, WORD)
+    world = World(
+        float(scene.step * scene.step_s),
+        float(scene.width_cm),
+        float(scene.height_cm),
+        float(scene.radius_cm),
+        swarm.robots,
+        swarm.circles[: scene.circles],
+        swarm.edges[: scene.edges],
+        swarm,
+    )
+    size = len(words) // own.count
+    scene.sensing = number + 1
+    for member in range(own.count):
+        robot, reading = swarm.robots[own.first + member], words[member * size : (member + 1) * size]
+        if not robot.present:
+            reading[:] = 0.0
+            continue
+        stream = streams[4 * member : 4 * member + 4]
+        scene.serving = own.first + member
+        scene.kept_random[:] = stream
+        sense(world, robot, readings[member], parameters, stream)  # noqa: F821
+        for place in range(own.floats):
+            if isnan(reading[place]):
+                raise ValueError("a reading is not a number")
+    scene.serving, scene.sensing = -1, 0
+
+
+def bytes_needed(sensor: Sensor, robots: int) -> int:
+    """Return the number of bytes that a sensor of a group needs in `Swarm.sensed`."""
+    return sensor.parameter_type.itemsize + robots * (sensor.readings.itemsize + STREAM_BYTES)
+
+
+def assign_sense(record: Any, sensor: Sensor, first: int, count: int, byte: int) -> None:
+    """Set the SENSE of a sensor whose robots are `count` from number `first` on, and whose bytes begin at `byte`."""
+    record.first, record.count, record.parameters = first, count, byte
+    record.readings = byte + sensor.parameter_type.itemsize
+    record.random = record.readings + count * sensor.readings.itemsize
+    record.end = record.random + count * STREAM_BYTES
+    fields = [sensor.readings[name] for name in sensor.readings.names or ()]
+    record.floats = sum(int(np.prod(field.shape, dtype=int)) for field in fields if field.base.kind == "f")
+
+
+def readings_of(swarm: Swarm, record: Any, sensor: Sensor) -> npt.NDArray[np.void]:
+    """Return (robots,) what each robot reads of a sensor, by its SENSE record, in place."""
+    readings: npt.NDArray[np.void] = swarm.sensed[record.readings : record.random].view(sensor.readings)
+    return readings
+
+
+class OwnSensor:
+    """A sensor of one group of robots of a block, which must stay where it is."""
+
+    sensor: Sensor
+    robots: slice
+    """Numbers of the robots that have it."""
+    run: Callable[[ByteArray, IntArray, int], None]
+    """Has all of them sense; takes the block, the addresses and the sensor's index in `Swarm.senses`."""
+    address: int
+    """Address of `run` in this process; 0 if it is interpreted."""
+
+    def __init__(self, block: ByteArray, number: int, sensor: Sensor, *, interpret: bool = False) -> None:
+        """Compile a sensor, without calling it.
+
+        Args:
+            block: The swarm, in which the sensor has its bytes, see `assign_sense`.
+            number: Index of the sensor in `Swarm.senses`.
+            sensor: The sensor.
+            interpret: Whether it runs as plain Python instead of compiled.
+
+        Raises:
+            ControllerError: It cannot be compiled, or the program has set a value in its own import of the file.
+        """
+        check_imported_copies(sensor)
+        self.sensor, self._number, self._is_compiled = sensor, number, not interpret
+        self._block, self._swarm = block, open_block(block)
+        self._scene, self._own = self._swarm.scene[0], self._swarm.senses[number]
+        self.robots = slice(int(self._own.first), int(self._own.first + self._own.count))
+        if interpret:
+            self.run, self.address = self._interpreted(self._swarm), 0
+            return
+        names = {"sense": sensor.sense, "READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
+        self.run = compile_for(sensor, _sense, kernel_digest("embodied"), names)
+        self.address = function_address(self.run)
+
+    def _interpreted(self, swarm: Swarm) -> Any:
+        """Return `_sense` as plain Python, which raises where compiled code does and numpy would warn: at 1 / 0."""
+        names: dict[str, Any] = {
+            "sense": self.sensor.sense,
+            "READINGS": self.sensor.readings,
+            "PARAMETERS": self.sensor.parameter_type,
+            "swarm_at": lambda _: swarm,
+            "array_at": view_at,
+        }
+        return np.errstate(divide="raise", invalid="raise")(bind(_sense, **names))
+
+    @property
+    def readings(self) -> npt.NDArray[np.void]:
+        """(robots,) what each robot reads, in place."""
+        return readings_of(self._swarm, self._own, self.sensor)
+
+    @property
+    def parameters(self) -> npt.NDArray[np.void]:
+        """(1,) the parameters, in place."""
+        own = self._own
+        parameters: npt.NDArray[np.void] = self._swarm.sensed[own.parameters : own.readings].view(
+            self.sensor.parameter_type
+        )
+        return parameters
+
+    def draw_streams(self, seed: int) -> None:
+        """Set the robots' streams for the trial with a seed: they depend on the sensor's name and the robot alone."""
+        sequence = np.random.SeedSequence(seed, spawn_key=(Part.SENSORS, crc32(self.sensor.name.encode())))
+        streams = robot_streams(sequence, self.robots.stop)[self.robots]
+        self._swarm.sensed[self._own.random : self._own.end] = streams.view(np.uint8).ravel()
+
+    def fault(self, error: BaseException) -> RobotError | None:
+        """Return what to say of an error that this sensor has raised; None if it did not. The robot's is its number."""
+        if self._scene.sensing != self._number + 1 or isinstance(error, BdbQuit | KeyboardInterrupt):
+            return None
+        robot = int(self._scene.serving)
+        member = robot - self.robots.start
+        place = self._line_again(error) if self._is_compiled else line_of_error(error, self.sensor.sources)
+        if place is None:
+            line = line_of_definition("sense", self.sensor.sources[self.sensor.path])
+            place = f"{self.sensor.path}:{line}"
+            if lacking := self._lacking(member):
+                error = ValueError(f"readings.{lacking} is not a number; allowed: numbers")
+        self._scene.serving, self._scene.sensing = -1, 0
+        return RobotError(self.sensor, robot, error, place)
+
+    def _lacking(self, member: int) -> str | None:
+        """Return the name of a reading of a robot that is not a number."""
+        reading = self.readings[member]
+        names = self.sensor.readings.names or ()
+        return next((name for name in names if np.isnan(np.asarray(reading[name], float)).any()), None)
+
+    def _line_again(self, error: BaseException) -> str | None:
+        """Return FILE:LINE of an error, by running what has failed again: in Python, and on a copy of the swarm."""
+        block = self._block.copy()
+        swarm = open_block(block)
+        robot, own = swarm.scene[0].serving, swarm.senses[self._number]
+        stream = own.random + STREAM_BYTES * (robot - own.first)
+        swarm.sensed[stream : stream + STREAM_BYTES] = swarm.scene[0].kept_random.view(np.uint8)
+        swarm.robots.present[np.arange(len(swarm.robots)) != robot] = False
+        expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)
+        try:
+            with time_limit(AGAIN_S):
+                self._interpreted(swarm)(block, np.zeros(0, np.int64), self._number)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as second:
+            if isinstance(second, expected):
+                return line_of_error(second, self.sensor.sources)
+        return None

@@ -1,0 +1,139 @@
+"""Sensors in files of their own that a scenario names, for a group of robots or for all (see `control.sensors`).
+
+They are given as a list of files, `[ground.py, {light.py: {range_cm: 30}}]`, or by names: `{left: {file: eye.py}}`. A
+scenario keeps them by names, which are those of their files, so that `robots.0.sensors.ground.noise` is a key.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from epuck_sim.control.sensors import find_sensor
+from epuck_sim.errors import ControllerError, ScenarioError
+from epuck_sim.user_files import Value
+from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
+
+FILE = "file"
+"""Key of a sensor's file; others are its parameters."""
+
+_ALLOWED = "allowed: a list of files, such as [ground.py, {light.py: {range_cm: 30}}]"
+
+
+def by_name(given: Any) -> dict[str, dict[str, Any]]:
+    """Return a group's sensors by their names, each with its file and its parameters.
+
+    Raises:
+        ValueError: They are given in another way, or two have one name.
+    """
+    if isinstance(given, Mapping):
+        items = [(str(name), {FILE: each} if isinstance(each, str) else each) for name, each in given.items()]
+    elif isinstance(given, list | tuple):
+        items = [_from_list(each) for each in given]
+    else:
+        raise ValueError(f"is {short_repr(given)}; {_ALLOWED}")  # noqa: TRY004 pydantic gathers ValueErrors
+    named: dict[str, dict[str, Any]] = {}
+    for name, sensor in items:
+        if not isinstance(sensor, Mapping) or not isinstance(sensor.get(FILE), str):
+            raise ValueError(  # noqa: TRY004 pydantic gathers ValueErrors
+                f"{name} is {short_repr(sensor)}; allowed: its file and parameters, {{file: {name}.py}}"
+            )
+        if not name.isidentifier():
+            raise ValueError(f"{name!r} is no name for a sensor; allowed: letters, digits and _")
+        if name in named:
+            raise ValueError(f"{name} is there twice; give names, such as {{left: {{file: {name}.py}}}}")
+        named[name] = dict(sensor)
+    return named
+
+
+def _from_list(each: Any) -> tuple[str, Any]:
+    file, parameters = next(iter(each.items())) if isinstance(each, Mapping) and len(each) == 1 else (each, {})
+    if not isinstance(file, str) or not isinstance(parameters, Mapping | None):
+        raise ValueError(f"has {short_repr(each)}; {_ALLOWED}")  # noqa: TRY004
+    return Path(file).stem, {FILE: file, **(parameters or {})}
+
+
+def beside(given: Any, folder: Path) -> dict[str, dict[str, Any]]:
+    """Return sensors by their names, with the paths of those files that lie in a folder.
+
+    Raises:
+        ScenarioError: They are given in another way than a scenario gives them.
+    """
+    try:
+        named = by_name(given)
+    except ValueError as error:
+        raise ScenarioError(f"{folder}: sensors: {error}") from error
+    for sensor in named.values():
+        if (folder / sensor[FILE]).is_file():
+            sensor[FILE] = str(folder / sensor[FILE])
+    return named
+
+
+def spread(given: Mapping[str, Any], origin: str) -> dict[str, Any]:
+    """Return a scenario's keys with the sensors of all robots in each group, and with names for those of each.
+
+    Args:
+        given: The keys; `sensors` stands for all groups that have no sensors of their own.
+        origin: Begins every message.
+
+    Raises:
+        ScenarioError: They are given in another way.
+    """
+    common, groups = given.get("sensors"), given.get("robots") or [{}]
+    lists = isinstance(groups, list | tuple) and all(isinstance(group, Mapping) for group in groups)
+    if not lists or (common is None and not any("sensors" in group for group in groups)):
+        return dict(given)
+    spread = []
+    for number, group in enumerate(groups):
+        where = f"robots.{number}.sensors" if "sensors" in group else "sensors"
+        try:
+            named = by_name(group.get("sensors", common) or {})
+        except ValueError as error:
+            raise ScenarioError(f"{origin}: {where}: {error}") from error
+        spread.append({**group, "sensors": named})
+    return {**{key: value for key, value in given.items() if key != "sensors"}, "robots": spread}
+
+
+def sensor_parameters(
+    sensors: Mapping[str, Mapping[str, Any]], name: str, values: Mapping[str, Any], origin: str
+) -> dict[str, Value]:
+    """Return all parameters of one of a group's sensors, some of which have new values.
+
+    Raises:
+        ScenarioError: There is no such sensor, or it does not take these values.
+    """
+    if name not in sensors:
+        raise ScenarioError(
+            f"{origin}: {did_you_mean(name, sensors)}; sensors in files of their own: {comma_list(sensors)}"
+        )
+    given = {key: value for key, value in sensors[name].items() if key != FILE}
+    try:
+        return find_sensor(sensors[name][FILE]).resolve({**given, **values})
+    except ValueError as error:
+        raise ScenarioError(f"{origin}.{name}: {error}") from error
+
+
+def resolve_sensors(
+    sensors: Mapping[str, Mapping[str, Any]], origin: str, folder: Path | None
+) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
+    """Return sensors with their files' paths and with all parameters, and the names of their readings.
+
+    Raises:
+        ScenarioError: There is no such sensor, it does not take these parameters, or two have a reading of one name.
+    """
+    resolved: dict[str, dict[str, Any]] = {}
+    told: dict[str, str] = {}
+    for name, given in sensors.items():
+        where = f"{origin}.sensors.{name}"
+        try:
+            sensor = find_sensor(given[FILE], folder)
+            parameters = sensor.resolve({key: value for key, value in given.items() if key != FILE})
+        except (ControllerError, ValueError) as error:
+            raise ScenarioError(f"{where}: {error}") from error
+        for reading in sensor.readings.names or ():
+            if reading in told:
+                raise ScenarioError(
+                    f"{where}: tells {reading!r}, and {told[reading]} does, too; rename it in READINGS of one of them"
+                )
+            told[reading] = name
+        resolved[name] = {FILE: sensor.stored_name, **parameters}
+    return resolved, tuple(told)

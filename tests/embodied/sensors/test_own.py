@@ -1,0 +1,268 @@
+"""Claims about sensors in files of their own: what they see, who reads them, what they draw, and what is refused."""
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from epuck_sim import Simulation, load_scenario, run_trial
+from epuck_sim.errors import ControllerError, EpuckSimError
+from epuck_sim.testing import TestRobot
+from epuck_sim.trial.trace import Trace
+
+GROUND = """
+import math
+from epuck_sim.util.rng import uniform
+
+PARAMETERS = {"noise": 0.0, "ahead_cm": 3.0}
+READINGS = {"own_number": int, "ground": (float, 2)}
+
+
+def sense(world, robot, readings, parameters, random):
+    x = robot.x + parameters.ahead_cm * math.cos(robot.heading)
+    readings.ground[0] = x / world.width_cm + parameters.noise * uniform(random)
+    readings.ground[1] = world.time_s
+    readings.own_number = robot.number
+"""
+
+RANDOM = """
+from epuck_sim.util.rng import uniform
+
+READINGS = {"%s": float}
+
+
+def sense(world, robot, readings, parameters, random):
+    readings.%s = uniform(random)
+"""
+
+FOLLOWER = """
+PARAMETERS = {"speed_cm_s": 5.0}
+MEMORY = {"seen": float}
+
+
+def start(memory, parameters, random):
+    memory.seen = 0.0
+
+
+def step(sensors, memory, actuators, parameters, random):
+    memory.seen = sensors.ground[0] + sensors.own_number
+    actuators.left_cm_s = parameters.speed_cm_s * sensors.ground[0]
+    actuators.right_cm_s = parameters.speed_cm_s
+"""
+
+WANDERER = FOLLOWER.replace("sensors.ground[0] + sensors.own_number", "0.5").replace("sensors.ground[0]", "0.7")
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    """Return a function that writes files into the working directory, an empty one; some are there from the start."""
+    monkeypatch.chdir(tmp_path)
+
+    def write(**contents):
+        for name, text in contents.items():
+            (tmp_path / f"{name}.py").write_text(text)
+
+    write(ground=GROUND, follower=FOLLOWER, wanderer=WANDERER, dice=RANDOM % ("dice", "dice"))
+    return write
+
+
+def scenario(sensors=("ground.py",), controller="follower.py", count=4, **keys):
+    return {"robots": [{"count": count, "controller": controller, "sensors": list(sensors)}], **keys}
+
+
+NOISY = [{"ground.py": {"noise": 0.3}}]
+
+
+@pytest.mark.usefixtures("files")
+def test_compiled_and_interpreted_sensors_read_the_same_to_the_bit_and_so_do_their_controllers():
+    found = []
+    for interpret in (False, True):
+        simulation = Simulation(scenario(NOISY), 3, interpret=interpret)
+        steps = [simulation.advance(1) for _ in range(20)]
+        found.append([b"".join(values.tobytes() for values in (steps[-1].poses, *steps[-1].readings.values()))])
+        assert steps[-1].readings["own_number"].tolist() == [0, 1, 2, 3]
+        readings = steps[-1].readings
+        np.testing.assert_array_equal(steps[-1].memories[0]["seen"], readings["ground"][:, 0] + readings["own_number"])
+    assert found[0] == found[1]
+
+
+@pytest.mark.usefixtures("files")
+def test_readings_are_what_the_file_computes_from_where_robots_are():
+    simulation = Simulation(scenario([{"ground.py": {"ahead_cm": 2.0}}], arena={"width_cm": 80}), 1)
+    for number in range(30):
+        step = simulation.advance(1)
+        expected = (step.poses[:, 0] + 2.0 * np.cos(step.poses[:, 2])) / 80
+        np.testing.assert_allclose(step.readings["ground"][:, 0], expected, rtol=1e-12)
+        np.testing.assert_allclose(step.readings["ground"][:, 1], number / 10)
+
+
+@pytest.mark.usefixtures("files")
+@pytest.mark.parametrize("base", ["thesis", "physical"])
+def test_a_sensor_that_nobody_reads_changes_no_outcome(base):
+    given = load_scenario(base).model_dump(mode="json")
+    given["robots"][0]["sensors"] = NOISY
+    poses = [Simulation(each, 5).advance(300).poses.tobytes() for each in (base, given)]
+    assert poses[0] == poses[1]
+
+
+def test_sensors_draw_from_streams_that_depend_on_their_names_and_the_robot_alone(files):
+    files(other=RANDOM % ("other", "other"))
+    alone = Simulation(scenario(["dice.py"], "wanderer.py"), 2)
+    beside = Simulation(scenario(["other.py", "dice.py"], "wanderer.py", count=7), 2)
+    for _ in range(5):
+        drawn, others = alone.advance(1).readings["dice"], beside.advance(1).readings
+        np.testing.assert_array_equal(others["dice"][:4], drawn)
+        assert len({*others["dice"], *others["other"]}) == 14
+
+
+@pytest.mark.usefixtures("files")
+def test_a_reset_and_a_copy_read_the_same_again():
+    simulation = Simulation(scenario(NOISY), 3)
+    first = simulation.advance(15).readings["ground"].tobytes()
+    simulation.reset(4)
+    assert simulation.advance(15).readings["ground"].tobytes() != first
+    simulation.reset(3)
+    assert simulation.advance(15).readings["ground"].tobytes() == first
+
+
+@pytest.mark.usefixtures("files")
+def test_groups_have_sensors_of_their_own_and_common_ones():
+    groups = [{"count": 2, "controller": "follower.py"}, {"count": 1, "controller": "wanderer.py", "sensors": []}]
+    readings = Simulation({"robots": groups, "sensors": ["ground.py"]}, 1).advance(1).readings
+    np.testing.assert_array_equal(np.isnan(readings["ground"]).all(axis=1), [False, False, True])
+
+
+@pytest.mark.usefixtures("files")
+def test_keys_lead_to_the_parameters_of_a_sensor():
+    changed = load_scenario(scenario(), ["robots.0.sensors.ground.noise=0.5"])
+    assert changed.robots[0].sensors["ground"]["noise"] == 0.5
+    swept = load_scenario(scenario(stop={"max_time_s": 1}), axes=["robots.0.sensors.ground.ahead_cm=0,1"])
+    assert swept.sweep.keys == ["robots.0.sensors.ground.ahead_cm"]
+
+
+@pytest.mark.usefixtures("files")
+@pytest.mark.parametrize("interpret", [False, True])
+def test_faults_and_schedules_act_on_a_sensor_by_its_name(interpret):
+    changes = {
+        "faults": [{"kind": "sensor_dead", "sensor": "ground", "robots": [1], "at_s": 1, "until_s": 2}],
+        "schedule": [{"at_s": 3, "set": {"robots.0.sensors.ground.ahead_cm": 0.0}}],
+    }
+    simulation = Simulation(scenario(**changes), 1, interpret=interpret)
+    assert (simulation.advance(10).readings["ground"][:, 0] > 0).all()
+    dead = simulation.advance(5).readings
+    assert dead["ground"][1].tolist() == [0, 0]
+    assert dead["own_number"].tolist() == [0, 0, 2, 3]
+    assert (simulation.advance(15).readings["ground"][:, 0] > 0).all()
+    later = simulation.advance(1)
+    np.testing.assert_allclose(later.readings["ground"][:, 0], later.poses[:, 0] / 60)
+
+
+@pytest.mark.usefixtures("files")
+def test_robots_that_are_not_in_the_arena_read_nothing():
+    simulation = Simulation(scenario(schedule=[{"at_s": 1, "remove": [2]}, {"at_s": 2, "add": [2]}]), 1)
+    assert simulation.advance(15).readings["ground"][2].tolist() == [0, 0]
+    assert simulation.advance(10).readings["ground"][2, 0] > 0
+
+
+@pytest.mark.usefixtures("files")
+def test_traces_have_a_column_for_each_number_that_robots_read(tmp_path):
+    loaded = load_scenario(scenario(stop={"max_time_s": 2}))
+    simulation = Simulation(loaded, 1)
+    with Trace(tmp_path / "t.parquet", loaded, 1) as trace:
+        run_trial(simulation, observers=[trace])
+    table = pq.read_table(tmp_path / "t.parquet")
+    last = table.column("sensors.ground.0").to_numpy()[-4:]
+    np.testing.assert_array_equal(last, simulation.last_step.readings["ground"][:, 0])
+    assert {"sensors.ground.1", "sensors.own_number"} <= set(table.column_names)
+
+
+@pytest.mark.usefixtures("files")
+@pytest.mark.parametrize("interpret", [False, True])
+def test_a_robot_of_a_unit_test_reads_what_is_set(interpret):
+    robot = TestRobot("follower.py", sensors=["ground.py"], interpret=interpret)
+    robot.readings.ground[0], robot.readings.own_number = 0.25, 3
+    robot.step()
+    assert (robot.left_cm_s, robot.memory.seen) == (1.25, 3.25)
+    with pytest.raises(AttributeError, match="did you mean 'ground'"):
+        _ = robot.readings.grond
+
+
+def test_an_edited_sensor_is_compiled_anew(files):
+    assert Simulation(scenario(), 1).advance(1).readings["own_number"][3] == 3
+    files(ground=GROUND.replace("= robot.number", "= robot.number * 10"))
+    assert Simulation(scenario(), 1).advance(1).readings["own_number"][3] == 30
+
+
+@pytest.mark.parametrize("interpret", [False, True])
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (
+            "readings.ground[0] = 1 / (robot.number - 2)",
+            r"robot 2, step 0, seed 1: .*ground\.py:10: .*(sion|ide) by zero",
+        ),
+        ("readings.ground[0] = math.nan", r"robot 0, step 0, seed 1: .*ground\.py:9: .*readings\.ground is not a num"),
+        ("raise ValueError('too dark')", r"robot 0, step 0, seed 1: .*ground\.py:10: ValueError: too dark"),
+    ],
+)
+def test_an_error_in_a_sensor_names_file_line_and_robot(files, line, message, interpret):
+    head, _, _ = GROUND.partition("    x = ")
+    files(ground=f"{head}    {line}\n")
+    with pytest.raises(ControllerError, match=message):
+        Simulation(scenario(), 1, interpret=interpret).advance(1)
+
+
+MISTAKES = {
+    "no READINGS": (GROUND.replace("READINGS", "READING"), r"ground\.py: a sensor needs READINGS: a mapping of names"),
+    "no sense": (GROUND.replace("def sense", "def see"), r"a sensor needs sense: a function sense\(world, robot"),
+    "a type": (GROUND.replace('"own_number": int', '"own_number": str'), r"ground\.py:6: READINGS: 'own_number' is"),
+    "none": ("READINGS = {}\ndef sense(*_): ...\n", r"ground\.py:1: READINGS has no reading; allowed: at least one"),
+    "taken": (GROUND.replace('"own_number": int', '"camera": int'), r"READINGS: 'camera' is taken"),
+    "a name": (GROUND.replace("readings.own_number", "readings.own"), r"ground\.py:13: readings have no 'own'"),
+    "world": (GROUND.replace("world.width_cm", "world.width"), r"ground\.py:11: world has no 'width'; did you mean"),
+    "syntax": (GROUND.replace("def sense", "def sense("), r"ground\.py:9: cannot be loaded: SyntaxError"),
+    "compiled": (
+        GROUND.replace("math.cos(robot", "math.cos('a', robot"),
+        r"ground\.py:\d+: cannot be compiled; --",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), MISTAKES.values(), ids=MISTAKES)
+def test_a_file_that_is_no_sensor_is_refused_with_its_line(files, text, message):
+    files(ground=text)
+    with pytest.raises(EpuckSimError, match=message):
+        Simulation(scenario(), 1)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (scenario(["dark.py"]), r"robots\.0\.sensors\.dark: no sensor file 'dark\.py' in "),
+        (
+            scenario([{"ground.py": {"nois": 1}}]),
+            r"sensors\.ground: .*'nois'.*did you mean 'noise'",
+        ),
+        (scenario([{"ground.py": {"noise": "a"}}]), r"sensors\.ground: noise is 'a'; allowed: a number"),
+        (scenario(["ground.py", "ground.py"]), r"robots\.0\.sensors: ground is there twice; give names"),
+        (scenario({"a": {"file": "ground.py"}, "b": {"file": "ground.py"}}.items()), r"sensors: has \('a'"),
+        (scenario([3]), r"robots\.0\.sensors: has 3; allowed: a list of files"),
+        (scenario([]), r"follower\.py:\d+: sensors have no 'ground'"),
+        (scenario(faults=[{"kind": "sensor_dead", "sensor": "light"}]), r"sensor is 'light'; allowed: .*ground"),
+        (
+            scenario(schedule=[{"at_s": 1, "set": {"robots.0.sensors.light.a": 1}}]),
+            r"schedule\.0\.set: robots\.0\.s",
+        ),
+    ],
+)
+@pytest.mark.usefixtures("files")
+def test_a_scenario_that_names_sensors_wrongly_is_refused(given, message):
+    with pytest.raises(EpuckSimError, match=message):
+        load_scenario(given)
+
+
+@pytest.mark.usefixtures("files")
+def test_two_sensors_with_a_reading_of_one_name_are_refused():
+    given = scenario()
+    given["robots"][0]["sensors"] = {"left": "ground.py", "right": {"file": "ground.py", "ahead_cm": 1}}
+    with pytest.raises(EpuckSimError, match=r"sensors\.right: tells 'ground', and left does, too; rename it"):
+        load_scenario(given)
