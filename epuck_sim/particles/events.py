@@ -30,25 +30,18 @@ from epuck_sim.particles.oscillators import (
 )
 from epuck_sim.particles.phase_response import phase_after_pulse
 from epuck_sim.particles.swarm import (
-    BYTE,
     CONTINUE,
-    FLAG,
-    FLOAT,
-    INDEX,
     REORIENT,
-    SCENE,
-    SCENE_BYTES,
     Instant,
     Neighbours,
+    Observed,
     Oscillators,
+    Trajectories,
+    Turns,
     entry_of,
-    instant_at,
-    neighbours_at,
-    oscillators_at,
-    trajectories_at,
 )
 from epuck_sim.util.jit import jit, jit_inline
-from epuck_sim.util.native import array_at, call, unlikely
+from epuck_sim.util.native import call, carve, unlikely
 
 UNLIMITED = 2**62
 """Larger than any count or cycle number."""
@@ -77,9 +70,8 @@ def run_events(
         max_offset: The order parameter is measured when all phases are within so many cycles of the reference's.
         by_address: See `neighbours.find_receivers`.
     """
-    scene, oscillators = array_at(block, 0, SCENE_BYTES, SCENE)[0], oscillators_at(block)
-    neighbours, instant = neighbours_at(block), instant_at(block)
-    curve = array_at(block, scene.first.curve, scene.end.curve, BYTE)
+    oscillators, neighbours, instant = carve(block, Oscillators), carve(block, Neighbours), carve(block, Instant)
+    scene = oscillators.scene
     reorients = scene.reorients_on_emitting or scene.reorients_on_receiving or scene.reorients_on_arriving
     scene.is_synchronised = False
     is_measured = True
@@ -90,7 +82,7 @@ def run_events(
             time = earliest_firing(oscillators)
         if scene.cycle > last_cycle or (scene.cycle == last_cycle and time > last_time):
             break
-        fire(block, addresses, oscillators, neighbours, instant, curve, time, by_address)
+        fire(block, addresses, oscillators, neighbours, instant, time, by_address)
         if unlikely(reorients):
             call(addresses[REORIENT], block, addresses, 0, time)
         scene.instants += 1
@@ -125,7 +117,7 @@ def advance_in_cones(
 @jit_inline
 def start_next_cycle(oscillators: Oscillators, neighbours: Neighbours) -> None:
     """Count all times from the start of the next cycle."""
-    scene = oscillators.scene[0]
+    scene = oscillators.scene
     rebase_oscillators(oscillators)
     for agent in range(len(neighbours.cached_until)):
         neighbours.cached_until[agent] -= 1.0
@@ -143,12 +135,11 @@ def fire(
     oscillators: Oscillators,
     neighbours: Neighbours,
     instant: Instant,
-    curve: ByteArray,
     time: float,
     by_address: bool | None,
 ) -> None:
     """Fire all oscillators whose time has come, and all that their pulses make fire."""
-    scene, response, agents = oscillators.scene[0], oscillators.scene[0].response, len(oscillators.next_firing)
+    scene, response, agents = oscillators.scene, oscillators.scene.response, len(oscillators.next_firing)
     fired, received, is_done = instant.fired, instant.received, instant.is_done
     fired_count, received_count = firing_now(oscillators, time, fired), 0
     for index in range(fired_count):
@@ -172,7 +163,7 @@ def fire(
             done += 1
             received[received_count] = other
             received_count += 1
-            phase = phase_after_pulse(response, curve, addresses, phase)
+            phase = phase_after_pulse(response, instant.curve, addresses, phase)
             if phase >= 1.0:
                 fired[fired_count] = other
                 fired_count += 1
@@ -194,26 +185,21 @@ def fire(
 @jit
 def note_arrivals(block: ByteArray, receivers: IndexArray) -> None:
     """Add the agents that a pulse reaches to those that pulses have reached at this instant."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)[0]
-    reached = array_at(block, scene.first.reached, scene.end.reached, INDEX)
-    is_reached = array_at(block, scene.first.is_reached, scene.end.is_reached, FLAG)
+    turns = carve(block, Turns)
+    scene = turns.scene
     for index in range(len(receivers)):
         agent = receivers[index]
-        if not is_reached[agent]:
-            is_reached[agent] = True
-            reached[scene.reached] = agent
+        if not turns.is_reached[agent]:
+            turns.is_reached[agent] = True
+            turns.reached[scene.reached] = agent
             scene.reached += 1
 
 
 @jit
 def turn_if_next(block: ByteArray, addresses: IntArray) -> int:
     """Continue the trajectory that ends before the next firing; return whose it is, or -1 if a firing comes first."""
-    scene, oscillators, trajectories = (
-        array_at(block, 0, SCENE_BYTES, SCENE)[0],
-        oscillators_at(block),
-        trajectories_at(block),
-    )
-    neighbours = neighbours_at(block)
+    oscillators, trajectories = carve(block, Oscillators), carve(block, Trajectories)
+    neighbours, scene = carve(block, Neighbours), oscillators.scene
     advance_all(block, addresses, trajectories, scene.now)  # ends that were passed without being asked for
     while min(earliest_firing(oscillators), time_of_end(trajectories, first_to_end(trajectories))) >= 1.0:
         start_next_cycle(oscillators, neighbours)
@@ -231,9 +217,9 @@ def turn_if_next(block: ByteArray, addresses: IntArray) -> int:
 @jit
 def observe(block: ByteArray, addresses: IntArray) -> None:
     """Write the positions and phases at the present time; trajectories that have ended by then are continued."""
-    scene, oscillators = array_at(block, 0, SCENE_BYTES, SCENE)[0], oscillators_at(block)
-    phases = array_at(block, scene.first.phases_now, scene.end.phases_now, FLOAT)
-    compute_positions(block, addresses, trajectories_at(block), scene.now, scene.first.positions_now)
-    for agent in range(len(phases)):
+    oscillators, observed = carve(block, Oscillators), carve(block, Observed)
+    now = oscillators.scene.now
+    compute_positions(block, addresses, carve(block, Trajectories), now, observed.positions_now)
+    for agent in range(len(observed.phases_now)):
         # rounding may leave -1e-16 to an agent that has just fired
-        phases[agent] = max(phase_at(oscillators, agent, scene.now), 0.0)
+        observed.phases_now[agent] = max(phase_at(oscillators, agent, now), 0.0)

@@ -7,25 +7,23 @@ import math
 from statistics import NormalDist
 
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
 from epuck_sim.particles.motion import begin_motion, random_heading
 from epuck_sim.particles.swarm import (
     BEGIN_RUN,
-    FLOAT,
-    SCENE,
-    SCENE_BYTES,
-    WORD,
     Arrays,
+    Draws,
+    Observed,
+    Oscillators,
     Trajectories,
-    oscillators_at,
-    trajectories_at,
 )
 from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.particles import ParticleScenario
-from epuck_sim.util.generators import begin_sequence, draw_words, fill_doubles, seed_pcg64, spawn
-from epuck_sim.util.jit import jit
-from epuck_sim.util.native import array_at, call
+from epuck_sim.util.generators import DRAW_BEGIN, begin_sequence, draw_row, fill_doubles, seed_pcg64, spawn
+from epuck_sim.util.jit import jit, jit_inline
+from epuck_sim.util.native import call, carve
 
 SHORTEST_PERIOD = 0.1
 """Lower limit of a jittered period, in nominal periods; jitter is at most 0.2, so that hardly any draw is below it."""
@@ -46,20 +44,16 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     What is given takes the place of what is drawn; all else is drawn as it would be without. The block is a swarm to
     which nothing has happened, with the speeds and periods; see `util.generators` for the words of the seed.
     """
-    scene, oscillators, trajectories = (
-        array_at(block, 0, SCENE_BYTES, SCENE)[0],
-        oscillators_at(block),
-        trajectories_at(block),
-    )
-    first, end = scene.first, scene.end
-    agents, child, generator = len(trajectories.speed), scene.child, scene.generator
+    oscillators, trajectories, draws = carve(block, Oscillators), carve(block, Trajectories), carve(block, Draws)
+    scene, agents = oscillators.scene, len(trajectories.speed)
+    child, generator = scene.child, scene.generator
     begin_sequence(scene.seed, seed)
     for number in range(RECEIVER_SEED + 1):
         spawn(child, scene.seed, number)
         if number == MOTION_SEED:
-            draw_words(array_at(block, first.streams, end.streams, WORD), child)
+            _seed_streams(trajectories.streams, child)
         elif number == RECEIVER_SEED:
-            draw_words(array_at(block, first.receiver_streams, end.receiver_streams, WORD), child)
+            _seed_streams(draws.receiver_streams, child)
         else:
             seed_pcg64(generator, child)
             if number == POSITION_SEED and not scene.has_positions:
@@ -77,11 +71,17 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     begin_motion(block)
 
 
+@jit_inline
+def _seed_streams(streams: npt.NDArray[np.void], sequence: WordArray) -> None:
+    factor = DRAW_BEGIN
+    for agent in range(len(streams)):
+        factor = draw_row(streams[agent].words, sequence, factor)
+
+
 @jit
 def draw_headings(block: ByteArray, trajectories: Trajectories) -> None:
     """Draw the headings of all agents; where headings are given, what is drawn is left unused."""
-    scene, agents = trajectories.scene[0], len(trajectories.speed)
-    unused = array_at(block, scene.first.positions_now, scene.end.positions_now, FLOAT)
+    scene, agents, unused = trajectories.scene, len(trajectories.speed), carve(block, Observed).positions_now
     for agent in range(agents):
         heading = unused[agent::agents] if scene.has_headings else trajectories.heading[agent::agents]
         random_heading(heading, trajectories.streams[agent].words)

@@ -10,12 +10,13 @@ from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.motion import begin_motion
 from epuck_sim.particles.neighbours import find_receivers
 from epuck_sim.particles.rules import rules_of
-from epuck_sim.particles.swarm import Arrays, entry_of, neighbours_at
+from epuck_sim.particles.swarm import Arrays, Neighbours, entry_of
 from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.neighbourhoods import Everybody, RandomAgents
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.start import StartSection
 from epuck_sim.util.jit import jit
+from epuck_sim.util.native import carve
 
 SHIFTS_ONLY = 50
 """Swarms of this size or larger have links of pulses only where a phase was shifted: if all fire, all receive all."""
@@ -27,8 +28,8 @@ FIRST_ROOM = 8
 @jit
 def write_links(block: ByteArray, addresses: IntArray, senders: IntArray, links: IntArray) -> int:
     """Write the links of some agents to `links`, as far as there is room; return their number."""
-    neighbours = neighbours_at(block)
-    scene, found = neighbours.scene[0], 0
+    neighbours = carve(block, Neighbours)
+    scene, found = neighbours.scene, 0
     scene.positions_time = np.nan
     scene.sorted_at = -np.inf
     for index in range(len(senders)):

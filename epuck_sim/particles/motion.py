@@ -11,27 +11,20 @@ Times passed as arguments are in cycles since the start of the present cycle (se
 """
 
 import math
-from typing import Any
 
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
-from epuck_sim.particles.oscillators import argmin, minimum
+from epuck_sim.particles.selection import argmin, minimum
 from epuck_sim.particles.swarm import (
     BEGIN_RUN,
     CONTINUE,
-    FLAG,
-    FLOAT,
-    INDEX,
-    SCENE,
-    SCENE_BYTES,
+    Instant,
     Runs,
     Trajectories,
-    axis_at,
+    Turns,
     entry_of,
-    runs_at,
-    trajectories_at,
 )
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
-from epuck_sim.util.native import array_at, call, unlikely
+from epuck_sim.util.native import call, carve, row_at, unlikely
 from epuck_sim.util.rng import randint, uniform
 
 NO_WALL = -1
@@ -44,14 +37,14 @@ LONGEST_RUN = 1e12
 @jit_inline
 def time_of_end(trajectories: Trajectories, agent: int) -> float:
     """Return when an agent's trajectory ends, in cycles since the start of the present cycle."""
-    time: float = (trajectories.end_cycle[agent] - trajectories.scene[0].cycle) + trajectories.end_time[agent]
+    time: float = (trajectories.end_cycle[agent] - trajectories.scene.cycle) + trajectories.end_time[agent]
     return time
 
 
 @jit_inline
 def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> float:
     """Return how many cm of its trajectory an agent has covered at `time`, which is not after its end."""
-    elapsed = (trajectories.scene[0].cycle - trajectories.start_cycle[agent]) + (time - trajectories.start_time[agent])
+    elapsed = (trajectories.scene.cycle - trajectories.start_cycle[agent]) + (time - trajectories.start_time[agent])
     distance_cm: float = trajectories.speed[agent] * elapsed
     return distance_cm
 
@@ -59,7 +52,7 @@ def distance_travelled(trajectories: Trajectories, agent: int, time: float) -> f
 @jit_inline
 def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
     """Compute when and where an agent's trajectory ends: at the first wall, or where its run ends before."""
-    scene, agents = trajectories.scene[0], len(trajectories.speed)
+    scene, agents = trajectories.scene, len(trajectories.speed)
     side_cm, speed = scene.side_cm, trajectories.speed[agent]
     duration, wall = math.inf, trajectories.wall[agent]
     for axis in range(scene.dimensions):  # directions are random: conditions that are no branches
@@ -71,11 +64,13 @@ def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
     trajectories.wall[agent] = wall
     start = trajectories.start_time[agent]
     if unlikely(scene.has_runs):
-        runs = runs_at(block)
-        if (runs.end_cycle[agent] - trajectories.start_cycle[agent]) + (runs.end_time[agent] - start) < duration:
+        runs = carve(block, Runs)
+        if (runs.run_end_cycle[agent] - trajectories.start_cycle[agent]) + (
+            runs.run_end_time[agent] - start
+        ) < duration:
             trajectories.wall[agent] = NO_WALL
-            trajectories.end_cycle[agent] = runs.end_cycle[agent]
-            trajectories.end_time[agent] = runs.end_time[agent]
+            trajectories.end_cycle[agent] = runs.run_end_cycle[agent]
+            trajectories.end_time[agent] = runs.run_end_time[agent]
             return
     whole = int(start + duration) if duration < math.inf else math.inf
     trajectories.end_cycle[agent] = trajectories.start_cycle[agent] + whole
@@ -85,16 +80,17 @@ def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
 @jit_no_alloc
 def begin_motion(block: ByteArray) -> None:
     """Find the fastest speed, and when and where every trajectory ends, once positions, headings and speeds are set."""
-    scene, trajectories = array_at(block, 0, SCENE_BYTES, SCENE)[0], trajectories_at(block)
+    trajectories = carve(block, Trajectories)
+    scene = trajectories.scene
     fastest = 0.0
-    for speeds in (trajectories.speed, runs_at(block).speeds):
+    for speeds in (trajectories.speed, carve(block, Runs).run_speeds):
         for index in range(len(speeds)):
             fastest = max(fastest, speeds[index])
     scene.max_speed = fastest
     scene.closing_time = 1 / max(2 * fastest, 1e-300)
     for agent in range(len(trajectories.speed)):
         find_end(block, trajectories, agent)
-    trajectories.scene[0].earliest_end = time_of_end(trajectories, first_to_end(trajectories))
+    scene.earliest_end = time_of_end(trajectories, first_to_end(trajectories))
 
 
 @jit_inline
@@ -113,33 +109,31 @@ def first_to_end(trajectories: Trajectories) -> int:
 
 @jit_inline
 def compute_positions(
-    block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float, positions: int
+    block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float, positions: FloatArray
 ) -> None:
-    """Write the positions of all agents at `time`, in cm, to the array (dimensions * agents,) that begins at an offset.
-
-    Trajectories that have ended by then are continued.
-    """
+    """Write all positions at `time`, (dimensions * agents,) cm; trajectories that have ended by then are continued."""
     advance_all(block, addresses, trajectories, time)
-    agents, cycle = len(trajectories.speed), trajectories.scene[0].cycle
+    agents, cycle = len(trajectories.speed), trajectories.scene.cycle
     speed, start_cycle, start_time = trajectories.speed, trajectories.start_cycle, trajectories.start_time
-    for axis in range(trajectories.scene[0].dimensions):
-        rows = axis_at(block, axis, positions, positions)
+    for axis in range(trajectories.scene.dimensions):
+        origin, heading = row_at(trajectories.origin, axis, agents), row_at(trajectories.heading, axis, agents)
+        row = row_at(positions, axis, agents)
         for agent in range(agents):
             travelled_cm = speed[agent] * ((cycle - start_cycle[agent]) + (time - start_time[agent]))
-            rows.positions[agent] = rows.origin[agent] + rows.heading[agent] * travelled_cm
+            row[agent] = origin[agent] + heading[agent] * travelled_cm
 
 
 @jit_inline
 def advance_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> None:
     """Continue all trajectories that end by `time`, over as many walls and runs as it takes."""
-    if time < trajectories.scene[0].earliest_end:
+    if time < trajectories.scene.earliest_end:
         return
     compute_end_times(trajectories)
     for agent in range(len(trajectories.speed)):
         if trajectories.end_times[agent] <= time:
             call(addresses[CONTINUE], block, addresses, agent, time)
             trajectories.end_times[agent] = time_of_end(trajectories, agent)
-    trajectories.scene[0].earliest_end = minimum(trajectories.end_times, 0, len(trajectories.end_times))
+    trajectories.scene.earliest_end = minimum(trajectories.end_times, 0, len(trajectories.end_times))
 
 
 @jit_inline
@@ -155,7 +149,7 @@ def continue_trajectory(block: ByteArray, addresses: IntArray, agent: int, time:
 
     It is called by its address; see `swarm.CONTINUE`.
     """
-    trajectories, has_ended = trajectories_at(block), True
+    trajectories, has_ended = carve(block, Trajectories), True
     while has_ended:
         wall = trajectories.wall[agent]
         end_cycle, end_time = trajectories.end_cycle[agent], trajectories.end_time[agent]
@@ -172,7 +166,7 @@ def continue_trajectory(block: ByteArray, addresses: IntArray, agent: int, time:
 @jit_inline
 def restart_at(trajectories: Trajectories, agent: int, travelled_cm: float, cycle: float, time: float) -> None:
     """Begin an agent's next trajectory `travelled_cm` along the present one, at `time` of `cycle`."""
-    side_cm = trajectories.scene[0].side_cm
+    side_cm = trajectories.scene.side_cm
     for place in range(agent, len(trajectories.origin), len(trajectories.speed)):
         reached = trajectories.origin[place] + trajectories.heading[place] * travelled_cm
         trajectories.origin[place] = min(max(reached, 0.0), side_cm)
@@ -183,7 +177,7 @@ def restart_at(trajectories: Trajectories, agent: int, travelled_cm: float, cycl
 @jit_inline
 def reflect(trajectories: Trajectories, agent: int, axis: int, is_far: bool) -> None:
     """Turn an agent at a wall in a random direction, or as a mirror does; in a cyclic space let it enter opposite."""
-    scene, place = trajectories.scene[0], axis * len(trajectories.speed) + agent
+    scene, place = trajectories.scene, axis * len(trajectories.speed) + agent
     trajectories.origin[place] = scene.side_cm if is_far != scene.is_cyclic else 0.0
     if scene.is_mirrored:
         trajectories.heading[place] = -trajectories.heading[place]
@@ -199,24 +193,24 @@ def begin_run(block: ByteArray, addresses: IntArray, agent: int, time: float) ->
     Its first run follows no other: then nothing turns and no speed is drawn. It is called by its address; see
     `swarm.BEGIN_RUN`.
     """
-    scene, trajectories, runs = array_at(block, 0, SCENE_BYTES, SCENE)[0], trajectories_at(block), runs_at(block)
-    stream, is_first = trajectories.streams[agent].words, runs.end_cycle[agent] < 0
+    trajectories, runs = carve(block, Trajectories), carve(block, Runs)
+    stream, is_first = trajectories.streams[agent].words, runs.run_end_cycle[agent] < 0
     if not is_first:
-        turn_heading(trajectories.heading[agent :: len(trajectories.speed)], scene.persistence, stream)
-    draw_end_of_run(scene, trajectories, runs, agent, stream)
-    if len(runs.speeds) and not is_first:
-        trajectories.speed[agent] = runs.speeds[randint(stream, len(runs.speeds))]
+        turn_heading(trajectories.heading[agent :: len(trajectories.speed)], trajectories.scene.persistence, stream)
+    draw_end_of_run(trajectories, runs, agent, stream)
+    if len(runs.run_speeds) and not is_first:
+        trajectories.speed[agent] = runs.run_speeds[randint(stream, len(runs.run_speeds))]
 
 
 @jit_inline
-def draw_end_of_run(scene: Any, trajectories: Trajectories, runs: Runs, agent: int, stream: StreamArray) -> None:
+def draw_end_of_run(trajectories: Trajectories, runs: Runs, agent: int, stream: StreamArray) -> None:
     """Draw when a run ends that begins with an agent's present trajectory."""
-    share = 1.0 - uniform(stream)  # above 0
+    scene, share = trajectories.scene, 1.0 - uniform(stream)  # above 0
     duration = scene.run * (share**scene.tail if scene.tail < 0 else -math.log(share))
     end = trajectories.start_time[agent] + min(duration, LONGEST_RUN)
     whole = math.floor(end)
-    runs.end_cycle[agent] = trajectories.start_cycle[agent] + whole
-    runs.end_time[agent] = end - whole
+    runs.run_end_cycle[agent] = trajectories.start_cycle[agent] + whole
+    runs.run_end_time[agent] = end - whole
 
 
 @jit_no_alloc
@@ -225,36 +219,32 @@ def reorient_agents(block: ByteArray, addresses: IntArray, agent: int, time: flo
 
     It is called by its address; see `swarm.REORIENT`. The agent is of no account.
     """
-    scene, trajectories = array_at(block, 0, SCENE_BYTES, SCENE)[0], trajectories_at(block)
-    first, end = scene.first, scene.end
-    before = array_at(block, first.headings_before, end.headings_before, FLOAT)
-    is_done = array_at(block, first.is_done, end.is_done, FLAG)
-    is_reached = array_at(block, first.is_reached, end.is_reached, FLAG)
-    fired = array_at(block, first.fired, end.fired, INDEX)[: scene.fired]
-    received = array_at(block, first.received, end.received, INDEX)[: scene.received]
-    reached = array_at(block, first.reached, end.reached, INDEX)[: scene.reached]
+    trajectories, instant, turns = carve(block, Trajectories), carve(block, Instant), carve(block, Turns)
+    scene, is_done = trajectories.scene, instant.is_done
     advance_all(block, addresses, trajectories, time)
-    for place in range(len(before)):
-        before[place] = trajectories.heading[place]
+    for place in range(len(trajectories.heading)):
+        turns.headings_before[place] = trajectories.heading[place]
+    emitting, receiving = instant.fired[: scene.fired], instant.received[: scene.received]
+    reached = turns.reached[: scene.reached]
     if scene.reorients_on_emitting:
-        reorient_each(block, fired, is_done, time)
+        reorient_each(block, emitting, is_done, time)
     if scene.reorients_on_receiving:
-        reorient_each(block, received, is_done, time)
+        reorient_each(block, receiving, is_done, time)
     if scene.reorients_on_arriving:
         reorient_each(block, reached, is_done, time)
-    for agents in (fired, received, reached):
+    for agents in (emitting, receiving, reached):
         for index in range(len(agents)):
             is_done[agents[index]] = False
     for index in range(len(reached)):
-        is_reached[reached[index]] = False
+        turns.is_reached[reached[index]] = False
     scene.reached = 0
 
 
 @jit_no_alloc
 def reorient_each(block: ByteArray, agents: IndexArray, is_done: BoolArray, time: float) -> None:
     """Turn agents in a random direction before the end of their trajectories, unless that is done; runs go on."""
-    trajectories = trajectories_at(block)
-    scene = trajectories.scene[0]
+    trajectories = carve(block, Trajectories)
+    scene = trajectories.scene
     for index in range(len(agents)):
         agent = entry_of(agents, index)
         if not is_done[agent]:

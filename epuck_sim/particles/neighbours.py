@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from epuck_sim.arrays import ByteArray, IntArray
+from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.particles.motion import (
     advance_one,
     compute_end_times,
@@ -20,27 +20,18 @@ from epuck_sim.particles.motion import (
     distance_travelled,
     time_of_end,
 )
-from epuck_sim.particles.oscillators import minimum
-from epuck_sim.particles.selection import find_two_smallest, select_smallest
+from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import (
-    FLAG,
-    INDEX,
-    INT,
-    SCENE,
-    SCENE_BYTES,
     SEARCH,
-    STREAM,
     Candidates,
+    Cells,
+    Draws,
     Neighbours,
     Trajectories,
-    axis_at,
-    candidates_at,
     entry_of,
-    neighbours_at,
-    trajectories_at,
 )
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
-from epuck_sim.util.native import array_at, call
+from epuck_sim.util.native import call, carve, row_at
 from epuck_sim.util.rng import randint
 
 NEAREST, VISION_CONE, EMISSION_CONE, RANDOM = range(4)
@@ -85,7 +76,7 @@ def find_receivers(
 @jit_inline
 def _row_of(neighbours: Neighbours, agent: int) -> int:
     """Return the index in `members` at which an agent's neighbours are kept."""
-    row: int = agent * neighbours.scene[0].agents if neighbours.scene[0].is_cached else 0
+    row: int = agent * neighbours.scene.agents if neighbours.scene.is_cached else 0
     return row
 
 
@@ -95,7 +86,7 @@ def _should_cache(neighbours: Neighbours, agent: int) -> bool:
     if neighbours.skip_count[agent] > 0:
         neighbours.skip_count[agent] -= 1
         return False
-    is_cached: bool = neighbours.scene[0].is_cached
+    is_cached: bool = neighbours.scene.is_cached
     return is_cached
 
 
@@ -103,7 +94,7 @@ def _should_cache(neighbours: Neighbours, agent: int) -> bool:
 def _cache_until(neighbours: Neighbours, agent: int, time: float, until: float) -> None:
     neighbours.cached_until[agent] = until
     if until < time + 1:
-        neighbours.skip_count[agent] = SKIPPED_PULSES if neighbours.scene[0].kind == NEAREST else SKIPPED_PULSES_CONE
+        neighbours.skip_count[agent] = SKIPPED_PULSES if neighbours.scene.kind == NEAREST else SKIPPED_PULSES_CONE
 
 
 # --- searches, which are called by their addresses; see `swarm.SEARCH` ---------------------------------
@@ -112,46 +103,48 @@ def _cache_until(neighbours: Neighbours, agent: int, time: float, until: float) 
 @jit_no_alloc
 def search_nearest(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find the agents nearest to an agent, among all."""
-    candidates, trajectories = candidates_at(block), trajectories_at(block)
-    _place_all(block, addresses, trajectories, time)
-    agents = len(trajectories.speed)
+    trajectories = carve(block, Trajectories)
+    agents = _place_all(block, addresses, trajectories, time)
     _measure_distances(block, agent, agents)
-    _select_nearest(neighbours_at(block), candidates, agent, time, agents, math.inf)
+    _select_nearest(block, agent, time, agents, math.inf)
 
 
 @jit_inline
 def search_cone(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find the agents in a cone or range, among all."""
-    candidates, trajectories = candidates_at(block), trajectories_at(block)
-    _place_all(block, addresses, trajectories, time)
-    agents = len(trajectories.speed)
-    _measure_cone(block, trajectories.scene[0].first.heading, agent, agents)
-    _select_in_cone(neighbours_at(block), trajectories, candidates, agent, time, agents, math.inf)
+    trajectories = carve(block, Trajectories)
+    agents = _place_all(block, addresses, trajectories, time)
+    _measure_cone(block, trajectories.heading, agent, agents)
+    _select_in_cone(block, trajectories, agent, time, agents, math.inf)
 
 
 @jit_no_alloc
 def search_cells(block: ByteArray, addresses: IntArray, agent: int, time: float) -> None:
     """Find an agent's neighbours among the candidates from the cell list."""
-    candidates, trajectories, neighbours = candidates_at(block), trajectories_at(block), neighbours_at(block)
-    scene = trajectories.scene[0]
+    candidates, trajectories, neighbours = (
+        carve(block, Candidates),
+        carve(block, Trajectories),
+        carve(block, Neighbours),
+    )
+    scene = trajectories.scene
     is_nearest, radius_cm = scene.kind == NEAREST, scene.search_radius_cm
     is_found = False
     while not is_found:
-        count = find_candidates(block, addresses, trajectories, agent, time, radius_cm, candidates)
-        own = _gather_candidates(block, trajectories, candidates, agent, time, count)
-        if count == len(trajectories.speed):
+        count = find_candidates(block, addresses, agent, time, radius_cm)
+        own = _gather_candidates(trajectories, candidates, agent, time, count)
+        if count == scene.agents:
             radius_cm = math.inf  # all agents are candidates
         if is_nearest:
             _measure_distances(block, own, count)
-            is_found = count > scene.k and _select_nearest(neighbours, candidates, agent, time, count, radius_cm)
+            is_found = count > scene.k and _select_nearest(block, agent, time, count, radius_cm)
             radius_cm *= RADIUS_GROWTH
         else:
-            _measure_cone(block, scene.first.headings, own, count)
-            _select_in_cone(neighbours, trajectories, candidates, agent, time, count, radius_cm)
+            _measure_cone(block, candidates.headings, own, count)
+            _select_in_cone(block, trajectories, agent, time, count, radius_cm)
             is_found = True
     members = neighbours.members[_row_of(neighbours, agent) :]
     for rank in range(neighbours.counts[agent]):
-        members[rank] = candidates.agents[members[rank]]
+        members[rank] = candidates.candidates[members[rank]]
 
 
 @jit_no_alloc
@@ -160,52 +153,57 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
 
     Floyd's algorithm: k random numbers, and no array that a draw would leave in another order for the next one.
     """
-    scene, neighbours = array_at(block, 0, SCENE_BYTES, SCENE)[0], neighbours_at(block)
-    is_drawn = array_at(block, scene.first.is_drawn, scene.end.is_drawn, FLAG)
-    streams = array_at(block, scene.first.receiver_streams, scene.end.receiver_streams, STREAM)
-    members, stream = neighbours.members[_row_of(neighbours, agent) :], streams[agent].words
+    neighbours, draws = carve(block, Neighbours), carve(block, Draws)
+    k, is_drawn, stream = neighbours.scene.k, draws.is_drawn, draws.receiver_streams[agent].words
+    members = neighbours.members[_row_of(neighbours, agent) :]
     others = len(is_drawn) - 1
-    for rank in range(scene.k):
-        last = others - scene.k + rank
+    for rank in range(k):
+        last = others - k + rank
         index = randint(stream, last + 1)
         drawn = index + (index >= agent)
         if is_drawn[drawn]:
             drawn = last + (last >= agent)
         is_drawn[drawn] = True
         members[rank] = drawn
-    for rank in range(scene.k):
+    for rank in range(k):
         is_drawn[members[rank]] = False
-    neighbours.counts[agent] = scene.k
+    neighbours.counts[agent] = k
 
 
 # --- parts of searches -------------------------------------------------------------------------------
 
 
 @jit_inline
-def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> None:
-    if trajectories.scene[0].positions_time != time:
-        compute_positions(block, addresses, trajectories, time, trajectories.scene[0].first.positions)
-        trajectories.scene[0].positions_time = time
+def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> int:
+    """Have the positions of all agents at a time; return their number."""
+    if trajectories.scene.positions_time != time:
+        compute_positions(block, addresses, trajectories, time, carve(block, Candidates).positions)
+        trajectories.scene.positions_time = time
+    return len(trajectories.speed)
 
 
 @jit_inline
-def _gather_candidates(
-    block: ByteArray, trajectories: Trajectories, candidates: Candidates, agent: int, time: float, count: int
-) -> int:
+def _gather_candidates(trajectories: Trajectories, candidates: Candidates, agent: int, time: float, count: int) -> int:
     """Compute the candidates' positions, and their headings for a cone; return the firing agent's index among them."""
-    scene, found = trajectories.scene[0], candidates.agents
-    travelled_cm = trajectories.end_times
+    scene, found, travelled_cm = trajectories.scene, candidates.candidates, trajectories.end_times
     own = 0
     for index in range(count):
         own = index if found[index] == agent else own
         travelled_cm[index] = distance_travelled(trajectories, entry_of(found, index), time)
     for axis in range(scene.dimensions):
-        rows = axis_at(block, axis, scene.first.positions, scene.first.headings)
+        origin, heading = (
+            row_at(trajectories.origin, axis, scene.agents),
+            row_at(trajectories.heading, axis, scene.agents),
+        )
+        positions, headings = (
+            row_at(candidates.positions, axis, scene.agents),
+            row_at(candidates.headings, axis, scene.agents),
+        )
         for index in range(count):
-            rows.positions[index] = rows.origin[found[index]] + rows.heading[found[index]] * travelled_cm[index]
+            positions[index] = origin[found[index]] + heading[found[index]] * travelled_cm[index]
         if scene.cos != FULL_CIRCLE_COS:
             for index in range(count):
-                rows.headings[index] = rows.heading[found[index]]
+                headings[index] = heading[found[index]]
     return own
 
 
@@ -216,10 +214,11 @@ def _measure_distances(block: ByteArray, own: int, count: int) -> None:
     Loops over contiguous arrays, which vectorise, here and in `_measure_cone`: not inlined, so that their branches
     are taken out of the loops.
     """
-    scene, square = array_at(block, 0, SCENE_BYTES, SCENE)[0], candidates_at(block).square_distance
-    is_cyclic, side_cm = scene.is_cyclic, scene.side_cm
+    candidates = carve(block, Candidates)
+    scene = candidates.scene
+    square, is_cyclic, side_cm = candidates.square_distance, scene.is_cyclic, scene.side_cm
     for axis in range(scene.dimensions):
-        positions = axis_at(block, axis, scene.first.positions, scene.first.headings).positions
+        positions = row_at(candidates.positions, axis, scene.agents)
         own_position = positions[own]
         for index in range(count):
             offset = _nearest_image(is_cyclic, side_cm, positions[index] - own_position)
@@ -228,20 +227,21 @@ def _measure_distances(block: ByteArray, own: int, count: int) -> None:
 
 
 @jit_inline
-def _measure_cone(block: ByteArray, headings: int, own: int, count: int) -> None:
+def _measure_cone(block: ByteArray, headings: FloatArray, own: int, count: int) -> None:
     """Compute squared distances as `_measure_distances` does, and those along the axes of the cones.
 
-    The headings of the candidates begin at the offset `headings` of the block.
+    The headings are those of the candidates, (dimensions * agents,).
     """
-    scene, candidates = array_at(block, 0, SCENE_BYTES, SCENE)[0], candidates_at(block)
+    candidates = carve(block, Candidates)
+    scene = candidates.scene
     if scene.cos == FULL_CIRCLE_COS:
         _measure_distances(block, own, count)
         return
     square, along = candidates.square_distance, candidates.axial_distance
     is_cyclic, side_cm, is_vision = scene.is_cyclic, scene.side_cm, scene.kind == VISION_CONE
     for axis in range(scene.dimensions):
-        rows = axis_at(block, axis, scene.first.positions, headings)
-        positions, directions = rows.positions, rows.headings
+        positions = row_at(candidates.positions, axis, scene.agents)
+        directions = row_at(headings, axis, scene.agents)
         own_position, own_direction = positions[own], directions[own]
         if is_vision:
             for index in range(count):
@@ -265,15 +265,11 @@ def _nearest_image(is_cyclic: bool, side_cm: float, offset_cm: float) -> float:
 
 
 @jit_inline
-def _select_nearest(
-    neighbours: Neighbours, candidates: Candidates, agent: int, time: float, count: int, radius_cm: float
-) -> bool:
+def _select_nearest(block: ByteArray, agent: int, time: float, count: int, radius_cm: float) -> bool:
     """Find the k nearest; return whether no agent beyond the radius, within which all are candidates, is nearer."""
-    square, k, members = (
-        candidates.square_distance,
-        neighbours.scene[0].k,
-        neighbours.members[_row_of(neighbours, agent) :],
-    )
+    neighbours, candidates = carve(block, Neighbours), carve(block, Candidates)
+    square, k = candidates.square_distance, neighbours.scene.k
+    members = neighbours.members[_row_of(neighbours, agent) :]
     if k == 1:
         nearest, farthest, next_square = find_two_smallest(square, count)
         members[0] = nearest
@@ -286,22 +282,17 @@ def _select_nearest(
     if _should_cache(neighbours, agent):
         # the farthest neighbour may recede while another agent approaches: each has half of the gap
         gap_cm = min(math.sqrt(next_square), radius_cm) - math.sqrt(farthest)
-        _cache_until(neighbours, agent, time, time + gap_cm / 2 * neighbours.scene[0].closing_time)
+        _cache_until(neighbours, agent, time, time + gap_cm / 2 * neighbours.scene.closing_time)
     return True
 
 
 @jit_inline
 def _select_in_cone(
-    neighbours: Neighbours,
-    trajectories: Trajectories,
-    candidates: Candidates,
-    agent: int,
-    time: float,
-    count: int,
-    radius_cm: float,
+    block: ByteArray, trajectories: Trajectories, agent: int, time: float, count: int, radius_cm: float
 ) -> None:
     """Find all candidates inside the cone, coincident ones included; all agents within the radius are candidates."""
-    scene, members, row = neighbours.scene[0], neighbours.members, _row_of(neighbours, agent)
+    neighbours, candidates = carve(block, Neighbours), carve(block, Candidates)
+    scene, members, row = neighbours.scene, neighbours.members, _row_of(neighbours, agent)
     square, along, margin = candidates.square_distance, candidates.axial_distance, candidates.margin
     cosine, is_round, own_radius_cm = scene.cos, scene.cos == FULL_CIRCLE_COS, scene.radius_cm
     limit = own_radius_cm * own_radius_cm
@@ -319,28 +310,29 @@ def _select_in_cone(
             members[found] = index
             found += np.uint64(margin[index] >= 0)
     neighbours.counts[agent] = np.int64(found) - row
-    if _should_cache(neighbours, agent):
-        per_cm = scene.closing_time
-        until = time + per_cm * (radius_cm - own_radius_cm) if radius_cm < math.inf else math.inf
-        if is_round:
-            for index in range(count):
-                margin[index] = time + per_cm * abs(math.sqrt(square[index]) - own_radius_cm)
+    if not _should_cache(neighbours, agent):
+        return
+    per_cm = scene.closing_time
+    until = time + per_cm * (radius_cm - own_radius_cm) if radius_cm < math.inf else math.inf
+    if is_round:
+        for index in range(count):
+            margin[index] = time + per_cm * abs(math.sqrt(square[index]) - own_radius_cm)
+    else:
+        if scene.kind == EMISSION_CONE:
+            until = min(until, time_of_end(trajectories, agent))
         else:
-            if scene.kind == EMISSION_CONE:
-                until = min(until, time_of_end(trajectories, agent))
-            else:
-                _find_turning_times(trajectories, candidates, count)
-            _bound_crossing_times(trajectories, candidates, time, count)
-        _cache_until(neighbours, agent, time, min(until, minimum(margin, 0, count)))
+            _find_turning_times(trajectories, candidates, count)
+        _bound_crossing_times(trajectories, candidates, time, count)
+    _cache_until(neighbours, agent, time, min(until, minimum(margin, 0, count)))
 
 
 @jit_inline
 def _find_turning_times(trajectories: Trajectories, candidates: Candidates, count: int) -> None:
-    if trajectories.scene[0].cells == 0:
+    if trajectories.scene.cells == 0:
         compute_end_times(trajectories)
         return
     for index in range(count):
-        trajectories.end_times[index] = time_of_end(trajectories, entry_of(candidates.agents, index))
+        trajectories.end_times[index] = time_of_end(trajectories, entry_of(candidates.candidates, index))
 
 
 @jit_inline
@@ -349,7 +341,7 @@ def _bound_crossing_times(trajectories: Trajectories, candidates: Candidates, ti
 
     An agent enters or leaves a cone across its arc or an edge, and a cone of vision turns when its agent is reflected.
     """
-    scene, end_times = trajectories.scene[0], trajectories.end_times
+    scene, end_times = trajectories.scene, trajectories.end_times
     square, along, margin = candidates.square_distance, candidates.axial_distance, candidates.margin
     radius_cm, cosine, sine, per_cm = scene.radius_cm, scene.cos, scene.sin, scene.closing_time
     is_own_cone = scene.kind == EMISSION_CONE  # of the firing agent, not one of each candidate
@@ -378,21 +370,17 @@ def _cell_index(scene: Any, coordinate_cm: float) -> int:
 
 
 @jit_no_alloc
-def _sort_into_cells(
-    block: ByteArray, addresses: IntArray, trajectories: Trajectories, candidates: Candidates, time: float
-) -> None:
+def _sort_into_cells(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> None:
     """Sort all agents by the cells in which they are at `time`, by counting."""
-    scene = trajectories.scene[0]
-    start = array_at(block, scene.first.cell_start, scene.end.cell_start, INT)
-    agents = array_at(block, scene.first.agents_by_cell, scene.end.agents_by_cell, INDEX)
-    cells = array_at(block, scene.first.cell_of_agent, scene.end.cell_of_agent, INDEX)
-    compute_positions(block, addresses, trajectories, time, scene.first.positions)
+    listed, scene, positions = carve(block, Cells), trajectories.scene, carve(block, Candidates).positions
+    start, agents, cells = listed.cell_start, listed.agents_by_cell, listed.cell_of_agent
+    compute_positions(block, addresses, trajectories, time, positions)
     for cell in range(len(start)):
         start[cell] = 0
     for agent in range(len(agents)):
         cell = 0
         for axis in range(scene.dimensions):
-            cell = cell * scene.cells + _cell_index(scene, candidates.positions[axis * len(agents) + agent])
+            cell = cell * scene.cells + _cell_index(scene, positions[axis * len(agents) + agent])
         cells[agent] = cell
         start[cell + 1] += 1
     for cell in range(1, len(start)):
@@ -408,52 +396,44 @@ def _sort_into_cells(
 
 
 @jit_no_alloc
-def _cell_range(scene: Any, centre_cm: float, radius_cm: float) -> tuple[int, int]:
-    """Return the first index of the cells within a radius of a place along an axis, and their number.
+def _cell_range(
+    trajectories: Trajectories, axis: int, agent: int, travelled_cm: float, radius_cm: float
+) -> tuple[int, int, int]:
+    """Return the first index along an axis of the cells within a radius of an agent, their number, and that of all.
 
     In a cyclic space the first index may be negative, and indices may exceed the number of cells: they wrap around.
     """
-    if scene.is_cyclic:
-        low = math.floor((centre_cm - radius_cm) / scene.cell_cm)
-        count = math.floor((centre_cm + radius_cm) / scene.cell_cm) - low + 1
-        return (low, count) if count < scene.cells else (0, scene.cells)
-    low = _cell_index(scene, centre_cm - radius_cm)
-    return low, _cell_index(scene, centre_cm + radius_cm) - low + 1
+    scene = trajectories.scene
+    if axis >= scene.dimensions:
+        return 0, 1, 1
+    place = axis * scene.agents + agent
+    centre_cm = trajectories.origin[place] + trajectories.heading[place] * travelled_cm
+    if not scene.is_cyclic:
+        low = _cell_index(scene, centre_cm - radius_cm)
+        return low, _cell_index(scene, centre_cm + radius_cm) - low + 1, scene.cells
+    low = math.floor((centre_cm - radius_cm) / scene.cell_cm)
+    count = math.floor((centre_cm + radius_cm) / scene.cell_cm) - low + 1
+    return (low, count, scene.cells) if count < scene.cells else (0, scene.cells, scene.cells)
 
 
 @jit_no_alloc
-def find_candidates(
-    block: ByteArray,
-    addresses: IntArray,
-    trajectories: Trajectories,
-    agent: int,
-    time: float,
-    radius_cm: float,
-    candidates: Candidates,
-) -> int:
+def find_candidates(block: ByteArray, addresses: IntArray, agent: int, time: float, radius_cm: float) -> int:
     """Find all agents that may be within a radius of an agent, and the agent; advance them, and return their number."""
-    scene, agents, dimensions = trajectories.scene[0], len(trajectories.speed), trajectories.scene[0].dimensions
+    trajectories, cells, candidates = (
+        carve(block, Trajectories),
+        carve(block, Cells),
+        carve(block, Candidates).candidates,
+    )
+    scene, start = trajectories.scene, cells.cell_start
     moved_cm = scene.max_speed * (time - scene.sorted_at)
     if not moved_cm <= scene.cell_cm / 2:
-        _sort_into_cells(block, addresses, trajectories, candidates, time)
+        _sort_into_cells(block, addresses, trajectories, time)
         moved_cm = 0.0
-    start = array_at(block, scene.first.cell_start, scene.end.cell_start, INT)
-    by_cell = array_at(block, scene.first.agents_by_cell, scene.end.agents_by_cell, INDEX)
     advance_one(block, addresses, trajectories, agent, time)
     travelled_cm = distance_travelled(trajectories, agent, time)
-    low0 = low1 = low2 = 0  # along an axis which the space lacks there is one cell
-    count0 = count1 = count2 = 1
-    cells0 = cells1 = cells2 = 1
-    for axis in range(dimensions):
-        place = axis * agents + agent
-        centre_cm = trajectories.origin[place] + trajectories.heading[place] * travelled_cm
-        low, count = _cell_range(scene, centre_cm, radius_cm + moved_cm)
-        if axis == 0:
-            low0, count0, cells0 = low, count, scene.cells
-        elif axis == 1:
-            low1, count1, cells1 = low, count, scene.cells
-        else:
-            low2, count2, cells2 = low, count, scene.cells
+    low0, count0, cells0 = _cell_range(trajectories, 0, agent, travelled_cm, radius_cm + moved_cm)
+    low1, count1, cells1 = _cell_range(trajectories, 1, agent, travelled_cm, radius_cm + moved_cm)
+    low2, count2, cells2 = _cell_range(trajectories, 2, agent, travelled_cm, radius_cm + moved_cm)
     found = 0
     for a in range(low0, low0 + count0):
         for b in range(low1, low1 + count1):
@@ -461,8 +441,8 @@ def find_candidates(
             for c in range(low2, low2 + count2):
                 cell = row + c % cells2
                 for index in range(start[cell], start[cell + 1]):
-                    other = entry_of(by_cell, index)
+                    other = entry_of(cells.agents_by_cell, index)
                     advance_one(block, addresses, trajectories, other, time)
-                    candidates.agents[found] = other
+                    candidates[found] = other
                     found += 1
     return found

@@ -6,7 +6,8 @@ that no rounding error accumulates as it would in a phase.
 
 import math
 
-from epuck_sim.arrays import FloatArray, IndexArray
+from epuck_sim.arrays import IndexArray
+from epuck_sim.particles.selection import minimum
 from epuck_sim.particles.swarm import Oscillators
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
@@ -106,7 +107,7 @@ def measure_order(oscillators: Oscillators, time: float) -> float:
         angle = 2 * math.pi * phase_at(oscillators, agent, time)
         cosines += math.cos(angle)
         sines += math.sin(angle)
-    if oscillators.scene[0].metric == REFERENCE:
+    if oscillators.scene.metric == REFERENCE:
         return cosines / len(oscillators.next_firing)
     return math.hypot(cosines, sines) / len(oscillators.next_firing)
 
@@ -118,32 +119,3 @@ def max_phase_offset(agents: int, threshold: float) -> float:
     """
     cosine = 1 - agents * (1 - threshold + ROUNDING_MARGIN) / 2
     return math.acos(cosine) / math.pi if -1 < cosine < 1 else 1.0
-
-
-@jit_inline
-def minimum(values: FloatArray, first: int, last: int) -> float:
-    """Return the minimum of `values[first:last]`, inf if it is empty.
-
-    Branch-free: the comparisons are unpredictable, so branches would be mispredicted. Four minima are kept side by
-    side, because each comparison has to wait for the one before.
-    """
-    a = b = c = d = math.inf
-    whole = last - (last - first) % 4
-    for index in range(first, whole, 4):
-        a = min(a, values[index])
-        b = min(b, values[index + 1])
-        c = min(c, values[index + 2])
-        d = min(d, values[index + 3])
-    for index in range(whole, last):
-        a = min(a, values[index])
-    return min(a, b, c, d)
-
-
-@jit_inline
-def argmin(values: FloatArray, last: int) -> int:
-    """Return the index of the first minimum of `values[:last]`, which must not be empty; branch-free."""
-    lowest = minimum(values, 0, last)
-    found = last
-    for index in range(last):
-        found = min(found, index if values[index] == lowest else last)
-    return found

@@ -102,31 +102,24 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     neighbourhood = _neighbourhood(scenario)
     is_random, in_cells, cells = neighbourhood["kind"] == RANDOM, neighbourhood["cells"] > 0, neighbourhood["cells"]
     speeds = speed_table(agents) * scenario.clocks.period_s if agents.speed_per_run else np.zeros(0)
-    per_agent = (
-        "next_firing period speed start_cycle start_time end_cycle end_time wall end_times streams counts cached_until "
-        "skip_count candidates square_distance axial_distance margin bucket_of bucket_end is_done phases_now"
-    )
     reorients = bool(agents.reorient_on)
-    arrays = Arrays(
-        make_block(
-            {
-                **dict.fromkeys(per_agent.split(), count),
-                **dict.fromkeys(("origin", "heading", "positions", "positions_now"), rows),
-                **dict.fromkeys(("block_earliest", "is_stale"), -(-count // BLOCK_SIZE)),
-                **dict.fromkeys(("run_end_cycle", "run_end_time"), has_runs * count),
-                **dict.fromkeys(("is_drawn", "receiver_streams"), is_random * count),
-                **dict.fromkeys(("agents_by_cell", "cell_of_agent"), in_cells * count),
-                **dict.fromkeys(("reached", "is_reached"), reorients * (count + 1)),
-                **dict.fromkeys(("fired", "received"), count + 1),
-                "run_speeds": len(speeds),
-                "members": count * (count if neighbourhood["is_cached"] else 1),
-                "headings": in_cells * rows,
-                "headings_before": reorients * rows,
-                "cell_start": in_cells * (cells**space.dimensions + 1),
-                "curve": len(response.from_file.bytes),
-            }
-        )
-    )
+    sizes = {
+        "agents": count,
+        "rows": rows,
+        "blocks": -(-count // BLOCK_SIZE),
+        "walkers": has_runs * count,
+        "run_speeds": len(speeds),
+        "sorted": in_cells * count,
+        "sorted_rows": in_cells * rows,
+        "cell_starts": in_cells * (cells**space.dimensions + 1),
+        "drawers": is_random * count,
+        "events": count + 1,
+        "turners": reorients * (count + 1),
+        "turned_rows": reorients * rows,
+        "curve": len(response.from_file.bytes),
+        "members": count * (count if neighbourhood["is_cached"] else 1),
+    }
+    arrays = Arrays(make_block(sizes))
     stop, scene = scenario.stop, arrays.scene
     is_single = count == 1  # a single agent is never synchronised
     threshold = math.inf if is_single or stop.order_parameter is None else stop.order_parameter
@@ -168,7 +161,7 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
     give_start(arrays, scenario)
     root = advance_in_cones if scene.kind in (VISION_CONE, EMISSION_CONE) and not scene.cells else advance
     compile_kernel(root, *[types.int64] * 2, *[types.float64] * 3)
-    return Rules(arrays.block[: scene.first.members].copy(), len(arrays.block), _addresses(scene, response), root)
+    return Rules(arrays.block[: scene.at[-1][0]].copy(), len(arrays.block), _addresses(scene, response), root)
 
 
 def _addresses(scene: Any, response: Response) -> IntArray:

@@ -8,7 +8,6 @@ slow down the search for one neighbour, for which one pass finds the smallest va
 import math
 
 from epuck_sim.arrays import FloatArray, IndexArray
-from epuck_sim.particles.oscillators import argmin
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 
 FEW = 6
@@ -19,6 +18,35 @@ SAMPLED = 8
 
 SMALLEST_RANGE = 1e-300
 """Lower limit of the range of values that is divided into buckets; keeps its inverse finite."""
+
+
+@jit_inline
+def minimum(values: FloatArray, first: int, last: int) -> float:
+    """Return the minimum of `values[first:last]`, inf if it is empty.
+
+    Branch-free: the comparisons are unpredictable, so branches would be mispredicted. Four minima are kept side by
+    side, because each comparison has to wait for the one before.
+    """
+    a = b = c = d = math.inf
+    whole = last - (last - first) % 4
+    for index in range(first, whole, 4):
+        a = min(a, values[index])
+        b = min(b, values[index + 1])
+        c = min(c, values[index + 2])
+        d = min(d, values[index + 3])
+    for index in range(whole, last):
+        a = min(a, values[index])
+    return min(a, b, c, d)
+
+
+@jit_inline
+def argmin(values: FloatArray, last: int) -> int:
+    """Return the index of the first minimum of `values[:last]`, which must not be empty; branch-free."""
+    lowest = minimum(values, 0, last)
+    found = last
+    for index in range(last):
+        found = min(found, index if values[index] == lowest else last)
+    return found
 
 
 @jit_inline
@@ -94,7 +122,7 @@ def sort_first_buckets(found: IndexArray, values: FloatArray, count: int) -> Non
 def find_two_smallest(values: FloatArray, count: int) -> tuple[int, float, float]:
     """Return the index of the first minimum of `values[:count]`, the minimum, and the next smallest value.
 
-    Values are inf where there are too few. Branch-free, with four minima side by side, as in `oscillators.minimum`.
+    Values are inf where there are too few. Branch-free, with four minima side by side, as in `minimum`.
     """
     a = b = c = d = (0, math.inf, math.inf)
     whole = count - count % 4

@@ -5,7 +5,8 @@ array for each quantity, each contiguous, as the inner loops need it. The scene 
 Nothing in a block is an address, so that a copy of the block is a copy of the swarm, in this process or another: what
 is called, a search for neighbours or a user's response curve, has a number in an array of addresses.
 
-Compiled code takes from a block the arrays that it works on, as a named tuple of those that belong together.
+Compiled code takes from a block the arrays that it works on: `native.carve(block, Oscillators)` is a named tuple of
+those that belong together.
 
 Times are in cycles of the nominal period, counted from the start of the present cycle: however long a trial lasts, they
 keep their digits, because whole cycles are subtracted exactly.
@@ -20,66 +21,86 @@ import numpy as np
 from epuck_sim.arrays import ByteArray, IndexArray
 from epuck_sim.util.generators import GENERATOR_WORDS, SEQUENCE_WORDS
 from epuck_sim.util.jit import jit_inline
-from epuck_sim.util.native import array_at, record_type
+from epuck_sim.util.native import record_type
 
 STREAM = record_type([("words", "u8", 4)])
 """State of a random number generator; see `util.rng`."""
 
-FLOAT, INT, INDEX, FLAG, BYTE, WORD = map(np.dtype, (np.float64, np.int64, np.uint32, np.bool_, np.uint8, np.uint64))
+FLOAT, INT, INDEX, FLAG, BYTE = map(np.dtype, (np.float64, np.int64, np.uint32, np.bool_, np.uint8))
+WORD_BYTES = 8
 
-ARRAYS: Mapping[str, np.dtype[Any]] = {
+ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     # oscillators
-    "next_firing": FLOAT,  # (agents,) cycles: time of each oscillator's next firing
-    "period": FLOAT,  # (agents,) cycles: 1 without jitter
-    "block_earliest": FLOAT,  # (blocks,) cycles: the earliest time in each block of `next_firing`
-    "is_stale": FLAG,  # (blocks,) whether `block_earliest` must be searched for again
-    # trajectories: (dimensions * agents,) arrays have one row of agents after the other
-    "origin": FLOAT,  # (dimensions * agents,) cm: where each trajectory began
-    "heading": FLOAT,  # (dimensions * agents,) unit vectors
-    "speed": FLOAT,  # (agents,) cm per cycle
-    "start_cycle": FLOAT,  # (agents,) the cycle in which each trajectory began
-    "start_time": FLOAT,  # (agents,) the time in that cycle, 0 to 1
-    "end_cycle": FLOAT,  # (agents,) the cycle in which each trajectory ends; inf for an agent that stands still
-    "end_time": FLOAT,  # (agents,) the time in that cycle
-    "wall": INT,  # (agents,) the wall that is reached: 2 * axis, or 2 * axis + 1 for the far one; or `NO_WALL`
-    "end_times": FLOAT,  # (agents,) cycles: scratch: when trajectories end, of all agents or of candidates
-    "streams": STREAM,  # (agents,) the agents' random number generators
-    "run_end_cycle": FLOAT,  # (agents,) the cycle in which each run ends, -1 before the first; empty without runs
-    "run_end_time": FLOAT,  # (agents,) the time in that cycle, 0 to 1
-    "run_speeds": FLOAT,  # (speeds,) cm per cycle: what each run's speed is drawn from; empty if agents keep theirs
+    "next_firing": (FLOAT, "agents"),  # cycles: time of each oscillator's next firing
+    "period": (FLOAT, "agents"),  # cycles: 1 without jitter
+    "block_earliest": (FLOAT, "blocks"),  # cycles: the earliest time in each block of `next_firing`
+    "is_stale": (FLAG, "blocks"),  # whether `block_earliest` must be searched for again
+    # trajectories
+    "origin": (FLOAT, "rows"),  # cm: where each trajectory began
+    "heading": (FLOAT, "rows"),  # unit vectors
+    "speed": (FLOAT, "agents"),  # cm per cycle
+    "start_cycle": (FLOAT, "agents"),  # the cycle in which each trajectory began
+    "start_time": (FLOAT, "agents"),  # the time in that cycle, 0 to 1
+    "end_cycle": (FLOAT, "agents"),  # the cycle in which each trajectory ends; inf for an agent that stands still
+    "end_time": (FLOAT, "agents"),  # the time in that cycle
+    "wall": (INT, "agents"),  # the wall that is reached: 2 * axis, or 2 * axis + 1 for the far one; or `NO_WALL`
+    "end_times": (FLOAT, "agents"),  # cycles: scratch: when trajectories end, of all agents or of candidates
+    "streams": (STREAM, "agents"),  # the agents' random number generators
+    "run_end_cycle": (FLOAT, "walkers"),  # the cycle in which each run ends, -1 before the first
+    "run_end_time": (FLOAT, "walkers"),  # the time in that cycle, 0 to 1
+    "run_speeds": (FLOAT, "run_speeds"),  # cm per cycle: what each run's speed is drawn from
     # neighbours
-    "counts": INT,  # (agents,) number of neighbours of each agent
-    "cached_until": FLOAT,  # (agents,) cycles: time until which each agent's cached neighbours are valid
-    "skip_count": INT,  # (agents,) number of each agent's next pulses for which caching is skipped
+    "counts": (INT, "agents"),  # number of neighbours of each agent
+    "cached_until": (FLOAT, "agents"),  # cycles: time until which each agent's cached neighbours are valid
+    "skip_count": (INT, "agents"),  # number of each agent's next pulses for which caching is skipped
     # search: index k of an array of candidates belongs to the k-th candidate
-    "candidates": INDEX,  # (agents,) the agents among which neighbours are searched for
-    "positions": FLOAT,  # (dimensions * agents,) cm: positions of the candidates
-    "headings": FLOAT,  # (dimensions * agents,) unit vectors: headings of the candidates that the cell list found
-    "square_distance": FLOAT,  # (agents,) cm^2: from the firing agent, which has inf itself
-    "axial_distance": FLOAT,  # (agents,) cm: components of these distances along the axis of the cone
-    "margin": FLOAT,  # (agents,) cm^2: not negative within the cone; then cycles until which they stay
-    "bucket_of": INDEX,  # (agents,) scratch of the selection of the k nearest
-    "bucket_end": INDEX,  # (agents,) scratch of the selection of the k nearest
-    "cell_start": INT,  # (cells + 1,) index in `agents_by_cell` at which each cell begins
-    "agents_by_cell": INDEX,  # (agents,) agents, sorted by cell
-    "cell_of_agent": INDEX,  # (agents,) scratch: the cell of each agent
-    "is_drawn": FLAG,  # (agents,) scratch: whether each agent has been drawn for the present pulse
-    "receiver_streams": STREAM,  # (agents,) generators from which agents draw their receivers; empty if none do
+    "candidates": (INDEX, "agents"),  # the agents among which neighbours are searched for
+    "positions": (FLOAT, "rows"),  # cm: positions of the candidates
+    "headings": (FLOAT, "sorted_rows"),  # unit vectors: headings of the candidates that the cell list found
+    "square_distance": (FLOAT, "agents"),  # cm^2: from the firing agent, which has inf itself
+    "axial_distance": (FLOAT, "agents"),  # cm: components of these distances along the axis of the cone
+    "margin": (FLOAT, "agents"),  # cm^2: not negative within the cone; then cycles until which they stay
+    "bucket_of": (INDEX, "agents"),  # scratch of the selection of the k nearest
+    "bucket_end": (INDEX, "agents"),  # scratch of the selection of the k nearest
+    "cell_start": (INT, "cell_starts"),  # index in `agents_by_cell` at which each cell begins
+    "agents_by_cell": (INDEX, "sorted"),  # agents, sorted by cell
+    "cell_of_agent": (INDEX, "sorted"),  # scratch: the cell of each agent
+    "is_drawn": (FLAG, "drawers"),  # scratch: whether each agent has been drawn for the present pulse
+    "receiver_streams": (STREAM, "drawers"),  # generators from which agents draw their receivers
     # what happened at the last instant
-    "fired": INDEX,  # (agents + 1,) the agents that fired, in the order of the cascade: the first `scene.fired`
-    "received": INDEX,  # (agents + 1,) the agents whose phases were shifted, even to 1: the first `scene.received`
-    "is_done": FLAG,  # (agents,) scratch: whether each agent has fired or received a pulse at this instant
-    "reached": INDEX,  # (agents + 1,) scratch: agents at which a pulse arrived: the first `scene.reached`
-    "is_reached": FLAG,  # (agents,) scratch: whether each agent is in `reached`
-    "headings_before": FLOAT,  # (dimensions * agents,) headings at this instant before any agent reoriented
+    "fired": (INDEX, "events"),  # the agents that fired, in the order of the cascade: the first `scene.fired`
+    "received": (INDEX, "events"),  # the agents whose phases were shifted, even to 1: the first `scene.received`
+    "is_done": (FLAG, "agents"),  # scratch: whether each agent has fired or received a pulse at this instant
+    "reached": (INDEX, "turners"),  # scratch: agents at which a pulse arrived: the first `scene.reached`
+    "is_reached": (FLAG, "turners"),  # scratch: whether each agent is in `reached`
+    "headings_before": (FLOAT, "turned_rows"),  # headings at this instant before any agent reoriented
     # what Python asks for
-    "positions_now": FLOAT,  # (dimensions * agents,) cm
-    "phases_now": FLOAT,  # (agents,)
-    "curve": BYTE,  # the coupling, and the parameters of a user's response curve; see `phase_response`
-    "members": INDEX,  # the last array, as it may be large: (agents * agents,) each agent's neighbours;
-    # one row, of the last search, if none are cached
+    "positions_now": (FLOAT, "rows"),  # cm
+    "phases_now": (FLOAT, "agents"),
+    "curve": (BYTE, "curve"),  # the coupling, and the parameters of a user's response curve; see `phase_response`
+    "members": (INDEX, "members"),  # the last array, as it may be large: each agent's neighbours
 }
-"""The arrays of a block, in their order, and what they hold."""
+"""The arrays of a block in their order: type, the size that is their length, and what they hold."""
+
+_PLACES = {name: (dtype, 2 * WORD_BYTES * number) for number, (name, (dtype, _)) in enumerate(ARRAYS.items())}
+
+SIZES = {
+    "agents": "one for each agent",
+    "rows": "one for each axis and agent: one row of agents after the other",
+    "blocks": "one for each block of oscillators",
+    "walkers": "one for each agent that walks at random",
+    "run_speeds": "one for each speed from which those of runs are drawn",
+    "sorted": "one for each agent that is sorted into cells",
+    "sorted_rows": "one for each axis and agent that is sorted into cells",
+    "cell_starts": "one for each cell, and one",
+    "drawers": "one for each agent whose receivers are drawn",
+    "events": "one for each agent, and one",
+    "turners": "one for each agent that pulses may turn, and one",
+    "turned_rows": "one for each axis and agent that pulses may turn",
+    "curve": "one for each byte",
+    "members": "one for each pair of agents; for each agent, if no neighbours are cached",
+}
+"""The sizes of a swarm: 0 where it has no such agents."""
 
 RESPONSE = record_type(
     [
@@ -94,12 +115,9 @@ RESPONSE = record_type(
 )
 """A response curve and its parameters; see `phase_response.Response`."""
 
-_PLACES = record_type([(name, "i8") for name in ARRAYS])
-
 SCENE = record_type(
     [
-        ("first", _PLACES),  # offset in the block of each array
-        ("end", _PLACES),  # and of what follows its last element
+        ("at", "i8", (len(ARRAYS), 2)),  # offsets in the block at which each array begins and ends
         ("agents", "i8"),
         ("dimensions", "i8"),
         # time
@@ -160,7 +178,6 @@ SCENE = record_type(
 """What is one for all agents."""
 
 SCENE_BYTES = SCENE.itemsize
-WORD_BYTES = 8
 
 CURVE, SEARCH, CONTINUE, BEGIN_RUN, REORIENT = range(5)
 """Numbers of what compiled code calls: a user's response curve, and the functions (block, addresses, agent, time) that
@@ -170,16 +187,14 @@ CALLS = 5
 """Length of the array of addresses."""
 
 
-def make_block(lengths: Mapping[str, int]) -> ByteArray:
-    """Return a block of zeros; lengths: that of each array, 0 for those that are left out."""
-    first, end, place = [], [], SCENE_BYTES
-    for name, dtype in ARRAYS.items():
-        first.append(place)
-        end.append(place + dtype.itemsize * lengths.get(name, 0))
-        place = -(-end[-1] // WORD_BYTES) * WORD_BYTES
+def make_block(sizes: Mapping[str, int]) -> ByteArray:
+    """Return a block of zeros for a swarm of these `SIZES`."""
+    place, at = SCENE_BYTES, []
+    for dtype, size in ARRAYS.values():
+        at.append((place, place + dtype.itemsize * sizes[size]))
+        place = -(-at[-1][1] // WORD_BYTES) * WORD_BYTES
     block = np.zeros(place, np.uint8)
-    scene = scene_of(block)
-    scene.first, scene.end = tuple(first), tuple(end)
+    scene_of(block).at = at
     return block
 
 
@@ -199,149 +214,66 @@ class Arrays:
         """Return an array."""
         if name not in ARRAYS:
             raise AttributeError(name)
-        array = self.block[self.scene.first[name] : self.scene.end[name]].view(ARRAYS[name])
-        if name in ("origin", "heading", "positions", "headings", "headings_before", "positions_now"):
+        dtype, at = _PLACES[name]
+        first, end = self.block[at : at + 2 * WORD_BYTES].view(np.int64)
+        array = self.block[first:end].view(dtype)
+        if ARRAYS[name][1].endswith("rows"):
             array = array.reshape(self.scene.dimensions, -1)
-        elif ARRAYS[name] == STREAM:
+        elif dtype == STREAM:
             array = array.view(np.uint64).reshape(-1, 4)
         setattr(self, name, array)
         return array
+
+
+# --- what compiled code takes from a block ------------------------------------------------------------
+
+
+_named_tuple: Any = namedtuple  # its own type asks for names that are literals
+
+
+def _part(name: str, fields: str) -> Any:
+    """Return the class of the named tuples of some arrays, and of the scene, that `native.carve` makes."""
+    part = _named_tuple(name, fields)
+    part.places = [(SCENE, None) if field == "scene" else _PLACES[field] for field in part._fields]
+    return part
+
+
+Oscillators = _part("Oscillators", "scene next_firing period block_earliest is_stale")
+"""Firing times and periods."""
+
+Trajectories = _part(
+    "Trajectories", "scene origin heading speed start_cycle start_time end_cycle end_time wall end_times streams"
+)
+"""The present straight path of each agent."""
+
+Runs = _part("Runs", "run_end_cycle run_end_time run_speeds")
+"""The present run of each agent's random walk."""
+
+Neighbours = _part("Neighbours", "scene members counts cached_until skip_count")
+"""The neighbours that were found last."""
+
+Candidates = _part(
+    "Candidates", "scene candidates positions headings square_distance axial_distance margin bucket_of bucket_end"
+)
+"""The agents among which neighbours are searched for."""
+
+Cells = _part("Cells", "cell_start agents_by_cell cell_of_agent")
+"""The cell list."""
+
+Draws = _part("Draws", "is_drawn receiver_streams")
+"""What receivers are drawn from."""
+
+Instant = _part("Instant", "fired received is_done curve")
+"""What happened at the last instant."""
+
+Turns = _part("Turns", "scene reached is_reached headings_before")
+"""What reorientation needs to know of an instant."""
+
+Observed = _part("Observed", "positions_now phases_now")
+"""What Python asks for."""
 
 
 @jit_inline
 def entry_of(indices: IndexArray, place: int) -> int:
     """Return an entry of an array of indices as a signed number: one type for all, and known not to be negative."""
     return int(np.int64(indices[place]))
-
-
-Oscillators = namedtuple("Oscillators", "scene next_firing period block_earliest is_stale")
-"""Firing times and periods; see `ARRAYS`."""
-
-
-@jit_inline
-def oscillators_at(block: ByteArray) -> Oscillators:
-    """Return the oscillators of a block."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    first, end = scene[0].first, scene[0].end
-    return Oscillators(
-        scene,
-        array_at(block, first.next_firing, end.next_firing, FLOAT),
-        array_at(block, first.period, end.period, FLOAT),
-        array_at(block, first.block_earliest, end.block_earliest, FLOAT),
-        array_at(block, first.is_stale, end.is_stale, FLAG),
-    )
-
-
-Trajectories = namedtuple(
-    "Trajectories",
-    "scene origin heading speed start_cycle start_time end_cycle end_time wall end_times streams",
-)
-"""The present straight path of each agent; see `ARRAYS`."""
-
-
-@jit_inline
-def trajectories_at(block: ByteArray) -> Trajectories:
-    """Return the trajectories of a block."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    first, end = scene[0].first, scene[0].end
-    return Trajectories(
-        scene,
-        array_at(block, first.origin, end.origin, FLOAT),
-        array_at(block, first.heading, end.heading, FLOAT),
-        array_at(block, first.speed, end.speed, FLOAT),
-        array_at(block, first.start_cycle, end.start_cycle, FLOAT),
-        array_at(block, first.start_time, end.start_time, FLOAT),
-        array_at(block, first.end_cycle, end.end_cycle, FLOAT),
-        array_at(block, first.end_time, end.end_time, FLOAT),
-        array_at(block, first.wall, end.wall, INT),
-        array_at(block, first.end_times, end.end_times, FLOAT),
-        array_at(block, first.streams, end.streams, STREAM),
-    )
-
-
-Axis = namedtuple("Axis", "origin heading positions headings")
-"""What trajectories and positions are along one axis; see `ARRAYS`."""
-
-
-@jit_inline
-def axis_at(block: ByteArray, axis: int, positions: int, headings: int) -> Axis:
-    """Return the rows of an axis in arrays (dimensions * agents,), of which positions and headings begin at offsets."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    begin, end = WORD_BYTES * scene[0].agents * axis, WORD_BYTES * scene[0].agents * (axis + 1)
-    origin, heading = scene[0].first.origin, scene[0].first.heading
-    return Axis(
-        array_at(block, origin + begin, origin + end, FLOAT),
-        array_at(block, heading + begin, heading + end, FLOAT),
-        array_at(block, positions + begin, positions + end, FLOAT),
-        array_at(block, headings + begin, headings + end, FLOAT),
-    )
-
-
-Runs = namedtuple("Runs", "end_cycle end_time speeds")
-"""The present run of each agent's random walk; see `ARRAYS`."""
-
-
-@jit_inline
-def runs_at(block: ByteArray) -> Runs:
-    """Return the runs of a block."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    first, end = scene[0].first, scene[0].end
-    return Runs(
-        array_at(block, first.run_end_cycle, end.run_end_cycle, FLOAT),
-        array_at(block, first.run_end_time, end.run_end_time, FLOAT),
-        array_at(block, first.run_speeds, end.run_speeds, FLOAT),
-    )
-
-
-Neighbours = namedtuple("Neighbours", "scene members counts cached_until skip_count")
-"""The neighbours that were found last; see `ARRAYS`."""
-
-
-@jit_inline
-def neighbours_at(block: ByteArray) -> Neighbours:
-    """Return the neighbours of a block."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    first, end = scene[0].first, scene[0].end
-    return Neighbours(
-        scene,
-        array_at(block, first.members, end.members, INDEX),
-        array_at(block, first.counts, end.counts, INT),
-        array_at(block, first.cached_until, end.cached_until, FLOAT),
-        array_at(block, first.skip_count, end.skip_count, INT),
-    )
-
-
-Candidates = namedtuple("Candidates", "agents positions square_distance axial_distance margin bucket_of bucket_end")
-"""The agents among which neighbours are searched for; see `ARRAYS`."""
-
-
-@jit_inline
-def candidates_at(block: ByteArray) -> Candidates:
-    """Return the candidates of a block."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    first, end = scene[0].first, scene[0].end
-    return Candidates(
-        array_at(block, first.candidates, end.candidates, INDEX),
-        array_at(block, first.positions, end.positions, FLOAT),
-        array_at(block, first.square_distance, end.square_distance, FLOAT),
-        array_at(block, first.axial_distance, end.axial_distance, FLOAT),
-        array_at(block, first.margin, end.margin, FLOAT),
-        array_at(block, first.bucket_of, end.bucket_of, INDEX),
-        array_at(block, first.bucket_end, end.bucket_end, INDEX),
-    )
-
-
-Instant = namedtuple("Instant", "fired received is_done")
-"""What happened at the last instant; see `ARRAYS`."""
-
-
-@jit_inline
-def instant_at(block: ByteArray) -> Instant:
-    """Return what happened last in a block."""
-    scene = array_at(block, 0, SCENE_BYTES, SCENE)
-    first, end = scene[0].first, scene[0].end
-    return Instant(
-        array_at(block, first.fired, end.fired, INDEX),
-        array_at(block, first.received, end.received, INDEX),
-        array_at(block, first.is_done, end.is_done, FLAG),
-    )

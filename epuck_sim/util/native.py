@@ -15,7 +15,7 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba import njit, types
+from numba import from_dtype, njit, types
 from numba.extending import intrinsic
 
 from epuck_sim.errors import EpuckSimError
@@ -254,6 +254,17 @@ def record_type(fields: list[tuple[Any, ...]]) -> np.dtype[Any]:
     return np.dtype((np.record, np.dtype(fields, align=True)))
 
 
+def _array_in(context: Any, builder: Any, kind: Any, data: Any, first: Any, end: Any) -> Any:
+    """Return the array of bytes `first` to `end` behind a pointer."""
+    size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+    array = context.make_array(kind)(context, builder)
+    # by its address, so that loops vectorise: to LLVM, arrays that begin at one pointer may be one array
+    begin = builder.inttoptr(builder.add(builder.ptrtoint(data, first.type), first), array.data.type)
+    length = builder.sdiv(builder.sub(end, first), size)
+    populate_array(array, data=begin, shape=[length], strides=[size], itemsize=size, meminfo=None)
+    return array._getvalue()
+
+
 @_intrinsic
 def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:  # noqa: ARG001
     """Return part of a block of bytes as an array of some type, which does not own it: nothing counts references.
@@ -264,16 +275,49 @@ def array_at(context: Any, block: Any, first: Any, end: Any, dtype: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         block, first, end, _ = arguments
-        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(kind.dtype)))
         data = context.make_array(signature.args[0])(context, builder, block).data
-        array = context.make_array(kind)(context, builder)
-        # by its address, so that loops vectorise: to LLVM, arrays that begin at one pointer may be one array
-        begin = builder.inttoptr(builder.add(builder.ptrtoint(data, first.type), first), array.data.type)
-        length = builder.sdiv(builder.sub(end, first), size)
-        populate_array(array, data=begin, shape=[length], strides=[size], itemsize=size, meminfo=None)
-        return array._getvalue()
+        return _array_in(context, builder, kind, data, first, end)
 
     return kind(block, types.intp, types.intp, dtype), generate
+
+
+@_intrinsic
+def row_at(context: Any, rows: Any, row: Any, length: Any) -> Any:  # noqa: ARG001
+    """Return a row of an array that has rows of some length one after the other."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        rows = context.make_array(signature.args[0])(context, builder, arguments[0])
+        size = builder.mul(arguments[2], rows.itemsize)
+        first = builder.mul(arguments[1], size)
+        return _array_in(context, builder, signature.return_type, rows.data, first, builder.add(first, size))
+
+    return rows(rows, types.intp, types.intp), generate
+
+
+@_intrinsic
+def carve(context: Any, block: Any, part: Any) -> Any:  # noqa: ARG001
+    """Return arrays of a block of bytes as a named tuple, which does not own them either.
+
+    The tuple's class, `part`, has `places`: of each field, the type of the array and the offset in the block of two
+    numbers, where the array begins and where it ends. A field without an offset is the record that begins the block.
+    """
+    places = part.instance_class.places
+    kinds = [from_dtype(dtype) if at is None else types.Array(from_dtype(dtype), 1, "C") for dtype, at in places]
+    result = types.NamedTuple(kinds, part.instance_class)
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        number, values = context.get_value_type(types.intp), []
+        for kind, (_, at) in zip(kinds, places, strict=True):
+            if at is None:
+                values.append(builder.bitcast(data, context.get_value_type(kind)))
+                continue
+            pair = builder.bitcast(cgutils.pointer_add(builder, data, at), number.as_pointer())
+            first, end = (builder.load(cgutils.gep(builder, pair, place)) for place in range(2))
+            values.append(_array_in(context, builder, kind, data, first, end))
+        return context.make_tuple(builder, result, values)
+
+    return result(block, part), generate
 
 
 @_intrinsic

@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
-from numba import njit
 
 from epuck_sim.particles.neighbours import find_candidates
 from epuck_sim.particles.simulation import ParticleSimulation
-from epuck_sim.particles.swarm import candidates_at, trajectories_at
 from tests.particles.simulations import search_all
 
 NEIGHBOURHOODS = {
@@ -33,11 +31,6 @@ def swarm_of(speed: float, dimensions: int = 2, boundary: str = "bounded", **key
 def without_cells(swarm: ParticleSimulation) -> ParticleSimulation:
     assert swarm._arrays.scene.cells > 0
     return search_all(swarm)
-
-
-@njit
-def count_candidates(block, addresses, agent, time, radius_cm):
-    return find_candidates(block, addresses, trajectories_at(block), agent, time, radius_cm, candidates_at(block))
 
 
 @pytest.mark.parametrize("speed", [0, 0.3, 5, 200])
@@ -73,7 +66,7 @@ def test_all_agents_within_the_radius_are_found_and_none_twice(boundary, dimensi
     for time in (0.0, 0.01, 0.05, 0.4, 0.9):
         for agent in (0, 17, 449):
             for reach in (0.5, 7.0, 45.0, 300.0):
-                count = count_candidates(trajectories.block, swarm._addresses, agent, time, reach)
+                count = find_candidates(trajectories.block, swarm._addresses, agent, time, reach)
                 candidates = trajectories.candidates[:count]
                 assert len(set(candidates)) == len(candidates)
                 where = np.array([position_at(trajectories, each, time) for each in range(450)])

@@ -24,7 +24,7 @@ phases = st.lists(st.floats(0, 1, exclude_max=True), min_size=1, max_size=3 * BL
 def start_oscillators(phases, periods):
     """Return oscillators that have some phases at time 0."""
     blocks = -(-len(phases) // BLOCK_SIZE)
-    scene = np.zeros(1, SCENE)
+    scene = np.zeros(1, SCENE)[0]
     return Oscillators(scene, (1 - phases) * periods, periods, np.empty(blocks), np.ones(blocks, np.bool_))
 
 

@@ -8,8 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.particles.neighbours import search_cells, search_nearest
-from epuck_sim.particles.oscillators import argmin
-from epuck_sim.particles.selection import FEW, SAMPLED, find_two_smallest, select_smallest
+from epuck_sim.particles.selection import FEW, SAMPLED, argmin, find_two_smallest, select_smallest
 from tests.particles.simulations import make_simulation, set_trajectories
 
 SIDE_CM = 60.0
