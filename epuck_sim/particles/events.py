@@ -25,7 +25,6 @@ from epuck_sim.particles.oscillators import (
     firing_now,
     measure_order,
     phase_at,
-    rebase_oscillators,
     set_next_firing,
 )
 from epuck_sim.particles.phase_response import phase_after_pulse
@@ -40,47 +39,27 @@ from epuck_sim.particles.swarm import (
     Turns,
     entry_of,
 )
-from epuck_sim.util.jit import jit, jit_inline
+from epuck_sim.util.jit import jit, jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, unlikely
-
-UNLIMITED = 2**62
-"""Larger than any count or cycle number."""
 
 
 @jit_inline
-def run_events(
-    block: ByteArray,
-    addresses: IntArray,
-    pulses: int,
-    cycles: int,
-    last_cycle: float,
-    last_time: float,
-    max_offset: float,
-    by_address: bool | None,
-) -> None:
-    """Simulate until one of several limits is reached, or until the swarm is synchronised.
+def run_events(block: ByteArray, addresses: IntArray, by_address: bool | None) -> None:
+    """Simulate until one of the limits in the scene is reached, or until the swarm is synchronised.
 
-    Args:
-        block: The swarm.
-        addresses: Addresses of what compiled code calls; see `swarm.SEARCH`.
-        pulses: Limit of pulses, counted from the beginning of the trial; the instant that reaches it is completed.
-        cycles: Limit of firings of the reference, counted from the beginning of the trial.
-        last_cycle: Nothing happens after `last_time` of this cycle.
-        last_time: Cycles since the start of that cycle.
-        max_offset: The order parameter is measured when all phases are within so many cycles of the reference's.
-        by_address: See `neighbours.find_receivers`.
+    See `swarm.SEARCH` for the addresses, and `neighbours.find_receivers` for `by_address`.
     """
     oscillators, neighbours, instant = carve(block, Oscillators), carve(block, Neighbours), carve(block, Instant)
-    scene = oscillators.scene
+    scene, limits = oscillators.scene, oscillators.scene.limits
     reorients = scene.reorients_on_emitting or scene.reorients_on_receiving or scene.reorients_on_arriving
     scene.is_synchronised = False
     is_measured = True
-    while scene.pulses < pulses and scene.cycles < cycles and not scene.is_synchronised:
+    while scene.pulses < limits.pulses and scene.cycles < limits.cycles and not scene.is_synchronised:
         time = earliest_firing(oscillators)
-        while time >= 1.0 and scene.cycle < last_cycle:
+        while time >= 1.0 and scene.cycle < limits.last_cycle:
             start_next_cycle(oscillators, neighbours)
             time = earliest_firing(oscillators)
-        if scene.cycle > last_cycle or (scene.cycle == last_cycle and time > last_time):
+        if scene.cycle > limits.last_cycle or (scene.cycle == limits.last_cycle and time > limits.last_time):
             break
         fire(block, addresses, oscillators, neighbours, instant, time, by_address)
         if unlikely(reorients):
@@ -91,7 +70,7 @@ def run_events(
         for index in range(scene.fired):
             if instant.fired[index] == scene.reference:
                 scene.cycles += 1
-                is_measured = are_phases_within(oscillators, max_offset, time)
+                is_measured = are_phases_within(oscillators, limits.max_offset, time)
                 scene.order_parameter = measure_order(oscillators, time) if is_measured else math.nan
                 scene.is_synchronised = scene.order_parameter >= scene.threshold
     if not is_measured:
@@ -99,28 +78,26 @@ def run_events(
 
 
 @jit
-def advance(
-    block: ByteArray, addresses: IntArray, pulses: int, cycles: int, last_cycle: float, last_time: float, offset: float
-) -> None:
+def advance(block: ByteArray, addresses: IntArray) -> None:
     """Carry out `run_events`; searches are called by their addresses."""
-    run_events(block, addresses, pulses, cycles, last_cycle, last_time, offset, True)
+    run_events(block, addresses, True)
 
 
 @jit
-def advance_in_cones(
-    block: ByteArray, addresses: IntArray, pulses: int, cycles: int, last_cycle: float, last_time: float, offset: float
-) -> None:
+def advance_in_cones(block: ByteArray, addresses: IntArray) -> None:
     """Carry out `run_events` with searches in cones among all agents, which take little longer than a call."""
-    run_events(block, addresses, pulses, cycles, last_cycle, last_time, offset, None)
+    run_events(block, addresses, None)
 
 
-@jit_inline
+@jit_no_alloc
 def start_next_cycle(oscillators: Oscillators, neighbours: Neighbours) -> None:
     """Count all times from the start of the next cycle."""
     scene = oscillators.scene
-    rebase_oscillators(oscillators)
-    for agent in range(len(neighbours.cached_until)):
+    for agent in range(len(oscillators.next_firing)):
+        oscillators.next_firing[agent] -= 1.0
         neighbours.cached_until[agent] -= 1.0
+    for block in range(len(oscillators.block_earliest)):
+        oscillators.block_earliest[block] -= 1.0
     scene.now -= 1.0
     scene.cycle += 1.0
     scene.earliest_end -= 1.0

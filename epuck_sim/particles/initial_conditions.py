@@ -5,24 +5,19 @@ From a seed to the first event all is compiled, but for speeds and periods that 
 
 import math
 from statistics import NormalDist
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray, WordArray
 from epuck_sim.particles.motion import begin_motion, random_heading
-from epuck_sim.particles.swarm import (
-    BEGIN_RUN,
-    Arrays,
-    Draws,
-    Observed,
-    Oscillators,
-    Trajectories,
-)
+from epuck_sim.particles.neighbours import RANDOM
+from epuck_sim.particles.swarm import BEGIN_RUN, Arrays, Draws, Observed, Oscillators, Trajectories
 from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.generators import DRAW_BEGIN, begin_sequence, draw_row, fill_doubles, seed_pcg64, spawn
-from epuck_sim.util.jit import jit, jit_inline
+from epuck_sim.util.jit import jit, jit_no_alloc
 from epuck_sim.util.native import call, carve
 
 SHORTEST_PERIOD = 0.1
@@ -46,45 +41,43 @@ def start(block: ByteArray, addresses: IntArray, seed: WordArray) -> None:
     """
     oscillators, trajectories, draws = carve(block, Oscillators), carve(block, Trajectories), carve(block, Draws)
     scene, agents = oscillators.scene, len(trajectories.speed)
-    child, generator = scene.child, scene.generator
     begin_sequence(scene.seed, seed)
-    for number in range(RECEIVER_SEED + 1):
-        spawn(child, scene.seed, number)
-        if number == MOTION_SEED:
-            _seed_streams(trajectories.streams, child)
-        elif number == RECEIVER_SEED:
-            _seed_streams(draws.receiver_streams, child)
-        else:
-            seed_pcg64(generator, child)
-            if number == POSITION_SEED and not scene.has_positions:
-                fill_doubles(trajectories.origin, generator)
-                for place in range(len(trajectories.origin)):
-                    trajectories.origin[place] *= scene.side_cm
-            elif number == PHASE_SEED and not scene.has_phases:
-                fill_doubles(oscillators.next_firing, generator)
-                for agent in range(agents):
-                    oscillators.next_firing[agent] = (1 - oscillators.next_firing[agent]) * oscillators.period[agent]
-    draw_headings(block, trajectories)
+    if not scene.has_positions:
+        _draw_doubles(trajectories.origin, scene, POSITION_SEED)
+        for place in range(len(trajectories.origin)):
+            trajectories.origin[place] *= scene.side_cm
+    if not scene.has_phases:
+        _draw_doubles(oscillators.next_firing, scene, PHASE_SEED)
+        for agent in range(agents):
+            oscillators.next_firing[agent] = (1 - oscillators.next_firing[agent]) * oscillators.period[agent]
+    _seed_streams(trajectories.streams, scene, MOTION_SEED)
+    if scene.kind == RANDOM:
+        _seed_streams(draws.receiver_streams, scene, RECEIVER_SEED)
+    unused = carve(block, Observed).positions_now
+    for agent in range(agents):
+        heading = unused[agent::agents] if scene.has_headings else trajectories.heading[agent::agents]
+        random_heading(heading, trajectories.streams[agent].words)
     if scene.has_runs:
         for agent in range(agents):
             call(addresses[BEGIN_RUN], block, addresses, agent, 0.0)
     begin_motion(block)
 
 
-@jit_inline
-def _seed_streams(streams: npt.NDArray[np.void], sequence: WordArray) -> None:
+@jit_no_alloc
+def _draw_doubles(numbers: FloatArray, scene: Any, child: int) -> None:
+    """Write random numbers from [0, 1), (n,), drawn with a child of the trial's seed."""
+    spawn(scene.child, scene.seed, child)
+    seed_pcg64(scene.generator, scene.child)
+    fill_doubles(numbers, scene.generator)
+
+
+@jit_no_alloc
+def _seed_streams(streams: npt.NDArray[np.void], scene: Any, child: int) -> None:
+    """Set generators, (agents,), from a child of the trial's seed."""
+    spawn(scene.child, scene.seed, child)
     factor = DRAW_BEGIN
     for agent in range(len(streams)):
-        factor = draw_row(streams[agent].words, sequence, factor)
-
-
-@jit
-def draw_headings(block: ByteArray, trajectories: Trajectories) -> None:
-    """Draw the headings of all agents; where headings are given, what is drawn is left unused."""
-    scene, agents, unused = trajectories.scene, len(trajectories.speed), carve(block, Observed).positions_now
-    for agent in range(agents):
-        heading = unused[agent::agents] if scene.has_headings else trajectories.heading[agent::agents]
-        random_heading(heading, trajectories.streams[agent].words)
+        factor = draw_row(streams[agent].words, scene.child, factor)
 
 
 def give_start(arrays: Arrays, scenario: ParticleScenario) -> None:

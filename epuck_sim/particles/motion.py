@@ -14,15 +14,7 @@ import math
 
 from epuck_sim.arrays import BoolArray, ByteArray, FloatArray, IndexArray, IntArray, StreamArray
 from epuck_sim.particles.selection import argmin, minimum
-from epuck_sim.particles.swarm import (
-    BEGIN_RUN,
-    CONTINUE,
-    Instant,
-    Runs,
-    Trajectories,
-    Turns,
-    entry_of,
-)
+from epuck_sim.particles.swarm import BEGIN_RUN, CONTINUE, Instant, Runs, Trajectories, Turns, entry_of
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at, unlikely
 from epuck_sim.util.rng import randint, uniform

@@ -81,15 +81,6 @@ def phase_at(oscillators: Oscillators, agent: int, time: float) -> float:
 
 
 @jit_no_alloc
-def rebase_oscillators(oscillators: Oscillators) -> None:
-    """Count all times from the start of the next cycle."""
-    for agent in range(len(oscillators.next_firing)):
-        oscillators.next_firing[agent] -= 1.0
-    for block in range(len(oscillators.block_earliest)):
-        oscillators.block_earliest[block] -= 1.0
-
-
-@jit_no_alloc
 def are_phases_within(oscillators: Oscillators, max_offset: float, time: float) -> bool:
     """Return whether all phases at `time` are within `max_offset` cycles of 0, the reference's phase when it fires."""
     for agent in range(len(oscillators.next_firing)):

@@ -24,16 +24,7 @@ from epuck_sim.particles.neighbours import (
 )
 from epuck_sim.particles.oscillators import BLOCK_SIZE, METRIC_CODES, max_phase_offset
 from epuck_sim.particles.phase_response import CURVES, Response, make_response
-from epuck_sim.particles.swarm import (
-    BEGIN_RUN,
-    CALLS,
-    CONTINUE,
-    CURVE,
-    REORIENT,
-    SEARCH,
-    Arrays,
-    make_block,
-)
+from epuck_sim.particles.swarm import BEGIN_RUN, CALLS, CONTINUE, CURVE, REORIENT, SEARCH, Arrays, make_block
 from epuck_sim.scenario.neighbourhoods import Cone, Nearest, RandomAgents, Range
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import address_of, compile_kernel
@@ -96,44 +87,52 @@ def rules_of(scenario: ParticleScenario) -> Rules:
 
 def _make_rules(scenario: ParticleScenario) -> Rules:
     """Return the rules of a scenario; compile what they call, before any clock runs."""
-    agents, space, walk = scenario.agents, scenario.space, scenario.agents.walk
-    response = make_response(scenario.response)
-    count, rows, has_runs = agents.count, space.dimensions * agents.count, walk.kind != "straight"
-    neighbourhood = _neighbourhood(scenario)
-    is_random, in_cells, cells = neighbourhood["kind"] == RANDOM, neighbourhood["cells"] > 0, neighbourhood["cells"]
+    agents, dimensions, response = scenario.agents, scenario.space.dimensions, make_response(scenario.response)
+    values = {**_neighbourhood(scenario), **_scene_values(scenario, response)}
     speeds = speed_table(agents) * scenario.clocks.period_s if agents.speed_per_run else np.zeros(0)
-    reorients = bool(agents.reorient_on)
     sizes = {
-        "agents": count,
-        "rows": rows,
-        "blocks": -(-count // BLOCK_SIZE),
-        "walkers": has_runs * count,
+        "agents": agents.count,
+        "rows": dimensions * agents.count,
+        "events": agents.count + 1,
+        "blocks": -(-agents.count // BLOCK_SIZE),
+        "cell_starts": values["cells"] ** dimensions + 1 if values["cells"] else 0,
         "run_speeds": len(speeds),
-        "sorted": in_cells * count,
-        "sorted_rows": in_cells * rows,
-        "cell_starts": in_cells * (cells**space.dimensions + 1),
-        "drawers": is_random * count,
-        "events": count + 1,
-        "turners": reorients * (count + 1),
-        "turned_rows": reorients * rows,
         "curve": len(response.from_file.bytes),
-        "members": count * (count if neighbourhood["is_cached"] else 1),
+        "members": agents.count * (agents.count if values["is_cached"] else 1),
     }
     arrays = Arrays(make_block(sizes))
-    stop, scene = scenario.stop, arrays.scene
-    is_single = count == 1  # a single agent is never synchronised
+    for name, value in values.items():
+        arrays.scene[name] = value
+    arrays.run_speeds[:] = speeds
+    arrays.run_end_cycle[:] = -1
+    arrays.period[:] = 1
+    arrays.is_stale[:] = True
+    arrays.cached_until[:] = -math.inf
+    arrays.candidates[:] = np.arange(agents.count)
+    arrays.curve[:] = response.from_file.bytes
+    give_start(arrays, scenario)
+    is_cone = values["kind"] in (VISION_CONE, EMISSION_CONE) and not values["cells"]
+    root = advance_in_cones if is_cone else advance
+    compile_kernel(root)
+    beginning = arrays.block[: arrays.scene.at[-1][0]].copy()
+    return Rules(beginning, len(arrays.block), _addresses(arrays.scene, response), root)
+
+
+def _scene_values(scenario: ParticleScenario, response: Response) -> dict[str, Any]:
+    """Return the fields of a scene that a scenario gives, but for its neighbourhood."""
+    agents, space, walk, stop = scenario.agents, scenario.space, scenario.agents.walk, scenario.stop
+    is_single = agents.count == 1  # a single agent is never synchronised
     threshold = math.inf if is_single or stop.order_parameter is None else stop.order_parameter
-    max_offset = max_phase_offset(count, threshold) if threshold < math.inf else -1.0
-    values = {
-        **neighbourhood,
-        "agents": count,
+    max_offset = max_phase_offset(agents.count, threshold) if threshold < math.inf else -1.0
+    return {
+        "agents": agents.count,
         "dimensions": space.dimensions,
         "positions_time": math.nan,
         "sorted_at": -math.inf,
         "side_cm": space.side_cm,
         "is_cyclic": space.boundary == "cyclic",
         "is_mirrored": space.boundary == "mirrored",
-        "has_runs": has_runs,
+        "has_runs": walk.kind != "straight",
         "run": (walk.run_s or 0.0) / scenario.clocks.period_s,
         "tail": 0.0 if walk.exponent is None else 1 / (1 - walk.exponent),
         "persistence": walk.persistence or 0.0,
@@ -142,26 +141,13 @@ def _make_rules(scenario: ParticleScenario) -> Rules:
         "reorients_on_receiving": "receiving" in agents.reorient_on,
         "reorients_on_arriving": "arriving" in agents.reorient_on,
         # they turn agents, or receivers are drawn, and draws must not depend on the order of the cascade
-        "sends_every_pulse": "arriving" in agents.reorient_on or is_random,
+        "sends_every_pulse": "arriving" in agents.reorient_on or isinstance(scenario.neighbourhood, RandomAgents),
         "reference": stop.reference,
         "metric": METRIC_CODES[stop.metric],
         "threshold": threshold,
         "max_offset": 1.0 if stop.max_time_s is not None else max_offset,  # then it may end between two firings
         "order_parameter": math.nan,
     }
-    for name, value in values.items():
-        scene[name] = value
-    arrays.run_speeds[:] = speeds
-    arrays.run_end_cycle[:] = -1
-    arrays.period[:] = 1
-    arrays.is_stale[:] = True
-    arrays.cached_until[:] = -math.inf
-    arrays.candidates[:] = np.arange(count)
-    arrays.curve[:] = response.from_file.bytes
-    give_start(arrays, scenario)
-    root = advance_in_cones if scene.kind in (VISION_CONE, EMISSION_CONE) and not scene.cells else advance
-    compile_kernel(root, *[types.int64] * 2, *[types.float64] * 3)
-    return Rules(arrays.block[: scene.at[-1][0]].copy(), len(arrays.block), _addresses(scene, response), root)
 
 
 def _addresses(scene: Any, response: Response) -> IntArray:

@@ -30,11 +30,11 @@ def timed_entries(schedule: Sequence[AgentScheduleEntry], period_s: float) -> Ti
     return TimedEntries([(divmod(at_s / period_s, 1.0), number) for at_s, number in sorted(timed)], NEVER)
 
 
-def last_firing_before(moment: Moment) -> tuple[int, float]:
+def last_firing_before(moment: Moment) -> Moment:
     """Return cycle and time up to which oscillators fire at the same instant as a moment, and thus before a change."""
     cycle, time = moment
     later, within = divmod(time + SIMULTANEITY_CYCLES, 1.0)
-    return int(cycle + later), within
+    return cycle + later, within
 
 
 def any_ends_by(swarm: Arrays, moment: Moment) -> bool:
@@ -53,13 +53,7 @@ def change_speeds(swarm: Arrays, speed: FloatArray) -> None:
 
 
 def displace_phases(swarm: Arrays, displacement: AgentDisplacement, sequence: np.random.SeedSequence) -> None:
-    """Displace phases of oscillators, which are as they were last seen.
-
-    Args:
-        swarm: The swarm.
-        displacement: Whose phases, and by how much.
-        sequence: Seed sequence from which random phases are drawn, for all agents, whoever is displaced.
-    """
+    """Displace phases, which are as they were last seen; random ones are drawn for all agents, whoever is displaced."""
     by_cycles = displacement.by_cycles
     if isinstance(by_cycles, str):
         displaced = np.random.Generator(np.random.SFC64(sequence)).random(len(swarm.phases_now))

@@ -11,7 +11,7 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.order_parameter import Firing
-from epuck_sim.particles.events import UNLIMITED, observe, turn_if_next
+from epuck_sim.particles.events import observe, turn_if_next
 from epuck_sim.particles.initial_conditions import draw_differences, initial_speeds, start
 from epuck_sim.particles.links import LinkSearch
 from epuck_sim.particles.motion import begin_motion
@@ -36,6 +36,9 @@ from epuck_sim.scenario.scenario import Scenario, require_model, seed_of_trial
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.util.generators import seed_words
 from epuck_sim.util.jit import compile_kernel
+
+UNLIMITED = 2**62
+"""Larger than any count or cycle number."""
 
 KEPT_FIELDS = (
     *("now", "cycle", "fired", "received", "reached", "instants", "cycles", "firings", "pulses"),
@@ -167,23 +170,27 @@ class ParticleSimulation:
         turned = turn_if_next(self._arrays.block, self._addresses)
         if turned >= 0:
             return self._event_without_firing(turned)
-        self._advance(int(self._scene["pulses"]) + 1, UNLIMITED, UNLIMITED)
+        self._advance(NEVER, int(self._scene["pulses"]) + 1)
         return self.last_instant()
 
-    def _advance(self, pulses: int, cycles: int, last_cycle: int, last_time: float = 0.0, offset: float = -1.0) -> None:
-        """Simulate until a limit is reached; see `events.advance`, whose `max_offset` is `offset` or more.
+    def _advance(self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0) -> None:
+        """Simulate until a limit is reached; see `swarm.LIMITS`, of which `max_offset` is `offset` or more.
 
         Raises:
             CurveError: A user's response curve raises.
         """
-        most = max(offset, float(self._scene["max_offset"]))
+        scene = self._scene
+        scene["limits"] = pulses, cycles, *end, max(offset, float(scene["max_offset"]))
         try:
-            self._present_rules.advance(
-                self._arrays.block, self._addresses, pulses, cycles, float(last_cycle), last_time, most
-            )
+            self._present_rules.advance(self._arrays.block, self._addresses)
         except Exception as error:  # nothing else in the kernel raises
-            phase = float(self._scene["response"]["last_phase"])
+            phase = float(scene["response"]["last_phase"])
             raise curve_error(self._present.response, phase, error) from error
+
+    def _observe(self) -> Arrays:
+        """Return the arrays, with positions and phases at the present time; continue trajectories that have ended."""
+        observe(self._arrays.block, self._addresses)
+        return self._arrays
 
     def _event_without_firing(self, turned: int | None) -> Event:
         no_agents = np.empty(0, np.int64)
@@ -194,8 +201,7 @@ class ParticleSimulation:
         moment = self._timed.next
         if self.next_firing <= last_firing_before(moment):
             return False
-        self._observe()
-        return not any_ends_by(self._arrays, moment)
+        return not any_ends_by(self._observe(), moment)
 
     def last_instant(self) -> Event:
         """Return the last event at which agents fired, if no time has passed since."""
@@ -217,13 +223,7 @@ class ParticleSimulation:
         """
         last_cycle = UNLIMITED if periods is None else self.period + periods
         last_pulse = UNLIMITED if pulses is None else int(self._scene["pulses"]) + pulses
-        self._is_changed = False
-        while self._timed.next is not NEVER and self._timed.next <= (last_cycle, share):
-            self._advance(last_pulse, cycles, *last_firing_before(self._timed.next))
-            if self.is_synchronised or self.cycles >= cycles or self._scene["pulses"] >= last_pulse:
-                return
-            self._carry_out_timed()
-        self._advance(last_pulse, cycles, last_cycle, share)
+        self._advance_through((last_cycle, share), last_pulse, cycles)
 
     def run_to(self, time_s: float) -> None:
         """Simulate up to a time, or up to synchrony if that is earlier.
@@ -238,25 +238,27 @@ class ParticleSimulation:
         if not self.time_s - 1e-9 * period_s <= time_s < math.inf:
             raise ValueError(f"time_s is {time_s}; the simulation is at {self.time_s} s and cannot go back")
         cycle, time = divmod(time_s / period_s, 1.0)
-        self._is_changed = False
-        while self._timed.next <= (cycle, time):
-            self._advance_to(*last_firing_before(self._timed.next))
-            if self.is_synchronised:
-                return
-            self._carry_out_timed()
-        self._advance_to(int(cycle), time)
+        # between events the order parameter at the reference's last firing may be asked for: always measure it
+        self._advance_through((cycle, time), offset=1.0)
         if not self.is_synchronised:
             self._scene["now"] = cycle - self._scene["cycle"] + time
 
-    def _advance_to(self, cycle: int, time: float) -> None:
-        """Simulate up to a time in a cycle, and measure the order parameter at each firing of the reference."""
-        # between events the order parameter at the reference's last firing may be asked for: always measure it
-        self._advance(UNLIMITED, UNLIMITED, cycle, time, 1.0)
+    def _advance_through(
+        self, end: Moment, pulses: int = UNLIMITED, cycles: int = UNLIMITED, offset: float = -1.0
+    ) -> None:
+        """Simulate until a limit is reached, as `_advance` does, and carry out what the schedule has until then."""
+        self._is_changed = False
+        while self._timed.next <= end:
+            self._advance(last_firing_before(self._timed.next), pulses, cycles, offset)
+            if self.is_synchronised or self.cycles >= cycles or self._scene["pulses"] >= pulses:
+                return
+            self._carry_out_timed()
+        self._advance(end, pulses, cycles, offset)
 
     def _carry_out_timed(self) -> None:
         """Carry out the entries of the schedule that have the next time; nothing else happens up to then."""
         scene, moment = self._scene, self._timed.next
-        self._advance(UNLIMITED, UNLIMITED, *last_firing_before(moment))  # counts time from the moment's cycle
+        self._advance(last_firing_before(moment))  # counts time from the moment's cycle
         scene["now"] = max(scene["now"], moment[0] - scene["cycle"] + moment[1])
         while self._timed.next == moment:
             self.carry_out_scheduled(self._timed.take())
@@ -274,8 +276,7 @@ class ParticleSimulation:
             self._change(with_values(self._present, section.set, f"{self.scenario.name}: {source}.set"))
         if section.displace is not None:
             sequence = np.random.SeedSequence(self.seed, spawn_key=(SCHEDULE_SEED, entry))
-            self._observe()
-            displace_phases(self._arrays, section.displace, sequence)
+            displace_phases(self._observe(), section.displace, sequence)
         self.events.append(TrialEvent(self.instants, self.time_s, source, section.what))
         self._is_changed = True
 
@@ -283,8 +284,7 @@ class ParticleSimulation:
         """Go on with the speeds, neighbourhood and response of a scenario."""
         before = self._arrays
         if scenario.agents != self._present.agents:
-            self._observe()
-            change_speeds(before, initial_speeds(scenario, self.seed))
+            change_speeds(self._observe(), initial_speeds(scenario, self.seed))
         self._renew(rules_of(scenario))
         for name in KEPT_FIELDS:
             self._scene[name] = before.scene[name]
@@ -357,32 +357,21 @@ class ParticleSimulation:
 
     def phases(self) -> FloatArray:
         """Return (agents,) phases at the present time; an agent that has just fired has phase 0."""
-        self._observe()
-        phases: FloatArray = self._arrays.phases_now.copy()
-        return phases
+        return self._observe().phases_now.copy()
 
     @property
     def periods_s(self) -> FloatArray:
         """(agents,) s: time in which each oscillator goes from phase 0 to 1 if it receives no pulse; constant."""
-        periods: FloatArray = self._arrays.period * self.scenario.clocks.period_s
-        return periods
+        return self._arrays.period * self.scenario.clocks.period_s
 
     @property
     def speeds_cm_s(self) -> FloatArray:
         """(agents,) cm/s: speed of each agent at the present time; constant unless a run or a schedule changes it."""
-        self._observe()
-        speeds: FloatArray = self._arrays.speed / self.scenario.clocks.period_s
-        return speeds
+        return self._observe().speed / self.scenario.clocks.period_s
 
     def positions(self) -> FloatArray:
         """Return (agents, dimensions) cm: positions at the present time."""
-        self._observe()
-        positions: FloatArray = self._arrays.positions_now.T.copy()
-        return positions
-
-    def _observe(self) -> None:
-        """Find positions and phases at the present time; trajectories that have ended are continued."""
-        observe(self._arrays.block, self._addresses)
+        return self._observe().positions_now.T.copy()
 
     def adjacency(self) -> BoolArray:
         """Return (agents, agents) the adjacency matrix at the present time (eq. 5.6).
@@ -399,15 +388,12 @@ class ParticleSimulation:
 
     def headings(self) -> FloatArray:
         """Return (agents, dimensions) unit vectors: directions of motion at the present time."""
-        self._observe()
-        headings: FloatArray = self._arrays.heading.T.copy()
-        return headings
+        return self._observe().heading.T.copy()
 
     def neighbour_links(self) -> IntArray:
-        """Return the links from each agent to those that would receive its pulse at the present time.
+        """Return (links,) the links from each agent to those that would receive its pulse at the present time.
 
-        Returns:
-            (links,) ascending: the sender times the number of agents, plus the receiver.
+        They are ascending: the sender times the number of agents, plus the receiver.
 
         Raises:
             ScenarioError: Receivers are drawn anew for each pulse.

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from epuck_sim.arrays import ByteArray, IndexArray
 from epuck_sim.util.generators import GENERATOR_WORDS, SEQUENCE_WORDS
@@ -46,8 +47,8 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     "wall": (INT, "agents"),  # the wall that is reached: 2 * axis, or 2 * axis + 1 for the far one; or `NO_WALL`
     "end_times": (FLOAT, "agents"),  # cycles: scratch: when trajectories end, of all agents or of candidates
     "streams": (STREAM, "agents"),  # the agents' random number generators
-    "run_end_cycle": (FLOAT, "walkers"),  # the cycle in which each run ends, -1 before the first
-    "run_end_time": (FLOAT, "walkers"),  # the time in that cycle, 0 to 1
+    "run_end_cycle": (FLOAT, "agents"),  # the cycle in which each run ends, -1 before the first
+    "run_end_time": (FLOAT, "agents"),  # the time in that cycle, 0 to 1
     "run_speeds": (FLOAT, "run_speeds"),  # cm per cycle: what each run's speed is drawn from
     # neighbours
     "counts": (INT, "agents"),  # number of neighbours of each agent
@@ -56,24 +57,24 @@ ARRAYS: Mapping[str, tuple[np.dtype[Any], str]] = {
     # search: index k of an array of candidates belongs to the k-th candidate
     "candidates": (INDEX, "agents"),  # the agents among which neighbours are searched for
     "positions": (FLOAT, "rows"),  # cm: positions of the candidates
-    "headings": (FLOAT, "sorted_rows"),  # unit vectors: headings of the candidates that the cell list found
+    "headings": (FLOAT, "rows"),  # unit vectors: headings of the candidates that the cell list found
     "square_distance": (FLOAT, "agents"),  # cm^2: from the firing agent, which has inf itself
     "axial_distance": (FLOAT, "agents"),  # cm: components of these distances along the axis of the cone
     "margin": (FLOAT, "agents"),  # cm^2: not negative within the cone; then cycles until which they stay
     "bucket_of": (INDEX, "agents"),  # scratch of the selection of the k nearest
     "bucket_end": (INDEX, "agents"),  # scratch of the selection of the k nearest
     "cell_start": (INT, "cell_starts"),  # index in `agents_by_cell` at which each cell begins
-    "agents_by_cell": (INDEX, "sorted"),  # agents, sorted by cell
-    "cell_of_agent": (INDEX, "sorted"),  # scratch: the cell of each agent
-    "is_drawn": (FLAG, "drawers"),  # scratch: whether each agent has been drawn for the present pulse
-    "receiver_streams": (STREAM, "drawers"),  # generators from which agents draw their receivers
+    "agents_by_cell": (INDEX, "agents"),  # agents, sorted by cell
+    "cell_of_agent": (INDEX, "agents"),  # scratch: the cell of each agent
+    "is_drawn": (FLAG, "agents"),  # scratch: whether each agent has been drawn for the present pulse
+    "receiver_streams": (STREAM, "agents"),  # generators from which agents draw their receivers
     # what happened at the last instant
     "fired": (INDEX, "events"),  # the agents that fired, in the order of the cascade: the first `scene.fired`
     "received": (INDEX, "events"),  # the agents whose phases were shifted, even to 1: the first `scene.received`
     "is_done": (FLAG, "agents"),  # scratch: whether each agent has fired or received a pulse at this instant
-    "reached": (INDEX, "turners"),  # scratch: agents at which a pulse arrived: the first `scene.reached`
-    "is_reached": (FLAG, "turners"),  # scratch: whether each agent is in `reached`
-    "headings_before": (FLOAT, "turned_rows"),  # headings at this instant before any agent reoriented
+    "reached": (INDEX, "events"),  # scratch: agents at which a pulse arrived: the first `scene.reached`
+    "is_reached": (FLAG, "events"),  # scratch: whether each agent is in `reached`
+    "headings_before": (FLOAT, "rows"),  # headings at this instant before any agent reoriented
     # what Python asks for
     "positions_now": (FLOAT, "rows"),  # cm
     "phases_now": (FLOAT, "agents"),
@@ -87,20 +88,14 @@ _PLACES = {name: (dtype, 2 * WORD_BYTES * number) for number, (name, (dtype, _))
 SIZES = {
     "agents": "one for each agent",
     "rows": "one for each axis and agent: one row of agents after the other",
-    "blocks": "one for each block of oscillators",
-    "walkers": "one for each agent that walks at random",
-    "run_speeds": "one for each speed from which those of runs are drawn",
-    "sorted": "one for each agent that is sorted into cells",
-    "sorted_rows": "one for each axis and agent that is sorted into cells",
-    "cell_starts": "one for each cell, and one",
-    "drawers": "one for each agent whose receivers are drawn",
     "events": "one for each agent, and one",
-    "turners": "one for each agent that pulses may turn, and one",
-    "turned_rows": "one for each axis and agent that pulses may turn",
+    "blocks": "one for each block of oscillators",
+    "cell_starts": "one for each cell, and one; none without a cell list",
+    "run_speeds": "one for each speed from which those of runs are drawn; none if agents keep theirs",
     "curve": "one for each byte",
     "members": "one for each pair of agents; for each agent, if no neighbours are cached",
 }
-"""The sizes of a swarm: 0 where it has no such agents."""
+"""The sizes of a swarm."""
 
 RESPONSE = record_type(
     [
@@ -114,6 +109,17 @@ RESPONSE = record_type(
     ]
 )
 """A response curve and its parameters; see `phase_response.Response`."""
+
+LIMITS = record_type(
+    [
+        ("pulses", "i8"),  # counted from the beginning of the trial; the instant that reaches it is completed
+        ("cycles", "i8"),  # of firings of the reference, counted from the beginning of the trial
+        ("last_cycle", "f8"),  # nothing happens after `last_time` of this cycle
+        ("last_time", "f8"),  # cycles since the start of that cycle
+        ("max_offset", "f8"),  # the order parameter is measured when all phases are within so many of the reference's
+    ]
+)
+"""What ends a call of `events.advance`."""
 
 SCENE = record_type(
     [
@@ -157,6 +163,7 @@ SCENE = record_type(
         ("threshold", "f8"),  # order parameter at which the swarm is synchronised; inf if there is none
         ("max_offset", "f8"),  # if a phase is farther from the reference's, in cycles, the threshold is not reached
         # what happened
+        ("limits", LIMITS),  # of the last call
         ("fired", "i8"),  # numbers of agents in the arrays of these names
         ("received", "i8"),
         ("reached", "i8"),
@@ -210,14 +217,14 @@ class Arrays:
         """Refer to a block, which stays as it is."""
         self.block, self.scene = block, scene_of(block)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> npt.NDArray[Any]:
         """Return an array."""
         if name not in ARRAYS:
             raise AttributeError(name)
         dtype, at = _PLACES[name]
         first, end = self.block[at : at + 2 * WORD_BYTES].view(np.int64)
-        array = self.block[first:end].view(dtype)
-        if ARRAYS[name][1].endswith("rows"):
+        array: npt.NDArray[Any] = self.block[first:end].view(dtype)
+        if ARRAYS[name][1] == "rows":
             array = array.reshape(self.scene.dimensions, -1)
         elif dtype == STREAM:
             array = array.view(np.uint64).reshape(-1, 4)

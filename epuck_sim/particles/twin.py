@@ -46,22 +46,13 @@ def make_twin(scenario: ParticleScenario, seed: int, displacement: float = 0.0) 
 
 
 def simulate_with_twin(scenario: ParticleScenario, seed: int, time_s: FloatArray) -> TwinComparison:
-    """Simulate a trial and its undisturbed twin, and compare them.
+    """Simulate a trial and its undisturbed twin of the same seed, and compare them at times, (times,) s, ascending.
 
-    In the twin no phase is displaced and no period has jitter (5.4.1, 5.4.2). Its seed is the same, so that its agents
-    start at the same positions and move alike, unless motion is coupled to pulses (D.1). Both trials continue when they
-    are synchronised.
-
-    Args:
-        scenario: The disturbed trial.
-        seed: Seed of both trials.
-        time_s: (times,) s, ascending: when to compare them.
-
-    Returns:
-        The order parameter and the deviations at these times.
+    Agents of both start at the same positions and move alike, unless motion is coupled to pulses (D.1). Both trials
+    continue when they are synchronised; see `make_twin`.
 
     Raises:
-        ValueError: The times are not ascending.
+        ValueError: The times are not ascending, or entries of the schedule wait for a firing or a condition.
     """
     without_end = scenario.model_copy(update={"stop": scenario.stop.model_copy(update={"order_parameter": None})})
     simulations = (ParticleSimulation(without_end, seed), make_twin(scenario, seed))

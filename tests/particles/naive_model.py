@@ -46,7 +46,7 @@ class NaiveModel:
         self.receiver_streams = arrays.receiver_streams.copy()
         self.run_speeds = arrays.run_speeds.copy()
         self.left_of_runs = [math.inf] * len(self.phases)
-        for agent in range(len(arrays.run_end_cycle)):
+        for agent in agents if arrays.scene.has_runs else ():
             self.left_of_runs[agent] = float(arrays.run_end_cycle[agent] + arrays.run_end_time[agent])
         self.time = 0.0
         self.cycles = 0
