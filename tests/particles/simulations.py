@@ -152,46 +152,25 @@ def neighbourhoods(kind: str, agents: int, side_cm: float) -> st.SearchStrategy[
     return st.fixed_dictionaries({"kind": st.just(kind), "radius_cm": st.none() | radii, "angle_deg": angles})
 
 
+def curve(name: str, couplings: list[float], refractory: list[float], **parameters: list[float]) -> st.SearchStrategy:
+    section = {
+        "curve": st.just(name),
+        "coupling": st.sampled_from(couplings),
+        "refractory": st.sampled_from(refractory),
+    }
+    if parameters:
+        values = {key: st.sampled_from(each) for key, each in parameters.items()}
+        section["parameters"] = st.fixed_dictionaries(values)
+    return st.fixed_dictionaries(section)
+
+
 responses = st.one_of(
-    st.fixed_dictionaries(
-        {
-            "curve": st.just("multiplicative"),
-            "coupling": st.sampled_from([0.0, 0.02, 0.1, 0.1, 0.3, 2.0]),
-            "refractory": st.sampled_from([0.0, 0.1, 0.45]),
-        }
-    ),
-    st.fixed_dictionaries(
-        {
-            "curve": st.sampled_from(["sawtooth", "sine"]),
-            "coupling": st.sampled_from([0.0, 0.1, 0.5, 0.83, 1.0]),
-            "refractory": st.sampled_from([0.0, 0.2, 0.49]),
-        }
-    ),
-    st.fixed_dictionaries(
-        {
-            "curve": st.just("additive"),
-            "coupling": st.sampled_from([0.0, 0.03, 0.2, 1.0]),
-            "refractory": st.sampled_from([0.0, 0.2]),
-        }
-    ),
-    st.fixed_dictionaries(
-        {
-            "curve": st.just("mirollo_strogatz"),
-            "coupling": st.sampled_from([0.0, 0.03, 0.2, 1.0]),
-            "refractory": st.sampled_from([0.0, 0.2]),
-            "parameters": st.fixed_dictionaries({"dissipation": st.sampled_from([0.1, 1.0, 3.0, 12.0])}),
-        }
-    ),
-    st.fixed_dictionaries(
-        {
-            "curve": st.just("piecewise_linear"),
-            "coupling": st.sampled_from([0.1, 0.5]),
-            "refractory": st.sampled_from([0.0, 0.2]),
-            "parameters": st.fixed_dictionaries(
-                {"knee": st.sampled_from([0.1, 0.47, 0.8]), "early_slope": st.sampled_from([-3.0, -1.0, 0.0, 0.4])}
-            ),
-        }
-    ),
+    curve("multiplicative", [0.0, 0.02, 0.1, 0.1, 0.3, 2.0], [0.0, 0.1, 0.45]),
+    curve("sawtooth", [0.0, 0.1, 0.5, 0.83, 1.0], [0.0, 0.2, 0.49]),
+    curve("sine", [0.0, 0.1, 0.5, 0.83, 1.0], [0.0, 0.2, 0.49]),
+    curve("additive", [0.0, 0.03, 0.2, 1.0], [0.0, 0.2]),
+    curve("mirollo_strogatz", [0.0, 0.03, 0.2, 1.0], [0.0, 0.2], dissipation=[0.1, 1.0, 3.0, 12.0]),
+    curve("piecewise_linear", [0.1, 0.5], [0.0, 0.2], knee=[0.1, 0.47, 0.8], early_slope=[-3.0, -1.0, 0.0, 0.4]),
 )
 
 speeds = st.sampled_from(

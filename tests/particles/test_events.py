@@ -131,14 +131,6 @@ def test_wild_motion_which_makes_much_of_any_bit_is_the_same_however_a_swarm_goe
     assert (otherwise.positions() == at_once.positions()).all()
 
 
-def test_trajectories_whose_positions_are_not_asked_for_are_the_same_bit_for_bit():
-    scene = {"agents": {"speed_cm_s": 70.0}, "neighbourhood": {"kind": "all"}, "response": {"coupling": 0}}
-    at_once, looked = make_simulation(1, **scene), make_simulation(1, **scene)
-    at_once.run(20_000)
-    with_positions(looked, 20_000)
-    assert (at_once.positions() == looked.positions()).all()
-
-
 @kinds
 @given(st.data(), SEEDS)
 @settings(max_examples=20)
@@ -192,7 +184,7 @@ def test_how_agents_are_numbered_makes_no_difference(kind, data, seed):
     order = data.draw(st.permutations(range(agents)))
     one, other = make_simulation(seed, **sections), make_simulation(seed, **sections)
     theirs, ours = other._arrays, one._arrays
-    runs = ("run_end_cycle", "run_end_time") if len(ours.run_end_cycle) else ()
+    runs = ("run_end_cycle", "run_end_time") if ours.scene.has_runs else ()
     for name in ("origin", "heading", "speed", "streams", "next_firing", "period", *runs):
         given_to, taken = getattr(theirs, name), getattr(ours, name)
         given_to[:] = taken[:, order] if name in ("origin", "heading") else taken[order]
@@ -220,12 +212,25 @@ def check_next_firing(swarm, time_s, fired, heard, phases):
     assert event.turned is None
 
 
-def test_firing_resets_the_phase_to_0_and_shifts_that_of_a_receiver():
-    check_next_firing(make_resting([0.9, 0.5]), 0.1, [0], [1], [0, 0.66])
+LINE = [[0.0], [10.0], [19.0], [27.0]]
+"""Positions of four agents; nearest to agent 0 is 1, to 1 it is 2, to 2 it is 3, and to 3 it is 2."""
+
+FIRST_INSTANTS = {
+    "firing resets the phase to 0, and shifts that of a receiver": ([0.9, 0.5], {}, [0], [1], [0, 0.66]),
+    "a receiver whose phase reaches 1 fires at the same instant": ([0.9, 0.85], {}, [0, 1], [1], [0, 0]),
+    "two pulses at one instant shift a phase once": ([0.9, 0.9, 0.4], {}, [0, 1], [2], [0, 0, 0.55]),
+    "a second pulse makes no agent fire": ([0.9, 0.9, 0.8], {}, [0, 1], [2], [0, 0, 0.99]),  # twice would be 1.089
+    "that of an agent made to fire is a second one": ([0.9, 0.85, 0.8], {}, [0, 1], [1, 2], [0, 0, 0.99]),
+    "a firing agent receives no pulse": ([0.9, 0.9], {}, [0, 1], [], [0, 0]),
+    "nor where others do": ([0.9, 0.85, 0.9], {}, [0, 1, 2], [1], [0, 0, 0]),
+    "a strong pulse synchronises all": ([0.9, 0.1, 0.5, 0.3], {"coupling": 10.0}, range(4), [1, 2, 3], [0] * 4),
+}
 
 
-def test_a_receiver_whose_phase_reaches_1_fires_at_the_same_instant():
-    check_next_firing(make_resting([0.9, 0.85]), 0.1, [0, 1], [1], [0, 0])
+@pytest.mark.parametrize("case", FIRST_INSTANTS)
+def test_a_cascade_follows_the_rules_to_the_letter(case):
+    phases, response, fired, heard, after = FIRST_INSTANTS[case]
+    check_next_firing(make_resting(phases, response=response), 0.1, fired, heard, after)
 
 
 def test_a_phase_of_exactly_1_after_a_pulse_fires():
@@ -241,41 +246,14 @@ def test_both_then_fire_together_for_ever():
         assert event.time_s == pytest.approx(cycle + 0.1)
 
 
-LINE = [[0.0], [10.0], [19.0], [27.0]]
-"""Positions of four agents; nearest to agent 0 is 1, to 1 it is 2, to 2 it is 3, and to 3 it is 2."""
-
-
-def test_an_agent_made_to_fire_makes_others_fire_that_the_first_did_not_reach():
-    swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
+def test_an_agent_made_to_fire_makes_others_fire_up_to_one_whose_phase_does_not_reach_1():
+    nearest = {"neighbourhood": {"kind": "nearest"}}
+    swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, **nearest)
     check_next_firing(swarm, 0.1, [0, 1, 2], [1, 2, 3], [0, 0, 0, 0.66])
-
-
-def test_a_chain_breaks_where_a_phase_does_not_reach_1():
-    swarm = make_resting([0.9, 0.85, 0.5, 0.85], LINE, neighbourhood={"kind": "nearest"})
-    check_next_firing(swarm, 0.1, [0, 1], [1, 2], [0, 0, 0.66, 0.95])
-
-
-def test_an_event_lists_agents_in_the_order_of_the_cascade():
-    swarm = make_resting([0.9, 0.85, 0.85, 0.5], LINE, neighbourhood={"kind": "nearest"})
-    event = next(swarm)
+    event = swarm.last_instant()  # which lists agents in the order of the cascade
     assert (event.fired.tolist(), event.received.tolist()) == ([0, 1, 2], [1, 2, 3])
-
-
-def test_two_pulses_at_one_instant_shift_a_phase_once():
-    check_next_firing(make_resting([0.9, 0.9, 0.4]), 0.1, [0, 1], [2], [0, 0, 0.55])
-
-
-def test_a_second_pulse_at_one_instant_makes_no_agent_fire():
-    check_next_firing(make_resting([0.9, 0.9, 0.8]), 0.1, [0, 1], [2], [0, 0, 0.99])  # twice would be 1.089
-
-
-def test_the_pulse_of_an_agent_made_to_fire_counts_as_a_second_pulse():
-    check_next_firing(make_resting([0.9, 0.85, 0.8]), 0.1, [0, 1], [1, 2], [0, 0, 0.99])
-
-
-def test_a_firing_agent_receives_no_pulse():
-    check_next_firing(make_resting([0.9, 0.9]), 0.1, [0, 1], [], [0, 0])
-    check_next_firing(make_resting([0.9, 0.85, 0.9]), 0.1, [0, 1, 2], [1], [0, 0, 0])
+    swarm = make_resting([0.9, 0.85, 0.5, 0.85], LINE, **nearest)
+    check_next_firing(swarm, 0.1, [0, 1], [1, 2], [0, 0, 0.66, 0.95])
 
 
 def test_pulses_at_two_instants_shift_a_phase_twice():
@@ -322,53 +300,18 @@ def test_firings_within_a_trillionth_of_a_cycle_happen_at_once(later, at_once):
         assert as_set(next(swarm).fired) == {1}
 
 
-def test_an_instant_is_counted_from_the_earliest_not_from_one_to_the_next():
-    swarm = make_resting([0.5, 0.5, 0.5], response={"coupling": 0})
-    swarm._arrays.next_firing[:] = 0.5 + 8e-13, 0.5, 0.5 + 1.6e-12
-    assert as_set(next(swarm).fired) == {0, 1}
-    assert as_set(next(swarm).fired) == {2}
-
-
-def test_an_instant_at_the_end_of_a_cycle_is_one_instant():
-    swarm = make_resting([0.0, 0.0], response={"coupling": 0})
-    swarm._arrays.next_firing[:] = 1.0, 1.0 - 5e-13
-    assert as_set(next(swarm).fired) == {0, 1}
-    assert swarm.instants == 1
-
-
-def test_an_agent_out_of_reach_receives_no_pulse():
-    places = [[50.0, 50.0], [59.9, 50.0], [50.0, 60.1]]
-    swarm = make_resting([0.9, 0.5, 0.5], places, neighbourhood={"kind": "range", "radius_cm": 10})
-    check_next_firing(swarm, 0.1, [0], [1], [0, 0.66, 0.6])
-
-
-def test_all_are_synchronised_at_once_by_a_strong_pulse():
-    check_next_firing(
-        make_resting([0.9, 0.1, 0.5, 0.3], response={"coupling": 10.0}), 0.1, range(4), [1, 2, 3], [0] * 4
-    )
-
-
 @pytest.mark.parametrize(
-    ("curve", "phase", "after"),
+    ("firings", "first"),
     [
-        ("sawtooth", 0.5, 0.25),
-        ("sawtooth", 0.75, 0.875),
-        ("sawtooth", 0.25, 0.125),
-        ("sine", 0.25, 0.0),  # to -0.25, if phases could be negative
-        ("sine", 0.5, 0.5),
-        ("sine", 5 / 12, 5 / 12 - 0.25),
-        ("sine", 7 / 12, 7 / 12 + 0.25),
+        ([0.5 + 8e-13, 0.5, 0.5 + 1.6e-12], {0, 1}),  # counted from the earliest, not from one to the next
+        ([1.0, 1.0 - 5e-13, 1.5], {0, 1}),  # at the end of a cycle
     ],
 )
-def test_delay_advance_curves_hold_back_early_phases_and_push_late_ones(curve, phase, after):
-    swarm = make_resting([0.75, phase - 0.25], response={"curve": curve, "coupling": 0.5})
-    check_next_firing(swarm, 0.25, [0], [1], [0, after])
-
-
-@pytest.mark.parametrize("curve", ["sawtooth", "sine"])
-def test_a_push_beyond_1_fires(curve):
-    swarm = make_resting([0.75, 0.625], response={"curve": curve, "coupling": 1.0})
-    check_next_firing(swarm, 0.25, [0, 1], [1], [0, 0])
+def test_an_instant_begins_with_the_earliest_firing(firings, first):
+    swarm = make_resting([0.5, 0.5, 0.5], response={"coupling": 0})
+    swarm._arrays.next_firing[:] = firings
+    assert as_set(next(swarm).fired) == first
+    assert as_set(next(swarm).fired) == {2}
 
 
 def test_jittered_oscillators_keep_their_own_pace():

@@ -1,5 +1,7 @@
 """Positions, headings, speeds, phases and periods are drawn from the distributions that a scenario asks for."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -95,25 +97,23 @@ def test_by_default_all_speeds_are_equal():
     assert speeds() == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
-def test_uniform_speeds_are_uniform_around_the_mean(spread):
-    drawn = speeds(speed_distribution="uniform", speed_spread=spread)
-    assert stats.kstest(drawn, "uniform", args=(1 - spread, 2 * spread)).pvalue > UNLIKELY
-    assert (np.abs(drawn - 1) <= spread + 1e-6).all()
+SIGMA = math.log(1 + 0.7**2) ** 0.5  # of the logarithm of lognormal speeds whose deviation is 0.7 of their mean
 
 
-@pytest.mark.parametrize("spread", [0.1, 0.5, 1.0])
-def test_normal_speeds_are_normal_cut_at_0_and_twice_the_mean(spread):
-    drawn = speeds(speed_distribution="normal", speed_spread=spread)
-    cut = stats.truncnorm(-1 / spread, 1 / spread, 1, spread)
-    assert stats.kstest(drawn, cut.cdf).pvalue > UNLIKELY
-    assert ((drawn >= -1e-6) & (drawn <= 2 + 1e-6)).all()
-    assert drawn.mean() == pytest.approx(1, abs=0.03)
-
-
-def test_exponential_speeds_are_exponential():
-    drawn = speeds(speed_distribution="exponential")
-    assert stats.kstest(drawn, "expon").pvalue > UNLIKELY
+@pytest.mark.parametrize(
+    ("distribution", "spread", "expected"),
+    [
+        *(("uniform", spread, stats.uniform(1 - spread, 2 * spread)) for spread in (0.1, 1.0)),
+        *(("normal", spread, stats.truncnorm(-1 / spread, 1 / spread, 1, spread)) for spread in (0.1, 0.5, 1.0)),
+        ("lognormal", 0.7, stats.lognorm(SIGMA, scale=math.exp(-(SIGMA**2) / 2))),
+        ("exponential", None, stats.expon()),
+    ],
+)
+def test_speeds_have_the_distribution_and_the_mean_of_the_scenario(distribution, spread, expected):
+    drawn = speeds(speed_distribution=distribution, **({} if spread is None else {"speed_spread": spread}))
+    assert stats.kstest(drawn, expected.cdf).pvalue > UNLIKELY
+    low, high = expected.support()
+    assert ((drawn >= low - 1e-6) & (drawn <= high + 1e-6)).all()
     assert drawn.mean() == pytest.approx(1, abs=0.03)
 
 

@@ -43,5 +43,6 @@ def test_agents_drawn_at_random_have_no_links():
     simulation.run(3)
     assert len(simulation.last_instant().fired)
     assert simulation.pulse_links().shape == (0, 3)
-    with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
-        simulation.neighbour_links()
+    for ask in (simulation.neighbour_links, simulation.adjacency):
+        with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
+            ask()

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from epuck_sim.errors import ScenarioError
 from tests.particles.distributions import UNLIKELY
 from tests.particles.naive_model import NaiveModel
 from tests.particles.simulations import (
@@ -102,32 +101,17 @@ def test_receivers_are_the_agents_in_the_neighbourhood_at_that_time(kind, bounda
     assert compare_receivers(swarm, 300) > 250
 
 
-# slow enough for neighbours to be cached, and for enough cycles for them to change many times
-@pytest.mark.parametrize(("speed_cm_s", "cycles"), [(0.05, 300), (1.0, 60), (20.0, 15)])
-@pytest.mark.parametrize("dimensions", [1, 2, 3])
-@pytest.mark.parametrize(
-    "rule",
-    [
-        {"kind": "nearest", "k": 1},
-        {"kind": "nearest", "k": 9},
-        {"kind": "range", "radius_cm": 7},
-        {"kind": "cone_of_vision", "angle_deg": 10},
-        {"kind": "cone_of_vision", "angle_deg": 60, "radius_cm": 20},
-        {"kind": "cone_of_vision", "angle_deg": 180, "radius_cm": 9},
-        {"kind": "cone_of_vision", "angle_deg": 300},
-        {"kind": "cone_of_emission", "angle_deg": 10},
-        {"kind": "cone_of_emission", "angle_deg": 60, "radius_cm": 20},
-        {"kind": "cone_of_emission", "angle_deg": 180, "radius_cm": 9},
-        {"kind": "cone_of_emission", "angle_deg": 300},
-    ],
-    ids=lambda rule: "-".join(map(str, rule.values())),
-)
-def test_a_neighbourhood_that_is_known_is_given_up_in_time(rule, dimensions, speed_cm_s, cycles):
+@by_position
+@given(st.data(), SEEDS)
+@settings(max_examples=8)
+def test_a_neighbourhood_that_is_known_is_given_up_in_time(kind, data, seed):
+    # slow enough for neighbours to be cached, and for enough cycles for them to change many times
+    speed_cm_s, cycles = data.draw(st.sampled_from([(0.05, 300), (1.0, 60), (20.0, 15)]))
     swarm = make_simulation(
-        7,
-        space={"dimensions": dimensions, "side_cm": 30.0},
+        seed,
+        space={"dimensions": data.draw(st.integers(1, 3)), "side_cm": 30.0},
         agents={"count": 25, "speed_cm_s": speed_cm_s},
-        neighbourhood=rule,
+        neighbourhood=data.draw(neighbourhoods(kind, 25, 30.0)),
         response={"coupling": 0},
     )
     firings = 25 * cycles // 3
@@ -200,11 +184,6 @@ def receivers_of(places, headings, firing=0, side_cm=100.0, boundary="bounded", 
 
 PLACES = [[50.0, 50.0], [60.0, 50.0], [50.0, 65.0], [30.0, 50.0], [50.0, 45.0]]
 EAST, NORTH, WEST, SOUTH = [1, 0], [0, 1], [-1, 0], [0, -1]
-
-
-@pytest.mark.parametrize(("k", "received"), [(1, {4}), (2, {4, 1}), (3, {4, 1, 2}), (4, {1, 2, 3, 4})])
-def test_the_k_nearest_to_the_firing_agent_receive_its_pulse(k, received):
-    assert receivers_of(PLACES, [EAST] * 5, kind="nearest", k=k) == received
 
 
 def test_being_nearest_is_not_mutual():
@@ -282,58 +261,33 @@ def test_no_agent_receives_its_own_pulse(rule):
 
 # --- limits in which two rules are the same ---------------------------------------------------------
 
+CONES = ("cone_of_vision", "cone_of_emission")
+ALIKE = [
+    *(({"kind": kind, "angle_deg": 360, "radius_cm": 141.5}, {"kind": "all"}) for kind in CONES),  # the diagonal
+    *(({"kind": kind, "angle_deg": 360}, {"kind": "all"}) for kind in CONES),
+    *(({"kind": kind, "angle_deg": 360, "radius_cm": 10}, {"kind": "range", "radius_cm": 10}) for kind in CONES),
+    *(({"kind": kind, "angle_deg": 360, "radius_cm": 45}, {"kind": "range", "radius_cm": 45}) for kind in CONES),
+    ({"kind": "range", "radius_cm": 141.5}, {"kind": "all"}),
+    ({"kind": "nearest", "k": 11}, {"kind": "all"}),
+    ({"kind": "random", "k": 11}, {"kind": "all"}),
+]
 
-def are_alike(one, other, seed, events=1500, **sections):
-    """Whether two rules give the same events."""
-    left, right = (make_simulation(seed, neighbourhood=rule, **sections) for rule in (one, other))
-    for _ in range(events):
+
+@pytest.mark.parametrize("boundary", ["bounded", "cyclic"])
+@pytest.mark.parametrize("rules", ALIKE, ids=str)
+def test_two_rules_that_are_the_same_in_a_limit_give_the_same_events(rules, boundary):
+    scene = {"agents": {"count": 12, "speed_cm_s": 20.0}, "response": {"coupling": 0.02}}
+    left, right = (make_simulation(1, neighbourhood=rule, space={"boundary": boundary}, **scene) for rule in rules)
+    for _ in range(1500):
         mine, yours = next(left), next(right)
         assert mine.time_s == yours.time_s
         assert mine.turned == yours.turned
         assert as_set(mine.fired) == as_set(yours.fired)
         assert as_set(mine.received) == as_set(yours.received)
         assert (left.phases() == right.phases()).all()
-    return True
-
-
-spaces = pytest.mark.parametrize(
-    "space", [{"boundary": "bounded"}, {"boundary": "cyclic"}], ids=lambda s: s["boundary"]
-)
-SCENE = {"agents": {"count": 12, "speed_cm_s": 20.0}, "response": {"coupling": 0.02}}
-
-
-@spaces
-@pytest.mark.parametrize("kind", ["cone_of_vision", "cone_of_emission", "range"])
-def test_a_full_circle_wider_than_the_diagonal_contains_all(kind, space):
-    rule = {"kind": kind, "radius_cm": 141.5, **({} if kind == "range" else {"angle_deg": 360})}
-    assert are_alike(rule, {"kind": "all"}, 1, space=space, **SCENE)
-
-
-@spaces
-@pytest.mark.parametrize("kind", ["cone_of_vision", "cone_of_emission"])
-def test_a_full_circle_without_a_radius_contains_all(kind, space):
-    assert are_alike({"kind": kind, "angle_deg": 360}, {"kind": "all"}, 2, space=space, **SCENE)
-
-
-@spaces
-@pytest.mark.parametrize("kind", ["cone_of_vision", "cone_of_emission"])
-@pytest.mark.parametrize("radius_cm", [10, 45])
-def test_a_full_circle_is_a_range(kind, radius_cm, space):
-    rule = {"kind": kind, "radius_cm": radius_cm, "angle_deg": 360}
-    assert are_alike(rule, {"kind": "range", "radius_cm": radius_cm}, 3, space=space, **SCENE)
-
-
-@spaces
-def test_as_many_nearest_as_there_are_others_are_all(space):
-    assert are_alike({"kind": "nearest", "k": 11}, {"kind": "all"}, 4, space=space, **SCENE)
 
 
 # --- agents drawn at random -------------------------------------------------------------------------
-
-
-@spaces
-def test_as_many_random_agents_as_there_are_others_are_all(space):
-    assert are_alike({"kind": "random", "k": 11}, {"kind": "all"}, 5, space=space, **SCENE)
 
 
 @pytest.mark.parametrize(("agents", "k"), [(6, 1), (6, 2), (6, 4), (5, 4), (2, 1)])
@@ -405,9 +359,3 @@ def test_the_adjacency_matrix_is_that_of_brute_force_at_any_time(kind, boundary,
             assert (matrix[sender] == inside)[~close].all()
     untouched.run_to(7.77)
     assert (untouched.phases() == swarm.phases()).all()
-
-
-def test_agents_drawn_at_random_have_no_adjacency_matrix():
-    swarm = make_simulation(neighbourhood={"kind": "random"})
-    with pytest.raises(ScenarioError, match="receivers are drawn anew for each pulse"):
-        swarm.adjacency()

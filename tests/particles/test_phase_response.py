@@ -27,29 +27,18 @@ def test_curves_are_numbered_in_their_order():
 @pytest.mark.parametrize(
     ("curve", "coupling", "phase", "shift"),
     [
-        (MULTIPLICATIVE, 0.1, 0.0, 0.0),
-        (MULTIPLICATIVE, 0.1, 0.5, 0.05),
-        (MULTIPLICATIVE, 0.1, 0.9, 0.09),
         (MULTIPLICATIVE, 0.1, 10 / 11, 1 / 11),  # to 1 exactly
         (MULTIPLICATIVE, 0.1, 0.95, 0.05),  # no farther
-        (MULTIPLICATIVE, 0.1, 1.0, 0.0),
-        (SAWTOOTH, 0.5, 0.2, -0.1),
         (SAWTOOTH, 0.5, 0.5, -0.25),
         (SAWTOOTH, 0.5, 0.5000001, 0.25),
-        (SAWTOOTH, 0.5, 0.8, 0.1),
-        (SAWTOOTH, 0.5, 1.0, 0.0),
-        (SAWTOOTH, 1.0, 0.4, -0.4),
         (SAWTOOTH, 1.0, 0.7, 0.3),
         (SINE, 0.08, 0.25, -0.08),
-        (SINE, 0.08, 0.5, 0.0),
-        (SINE, 0.08, 0.75, 0.08),
         (SINE, 1.0, 0.25, -0.25),  # no farther
         (SINE, 1.0, 0.75, 0.25),
     ],
 )
 def test_a_pulse_shifts_a_phase_by_the_curve(curve, coupling, phase, shift):
     assert phase_shift(Response(curve, coupling, 0.0), [phase])[0] == pytest.approx(shift, abs=1e-7)
-    assert phase_after_pulse(Response(curve, coupling, 0.0), phase) == pytest.approx(phase + shift, abs=1e-7)
 
 
 @given(st.sampled_from([0, 1, 2]), unit, st.floats(0, 0.499), unit)
@@ -130,25 +119,12 @@ def test_the_change_is_that_of_the_complex_order_parameter_of_two(curve, couplin
     assert order_change(response, [phase])[0] == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize("shape", [(3,), (2, 3), (1, 1, 4), (0,)])
-def test_shapes_are_kept(shape):
-    phases = np.full(shape, 0.3)
+@pytest.mark.parametrize("shape", [(), (12,), (3, 4), (2, 1, 6), (0,)])
+def test_shapes_are_kept_whether_or_not_an_array_is_a_block(shape):
+    phases = np.linspace(0.1, 0.9, math.prod(shape)).reshape(shape).T
     response = Response(MULTIPLICATIVE, 0.1, 0.0)
-    assert phase_shift(response, phases).shape == shape
-    assert order_change(response, phases).shape == shape
-    assert phase_shift(response, phases) == pytest.approx(np.full(shape, 0.03))
-    assert (phases == 0.3).all()
-
-
-def test_arrays_that_are_no_block_are_taken_as_they_look():
-    phases = np.arange(12).reshape(3, 4).T / 20
-    expected = [[order_change(Response(1, 0.5, 0.0), [phase])[0] for phase in row] for row in phases]
-    assert order_change(Response(1, 0.5, 0.0), phases) == pytest.approx(np.array(expected))
-
-
-def test_a_number_gives_a_number():
-    assert np.shape(phase_shift(Response(MULTIPLICATIVE, 0.1, 0.0), 0.5)) == ()
-    assert np.shape(order_change(Response(MULTIPLICATIVE, 0.1, 0.0), 0.5)) == ()
+    assert phase_shift(response, phases).shape == order_change(response, phases).shape == phases.shape
+    assert phase_shift(response, phases) == pytest.approx(0.1 * phases)
 
 
 # --- further curves ---------------------------------------------------------------------------------

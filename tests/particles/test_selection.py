@@ -14,7 +14,7 @@ from tests.particles.simulations import make_simulation, set_trajectories
 SIDE_CM = 60.0
 
 many_ties = st.sampled_from([0.0, 5e-324, 1.0, 1.0, 2.0, 2.0000000000000004, 9.0, 1e300])
-distances = st.lists(st.one_of(st.floats(0, 1e5), st.floats(0, 1e300), many_ties), min_size=1, max_size=120)
+distances = st.lists(st.one_of(st.floats(0, 1e5), st.floats(0, 1e300), many_ties), min_size=1, max_size=200)
 
 
 def select_one_by_one(values, k):
@@ -65,14 +65,6 @@ def test_one_pass_finds_the_first_minimum_and_the_next_value(values):
 def test_values_far_above_the_sampled_ones_are_selected_in_order_too():
     values = [1.0 if index % SAMPLED == 0 else 1e6 - index for index in range(100)]
     for k in (7, 13, 14, 50, 100):
-        check_selection(values, k)
-
-
-@pytest.mark.parametrize("count", [2, 7, 30, 200])
-def test_any_number_of_random_distances_is_selected(count):
-    random = np.random.default_rng(count)
-    values = [math.inf, *(random.random(count) ** 2).tolist()]
-    for k in range(1, count + 1):
         check_selection(values, k)
 
 

@@ -12,10 +12,8 @@ import pytest
 from scipy import stats
 
 from epuck_sim.particles.motion import turn_heading
-from epuck_sim.particles.twin import simulate_with_twin
-from epuck_sim.scenario.loader import load_scenario
 from tests.particles.distributions import UNLIKELY, is_anywhere
-from tests.particles.simulations import make_simulation, scenario
+from tests.particles.simulations import make_simulation
 
 dimensions = pytest.mark.parametrize("dimensions", [1, 2, 3])
 
@@ -159,18 +157,6 @@ def test_how_often_positions_are_asked_for_makes_no_difference(walk):
     assert often.positions().tobytes() == seldom.positions().tobytes()
     assert often.headings().tobytes() == seldom.headings().tobytes()
     assert often.speeds_cm_s.tobytes() == seldom.speeds_cm_s.tobytes()
-
-
-def test_disturbed_agents_walk_like_their_undisturbed_twins():
-    start = {"phases": "synchronised", "displacement": 0.4}
-    agents = {"count": 6, "speed_cm_s": 20.0, "walk": LEVY}
-    loaded = load_scenario({**scenario(agents=agents, start=start)})
-    comparison = simulate_with_twin(loaded, 3, np.array([0.5, 1.5, 30.5]))
-    assert comparison.deviation[0, 0] > 0.1
-    one, other = (make_simulation(3, agents=agents, start=each) for each in (start, {"phases": "random"}))
-    one.run_to(30.5)
-    other.run_to(30.5)
-    assert one.positions().tobytes() == other.positions().tobytes()
 
 
 # --- speeds of runs ---------------------------------------------------------------------------------
