@@ -39,7 +39,7 @@ from epuck_sim.particles.swarm import (
     Turns,
     entry_of,
 )
-from epuck_sim.util.jit import jit, jit_inline, jit_no_alloc
+from epuck_sim.util.jit import jit, jit_inline
 from epuck_sim.util.native import call, carve, unlikely
 
 
@@ -50,16 +50,18 @@ def run_events(block: ByteArray, addresses: IntArray, by_address: bool | None) -
     See `swarm.SEARCH` for the addresses, and `neighbours.find_receivers` for `by_address`.
     """
     oscillators, neighbours, instant = carve(block, Oscillators), carve(block, Neighbours), carve(block, Instant)
-    scene, limits = oscillators.scene, oscillators.scene.limits
+    scene = oscillators.scene
+    pulses, cycles, max_offset = scene.limits.pulses, scene.limits.cycles, scene.limits.max_offset
+    last_cycle, last_time = scene.limits.last_cycle, scene.limits.last_time
     reorients = scene.reorients_on_emitting or scene.reorients_on_receiving or scene.reorients_on_arriving
     scene.is_synchronised = False
     is_measured = True
-    while scene.pulses < limits.pulses and scene.cycles < limits.cycles and not scene.is_synchronised:
+    while scene.pulses < pulses and scene.cycles < cycles and not scene.is_synchronised:
         time = earliest_firing(oscillators)
-        while time >= 1.0 and scene.cycle < limits.last_cycle:
+        while time >= 1.0 and scene.cycle < last_cycle:
             start_next_cycle(oscillators, neighbours)
             time = earliest_firing(oscillators)
-        if scene.cycle > limits.last_cycle or (scene.cycle == limits.last_cycle and time > limits.last_time):
+        if scene.cycle > last_cycle or (scene.cycle == last_cycle and time > last_time):
             break
         fire(block, addresses, oscillators, neighbours, instant, time, by_address)
         if unlikely(reorients):
@@ -70,7 +72,7 @@ def run_events(block: ByteArray, addresses: IntArray, by_address: bool | None) -
         for index in range(scene.fired):
             if instant.fired[index] == scene.reference:
                 scene.cycles += 1
-                is_measured = are_phases_within(oscillators, limits.max_offset, time)
+                is_measured = are_phases_within(oscillators, max_offset, time)
                 scene.order_parameter = measure_order(oscillators, time) if is_measured else math.nan
                 scene.is_synchronised = scene.order_parameter >= scene.threshold
     if not is_measured:
@@ -89,12 +91,13 @@ def advance_in_cones(block: ByteArray, addresses: IntArray) -> None:
     run_events(block, addresses, None)
 
 
-@jit_no_alloc
+@jit_inline
 def start_next_cycle(oscillators: Oscillators, neighbours: Neighbours) -> None:
     """Count all times from the start of the next cycle."""
     scene = oscillators.scene
     for agent in range(len(oscillators.next_firing)):
         oscillators.next_firing[agent] -= 1.0
+    for agent in range(len(neighbours.cached_until)):
         neighbours.cached_until[agent] -= 1.0
     for block in range(len(oscillators.block_earliest)):
         oscillators.block_earliest[block] -= 1.0

@@ -4,18 +4,19 @@ A simulation shows nobody the neighbours that it finds: they are looked for agai
 """
 
 import numpy as np
+from numba import types
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.errors import ScenarioError
 from epuck_sim.particles.motion import begin_motion
-from epuck_sim.particles.neighbours import find_receivers
+from epuck_sim.particles.neighbours import find_receivers, search_of
 from epuck_sim.particles.rules import rules_of
-from epuck_sim.particles.swarm import Arrays, Neighbours, entry_of
+from epuck_sim.particles.swarm import SEARCH, Arrays, Neighbours, entry_of
 from epuck_sim.scenario.agents import AgentsSection
 from epuck_sim.scenario.neighbourhoods import Everybody, RandomAgents
 from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.scenario.start import StartSection
-from epuck_sim.util.jit import jit
+from epuck_sim.util.jit import address_of, jit
 from epuck_sim.util.native import carve
 
 SHIFTS_ONLY = 50
@@ -59,7 +60,8 @@ class LinkSearch:
         self._agents = scenario.agents.count
         still = AgentsSection(count=self._agents, speed_cm_s=0)
         rules = rules_of(scenario.model_copy(update={"agents": still, "start": StartSection()}))
-        self._swarm, self._addresses = Arrays(rules.new_block()), rules.addresses
+        self._swarm, self._addresses = Arrays(rules.new_block()), rules.addresses.copy()
+        self._addresses[SEARCH] = address_of(search_of(self._swarm.scene), types.int64, types.float64)
         begin_motion(self._swarm.block)
         # neighbours may change until the next instant, unless all agents are neighbours
         self._swarm.scene.is_cached &= isinstance(scenario.neighbourhood, Everybody)

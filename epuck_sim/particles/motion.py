@@ -57,12 +57,11 @@ def find_end(block: ByteArray, trajectories: Trajectories, agent: int) -> None:
     start = trajectories.start_time[agent]
     if unlikely(scene.has_runs):
         runs = carve(block, Runs)
-        if (runs.run_end_cycle[agent] - trajectories.start_cycle[agent]) + (
-            runs.run_end_time[agent] - start
-        ) < duration:
+        end_cycle, end_time = runs.run_end_cycle[agent], runs.run_end_time[agent]
+        if (end_cycle - trajectories.start_cycle[agent]) + (end_time - start) < duration:
             trajectories.wall[agent] = NO_WALL
-            trajectories.end_cycle[agent] = runs.run_end_cycle[agent]
-            trajectories.end_time[agent] = runs.run_end_time[agent]
+            trajectories.end_cycle[agent] = end_cycle
+            trajectories.end_time[agent] = end_time
             return
     whole = int(start + duration) if duration < math.inf else math.inf
     trajectories.end_cycle[agent] = trajectories.start_cycle[agent] + whole

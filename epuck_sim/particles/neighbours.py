@@ -22,6 +22,8 @@ from epuck_sim.particles.motion import (
 )
 from epuck_sim.particles.selection import find_two_smallest, minimum, select_smallest
 from epuck_sim.particles.swarm import SEARCH, Candidates, Cells, Draws, Neighbours, Trajectories, entry_of
+from epuck_sim.scenario.neighbourhoods import Cone, Nearest, RandomAgents, Range
+from epuck_sim.scenario.particles import ParticleScenario
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, carve, row_at
 from epuck_sim.util.rng import randint
@@ -44,6 +46,54 @@ SKIPPED_PULSES_CONE = 32
 
 RADIUS_GROWTH = 1.5
 """Factor by which the search radius grows while fewer than k agents are found."""
+
+
+MAX_CACHED_AGENTS = 2000
+"""Largest swarm whose neighbours are cached; the cache of a larger one would take more than 16 MB."""
+
+MIN_CELL_LIST_AGENTS = 400
+"""Smallest swarm that uses a cell list; in smaller ones a search over all pairs is faster."""
+
+MAX_SHARE, MAX_SHARE_NEAREST = 1 / 3, 1 / 6
+"""Largest share of all agents that a search in the cell list looks at; otherwise a search over all pairs is faster."""
+
+BALL_VOLUME = {1: 2.0, 2: math.pi, 3: 4 / 3 * math.pi}
+"""Length, area or volume of a ball of radius 1, by dimensions."""
+
+
+def neighbourhood_of(scenario: ParticleScenario) -> dict[str, Any]:
+    """Return the fields of a scene that say who is whose neighbour, and how they are found."""
+    rule, agents, dimensions = scenario.neighbourhood, scenario.agents.count, scenario.space.dimensions
+    kind, k, radius_cm, angle_deg = NEAREST, agents - 1, UNLIMITED_CM, 360.0
+    if isinstance(rule, Nearest | RandomAgents):
+        kind, k = NEAREST if isinstance(rule, Nearest) else RANDOM, min(rule.k, agents - 1)
+    else:
+        kind = VISION_CONE if rule.kind == "cone_of_vision" else EMISSION_CONE
+    if isinstance(rule, Range | Cone):
+        radius_cm = UNLIMITED_CM if rule.radius_cm is None else rule.radius_cm
+    if isinstance(rule, Cone):
+        angle_deg = rule.angle_deg
+    # cones jump when their agents reorient, and when the nearest image of an agent changes in a cyclic space
+    jumps = angle_deg < 360 and (scenario.space.boundary == "cyclic" or bool(scenario.agents.reorient_on))
+    side_cm, spacing_cm = scenario.space.side_cm, scenario.space.side_cm / agents ** (1 / dimensions)
+    cell_cm = spacing_cm if kind == NEAREST else max(spacing_cm, radius_cm / 2)
+    expected = k + 1 + 3 * math.sqrt(k + 1)  # agents in the radius: far from walls hardly ever too few
+    reach_cm = spacing_cm * (expected / BALL_VOLUME[dimensions]) ** (1 / dimensions)
+    search_cm = reach_cm if kind == NEAREST else radius_cm + cell_cm / 4
+    share = ((2 * search_cm + 2 * cell_cm) / side_cm) ** dimensions  # of all agents which are candidates
+    is_local = kind != RANDOM and share < (MAX_SHARE_NEAREST if kind == NEAREST else MAX_SHARE)
+    cells = max(1, int(side_cm / cell_cm)) if agents >= MIN_CELL_LIST_AGENTS and is_local else 0
+    return {
+        "kind": kind,
+        "k": k,
+        "radius_cm": radius_cm,
+        "cos": FULL_CIRCLE_COS if angle_deg >= 360 else math.cos(math.radians(angle_deg / 2)),
+        "sin": math.sin(math.radians(angle_deg / 2)),
+        "is_cached": agents <= MAX_CACHED_AGENTS and not jumps and kind != RANDOM,
+        "search_radius_cm": search_cm,
+        "cells": cells,
+        "cell_cm": side_cm / max(cells, 1),
+    }
 
 
 @jit_inline
@@ -162,12 +212,18 @@ def draw_receivers(block: ByteArray, addresses: IntArray, agent: int, time: floa
     neighbours.counts[agent] = k
 
 
+def search_of(scene: Any) -> Any:
+    """Return the kernel that finds the receivers of a pulse in swarms with this scene."""
+    searches = {NEAREST: search_nearest, RANDOM: draw_receivers}
+    return search_cells if scene.cells else searches.get(scene.kind, search_cone)
+
+
 # --- parts of searches -------------------------------------------------------------------------------
 
 
 @jit_inline
 def _place_all(block: ByteArray, addresses: IntArray, trajectories: Trajectories, time: float) -> int:
-    """Have the positions of all agents at a time; return their number."""
+    """Compute the positions of all agents at a time, unless that is done; return the number of agents."""
     if trajectories.scene.positions_time != time:
         compute_positions(block, addresses, trajectories, time, carve(block, Candidates).positions)
         trajectories.scene.positions_time = time
