@@ -144,11 +144,14 @@ class GroupControllers:
     """Runs one control step of each robot; takes the block, the addresses and the group's number. Compiled, unless
     controllers are interpreted."""
 
-    def __init__(self, block: ByteArray, number: int, controller: Controller, *, interpret: bool = False) -> None:
+    def __init__(
+        self, block: ByteArray, swarm: Swarm, number: int, controller: Controller, *, interpret: bool = False
+    ) -> None:
         """Prepare `controller`, without starting it: the block stays as it is.
 
         Args:
             block: The swarm, in which the group has its bytes, see `assign_bytes`.
+            swarm: The arrays of the block.
             number: Number of the group.
             controller: What runs on its robots.
             interpret: Whether it runs as plain Python instead of compiled.
@@ -158,24 +161,24 @@ class GroupControllers:
         """
         check_imported_copies(controller)
         self.controller = controller
-        self._block, self._number, self._swarm = block, number, open_block(block)
-        self._scene, self._group = self._swarm.scene[0], self._swarm.groups[number]
+        self._block, self._number, self._swarm = block, number, swarm
+        self._scene, self._group = swarm.scene[0], swarm.groups[number]
         self.robots = slice(int(self._group.first), int(self._group.first + self._group.count))
         self._is_compiled = not (interpret or isinstance(controller, Firmware))
         self._entries = [0] * ENTRIES
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
         if isinstance(controller, Firmware):
-            self._e_groups = _e_groups(self._swarm, number)
+            self._e_groups = _e_groups(swarm, number)
             functions = (controller.library.e_start_all, controller.library.e_step_all)
             self._entries[1:3] = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
             self._entries[3] = self._e_groups.ctypes.data
             self.run = _run_firmware_compiled
             if interpret:
-                self.run = bind(_run_firmware, swarm_at=lambda _: self._swarm, call_c=_call_c)
+                self.run = bind(_run_firmware, swarm_at=lambda _: swarm, call_c=_call_c)
             else:
                 self._entries[0] = address_of(_run_firmware_compiled)
         elif interpret:
-            self.run = _interpreted(controller, self._swarm)
+            self.run = _interpreted(controller, swarm)
         else:
             self.run = compile_for(controller, _run, kernel_digest("embodied"))
             self._entries[0] = function_address(self.run)

@@ -25,8 +25,8 @@ from epuck_sim.scenario.signals import ConeSignal, RadioSignal
 
 def make_swarm_block(
     scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]
-) -> ByteArray:
-    """Return the block of a swarm before its first trial: robots have no places yet, and nothing is drawn.
+) -> tuple[ByteArray, Swarm]:
+    """Return the block of a swarm before its first trial, and its arrays: robots have no places, nothing is drawn.
 
     Args:
         scenario: The scenario.
@@ -41,7 +41,7 @@ def make_swarm_block(
     _set_groups(swarm, scenario, controllers)
     set_faults(swarm, scenario)
     _set_reference(swarm, scenario.stop.reference_robot)
-    return block
+    return block, swarm
 
 
 def _lengths(scenario: EmbodiedScenario, arenas: Sequence[Arena], controllers: Sequence[Controller]) -> dict[str, int]:

@@ -30,7 +30,7 @@ from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
-from epuck_sim.embodied.swarm import PIXELS, open_block
+from epuck_sim.embodied.swarm import PIXELS
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters
@@ -105,10 +105,10 @@ class Simulation:
         self._absent = np.flatnonzero(~np.array(scenario.present)).tolist()
         controllers = [find_controller(group.controller) for group in scenario.robots]
         groups = zip(controllers, scenario.robots, strict=True)
-        self._block = make_swarm_block(scenario, self._arenas, controllers)
+        self._block, self._swarm = make_swarm_block(scenario, self._arenas, controllers)
         contact = scenario.contact
         self._world = World(
-            *(self._block, self._arenas),
+            *(self._swarm, self._arenas),
             friction=contact.friction,
             drive_force_n=contact.drive_force_n,
             kind=scenario.robot,
@@ -118,20 +118,19 @@ class Simulation:
 
     def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
         """Make all that works on the swarm's block, for these controllers and parameters of the groups."""
-        scenario, block = self.scenario, self._block
-        self._swarm = swarm = open_block(block)
+        scenario, block, swarm = self.scenario, self._block, self._swarm
         self._placement = Placement(swarm, scenario)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
         self._varies = bool(swarm.scene[0].robots_vary)
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
         self._groups = [
-            GroupControllers(block, number, controller, interpret=self._interpret)
+            GroupControllers(block, swarm, number, controller, interpret=self._interpret)
             for number, controller in enumerate(controllers)
         ]
         for group, record in zip(self._groups, parameters, strict=True):
             group.parameters[:] = record
         self._first_parameters = parameters
-        self._loop = ControlLoop(scenario, block, self._world, self._groups, interpret=self._interpret)
+        self._loop = ControlLoop(scenario, block, swarm, self._world, self._groups, interpret=self._interpret)
         counts = [section.count for section in scenario.robots]
         self.commands = Commands(controllers, counts, block, self._loop.addresses)
         self._find_periods()
@@ -391,12 +390,12 @@ class Simulation:
         first_parameters[group] = controller.parameter_record(at_first)
         try:
             controllers = [controller if each is old else each.controller for each in self._groups]
-            self._block = make_swarm_block(self.scenario, self._arenas, controllers)
+            self._block, self._swarm = make_swarm_block(self.scenario, self._arenas, controllers)
             self._build(controllers, first_parameters)
             replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
         except BaseException:
             vars(self).update(before)
-            self._world.use(self._block, self._loop.addresses)
+            self._world.use(self._block, self._swarm, self._loop.addresses)
             raise
         self._find_periods()
         self._replaced_at = self.steps

@@ -2,19 +2,15 @@
 
 Functions, bodies and shapes are called, and given, by their addresses, which stand in an array. They differ from
 process to process: in an array, they are no part of the compiled code, which can thus be kept on disk. This is the one
-file with private names of pymunk. Where they, or how C is called, are not as expected, `reason_for_public_way` says so,
-and `public_space` moves bodies instead.
+file with private names of pymunk. Where they, or how C is called, are not as expected, `public_space` runs the same
+kernels as plain Python, by pymunk's public interface.
 """
 
 import math
-import platform
-import sys
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
-import numba
-import numpy as np
 import pymunk
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
@@ -26,17 +22,16 @@ from epuck_sim.embodied.bodies.contact_candidates import (
     list_candidates,
     move_straight,
 )
+from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
-from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.jit import address_of, jit_inline, jit_no_alloc
 from epuck_sim.util.native import call, call_c, double_from_c, pointer_from_c, vector_from_c
 
 try:
     from pymunk._chipmunk_cffi import ffi, lib
 except ImportError:
     ffi = lib = None
-
-Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
 SLOP_CM = 2 * MARGIN_CM
 """Overlap of enlarged bodies that is not corrected."""
@@ -49,7 +44,7 @@ MOVABLE_ADDRESSES = 3
 PLACE_MOVABLES = HIDE + 1
 """Index in the addresses of `place_movables`; 0 without movables."""
 
-_FUNCTIONS = {
+FUNCTIONS = {
     "cpSpaceNew": "cpSpace *(*)(void)",
     "cpSpaceFree": "void(*)(cpSpace *)",
     "cpSpaceSetCollisionSlop": "void(*)(cpSpace *, cpFloat)",
@@ -75,7 +70,7 @@ _FUNCTIONS = {
     "cpConstraintSetMaxForce": "void(*)(cpConstraint *, cpFloat)",
     "cpConstraintSetMaxBias": "void(*)(cpConstraint *, cpFloat)",
 }
-"""Chipmunk's functions that compiled code calls, and their kinds as it takes them to be."""
+"""Chipmunk's functions that compiled code calls, in the order of their addresses, and their kinds as it takes them to be."""
 
 _FIRST = PLACE_MOVABLES + 1
 
@@ -86,7 +81,7 @@ _FIRST = PLACE_MOVABLES + 1
 (_INIT_PIVOT, _GET_FORCE, _SET_FORCE, _SET_JOINT_BIAS) = range(_FIRST + 20, _FIRST + 24)
 """Indices of the functions in the addresses."""
 
-END = _FIRST + len(_FUNCTIONS)
+END = _FIRST + len(FUNCTIONS)
 """Index in the addresses of the first that is not the same for all worlds of a process."""
 
 
@@ -315,10 +310,23 @@ def _add_joint(addresses: IntArray, joint: int, one: int, other: int) -> None:
 # --- for Python ---------------------------------------------------------------------------------------
 
 
+_STRUCTS: dict[type[Thing], str] = {
+    pymunk.Constraint: "_constraint",
+    pymunk.Shape: "_shape",
+    pymunk.Body: "_body",
+}
+"""What pymunk calls the C structs of its objects, in the order in which these are taken out of a space."""
+
+
+def addresses_of(bodies: Bodies) -> list[int]:
+    """Return what the addresses of a world begin with, which is not in a space yet."""
+    placing = address_of(place_movables) if bodies.movables else 0
+    return [0, address(bodies.ground), 0, placing, *function_addresses(), *map(address, bodies.things)]
+
+
 def address(thing: Thing) -> int:
     """Return the address of the C struct behind an object of pymunk."""
-    name = {pymunk.Body: "_body", pymunk.Shape: "_shape", pymunk.Constraint: "_constraint"}
-    return _value(next(getattr(thing, name[kind]) for kind in name if isinstance(thing, kind)))
+    return _value(next(getattr(thing, struct) for kind, struct in _STRUCTS.items() if isinstance(thing, kind)))
 
 
 def _value(pointer: Any) -> int:
@@ -328,32 +336,29 @@ def _value(pointer: Any) -> int:
 def exchange_shapes(space: int, old: Iterable[pymunk.Shape], new: Iterable[pymunk.Shape]) -> None:
     """Take shapes out of the space at an address, and put others into it."""
     for shape in old:
-        lib.cpSpaceRemoveShape(ffi.cast("cpSpace *", space), shape._shape)
+        lib.cpSpaceRemoveShape(ffi.cast("cpSpace *", int(space)), shape._shape)
     for shape in new:
-        lib.cpSpaceAddShape(ffi.cast("cpSpace *", space), shape._shape)
+        lib.cpSpaceAddShape(ffi.cast("cpSpace *", int(space)), shape._shape)
 
 
-def free_space(addresses: IntArray, things: Iterable[Thing]) -> None:
-    """Free a space, if there is one, and take out first what may be in it; bodies are last among the things.
+def free_space(addresses: IntArray, bodies: Bodies) -> None:
+    """Free the space, if there is one, and take out first what may be in it.
 
     pymunk's objects free their structs themselves, and would otherwise ask for a space that is gone.
     """
-    space = ffi.cast("cpSpace *", int(addresses[SPACE]))
-    if space == ffi.NULL:
+    if not addresses[SPACE]:
         return
-    for thing in things:
-        if isinstance(thing, pymunk.Constraint):
-            if lib.cpConstraintGetSpace(thing._constraint) == space:
-                lib.cpSpaceRemoveConstraint(space, thing._constraint)
-        elif isinstance(thing, pymunk.Shape):
-            if lib.cpShapeGetSpace(thing._shape) == space:
-                lib.cpSpaceRemoveShape(space, thing._shape)
-        elif lib.cpBodyGetSpace(thing._body) == space:
-            lib.cpSpaceRemoveBody(space, thing._body)
+    space = ffi.cast("cpSpace *", int(addresses[SPACE]))
+    for kind, struct in _STRUCTS.items():
+        space_of, remove = getattr(lib, f"cp{kind.__name__}GetSpace"), getattr(lib, f"cpSpaceRemove{kind.__name__}")
+        for thing in [*bodies.things, bodies.ground]:
+            if isinstance(thing, kind) and space_of(getattr(thing, struct)) == space:
+                remove(space, getattr(thing, struct))
     lib.cpSpaceFree(space)
     addresses[SPACE] = 0
 
 
+@cache
 def function_addresses() -> list[int]:
     """Return the addresses of Chipmunk's functions, as they stand from `PLACE_MOVABLES` + 1 up to `END`.
 
@@ -361,85 +366,32 @@ def function_addresses() -> list[int]:
         AttributeError: This pymunk has no such function.
         TypeError: This pymunk's function is of another kind than compiled code takes it for.
     """
-    return [_function_address(name, kind) for name, kind in _FUNCTIONS.items()]
-
-
-def _function_address(name: str, kind: str) -> int:
-    function = ffi.addressof(lib, name)
-    if ffi.typeof(function) is not ffi.typeof(kind):
-        raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {kind}")
-    return _value(function)
-
-
-# --- whether all that is as expected --------------------------------------------------------------------
-
-
-@lru_cache
-def reason_for_public_way() -> str:
-    """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can, which is tried once a process."""
-    if sys.platform == "win32" or platform.machine().lower() not in {"x86_64", "amd64", "aarch64", "arm64"}:
-        return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
-    try:
-        addresses = np.array([0] * _FIRST + function_addresses())
-        if _moved(addresses) != _moved_publicly():
-            return "a body that compiled code moves goes elsewhere"
-    except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
-        return str(error)
-    return ""
-
-
-def versions() -> str:
-    """Return the versions of what moves bodies."""
-    return f"pymunk {pymunk.version} and numba {numba.__version__}"
-
-
-def _wall_and_disc() -> tuple[pymunk.Body, pymunk.Shape, pymunk.Body, pymunk.Shape]:
-    """Return a wall and a disc, each a body and a shape."""
-    wall, disc = pymunk.Body(body_type=pymunk.Body.STATIC), pymunk.Body(2.0, 3.0)
-    shapes = pymunk.Segment(wall, (-9.0, 0.0), (9.0, 1.0), 0.5), pymunk.Circle(disc, 1.0)
-    for shape in shapes:
-        shape.friction = 0.7
-    return wall, shapes[0], disc, shapes[1]
-
-
-_TRIED = (1.0, 1.5), 0.25, (3.0, -4.0), 1.0
-"""Position, angle, velocity and angular velocity of the disc that is tried."""
-
-
-def _moved(addresses: IntArray) -> tuple[float, ...]:
-    """Return x, y and angle of a disc that compiled code has moved against a wall."""
-    things = _wall_and_disc()
-    moved = np.zeros(3)
-    _try(addresses, np.array([address(thing) for thing in things]), moved)
-    return tuple(moved.tolist())
-
-
-def _moved_publicly() -> tuple[float, ...]:
-    """Return x, y and angle of a disc that pymunk has moved against a wall."""
-    things = _wall_and_disc()
-    space, disc = pymunk.Space(), things[2]
-    space.collision_slop, space.collision_bias = SLOP_CM, 0.0
-    space.add(*things)
-    disc.position, disc.angle, disc.velocity, disc.angular_velocity = _TRIED
-    for _ in range(5):
-        space.step(0.1)
-    return disc.position.x, disc.position.y, disc.angle
+    functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
+    for name, function in functions.items():
+        if ffi.typeof(function) is not ffi.typeof(FUNCTIONS[name]):
+            raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {FUNCTIONS[name]}")
+    return list(map(_value, functions.values()))
 
 
 @jit_no_alloc
-def _try(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
-    """Move a disc against a wall with each kind of call; things: a wall's body and shape, and a disc's."""
-    (x, y), angle, (vx, vy), spin = _TRIED
+def try_calls(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
+    """Move a disc against a wall with each kind of call, and get its x, y and angle.
+
+    Args:
+        addresses: See the module.
+        things: A wall's body and shape, and a disc's.
+        moved: (3,) is written.
+    """
     space, disc = pointer_from_c(addresses[_NEW_SPACE]), things[2]
     call_c(addresses[_SET_SLOP], space, SLOP_CM)
     call_c(addresses[_SET_BIAS], space, 0.0)
     for first in range(0, 4, 2):
         call_c(addresses[_ADD_BODY], space, things[first])
         call_c(addresses[_ADD_SHAPE], space, things[first + 1])
-    call_c(addresses[_SET_POSITION], disc, x, y)
-    call_c(addresses[_SET_ANGLE], disc, angle)
-    call_c(addresses[_SET_VELOCITY], disc, vx, vy)
-    call_c(addresses[_SET_SPIN], disc, spin)
+    call_c(addresses[_SET_POSITION], disc, 1.0, 1.5)
+    call_c(addresses[_SET_ANGLE], disc, 0.25)
+    call_c(addresses[_SET_VELOCITY], disc, 3.0, -4.0)
+    call_c(addresses[_SET_SPIN], disc, 1.0)
     for _ in range(5):
         call_c(addresses[_STEP], space, 0.1)
     moved[0], moved[1] = vector_from_c(addresses[_GET_POSITION], disc)

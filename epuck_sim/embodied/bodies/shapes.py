@@ -12,6 +12,7 @@ follow their wheels one physics step late. Forces take a few steps to balance, i
 
 import math
 from dataclasses import dataclass
+from itertools import chain
 from typing import NamedTuple
 
 import pymunk
@@ -31,6 +32,9 @@ DYNES_PER_NEWTON = 1e5
 
 _ROBOTS = 1
 """pymunk's group of shapes that do not touch each other: robots that pass through each other."""
+
+
+Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
 
 class Disc(NamedTuple):
@@ -61,6 +65,12 @@ class Bodies:
     """The floor's friction on each movable."""
     drives: list[Drive]
     """The drive of each robot; none without movables."""
+
+    @property
+    def things(self) -> list[Thing]:
+        """All but the ground, in the order in which `chipmunk` has their addresses."""
+        movables = [(*disc, hold) for disc, hold in zip(self.movables, self.holds, strict=True)]
+        return [*chain(*self.robots, *movables, *self.drives), *self.surfaces]
 
 
 def make_bodies(

@@ -42,8 +42,8 @@ class MovedWorld:
         places = np.array(poses, float)
         self.block = block_of(len(places), arena, physics_hz, kind, touch=bool(how.pop("touch", True)))
         self.swarm = open_block(self.block)
-        self.world = World(self.block, [arena], friction=friction, kind=kind, **how)
-        self.world.use(self.block, np.array(self.world.addresses()))
+        self.world = World(self.swarm, [arena], friction=friction, kind=kind, **how)
+        self.world.use(self.block, self.swarm, np.array(self.world.addresses()))
         self.poses[:] = places
         self.world.place()
 
