@@ -25,6 +25,7 @@ from epuck_sim.embodied.controllers import GroupControllers, RobotError
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers.relations import Relations
+from epuck_sim.embodied.observers.scene import Scene
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.snapshot import Change, Snapshot
@@ -135,6 +136,7 @@ class Simulation:
         self.commands = Commands(controllers, counts, block, self._loop.addresses)
         self._find_periods()
         self._first_periods = self.period_ms.copy()
+        self._relations = Relations(Scene(scenario.robots, block, swarm))
         swarm.robots["starts"] = self._starts[0] = True
         self._template = block[: swarm.scene[0].at[PIXELS]].copy()
         self._starts[0] = False
@@ -143,7 +145,7 @@ class Simulation:
     def _show(self, arena: Arena) -> None:
         """Find the arrays that steps show in an arena, which the swarm is in."""
         self._arena = arena
-        self._relations = Relations(self.scenario, self._swarm, arena)
+        self._relations.restart()
         memories = [group.memory for group in self._groups]
         self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, self._relations)
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import clearance_cm
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.placement import Placement, begin_placement, is_free
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import Part, draw_start, spawned
@@ -37,7 +37,7 @@ def placed(*groups, width=60, height=60, obstacles=(), seed=0):
 
 def placed_as(scenario, seed):
     """Return (robots, 3) the poses at the start of the trial of a scenario with this seed."""
-    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
     draw_start(scene.block, seed)
     Placement(scene.swarm, scenario).place(scene.block)
     return poses_of(scene.swarm.robots).copy()
@@ -364,7 +364,7 @@ def test_twice_the_groups_take_little_more_than_twice_the_time_to_place():
 
 def test_a_robot_that_joins_may_touch_others_as_one_that_starts_may() -> None:
     scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
-    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
     Placement(scene.swarm, scenario)
     begin_placement(scene.block)
     assert is_free(scene.swarm, 17.4001, 10.0)

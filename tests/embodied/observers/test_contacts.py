@@ -12,7 +12,7 @@ from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
 from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import Scene as ObservedScene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import EPUCK
@@ -25,7 +25,7 @@ EDGE_CM = 1e-9
 
 def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
     """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
-    scene = ObservedScene([RobotGroup(count=poses.shape[1])], EPUCK, arena)
+    scene = make_scene([RobotGroup(count=poses.shape[1])], EPUCK, arena)
     found, points = find_contacts(scene, poses)
     steps = found[:, 0]
     assert steps.tolist() == sorted(steps)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.observers.scene import Scene as ObservedScene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import EPUCK
@@ -39,7 +39,7 @@ def sightings(
     number = robots - first if observers is None else observers
     counts = (first, number, robots - first - number)
     groups = [RobotGroup(count=count, camera=camera.section()) for count in counts if count]
-    return find_sightings(ObservedScene(groups, EPUCK, arena), poses, min(first, 1)).tolist()
+    return find_sightings(make_scene(groups, EPUCK, arena), poses, min(first, 1)).tolist()
 
 
 def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
