@@ -90,6 +90,7 @@ def _run(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: A
     scene.serving = -1
 
 
+@jit_no_alloc
 def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
     """Do what `_run` does, for firmware in C."""
     swarm = swarm_at(block)
@@ -101,9 +102,6 @@ def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
             scene.serving = group.first + member
             call_c(function, addresses[group.controller + 3] + member * E_GROUP_BYTES)
     scene.serving = -1
-
-
-_run_firmware_compiled = jit_no_alloc(_run_firmware)
 
 
 def bytes_needed(controller: Controller, robots: int) -> int:
@@ -172,11 +170,7 @@ class GroupControllers:
             functions = (controller.library.e_start_all, controller.library.e_step_all)
             self._entries[1:3] = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
             self._entries[3] = self._e_groups.ctypes.data
-            self.run = _run_firmware_compiled
-            if interpret:
-                self.run = bind(_run_firmware, swarm_at=lambda _: swarm, call_c=_call_c)
-            else:
-                self._entries[0] = address_of(_run_firmware_compiled)
+            self.run, self._entries[0] = _run_firmware, address_of(_run_firmware)
         elif interpret:
             self.run = _interpreted(controller, swarm)
         else:
@@ -315,10 +309,6 @@ def _views(swarm: Swarm) -> Swarm:
         for robot in range(len(robots))
     ]
     return swarm._replace(robots=views)
-
-
-def _call_c(function: int, argument: int) -> None:
-    ctypes.CFUNCTYPE(None, ctypes.c_void_p)(int(function))(int(argument))
 
 
 def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:

@@ -194,7 +194,7 @@ class ControlLoop:
 
 
 def _in_python(swarm: Swarm, world: World, calls: Sequence[tuple[Any, int]]) -> Any:
-    """Return `take_steps` as plain Python, which makes calls of controllers, and moves bodies, that are not compiled."""
+    """Return `take_steps` as plain Python, for controllers that are interpreted, or bodies that Python moves."""
     steps: Any = take_steps
     functions = [getattr(function, "run", function) for function, _ in calls]
 

@@ -349,7 +349,7 @@ class Simulation:
             set_arena(swarm, arena, scenario.robot.cell_cm)
             self._world.change_arena(arena)
             self._show(arena)
-            check_bodies_outside(swarm, arena, origin)
+            check_bodies_outside(swarm, origin)
         phases = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number))
         places = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number, 0))
         try:

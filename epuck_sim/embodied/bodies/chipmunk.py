@@ -70,7 +70,7 @@ FUNCTIONS = {
     "cpConstraintSetMaxForce": "void(*)(cpConstraint *, cpFloat)",
     "cpConstraintSetMaxBias": "void(*)(cpConstraint *, cpFloat)",
 }
-"""Chipmunk's functions that compiled code calls, in the order of their addresses, and their kinds as it takes them to be."""
+"""Chipmunk's functions that compiled code calls, in the order of their addresses, and their kinds as it expects them."""
 
 _FIRST = PLACE_MOVABLES + 1
 

@@ -70,7 +70,8 @@ class Bodies:
     def things(self) -> list[Thing]:
         """All but the ground, in the order in which `chipmunk` has their addresses."""
         movables = [(*disc, hold) for disc, hold in zip(self.movables, self.holds, strict=True)]
-        return [*chain(*self.robots, *movables, *self.drives), *self.surfaces]
+        parts: list[tuple[Thing, ...]] = [*self.robots, *movables, *self.drives]
+        return [*chain.from_iterable(parts), *self.surfaces]
 
 
 def make_bodies(

@@ -152,7 +152,7 @@ def _check_free(swarm: Swarm, robot: int, pose: Sequence[float], origin: str) ->
     radius_cm, others = float(swarm.scene[0].radius_cm), swarm.robots[swarm.robots.present]
     x, y, _ = pose
     is_apart = (np.hypot(others.x - x, others.y - y) >= 2 * radius_cm - TOLERANCE_CM).all()
-    if not is_apart or clearance_cm(swarm, x, y) < radius_cm - TOLERANCE_CM:
+    if not is_apart or clearance_cm(swarm, x, y, swarm.scene[0].circles) < radius_cm - TOLERANCE_CM:
         raise ScenarioError(
             f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an obstacle "
             "or a movable; give a free place, or no poses"

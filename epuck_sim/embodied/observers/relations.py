@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from epuck_sim.arrays import FloatArray, IntArray
+from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.observers.contacts import find_contacts
 from epuck_sim.embodied.observers.scene import Scene
 from epuck_sim.embodied.observers.visibility import find_sightings
@@ -41,8 +41,9 @@ class Relations:
         """Return (sightings, 3) of lit rings; robots that look from where they are parked see none."""
         robots, groups = self._scene.swarm.robots, range(len(self._scene.groups))
         lit, poses = robots.ring_before, self._poses()
-        found = np.concatenate([find_sightings(self._scene, poses, group, listed=lit) for group in groups])
-        return found[robots.present[found[:, 1]]]
+        found: IntArray = np.concatenate([find_sightings(self._scene, poses, group, listed=lit) for group in groups])
+        present: BoolArray = robots.present
+        return found[present[found[:, 1]]]
 
     def _poses(self) -> FloatArray:
         return poses_of(self._scene.swarm.robots)[None].copy()
