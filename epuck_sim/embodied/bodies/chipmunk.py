@@ -25,8 +25,8 @@ from epuck_sim.embodied.bodies.contact_candidates import (
 from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
-from epuck_sim.util.jit import address_of, jit_inline, jit_no_alloc
-from epuck_sim.util.native import call, call_c, double_from_c, pointer_from_c, vector_from_c
+from epuck_sim.util.jit import jit_inline, jit_no_alloc
+from epuck_sim.util.native import call_c, double_from_c, pointer_from_c, vector_from_c
 
 try:
     from pymunk._chipmunk_cffi import ffi, lib
@@ -36,14 +36,6 @@ except ImportError:
 SLOP_CM = 2 * MARGIN_CM
 """Overlap of enlarged bodies that is not corrected."""
 
-BODY, SHAPE, JOINT = range(3)
-"""Offsets among the addresses of a movable; a robot has a body and a shape."""
-
-MOVABLE_ADDRESSES = 3
-
-PLACE_MOVABLES = HIDE + 1
-"""Index in the addresses of `place_movables`; 0 without movables."""
-
 FUNCTIONS = {
     "cpSpaceNew": "cpSpace *(*)(void)",
     "cpSpaceFree": "void(*)(cpSpace *)",
@@ -52,10 +44,8 @@ FUNCTIONS = {
     "cpSpaceStep": "void(*)(cpSpace *, cpFloat)",
     "cpSpaceAddBody": "cpBody *(*)(cpSpace *, cpBody *)",
     "cpSpaceAddShape": "cpShape *(*)(cpSpace *, cpShape *)",
-    "cpSpaceAddConstraint": "cpConstraint *(*)(cpSpace *, cpConstraint *)",
     "cpSpaceRemoveBody": "void(*)(cpSpace *, cpBody *)",
     "cpSpaceRemoveShape": "void(*)(cpSpace *, cpShape *)",
-    "cpSpaceRemoveConstraint": "void(*)(cpSpace *, cpConstraint *)",
     "cpBodyGetSpace": "cpSpace *(*)(cpBody *)",
     "cpBodySetPosition": "void(*)(cpBody *, cpVect)",
     "cpBodySetAngle": "void(*)(cpBody *, cpFloat)",
@@ -65,23 +55,17 @@ FUNCTIONS = {
     "cpBodyGetAngle": "cpFloat(*)(cpBody *)",
     "cpBodyGetVelocity": "cpVect(*)(cpBody *)",
     "cpBodyUpdatePosition": "void(*)(cpBody *, cpFloat)",
-    "cpPivotJointInit": "cpPivotJoint *(*)(cpPivotJoint *, cpBody *, cpBody *, cpVect, cpVect)",
-    "cpConstraintGetMaxForce": "cpFloat(*)(cpConstraint *)",
-    "cpConstraintSetMaxForce": "void(*)(cpConstraint *, cpFloat)",
-    "cpConstraintSetMaxBias": "void(*)(cpConstraint *, cpFloat)",
 }
-"""Chipmunk's functions that compiled code calls, in the order of their addresses, and their kinds as it expects them."""
+"""Chipmunk's functions that compiled code calls, in the order of their addresses, and their expected kinds."""
 
-_FIRST = PLACE_MOVABLES + 1
+FIRST = HIDE + 1
 
-(_NEW_SPACE, _FREE_SPACE, _SET_SLOP, _SET_BIAS, _STEP, _ADD_BODY, _ADD_SHAPE, _ADD_JOINT) = range(_FIRST, _FIRST + 8)
-(_REMOVE_BODY, _REMOVE_SHAPE, _REMOVE_JOINT, _SPACE_OF) = range(_FIRST + 8, _FIRST + 12)
-(_SET_POSITION, _SET_ANGLE, _SET_VELOCITY, _SET_SPIN) = range(_FIRST + 12, _FIRST + 16)
-(_GET_POSITION, _GET_ANGLE, _GET_VELOCITY, _UPDATE_POSITION) = range(_FIRST + 16, _FIRST + 20)
-(_INIT_PIVOT, _GET_FORCE, _SET_FORCE, _SET_JOINT_BIAS) = range(_FIRST + 20, _FIRST + 24)
+(_NEW_SPACE, _FREE_SPACE, _SET_SLOP, _SET_BIAS, _STEP, _ADD_BODY, _ADD_SHAPE) = range(FIRST, FIRST + 7)
+(_REMOVE_BODY, _REMOVE_SHAPE, _SPACE_OF, _SET_POSITION, _SET_ANGLE, _SET_VELOCITY) = range(FIRST + 7, FIRST + 13)
+(_SET_SPIN, _GET_POSITION, _GET_ANGLE, _GET_VELOCITY, _UPDATE_POSITION) = range(FIRST + 13, FIRST + 18)
 """Indices of the functions in the addresses."""
 
-END = _FIRST + len(FUNCTIONS)
+END = FIRST + len(FUNCTIONS)
 """Index in the addresses of the first that is not the same for all worlds of a process."""
 
 
@@ -128,7 +112,7 @@ def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: fl
         robots[number].x, robots[number].y = vector_from_c(addresses[_GET_POSITION], body)
         robots[number].heading = double_from_c(addresses[_GET_ANGLE], body)
     for movable in range(scene.circles - scene.first_movable):
-        body = addresses[scene.movables + MOVABLE_ADDRESSES * movable]
+        body = addresses[scene.movables + movable]
         circle = swarm.circles[scene.first_movable + movable]
         circle.x, circle.y = vector_from_c(addresses[_GET_POSITION], body)
 
@@ -176,11 +160,11 @@ def _enter(swarm: Swarm, addresses: IntArray, number: int) -> None:
     body = addresses[scene.bodies + 2 * number]
     if not robot.in_space:
         call_c(addresses[_ADD_BODY], addresses[SPACE], body)
-        call_c(addresses[_ADD_SHAPE], addresses[SPACE], addresses[scene.bodies + 2 * number + SHAPE])
+        call_c(addresses[_ADD_SHAPE], addresses[SPACE], addresses[scene.bodies + 2 * number + 1])
         call_c(addresses[_SET_POSITION], body, robot.x, robot.y)
         call_c(addresses[_SET_ANGLE], body, robot.heading)
         robot.in_space = True
-    driven = body if scene.drives < 0 else addresses[scene.drives + 2 * number]
+    driven = body if scene.drives < 0 else addresses[scene.drives + number]
     call_c(addresses[_SET_VELOCITY], driven, robot.vx, robot.vy)
     call_c(addresses[_SET_SPIN], body, robot.spin)
 
@@ -188,7 +172,7 @@ def _enter(swarm: Swarm, addresses: IntArray, number: int) -> None:
 @jit_inline
 def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
     first = swarm.scene[0].bodies + 2 * number
-    call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], addresses[first + SHAPE])
+    call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], addresses[first + 1])
     call_c(addresses[_REMOVE_BODY], addresses[SPACE], addresses[first])
     swarm.robots[number].in_space = False
 
@@ -206,14 +190,12 @@ def step(block: ByteArray, addresses: IntArray) -> None:
 def place(block: ByteArray, addresses: IntArray) -> None:
     """Make the space anew, with all robots at rest where they are, and out of it: the world is as good as new.
 
-    A space is never used for a second trial (viblo/pymunk#181). Movables are where the block says, too.
+    A space is never used for a second trial (viblo/pymunk#181).
     """
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     surfaces = addresses[scene.surfaces : scene.surfaces + scene.surface_count]
     if addresses[SPACE] != 0:
-        if addresses[PLACE_MOVABLES] != 0:
-            call(addresses[PLACE_MOVABLES], block, addresses, 0)
         for shape in surfaces:
             call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], shape)
         call_c(addresses[_REMOVE_BODY], addresses[SPACE], addresses[GROUND])
@@ -227,8 +209,6 @@ def place(block: ByteArray, addresses: IntArray) -> None:
     call_c(addresses[_ADD_BODY], addresses[SPACE], addresses[GROUND])
     for shape in surfaces:
         call_c(addresses[_ADD_SHAPE], addresses[SPACE], shape)
-    if addresses[PLACE_MOVABLES] != 0:
-        call(addresses[PLACE_MOVABLES], block, addresses, 1)
     sort_into_cells(swarm)
 
 
@@ -248,63 +228,20 @@ def sort_robots(block: ByteArray) -> None:
 
 @jit_no_alloc
 def _rest(swarm: Swarm, addresses: IntArray, number: int) -> None:
-    """Take a robot out of the space; see `_forget_motion`. Blocks that were overwritten may not know that it is in."""
+    """Set a body to rest as a new one, out of the space: from its last place, contacts would be found in another order.
+
+    Blocks that were overwritten may not know that it is in the space.
+    """
     body, robot = addresses[swarm.scene[0].bodies + 2 * number], swarm.robots[number]
     if pointer_from_c(addresses[_SPACE_OF], body) != 0:
         _leave(swarm, addresses, number)
-    _forget_motion(addresses, body, 0.0, 0.0)
-    robot.in_space = False
-    robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
-
-
-@jit_no_alloc
-def _forget_motion(addresses: IntArray, body: int, x: float, y: float) -> None:
-    """Set a body to rest at some place as a new one: from its last one, contacts would be found in another order."""
     call_c(addresses[_SET_VELOCITY], body, 0.0, 0.0)
     call_c(addresses[_SET_SPIN], body, 0.0)
     call_c(addresses[_UPDATE_POSITION], body, 0.0)  # forgets what its last contact was to correct in the next step
-    call_c(addresses[_SET_POSITION], body, x, y)
+    call_c(addresses[_SET_POSITION], body, 0.0, 0.0)
     call_c(addresses[_SET_ANGLE], body, 0.0)
-
-
-@jit_no_alloc
-def place_movables(block: ByteArray, addresses: IntArray, entering: int) -> None:
-    """Take movables and joints out of the space, or put them into it, as new; entering: 0 or 1."""
-    swarm = swarm_at(block)
-    scene, space = swarm.scene[0], addresses[SPACE]
-    for movable in range(scene.circles - scene.first_movable):
-        first = scene.movables + MOVABLE_ADDRESSES * movable
-        body, shape = addresses[first], addresses[first + SHAPE]
-        if entering == 0:
-            call_c(addresses[_REMOVE_JOINT], space, addresses[first + JOINT])
-            call_c(addresses[_REMOVE_SHAPE], space, shape)
-            call_c(addresses[_REMOVE_BODY], space, body)
-        else:
-            circle = swarm.circles[scene.first_movable + movable]
-            _forget_motion(addresses, body, circle.x, circle.y)
-            call_c(addresses[_ADD_BODY], space, body)
-            call_c(addresses[_ADD_SHAPE], space, shape)
-    if entering != 0:
-        for movable in range(scene.circles - scene.first_movable):
-            first = scene.movables + MOVABLE_ADDRESSES * movable
-            _add_joint(addresses, addresses[first + JOINT], addresses[GROUND], addresses[first])
-    for number in range(len(swarm.robots)):
-        drive, joint = addresses[scene.drives + 2 * number], addresses[scene.drives + 2 * number + 1]
-        if entering == 0:
-            call_c(addresses[_REMOVE_JOINT], space, joint)
-        else:
-            call_c(addresses[_SET_VELOCITY], drive, 0.0, 0.0)
-            _add_joint(addresses, joint, drive, addresses[scene.bodies + 2 * number])
-
-
-@jit_no_alloc
-def _add_joint(addresses: IntArray, joint: int, one: int, other: int) -> None:
-    """Put a joint into the space as a new one: an old one knows its last impulse."""
-    force = double_from_c(addresses[_GET_FORCE], joint)
-    call_c(addresses[_INIT_PIVOT], joint, one, other, 0.0, 0.0, 0.0, 0.0)
-    call_c(addresses[_SET_JOINT_BIAS], joint, 0.0)
-    call_c(addresses[_SET_FORCE], joint, force)
-    call_c(addresses[_ADD_JOINT], addresses[SPACE], joint)
+    robot.in_space = False
+    robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
 
 
 # --- for Python ---------------------------------------------------------------------------------------
@@ -318,27 +255,35 @@ _STRUCTS: dict[type[Thing], str] = {
 """What pymunk calls the C structs of its objects, in the order in which these are taken out of a space."""
 
 
-def addresses_of(bodies: Bodies) -> list[int]:
-    """Return what the addresses of a world begin with, which is not in a space yet."""
-    placing = address_of(place_movables) if bodies.movables else 0
-    return [0, address(bodies.ground), 0, placing, *function_addresses(), *map(address, bodies.things)]
-
-
-def address(thing: Thing) -> int:
-    """Return the address of the C struct behind an object of pymunk."""
-    return _value(next(getattr(thing, struct) for kind, struct in _STRUCTS.items() if isinstance(thing, kind)))
+def _struct(thing: Thing) -> Any:
+    """Return the pointer to the C struct behind an object of pymunk."""
+    return next(getattr(thing, struct) for kind, struct in _STRUCTS.items() if isinstance(thing, kind))
 
 
 def _value(pointer: Any) -> int:
     return int(ffi.cast("uintptr_t", pointer))
 
 
-def exchange_shapes(space: int, old: Iterable[pymunk.Shape], new: Iterable[pymunk.Shape]) -> None:
-    """Take shapes out of the space at an address, and put others into it."""
-    for shape in old:
-        lib.cpSpaceRemoveShape(ffi.cast("cpSpace *", int(space)), shape._shape)
-    for shape in new:
-        lib.cpSpaceAddShape(ffi.cast("cpSpace *", int(space)), shape._shape)
+def address(thing: Thing) -> int:
+    """Return the address of the C struct behind an object of pymunk."""
+    return _value(_struct(thing))
+
+
+def add_to_space(space: int, things: Iterable[Thing]) -> None:
+    """Put things into the space at an address."""
+    for thing in things:
+        kind = next(kind.__name__ for kind in _STRUCTS if isinstance(thing, kind))
+        getattr(lib, f"cpSpaceAdd{kind}")(ffi.cast("cpSpace *", int(space)), _struct(thing))
+
+
+def take_from_space(space: int, things: Iterable[Thing]) -> None:
+    """Take those of things out of the space at an address that are in it: first joints, then shapes, then bodies."""
+    pointer, every = ffi.cast("cpSpace *", int(space)), list(things)
+    for kind in _STRUCTS:
+        space_of, remove = getattr(lib, f"cp{kind.__name__}GetSpace"), getattr(lib, f"cpSpaceRemove{kind.__name__}")
+        for thing in every:
+            if isinstance(thing, kind) and space_of(_struct(thing)) == pointer:
+                remove(pointer, _struct(thing))
 
 
 def free_space(addresses: IntArray, bodies: Bodies) -> None:
@@ -346,21 +291,15 @@ def free_space(addresses: IntArray, bodies: Bodies) -> None:
 
     pymunk's objects free their structs themselves, and would otherwise ask for a space that is gone.
     """
-    if not addresses[SPACE]:
-        return
-    space = ffi.cast("cpSpace *", int(addresses[SPACE]))
-    for kind, struct in _STRUCTS.items():
-        space_of, remove = getattr(lib, f"cp{kind.__name__}GetSpace"), getattr(lib, f"cpSpaceRemove{kind.__name__}")
-        for thing in [*bodies.things, bodies.ground]:
-            if isinstance(thing, kind) and space_of(getattr(thing, struct)) == space:
-                remove(space, getattr(thing, struct))
-    lib.cpSpaceFree(space)
-    addresses[SPACE] = 0
+    if addresses[SPACE]:
+        take_from_space(addresses[SPACE], [bodies.ground, *bodies.listed, *bodies.pushed])
+        lib.cpSpaceFree(ffi.cast("cpSpace *", int(addresses[SPACE])))
+        addresses[SPACE] = 0
 
 
 @cache
 def function_addresses() -> list[int]:
-    """Return the addresses of Chipmunk's functions, as they stand from `PLACE_MOVABLES` + 1 up to `END`.
+    """Return the addresses of Chipmunk's functions, as they stand from `FIRST` up to `END`.
 
     Raises:
         AttributeError: This pymunk has no such function.

@@ -19,6 +19,7 @@ import pymunk
 from epuck_sim.arrays import ByteArray
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.contact_candidates import add_reached, find_contact_candidates
+from epuck_sim.embodied.bodies.shapes import Thing
 from epuck_sim.embodied.swarm import open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc
 
@@ -34,8 +35,8 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "cpSpaceSetCollisionSlop": _setter("collision_slop"),
     "cpSpaceSetCollisionBias": _setter("collision_bias"),
     "cpSpaceStep": pymunk.Space.step,
-    **dict.fromkeys(("cpSpaceAddBody", "cpSpaceAddShape", "cpSpaceAddConstraint"), pymunk.Space.add),
-    **dict.fromkeys(("cpSpaceRemoveBody", "cpSpaceRemoveShape", "cpSpaceRemoveConstraint"), pymunk.Space.remove),
+    **dict.fromkeys(("cpSpaceAddBody", "cpSpaceAddShape"), pymunk.Space.add),
+    **dict.fromkeys(("cpSpaceRemoveBody", "cpSpaceRemoveShape"), pymunk.Space.remove),
     "cpBodyGetSpace": lambda body: body.space or 0,
     "cpBodySetPosition": _setter("position"),
     "cpBodySetAngle": _setter("angle"),
@@ -45,10 +46,6 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "cpBodyGetAngle": attrgetter("angle"),
     "cpBodyGetVelocity": attrgetter("velocity"),
     "cpBodyUpdatePosition": pymunk.Body.update_position,
-    "cpPivotJointInit": lambda *_: None,  # joints are new in each trial
-    "cpConstraintGetMaxForce": attrgetter("max_force"),
-    "cpConstraintSetMaxForce": _setter("max_force"),
-    "cpConstraintSetMaxBias": _setter("max_bias"),
 }
 """What does by pymunk's public interface what each of `chipmunk.FUNCTIONS` does."""
 
@@ -59,15 +56,16 @@ def public_way(block: ByteArray) -> SimpleNamespace:
     def call(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
-    def exchange_shapes(space: pymunk.Space, old: Iterable[pymunk.Shape], new: Iterable[pymunk.Shape]) -> None:
-        space.remove(*old)
-        space.add(*new)
+    def add_to_space(space: pymunk.Space, things: Iterable[Thing]) -> None:
+        for thing in things:  # at once, all bodies would enter first
+            space.add(thing)
 
-    names = dict.fromkeys(("call", "call_c", "pointer_from_c", "double_from_c", "vector_from_c"), call) | {
+    names = dict.fromkeys(("call_c", "pointer_from_c", "double_from_c", "vector_from_c"), call) | {
         "address": lambda thing: thing,
-        "address_of": lambda function: function,
         "function_addresses": lambda: [_FUNCTIONS[name] for name in chipmunk.FUNCTIONS],
-        "exchange_shapes": exchange_shapes,
+        "add_to_space": add_to_space,
+        "take_from_space": lambda space, things: space.remove(*things),
+        "free_space": lambda *_: None,
         "swarm_at": open_block,
         "find_contact_candidates": lambda _: find_candidates(block),
         "add_reached": lambda _, *given: add_robots_reached(block, *given),
@@ -116,7 +114,7 @@ def moved_by(way: Any) -> list[float]:
     for shape in shapes:
         shape.friction = 0.7
     things, moved = (wall, shapes[0], disc, shapes[1]), np.zeros(3)
-    addresses = np.array([0] * (chipmunk.PLACE_MOVABLES + 1) + way.function_addresses())
+    addresses = np.array([0] * chipmunk.FIRST + way.function_addresses())
     way.try_calls(addresses, np.array([way.address(thing) for thing in things]), moved)
     return moved.tolist()
 

@@ -11,8 +11,8 @@ follow their wheels one physics step late. Forces take a few steps to balance, i
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from typing import NamedTuple
 
 import pymunk
@@ -67,11 +67,19 @@ class Bodies:
     """The drive of each robot; none without movables."""
 
     @property
-    def things(self) -> list[Thing]:
-        """All but the ground, in the order in which `chipmunk` has their addresses."""
-        movables = [(*disc, hold) for disc, hold in zip(self.movables, self.holds, strict=True)]
-        parts: list[tuple[Thing, ...]] = [*self.robots, *movables, *self.drives]
-        return [*chain.from_iterable(parts), *self.surfaces]
+    def listed(self) -> list[Thing]:
+        """What kernels call Chipmunk for, in the order in which they have the addresses."""
+        moved = [body for body, _ in (*self.movables, *self.drives)]
+        return [*_each(self.robots), *moved, *self.surfaces]
+
+    @property
+    def pushed(self) -> list[Thing]:
+        """What is in the space for the whole of a trial, beside the ground and its surfaces, in this order."""
+        return [*_each(self.movables), *self.holds, *(joint for _, joint in self.drives)]
+
+
+def _each(discs: Sequence[tuple[Thing, ...]]) -> list[Thing]:
+    return [thing for disc in discs for thing in disc]
 
 
 def make_bodies(

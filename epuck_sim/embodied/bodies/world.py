@@ -19,7 +19,7 @@ from epuck_sim.arrays import ByteArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way, versions
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
-from epuck_sim.embodied.swarm import SPACE, Swarm
+from epuck_sim.embodied.swarm import GROUND, SPACE, Swarm
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 
 
@@ -33,7 +33,7 @@ class World:
     is_public: bool
     """Whether Python moves the bodies."""
     _addresses: npt.NDArray[Any]
-    """What `chipmunk.addresses_of` returns, and more; objects instead of addresses where Python moves the bodies."""
+    """What `addresses` returns, and more; objects instead of addresses where Python moves the bodies."""
 
     def __init__(
         self,
@@ -69,10 +69,14 @@ class World:
 
     def addresses(self) -> list[int]:
         """Return what the addresses begin with, up to where other parts of the swarm add theirs; see `use`."""
-        if self.is_public:
-            return [0] * chipmunk.END
-        room = max(map(count_surfaces, self._arenas)) - len(self._bodies.surfaces)
-        return chipmunk.addresses_of(self._bodies) + [0] * room
+        return [0] * chipmunk.END if self.is_public else self._listed(chipmunk)
+
+    def _listed(self, way: Any) -> list[Any]:
+        """Return functions and bodies as kernels find them, with room for the surfaces of each arena."""
+        bodies = self._bodies
+        room = max(map(count_surfaces, self._arenas)) - len(bodies.surfaces)
+        head = [0, way.address(bodies.ground), 0, *way.function_addresses()]
+        return head + [way.address(each) for each in bodies.listed] + [0] * room
 
     def use(self, block: ByteArray, swarm: Swarm, addresses: IntArray) -> None:
         """Work on a block, the first one or one that is like it, from now on; the space is freed with the world.
@@ -82,32 +86,44 @@ class World:
             swarm: The arrays of the block.
             addresses: The array that begins with what `addresses` returns.
         """
-        if self._finalizer:
-            addresses[SPACE] = 0 if self.is_public else self._addresses[SPACE]
-            self._finalizer.detach()
         self._block, self._swarm = block, swarm
         self._way: Any = public_way(block) if self.is_public else chipmunk
-        if not self.is_public:
-            self._addresses = addresses
-        self._finalizer = weakref.finalize(self, chipmunk.free_space, addresses, self._bodies)
+        used = self._addresses[SPACE] if self._finalizer else 0
+        self._addresses = np.array(self._listed(self._way)) if self.is_public else addresses
+        self._addresses[SPACE] = used
+        self._free_with_world()
         scene, bodies = swarm.scene[0], self._bodies
         scene.bodies = chipmunk.END
         scene.movables = scene.bodies + 2 * len(bodies.robots)
-        end = scene.movables + chipmunk.MOVABLE_ADDRESSES * len(bodies.movables)
+        end = scene.movables + len(bodies.movables)
         scene.drives = end if bodies.drives else -1
-        scene.surfaces = end + 2 * len(bodies.drives)
+        scene.surfaces = end + len(bodies.drives)
         scene.surface_count = len(bodies.surfaces)
         scene.moved_publicly = self.is_public
+
+    def _free_with_world(self) -> None:
+        if self._finalizer:
+            self._finalizer.detach()
+        self._finalizer = weakref.finalize(self, self._way.free_space, self._addresses, self._bodies)
 
     def place(self) -> None:
         """Begin a trial in the first arena, which the block is in, with robots at rest where it says: all is as new."""
         if self._arena is not self._arenas[0]:
             self._surround(self._arenas[0])
         self._put_movables(self._arena.circles[self._arena.first_movable :, :2])
-        if self.is_public:
-            self._bodies = self._make_bodies()
-            self._addresses = np.array(self._way.addresses_of(self._bodies))
+        if self._addresses[SPACE] != 0 and (self.is_public or self._bodies.movables):
+            self._renew()
         self._way.place(self._block, self._addresses)
+        self._way.add_to_space(self._addresses[SPACE], self._bodies.pushed)
+
+    def _renew(self) -> None:
+        """Make all bodies anew, as joints know their last impulses, and movables their last contacts."""
+        self._way.free_space(self._addresses, self._bodies)
+        self._bodies = self._make_bodies()
+        self._addresses[SPACE], self._addresses[GROUND] = 0, self._way.address(self._bodies.ground)
+        listed = [self._way.address(each) for each in self._bodies.listed]
+        self._addresses[chipmunk.END :][: len(listed)] = listed
+        self._free_with_world()
 
     def step(self) -> None:
         """Move the bodies for a control step."""
@@ -134,7 +150,8 @@ class World:
         old, self._arena = bodies.surfaces, arena
         bodies.surfaces = make_surfaces(bodies.ground, arena, self._friction)
         scene.surface_count = len(bodies.surfaces)
-        self._way.exchange_shapes(self._addresses[SPACE], old, bodies.surfaces)
+        self._way.take_from_space(self._addresses[SPACE], old)
+        self._way.add_to_space(self._addresses[SPACE], bodies.surfaces)
         first = scene.surfaces
         self._addresses[first : first + len(bodies.surfaces)] = list(map(self._way.address, bodies.surfaces))
 
