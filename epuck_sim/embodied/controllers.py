@@ -333,7 +333,6 @@ def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
 
 
 def _rows(array: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
-    """Return the address of each row of an array."""
     return int(array.ctypes.data) + array.strides[0] * np.arange(len(array))
 
 

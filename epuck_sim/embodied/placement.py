@@ -71,7 +71,6 @@ def clearance_cm(swarm: Swarm, x: float, y: float, circles: int) -> float:
 
 @jit_no_alloc
 def _take(swarm: Swarm, robot: int) -> None:
-    """Take the place at which a robot is."""
     cell = cell_of(swarm.robots[robot], swarm.scene[0])
     swarm.numbers[robot] = swarm.cells[cell]
     swarm.cells[cell] = robot + 1
@@ -173,7 +172,6 @@ def place_on_grid(block: ByteArray, first: int, end: int) -> int:
 
 @jit_no_alloc
 def _grid_points(length_cm: float) -> int:
-    """Return the number of the grid's points along one side of the arena."""
     points: int = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
     return points
 

@@ -194,7 +194,7 @@ class Simulation:
         self._starts[0] = False
         self.period_ms[:] = self._first_periods
         if scenario.members_change:
-            take_out(self._absent, block, self._world, self._groups)
+            take_out(self._absent, self._swarm, self._world, self._groups)
 
     def _find_periods(self) -> None:
         for group in self._groups:
@@ -343,7 +343,7 @@ class Simulation:
         scenario, swarm, entry = self.scenario, self._swarm, self.scenario.schedule[number]
         time_ms = self.steps * self._step_ms
         origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {self.seed}"
-        take_out(entry.remove, self._block, self._world, self._groups)
+        take_out(entry.remove, swarm, self._world, self._groups)
         if entry.arena_values():
             arena = arena_after(scenario, number).build()
             set_arena(swarm, arena, scenario.robot.cell_cm)
@@ -464,7 +464,6 @@ class Simulation:
         return show_simulation(self.scenario, self.seed, self.last_step)
 
     def _location(self, robot: int) -> str:
-        """Return where a controller failed, for an error."""
         return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"
 
     def _located(self, error: BaseException) -> BaseException:
@@ -476,7 +475,6 @@ class Simulation:
 
 
 def _from_snapshot(kind: type[Simulation], snapshot: Snapshot, interpret: bool) -> Simulation:
-    """Return a simulation of class `kind` as it was at a snapshot."""
     simulation = kind(snapshot.scenario, snapshot.seed, interpret=interpret)
     simulation.restore(snapshot)
     return simulation

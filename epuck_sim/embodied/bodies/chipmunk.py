@@ -256,7 +256,6 @@ _STRUCTS: dict[type[Thing], str] = {
 
 
 def _struct(thing: Thing) -> Any:
-    """Return the pointer to the C struct behind an object of pymunk."""
     return next(getattr(thing, struct) for kind, struct in _STRUCTS.items() if isinstance(thing, kind))
 
 

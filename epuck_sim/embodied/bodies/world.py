@@ -145,7 +145,6 @@ class World:
         self._way.rest(self._block, self._addresses, robot)
 
     def _surround(self, arena: Arena) -> None:
-        """Put other walls and obstacles into the space."""
         bodies, scene = self._bodies, self._swarm.scene[0]
         old, self._arena = bodies.surfaces, arena
         bodies.surfaces = make_surfaces(bodies.ground, arena, self._friction)
@@ -156,7 +155,6 @@ class World:
         self._addresses[first : first + len(bodies.surfaces)] = list(map(self._way.address, bodies.surfaces))
 
     def _put_movables(self, places_cm: FloatArray) -> None:
-        """Write (movables, 2) cm to the block."""
         if len(places_cm):
             circles = self._swarm.circles[self._swarm.scene[0].first_movable :][: len(places_cm)]
             circles.x, circles.y = places_cm.T

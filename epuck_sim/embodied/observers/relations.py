@@ -32,7 +32,6 @@ class Relations:
         return self._once("contacts", step, lambda: find_contacts(self._scene, self._poses())[0])
 
     def _once(self, what: str, step: int, find: Callable[[], IntArray]) -> IntArray:
-        """Return what was found in this step already, or else find it."""
         if what not in self._last or self._last[what][0] != step:
             self._last[what] = step, find()[:, 1:].copy()
         return self._last[what][1]
