@@ -107,13 +107,7 @@ class Simulation:
         controllers = [find_controller(group.controller) for group in scenario.robots]
         groups = zip(controllers, scenario.robots, strict=True)
         self._block, self._swarm = make_swarm_block(scenario, self._arenas, controllers)
-        contact = scenario.contact
-        self._world = World(
-            *(self._swarm, self._arenas),
-            friction=contact.friction,
-            drive_force_n=contact.drive_force_n,
-            kind=scenario.robot,
-        )
+        self._world = World(self._swarm, self._arenas, scenario.robot, scenario.contact)
         self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
         self.reset(seed)
 

@@ -123,16 +123,8 @@ def _bring_in(
 ) -> int:
     """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
 
-    Args:
-        swarm: The swarm.
-        addresses: See the module.
-        candidates: Number of robots that were candidates, the first ones in the list.
-        inside: Number of robots in the space, which the list has.
-        fastest_cm_s: Speed of the fastest robot.
-        past_s: Time since the control step began.
-
-    Returns:
-        The number of robots that are in the space then.
+    The list has the robots that are `inside` the space, those that were candidates first; return how many are inside
+    then. `past_s`: time since the control step began.
     """
     first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past_s + PUSHED_CM
     index = 0

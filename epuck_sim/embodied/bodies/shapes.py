@@ -19,6 +19,7 @@ import pymunk
 
 from epuck_sim.arena import Arena
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.scenario.physics import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
 
 WALL_CM = 50.0
@@ -82,24 +83,21 @@ def _each(discs: Sequence[tuple[Thing, ...]]) -> list[Thing]:
     return [thing for disc in discs for thing in disc]
 
 
-def make_bodies(
-    arena: Arena, robots: int, kind: RobotKind, friction: float, drive_force_n: float, *, touch: bool
-) -> Bodies:
+def make_bodies(arena: Arena, robots: int, kind: RobotKind, contact: ContactSection) -> Bodies:
     """Return bodies at rest at the origin, movables where they begin.
 
     Args:
         arena: Walls, obstacles and movables.
         robots: Number of robots.
         kind: What kind of robots they are.
-        friction: Coefficient between any two bodies that touch.
-        drive_force_n: Largest force of wheels where there are movables, N.
-        touch: Whether robots touch each other; else they pass through each other.
+        contact: What happens where bodies touch.
     """
+    friction = contact.friction
     ground = pymunk.Body(body_type=pymunk.Body.STATIC)
     moment = pymunk.moment_for_circle(kind.mass_g, 0, kind.radius_cm)
     discs = [_disc(pymunk.Body(kind.mass_g, moment), kind.radius_cm, friction) for _ in range(robots)]
-    for _, shape in discs:
-        shape.filter = pymunk.ShapeFilter(group=0 if touch else _ROBOTS)
+    for _, shape in () if contact.robots else discs:
+        shape.filter = pymunk.ShapeFilter(group=_ROBOTS)
     movables, holds, drives = [], [], []
     for (x, y, radius), (mass_g, floor_friction) in zip(
         arena.circles[arena.first_movable :].tolist(), arena.movables.tolist(), strict=True
@@ -110,7 +108,7 @@ def make_bodies(
         holds.append(_limited_joint(ground, body, floor_friction * GRAVITY_CM_S2 * mass_g))
     for body, _ in discs if movables else ():
         drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        drives.append(Drive(drive, _limited_joint(drive, body, DYNES_PER_NEWTON * drive_force_n)))
+        drives.append(Drive(drive, _limited_joint(drive, body, DYNES_PER_NEWTON * contact.drive_force_n)))
     return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, holds, drives)
 
 

@@ -20,7 +20,8 @@ from epuck_sim.embodied.bodies import chipmunk
 from epuck_sim.embodied.bodies.public_space import public_way, reason_for_public_way, versions
 from epuck_sim.embodied.bodies.shapes import Bodies, count_surfaces, make_bodies, make_surfaces
 from epuck_sim.embodied.swarm import GROUND, SPACE, Swarm
-from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
+from epuck_sim.scenario.physics import ContactSection
+from epuck_sim.scenario.robot_kind import RobotKind
 
 
 class World:
@@ -35,27 +36,17 @@ class World:
     _addresses: npt.NDArray[Any]
     """What `addresses` returns, and more; objects instead of addresses where Python moves the bodies."""
 
-    def __init__(
-        self,
-        swarm: Swarm,
-        arenas: Sequence[Arena],
-        *,
-        friction: float = 0.0,
-        drive_force_n: float = 0.5,
-        kind: RobotKind = EPUCK,
-    ) -> None:
+    def __init__(self, swarm: Swarm, arenas: Sequence[Arena], kind: RobotKind, contact: ContactSection) -> None:
         """Make the bodies; `use` and `place` begin a trial.
 
         Args:
-            swarm: The swarm, in the first arena; it says whether robots touch each other.
+            swarm: The swarm, in the first arena.
             arenas: Every arena that there is in a trial, first the one that it begins with.
-            friction: Coefficient between any two bodies that touch.
-            drive_force_n: Largest force of wheels where there are movables, N.
             kind: What kind of robots they are.
+            contact: What happens where bodies touch.
         """
-        self._arenas, self._arena, self._friction = arenas, arenas[0], friction
-        robots, touch = len(swarm.robots), swarm.scene[0].touch
-        self._make_bodies = partial(make_bodies, arenas[0], robots, kind, friction, drive_force_n, touch=touch)
+        self._arenas, self._arena, self._friction = arenas, arenas[0], contact.friction
+        self._make_bodies = partial(make_bodies, arenas[0], len(swarm.robots), kind, contact)
         self._bodies: Bodies = self._make_bodies()
         self._finalizer: weakref.finalize[Any, Any] | None = None
         reason = reason_for_public_way()
