@@ -105,7 +105,8 @@ class World:
         if self._addresses[SPACE] != 0 and (self.is_public or self._bodies.movables):
             self._renew()
         self._way.place(self._block, self._addresses)
-        self._way.add_to_space(self._addresses[SPACE], self._bodies.pushed)
+        if self._bodies.movables:
+            self._way.add_to_space(self._addresses[SPACE], self._bodies.pushed)
 
     def _renew(self) -> None:
         """Make all bodies anew, as joints know their last impulses, and movables their last contacts."""
