@@ -138,11 +138,6 @@ def make_floor(
     return floor if picture is None else replace(floor, picture=picture)
 
 
-def without_movables(arena: Arena) -> Arena:
-    """Return the arena with nothing to push."""
-    return replace(arena, circles=arena.circles[: arena.first_movable], movables=arena.movables[:0])
-
-
 def clearance_cm(arena: Arena, x_cm: float, y_cm: float) -> float:
     """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
     walls = min(x_cm, y_cm, arena.width_cm - x_cm, arena.height_cm - y_cm)

@@ -73,21 +73,22 @@ def sort_into_cells(swarm: Swarm) -> None:
     for cell in range(last + 1):
         cells[cell] = 0
     for number in range(len(swarm.robots)):
-        cells[_cell_of(swarm.robots[number], scene)] += 1
+        cells[cell_of(swarm.robots[number], scene)] += 1
     total = 0
     for cell in range(last + 1):  # from counts to ends
         total += cells[cell]
         cells[cell] = total
     for number in range(len(swarm.robots) - 1, -1, -1):  # backwards, so that ends become beginnings
         robot = swarm.robots[number]
-        cell = _cell_of(robot, scene)
+        cell = cell_of(robot, scene)
         cells[cell] -= 1
         member = members[cells[cell]]
         member.x, member.y, member.robot = robot.x, robot.y, number
 
 
 @jit_inline
-def _cell_of(robot: Any, scene: Any) -> int:
+def cell_of(robot: Any, scene: Any) -> int:
+    """Return the cell in which a robot is."""
     column = cell_index(robot.x, scene.cell_width_cm, scene.columns)
     row = cell_index(robot.y, scene.cell_height_cm, scene.rows)
     return row * int(scene.columns) + column

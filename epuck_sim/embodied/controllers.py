@@ -94,6 +94,7 @@ def _run(block: ByteArray, addresses: IntArray, number: int) -> None:  # noqa: A
     scene.serving = -1
 
 
+@jit_no_alloc
 def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
     """Do what `_run` does, for firmware in C."""
     swarm = swarm_at(block)
@@ -105,9 +106,6 @@ def _run_firmware(block: ByteArray, addresses: IntArray, number: int) -> None:
             scene.serving = group.first + member
             call_c(function, addresses[group.controller + 3] + member * E_GROUP_BYTES)
     scene.serving = -1
-
-
-_run_firmware_compiled = jit_no_alloc(_run_firmware)
 
 
 def bytes_needed(controller: Controller, robots: int) -> int:
@@ -151,6 +149,7 @@ class GroupControllers:
     def __init__(
         self,
         block: ByteArray,
+        swarm: Swarm,
         number: int,
         controller: Controller,
         sensors: Sequence[Sensor] = (),
@@ -161,6 +160,7 @@ class GroupControllers:
 
         Args:
             block: The swarm, in which the group has its bytes, see `assign_bytes`.
+            swarm: The arrays of the block.
             number: Number of the group.
             controller: What runs on its robots.
             sensors: Their sensors in files of their own.
@@ -173,24 +173,20 @@ class GroupControllers:
         check_imported_copies(controller)
         check_sensed(controller, names_of_readings(sensors))
         self.controller, self._sensors = controller, sensors
-        self._block, self._number, self._swarm = block, number, open_block(block)
-        self._scene, self._group = self._swarm.scene[0], self._swarm.groups[number]
+        self._block, self._number, self._swarm = block, number, swarm
+        self._scene, self._group = swarm.scene[0], swarm.groups[number]
         self.robots = slice(int(self._group.first), int(self._group.first + self._group.count))
         self._is_compiled = not (interpret or isinstance(controller, Firmware))
         self._entries = [0] * ENTRIES
         # compiled now: it belongs to no trial's time, and what cannot be compiled is refused before a step
         if isinstance(controller, Firmware):
-            self._e_groups = _e_groups(self._swarm, number)
+            self._e_groups = _e_groups(swarm, number)
             functions = (controller.library.e_start_all, controller.library.e_step_all)
             self._entries[1:3] = [ctypes.cast(function, ctypes.c_void_p).value or 0 for function in functions]
             self._entries[3] = self._e_groups.ctypes.data
-            self.run = _run_firmware_compiled
-            if interpret:
-                self.run = bind(_run_firmware, swarm_at=lambda _: self._swarm, call_c=_call_c)
-            else:
-                self._entries[0] = address_of(_run_firmware_compiled)
+            self.run, self._entries[0] = _run_firmware, address_of(_run_firmware)
         elif interpret:
-            self.run = self._interpreted(self._swarm)
+            self.run = self._interpreted(swarm)
         else:
             names = {"start": controller.start, "step": controller.step, "complete": completion(sensors)}
             types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
@@ -332,10 +328,6 @@ def _views(swarm: Swarm) -> Swarm:
     return swarm._replace(robots=views)
 
 
-def _call_c(function: int, argument: int) -> None:
-    ctypes.CFUNCTYPE(None, ctypes.c_void_p)(int(function))(int(argument))
-
-
 def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
     """Return (robots + 1,) the record of each robot for its firmware; what firmware says that it serves goes behind."""
     group = swarm.groups[number]
@@ -358,7 +350,6 @@ def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
 
 
 def _rows(array: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
-    """Return the address of each row of an array."""
     return int(array.ctypes.data) + array.strides[0] * np.arange(len(array))
 
 

@@ -31,8 +31,8 @@ def make_swarm_block(
     arenas: Sequence[Arena],
     controllers: Sequence[Controller],
     sensors: Sequence[Sequence[Sensor]],
-) -> ByteArray:
-    """Return the block of a swarm before its first trial: robots have no places yet, and nothing is drawn.
+) -> tuple[ByteArray, Swarm]:
+    """Return the block of a swarm before its first trial, and its arrays: robots have no places, nothing is drawn.
 
     Args:
         scenario: The scenario.
@@ -50,7 +50,7 @@ def make_swarm_block(
     _set_senses(swarm, scenario, sensors)
     set_faults(swarm, scenario)
     _set_reference(swarm, scenario.stop.reference_robot)
-    return block
+    return block, swarm
 
 
 def _lengths(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,9 +15,9 @@ from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.sensors.signals import sensors_of
 from epuck_sim.embodied.start import draw_noise
-from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, open_block, swarm_at
+from epuck_sim.embodied.swarm import FLOAT64, HIDE, INT64, Swarm, swarm_at
 from epuck_sim.scenario.embodied import EmbodiedScenario
-from epuck_sim.util.jit import address_of, jit_no_alloc
+from epuck_sim.util.jit import address_of, bind, jit_no_alloc
 from epuck_sim.util.native import array_at, call
 from epuck_sim.util.rng import uniform
 
@@ -150,6 +151,7 @@ class ControlLoop:
         self,
         scenario: EmbodiedScenario,
         block: ByteArray,
+        swarm: Swarm,
         world: World,
         sensors: Sequence[OwnSensor],
         groups: Sequence[GroupControllers],
@@ -161,60 +163,51 @@ class ControlLoop:
         Args:
             scenario: The scenario.
             block: The swarm.
+            swarm: The arrays of the block.
             world: Its bodies.
             sensors: Sensors in files of their own, of all groups.
             groups: The controllers of each group.
             interpret: Whether controllers run as plain Python.
         """
-        self._block, self._world, self._scene = block, world, open_block(block).scene[0]
-        self._in_python = interpret or world.is_public
+        self._block = block
         calls = plan_calls(scenario, list(map(sensors_of, scenario.robots)), groups, sensors)
         imperfections = {tick: scenario.spread.clock_rate > 0, stop_and_release: scenario.stuck.per_hour > 0}
         early = [*((function, 0) for function, exists in imperfections.items() if exists), *calls.early]
-        self._early, self._late = (
-            [
-                (function.run if isinstance(function, GroupControllers | OwnSensor) else function, argument)
-                for function, argument in each
-            ]
-            for each in (early, calls.late)
-        )
+        every = [*early, *calls.late]
         addresses = world.addresses()
         if calls.hide:
             addresses[HIDE] = address_of(calls.hide)
         for group in groups:
             addresses += group.addresses(len(addresses))
-        numbers = {group: int(open_block(block).groups[number].controller) for number, group in enumerate(groups)}
-        for function, _ in (*early, *calls.late):
+        numbers = {group: int(swarm.groups[number].controller) for number, group in enumerate(groups)}
+        for function, _ in every:
             if function not in numbers:
                 numbers[function] = len(addresses)
-                is_own = isinstance(function, OwnSensor)
-                addresses.append(0 if self._in_python else function.address if is_own else address_of(function))
-        listed = open_block(block).calls
-        for index, (function, argument) in enumerate((*early, *calls.late)):
-            listed[index].function, listed[index].argument = numbers[function], argument
-        self._scene.late, self._scene.calls = len(early), len(early) + len(calls.late)
+                addresses.append(function.address if isinstance(function, OwnSensor) else address_of(function))
+        swarm.calls[: len(every)] = [(numbers[function], argument) for function, argument in every]
+        swarm.scene[0].late, swarm.scene[0].calls = len(early), len(every)
         self.addresses = np.array(addresses, np.int64)
-        world.use(block, self.addresses)
+        world.use(block, swarm, self.addresses)
+        self._take_steps = _in_python(swarm, world, every) if interpret or world.is_public else take_steps
         self.take(0)  # compiles now, which belongs to no trial's time
 
     def take(self, steps: int, *, until_firing: bool = False) -> int:
         """Carry out `take_steps`."""
-        if not self._in_python:
-            return int(take_steps(self._block, self.addresses, steps, until_firing))
-        block, addresses = self._block, self.addresses
-        is_firing = False
-        for _ in range(steps):
-            if self._world.is_public and self._scene.step >= 0:
-                self._world.step()
-            begin_step(block, addresses)
-            for function, argument in self._early:
-                function(block, addresses, argument)
-            invalid = int(act(block))
-            if invalid >= 0:
-                return invalid
-            for function, argument in self._late:
-                function(block, addresses, argument)
-            is_firing = bool(fires(block))
-            if is_firing and until_firing:
-                break
-        return FIRED if is_firing else DONE
+        return int(self._take_steps(self._block, self.addresses, steps, until_firing))
+
+
+def _in_python(swarm: Swarm, world: World, calls: Sequence[tuple[Any, int]]) -> Any:
+    """Return `take_steps` as plain Python, for controllers that are interpreted, or bodies that Python moves."""
+    steps: Any = take_steps
+    functions = [getattr(function, "run", function) for function, _ in calls]
+
+    def begin(block: ByteArray, addresses: IntArray) -> None:
+        if world.is_public and swarm.scene[0].step >= 0:
+            world.step()
+        begin_step(block, addresses)
+
+    def make(block: ByteArray, addresses: IntArray, first: int, end: int) -> None:
+        for index in range(first, end):
+            functions[index](block, addresses, calls[index][1])
+
+    return bind(steps.function, swarm_at=lambda _: swarm, begin_step=begin, make_calls=make)

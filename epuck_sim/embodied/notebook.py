@@ -59,7 +59,6 @@ def _in_words(reading: FloatArray) -> str:
 
 
 def _nearest(distance_mm: IntArray) -> str:
-    """Return the least of a robot's distances, (8,) mm."""
     nearest = int(distance_mm.min())
     return "-" if nearest >= epuck.OUT_OF_RANGE_MM else str(nearest)
 

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from epuck_sim.arrays import ByteArray
-from epuck_sim.embodied.cells import cell_index
+from epuck_sim.embodied.cells import cell_of, cells_around
 from epuck_sim.embodied.swarm import Swarm, swarm_at
 from epuck_sim.epuck import GRID_SPACING_CM
 from epuck_sim.errors import ScenarioError
@@ -38,11 +38,18 @@ PLACED = -1
 
 
 @jit_no_alloc
-def clearance_cm(swarm: Swarm, x: float, y: float) -> float:
-    """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
+def clearance_cm(swarm: Swarm, x: float, y: float, circles: int) -> float:
+    """Return the distance from a point to the nearest wall or obstacle; negative beyond or inside it.
+
+    Args:
+        swarm: The swarm.
+        x: cm.
+        y: cm.
+        circles: Number of circles that count: `scene.circles`, or `scene.first_movable` for all but movables.
+    """
     scene = swarm.scene[0]
     clearance: float = min(x, y, scene.width_cm - x, scene.height_cm - y)
-    for index in range(scene.circles):
+    for index in range(circles):
         circle = swarm.circles[index]
         clearance = min(clearance, math.hypot(circle.x - x, circle.y - y) - circle.radius)
     index = 0
@@ -63,17 +70,8 @@ def clearance_cm(swarm: Swarm, x: float, y: float) -> float:
 
 
 @jit_no_alloc
-def _cell_of(swarm: Swarm, x: float, y: float) -> int:
-    scene = swarm.scene[0]
-    row = cell_index(y, scene.cell_height_cm, scene.rows)
-    cell: int = row * scene.columns + cell_index(x, scene.cell_width_cm, scene.columns)
-    return cell
-
-
-@jit_no_alloc
 def _take(swarm: Swarm, robot: int) -> None:
-    """Take the place at which a robot is."""
-    cell = _cell_of(swarm, swarm.robots[robot].x, swarm.robots[robot].y)
+    cell = cell_of(swarm.robots[robot], swarm.scene[0])
     swarm.numbers[robot] = swarm.cells[cell]
     swarm.cells[cell] = robot + 1
 
@@ -81,12 +79,10 @@ def _take(swarm: Swarm, robot: int) -> None:
 @jit_no_alloc
 def _distance_to_taken(swarm: Swarm, x: float, y: float) -> float:
     """Return the square of the distance to the nearest place that is taken in the cells around; infinity if none is."""
-    scene = swarm.scene[0]
-    row, column = cell_index(y, scene.cell_height_cm, scene.rows), cell_index(x, scene.cell_width_cm, scene.columns)
-    nearest = math.inf
-    for r in range(max(row - 1, 0), min(row + 2, scene.rows)):
-        for c in range(max(column - 1, 0), min(column + 2, scene.columns)):
-            other = swarm.cells[r * scene.columns + c]
+    near, nearest = cells_around(x, y, swarm.scene[0]), math.inf
+    for row in range(near.first_row, near.end_row):
+        for column in range(near.first_column, near.last_column + 1):
+            other = swarm.cells[row * swarm.scene[0].columns + column]
             while other > 0:
                 dx, dy = swarm.robots[other - 1].x - x, swarm.robots[other - 1].y - y
                 nearest = min(nearest, dx * dx + dy * dy)
@@ -97,9 +93,9 @@ def _distance_to_taken(swarm: Swarm, x: float, y: float) -> float:
 @jit_no_alloc
 def is_free(swarm: Swarm, x: float, y: float) -> bool:
     """Return whether a robot at (x, y) touches none whose place is taken, no wall, no obstacle and no movable."""
-    radius = swarm.scene[0].radius_cm
-    touches = _distance_to_taken(swarm, x, y) < 4.0 * radius * radius
-    return not touches and clearance_cm(swarm, x, y) >= radius - TOLERANCE_CM
+    scene = swarm.scene[0]
+    touches = _distance_to_taken(swarm, x, y) < 4.0 * scene.radius_cm * scene.radius_cm
+    return not touches and clearance_cm(swarm, x, y, scene.circles) >= scene.radius_cm - TOLERANCE_CM
 
 
 @jit_no_alloc
@@ -176,7 +172,6 @@ def place_on_grid(block: ByteArray, first: int, end: int) -> int:
 
 @jit_no_alloc
 def _grid_points(length_cm: float) -> int:
-    """Return the number of the grid's points along one side of the arena."""
     points: int = max(1, math.floor(length_cm / GRID_SPACING_CM) - 1)
     return points
 
@@ -215,7 +210,7 @@ class Placement:
         robots, radius_cm = swarm.robots, self._scenario.robot.radius_cm
         for row, (x, y, heading) in enumerate(self._scenario.robots[number].poses or ()):
             key = f"{self._scenario.name}: robots.{number}.poses.{row}"
-            gap = clearance_cm(swarm, float(x), float(y)) - radius_cm
+            gap = clearance_cm(swarm, float(x), float(y), swarm.scene[0].circles) - radius_cm
             if gap < -TOLERANCE_CM:
                 raise ScenarioError(
                     f"{key}: is [{x:g}, {y:g}], {-gap:.3g} cm into a wall, an obstacle or a movable; "

@@ -59,7 +59,7 @@ def light_at(world: World, x: float, y: float) -> float:
 @jit_no_alloc
 def clearance_cm(world: World, x: float, y: float) -> float:
     """Return the distance from a point to the nearest wall, obstacle or movable; negative beyond or inside it."""
-    clearance: float = clearance_of(world.swarm, x, y)
+    clearance: float = clearance_of(world.swarm, x, y, len(world.circles))
     return clearance
 
 

@@ -27,13 +27,14 @@ from epuck_sim.embodied.controllers import GroupControllers, RobotError
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers.relations import Relations
+from epuck_sim.embodied.observers.scene import Scene
 from epuck_sim.embodied.placement import Placement
 from epuck_sim.embodied.sensors.own import OwnSensor
 from epuck_sim.embodied.sensors.signals import begin_pictures
 from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
-from epuck_sim.embodied.swarm import PATCHES, PIXELS, open_block
+from epuck_sim.embodied.swarm import PATCHES, PIXELS
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters
@@ -113,31 +114,24 @@ class Simulation:
         self._own_sensors = [
             [find_sensor(section["file"]) for section in group.sensors.values()] for group in scenario.robots
         ]
-        self._block = make_swarm_block(scenario, self._arenas, controllers, self._own_sensors)
-        contact = scenario.contact
-        self._world = World(
-            *(self._block, self._arenas),
-            friction=contact.friction,
-            drive_force_n=contact.drive_force_n,
-            kind=scenario.robot,
-        )
+        self._block, self._swarm = make_swarm_block(scenario, self._arenas, controllers, self._own_sensors)
+        self._world = World(self._swarm, self._arenas, scenario.robot, scenario.contact)
         self._build(controllers, [each.parameter_record(section.parameters) for each, section in groups])
         self.reset(seed)
 
     def _build(self, controllers: list[Controller], parameters: list[npt.NDArray[np.void]]) -> None:
         """Make all that works on the swarm's block, for these controllers and parameters of the groups."""
-        scenario, block = self.scenario, self._block
-        self._swarm = swarm = open_block(block)
+        scenario, block, swarm = self.scenario, self._block, self._swarm
         self._placement = Placement(swarm, scenario)
         self._step: IntArray = swarm.scene["step"]  # (1,) the number of the last step taken
         self._varies = bool(swarm.scene[0].robots_vary)
         self._starts: BoolArray = swarm.scene["starts"]  # (1,) whether controllers start
         self._groups = [
-            GroupControllers(block, number, controller, self._own_sensors[number], interpret=self._interpret)
+            GroupControllers(block, swarm, number, controller, self._own_sensors[number], interpret=self._interpret)
             for number, controller in enumerate(controllers)
         ]
         self._sensors = [
-            OwnSensor(block, number, sensor, interpret=self._interpret)
+            OwnSensor(block, swarm, number, sensor, interpret=self._interpret)
             for number, sensor in enumerate(itertools.chain(*self._own_sensors))
         ]
         sections = itertools.chain(*(group.sensors.values() for group in scenario.robots))
@@ -146,11 +140,14 @@ class Simulation:
         for group, record in zip(self._groups, parameters, strict=True):
             group.parameters[:] = record
         self._first_parameters = parameters
-        self._loop = ControlLoop(scenario, block, self._world, self._sensors, self._groups, interpret=self._interpret)
+        self._loop = ControlLoop(
+            *(scenario, block, swarm, self._world, self._sensors, self._groups), interpret=self._interpret
+        )
         counts = [section.count for section in scenario.robots]
         self.commands = Commands(controllers, counts, block, self._loop.addresses)
         self._find_periods()
         self._first_periods = self.period_ms.copy()
+        self._relations = Relations(Scene(scenario.robots, block, swarm))
         swarm.robots["starts"] = self._starts[0] = True
         self._template = block[: swarm.scene[0].at[PIXELS]].copy()
         self._starts[0] = False
@@ -159,7 +156,7 @@ class Simulation:
     def _show(self, arena: Arena) -> None:
         """Find the arrays that steps show in an arena, which the swarm is in."""
         self._arena = arena
-        self._relations = Relations(self.scenario, self._swarm, arena)
+        self._relations.restart()
         memories = [group.memory for group in self._groups]
         sensed = [(sensor.robots, sensor.readings) for sensor in self._sensors]
         self._shown = ShownArrays(self.scenario, self._swarm, arena, memories, sensed, self._relations)
@@ -211,7 +208,7 @@ class Simulation:
         self._starts[0] = False
         self.period_ms[:] = self._first_periods
         if scenario.members_change:
-            take_out(self._absent, block, self._world, self._groups)
+            take_out(self._absent, self._swarm, self._world, self._groups)
 
     def _find_periods(self) -> None:
         for group in self._groups:
@@ -368,13 +365,13 @@ class Simulation:
         scenario, swarm, entry = self.scenario, self._swarm, self.scenario.schedule[number]
         time_ms = self.steps * self._step_ms
         origin = f"{scenario.name}: schedule.{number}, at {time_ms / 1000:g} s, seed {self.seed}"
-        take_out(entry.remove, self._block, self._world, self._groups)
+        take_out(entry.remove, swarm, self._world, self._groups)
         if entry.arena_values():
             arena = arena_after(scenario, number).build()
             set_arena(swarm, arena, scenario.robot.cell_cm)
             self._world.change_arena(arena)
             self._show(arena)
-            check_bodies_outside(swarm, arena, origin)
+            check_bodies_outside(swarm, origin)
         phases = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number))
         places = np.random.SeedSequence(self.seed, spawn_key=(Part.SCHEDULE, number, 0))
         try:
@@ -419,12 +416,12 @@ class Simulation:
         first_parameters[group] = controller.parameter_record(at_first)
         try:
             controllers = [controller if each is old else each.controller for each in self._groups]
-            self._block = make_swarm_block(self.scenario, self._arenas, controllers, self._own_sensors)
+            self._block, self._swarm = make_swarm_block(self.scenario, self._arenas, controllers, self._own_sensors)
             self._build(controllers, first_parameters)
             replaced = replace_controller(before["_block"], self._block, group, old, self._groups[group], now)
         except BaseException:
             vars(self).update(before)
-            self._world.use(self._block, self._loop.addresses)
+            self._world.use(self._block, self._swarm, self._loop.addresses)
             raise
         self._find_periods()
         self._replaced_at = self.steps
@@ -491,7 +488,6 @@ class Simulation:
         return show_simulation(self.scenario, self.seed, self.last_step)
 
     def _location(self, robot: int) -> str:
-        """Return where a controller failed, for an error."""
         return f"{self.scenario.name}: robot {robot}, step {max(self.steps - 1, 0)}, seed {self.seed}"
 
     def _located(self, error: BaseException) -> BaseException:
@@ -506,7 +502,6 @@ class Simulation:
 
 
 def _from_snapshot(kind: type[Simulation], snapshot: Snapshot, interpret: bool) -> Simulation:
-    """Return a simulation of class `kind` as it was at a snapshot."""
     simulation = kind(snapshot.scenario, snapshot.seed, interpret=interpret)
     simulation.restore(snapshot)
     return simulation

@@ -11,7 +11,7 @@ import numpy as np
 
 from epuck_sim.arena import Arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.observers.visibility import find_sightings
 
 HALF_A_MILLISECOND = 0.0005
@@ -50,7 +50,7 @@ class _Suspicion:
         poses = step.poses.copy()[None]
         if step.arena is not self._arena:
             scenario, self._arena = self._simulation.scenario, step.arena
-            self._scene = Scene(scenario.robots, scenario.robot, step.arena)
+            self._scene = make_scene(scenario.robots, scenario.robot, step.arena)
         circles = self._scene.swarm.circles
         circles["x"], circles["y"], circles["radius"] = step.arena.circles.T  # movables move
         for group in range(len(self._scene.groups)):

@@ -92,7 +92,7 @@ class TestRobot:
         assign_bytes(swarm, 0, found, 0)
         self._camera, self._senses, self._actuators = swarm.pixels, robot.sensors, robot.actuators
         self._senses.step_ms, self._senses.distance_mm, self._senses.new_picture = step_ms, OUT_OF_RANGE_MM, True
-        self._controllers = GroupControllers(block, 0, found, own, interpret=interpret)
+        self._controllers = GroupControllers(block, swarm, 0, found, own, interpret=interpret)
         self._controllers.parameters[:] = record
         self._controllers.start()
         self.memory = Record("memory", self._controllers.memory)

@@ -58,11 +58,11 @@ def _run_robots(*given: Any) -> TrialResult:
 
 
 def _check_room_of_robots(scenario: EmbodiedScenario) -> None:
-    from epuck_sim.embodied.observers.scene import Scene
+    from epuck_sim.embodied.observers.scene import make_scene
     from epuck_sim.embodied.placement import Placement
     from epuck_sim.embodied.start import draw_start
 
-    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
     draw_start(scene.block, scenario.seed)
     Placement(scene.swarm, scenario).place(scene.block)
 

@@ -70,7 +70,7 @@ class Bench:
         members.present = True
         self.streams[:] = robot_streams(np.random.SeedSequence(seed), robots)
         assign_bytes(self.swarm, 0, controller, 0)
-        self.control = GroupControllers(self.block, 0, controller, interpret=interpret)
+        self.control = GroupControllers(self.block, self.swarm, 0, controller, interpret=interpret)
         self.control.parameters[:] = controller.parameter_record(controller.resolve(given or {}))
         self.memory = self.control.memory
         if start:

@@ -80,6 +80,17 @@ def test_oscillators_with_commanded_wheels_flash_by_themselves_and_rings_are_com
     assert (steps[-1].wheels_cm_s[3:] > 0).any()
 
 
+@pytest.mark.parametrize("interpret", [False, True])
+def test_faults_and_absence_come_after_commands(interpret):
+    robots = [{"controller": "external", "count": 3, "placement": "grid"}]
+    faults, schedule = [{"kind": "ring_dead", "robots": [0]}], [{"at_s": 0, "remove": [1]}]
+    simulation = Simulation({"robots": robots, "faults": faults, "schedule": schedule}, 1, interpret=interpret)
+    next(simulation)
+    simulation.command(5, 5, ring_on=True)
+    assert simulation.last_step.ring_on.tolist() == [False, False, True]
+    assert simulation.last_step.wheels_cm_s.tolist() == [[5, 5], [0, 0], [5, 5]]
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

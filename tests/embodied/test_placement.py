@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arena import clearance_cm
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.placement import Placement, begin_placement, is_free
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.start import Part, draw_start, spawned
@@ -37,7 +37,7 @@ def placed(*groups, width=60, height=60, obstacles=(), seed=0):
 
 def placed_as(scenario, seed):
     """Return (robots, 3) the poses at the start of the trial of a scenario with this seed."""
-    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
     draw_start(scene.block, seed)
     Placement(scene.swarm, scenario).place(scene.block)
     return poses_of(scene.swarm.robots).copy()
@@ -99,12 +99,6 @@ def test_robots_are_placed_where_a_slow_twin_places_them(groups, has_obstacles, 
     np.testing.assert_array_equal(placed_as(scenario, seed), placed_slowly(scenario, seed))
 
 
-def nearest_cm(poses):
-    """Return the smallest distance between two robots' centres."""
-    one, other = np.triu_indices(len(poses), 1)
-    return np.hypot(*(poses[one, :2] - poses[other, :2]).T).min()
-
-
 def chi_square(values, low, high, bins=16):
     counts, _ = np.histogram(values, bins, (low, high))
     assert counts.sum() == len(values)
@@ -114,48 +108,12 @@ def chi_square(values, low, high, bins=16):
 # --- random -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_robots_placed_at_random_overlap_neither_each_other_nor_walls_nor_obstacles(seed):
-    poses = placed({"count": 30}, width=100, height=80, obstacles=OBSTACLES, seed=seed)
-    assert poses.shape == (30, 3)
-    assert nearest_cm(poses) >= 2 * RADIUS_CM - 1e-6
-    assert (poses[:, :2] >= RADIUS_CM - 1e-6).all()
-    assert (poses[:, :2] <= np.array([100, 80]) - RADIUS_CM + 1e-6).all()
-    assert np.hypot(poses[:, 0] - 20, poses[:, 1] - 20).min() >= 8 + RADIUS_CM - 1e-6
-    dx, dy = poses[:, 0] - 60, poses[:, 1] - 60
-    along, across = dx * math.cos(0.6) + dy * math.sin(0.6), dy * math.cos(0.6) - dx * math.sin(0.6)
-    to_box = np.hypot(np.maximum(np.abs(along) - 20, 0), np.maximum(np.abs(across) - 2, 0))
-    assert to_box.min() >= RADIUS_CM - 1e-6
-
-
 def test_a_robot_placed_at_random_is_uniform_where_bodies_are_off_the_walls():
     poses = np.vstack([placed({"count": 1}, width=60, height=40, seed=seed) for seed in range(1600)])
     low, high = RADIUS_CM, np.array([60, 40]) - RADIUS_CM
     columns, rows = ((poses[:, :2] - low) / (high - low) * 4).T
     assert chi_square(np.floor(columns) + 4 * np.floor(rows) + 0.5, 0, 16) < CHI_SQUARE_15
     assert chi_square(poses[:, 2], 0, 2 * math.pi) < CHI_SQUARE_15
-
-
-def test_many_robots_placed_at_random_on_a_wide_floor_are_uniform():
-    poses = placed({"count": 2000}, width=10_000, height=10_000)
-    assert chi_square(poses[:, 0], 0, 10_000) < CHI_SQUARE_15
-    assert chi_square(poses[:, 1], 0, 10_000) < CHI_SQUARE_15
-    assert chi_square(poses[:, 2], 0, 2 * math.pi) < CHI_SQUARE_15
-
-
-def test_random_placement_fills_up_the_room_beside_an_obstacle():
-    wide = {"shape": "box", "x_cm": 25, "y_cm": 30, "width_cm": 49, "height_cm": 59}
-    x, y = np.array([placed({"count": 1}, obstacles=[wide], seed=seed)[0, :2] for seed in range(50)]).T
-    assert x.min() >= 49.5 + RADIUS_CM - 1e-6
-    assert y.min() < 10
-    assert y.max() > 50
-
-
-@pytest.mark.parametrize("kind", ["random", "grid"])
-def test_the_seed_alone_decides_where_robots_start(kind):
-    group = {"count": 10, "placement": kind}
-    np.testing.assert_array_equal(placed(group, seed=4), placed(group, seed=4))
-    assert not np.array_equal(placed(group, seed=4), placed(group, seed=5))
 
 
 SHIPPED = {name: load_scenario(name) for name in [*builtin_files(ARENAS), *builtin_files(SWEEPS)]}
@@ -169,12 +127,6 @@ def test_every_shipped_arena_has_room_for_its_robots_whatever_the_seed(arena):
 
 
 # --- grid -------------------------------------------------------------------------------------------
-
-
-def test_the_grid_of_a_60_cm_arena_is_5_by_5_points_10_cm_apart_from_10_to_50():
-    poses = placed({"count": 25, "placement": "grid"})
-    found = sorted(map(tuple, poses[:, :2].tolist()))
-    assert found == [(x, y) for x in (10, 20, 30, 40, 50) for y in (10, 20, 30, 40, 50)]
 
 
 @pytest.mark.parametrize(
@@ -242,17 +194,6 @@ def test_poses_in_an_obstacle_are_refused_with_their_key(place):
 # --- mixed, and too many ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_groups_of_all_kinds_find_room_side_by_side_and_keep_their_order(seed):
-    poses = [[20, 20, 0.5], [44, 41, 1.5]]
-    groups = {"count": 10}, {"count": 6, "placement": "grid"}, {"poses": poses}, {"count": 3}
-    found = placed(*groups, width=80, height=80, seed=seed)
-    assert nearest_cm(found) >= 2 * RADIUS_CM - 1e-6
-    np.testing.assert_array_equal(found[16:18], poses)
-    assert (found[10:16, :2] % 10 == 0).all()
-    assert (found[:10, :2] % 10 != 0).any()
-
-
 @pytest.mark.parametrize(
     ("count", "width", "why"),
     [
@@ -286,7 +227,7 @@ POSES = [[15, 15, 0.5], [40, 40, 2.0], [15, 40, -1.0]]
 def start_of(memory, controller="firefly", **group):
     """Return what three robots remember before the first step."""
     robots = [{"poses": POSES, "controller": controller, "memory": memory, **group}]
-    return Simulation({"robots": robots}, 4)._groups[0].memory
+    return Simulation({"robots": robots}, 4).last_step.memories[0]
 
 
 def test_phases_of_robots_may_be_given_and_all_else_is_as_the_controller_starts() -> None:
@@ -364,7 +305,7 @@ def test_twice_the_groups_take_little_more_than_twice_the_time_to_place():
 
 def test_a_robot_that_joins_may_touch_others_as_one_that_starts_may() -> None:
     scenario = load_scenario({"robots": [{"poses": [[10.0, 10.0, 0.0]]}]})
-    scene = Scene(scenario.robots, scenario.robot, scenario.arena.build())
+    scene = make_scene(scenario.robots, scenario.robot, scenario.arena.build())
     Placement(scene.swarm, scenario)
     begin_placement(scene.block)
     assert is_free(scene.swarm, 17.4001, 10.0)

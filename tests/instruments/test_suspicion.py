@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import ScenarioError
@@ -65,7 +65,7 @@ def slow_alarms(cycles, seconds, dead, seed):
     """Count by going through all pairs of robots in each step."""
     loaded = load_scenario({**SWARM, "faults": [{"kind": "ring_dead", "robots": [dead]}]})
     simulation, robots = Simulation(loaded, seed), 8
-    scene = Scene(loaded.robots, loaded.robot, loaded.arena.build())
+    scene = make_scene(loaded.robots, loaded.robot, loaded.arena.build())
     dark = {(i, j): 0.0 for i in range(robots) for j in range(robots)}
     suspects: set[tuple[int, int]] = set()
     alarms = 0

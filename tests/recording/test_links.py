@@ -7,7 +7,7 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.embodied.observers.contacts import GAP_CM
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
@@ -46,7 +46,7 @@ def robots(path: Path, level: Level = Level.FULL) -> tuple[Recorded, list[Step]]
 
 def test_sightings_are_those_of_the_cameras(tmp_path) -> None:
     read, steps = robots(tmp_path / "t.rrd")
-    poses, scene = np.array([step.poses for step in steps]), Scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
+    poses, scene = np.array([step.poses for step in steps]), make_scene(CROWD.robots, CROWD.robot, CROWD.arena.build())
     expected = []
     for group in range(2):
         found = find_sightings(scene, poses, group)

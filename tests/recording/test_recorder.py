@@ -17,7 +17,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import RecordingError
@@ -415,7 +415,7 @@ def test_a_view_shows_the_outermost_rays_of_the_central_window_up_to_the_walls(t
 
 
 def test_contacts_are_those_of_the_bodies(trial: Trial) -> None:
-    scene = Scene(trial.scenario.robots, trial.scenario.robot, trial.scenario.arena.build())
+    scene = make_scene(trial.scenario.robots, trial.scenario.robot, trial.scenario.arena.build())
     found, points = find_contacts(scene, trial.watched["poses"])
     steps = found[:, 0]
     rows = trial.found.lists("/arena/contacts", "Points2D:positions")

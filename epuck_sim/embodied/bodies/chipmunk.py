@@ -2,19 +2,15 @@
 
 Functions, bodies and shapes are called, and given, by their addresses, which stand in an array. They differ from
 process to process: in an array, they are no part of the compiled code, which can thus be kept on disk. This is the one
-file with private names of pymunk. Where they, or how C is called, are not as expected, `reason_for_public_way` says so,
-and `public_space` moves bodies instead.
+file with private names of pymunk. Where they, or how C is called, are not as expected, `public_space` runs the same
+kernels as plain Python, by pymunk's public interface.
 """
 
 import math
-import platform
-import sys
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
-import numba
-import numpy as np
 import pymunk
 
 from epuck_sim.arrays import ByteArray, FloatArray, IntArray
@@ -26,30 +22,21 @@ from epuck_sim.embodied.bodies.contact_candidates import (
     list_candidates,
     move_straight,
 )
+from epuck_sim.embodied.bodies.shapes import Bodies, Thing
 from epuck_sim.embodied.cells import sort_into_cells
 from epuck_sim.embodied.swarm import GROUND, HIDE, SPACE, Swarm, swarm_at
 from epuck_sim.util.jit import jit_inline, jit_no_alloc
-from epuck_sim.util.native import call, call_c, double_from_c, pointer_from_c, vector_from_c
+from epuck_sim.util.native import call_c, double_from_c, pointer_from_c, vector_from_c
 
 try:
     from pymunk._chipmunk_cffi import ffi, lib
 except ImportError:
     ffi = lib = None
 
-Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
-
 SLOP_CM = 2 * MARGIN_CM
 """Overlap of enlarged bodies that is not corrected."""
 
-BODY, SHAPE, JOINT = range(3)
-"""Offsets among the addresses of a movable; a robot has a body and a shape."""
-
-MOVABLE_ADDRESSES = 3
-
-PLACE_MOVABLES = HIDE + 1
-"""Index in the addresses of `place_movables`; 0 without movables."""
-
-_FUNCTIONS = {
+FUNCTIONS = {
     "cpSpaceNew": "cpSpace *(*)(void)",
     "cpSpaceFree": "void(*)(cpSpace *)",
     "cpSpaceSetCollisionSlop": "void(*)(cpSpace *, cpFloat)",
@@ -57,10 +44,8 @@ _FUNCTIONS = {
     "cpSpaceStep": "void(*)(cpSpace *, cpFloat)",
     "cpSpaceAddBody": "cpBody *(*)(cpSpace *, cpBody *)",
     "cpSpaceAddShape": "cpShape *(*)(cpSpace *, cpShape *)",
-    "cpSpaceAddConstraint": "cpConstraint *(*)(cpSpace *, cpConstraint *)",
     "cpSpaceRemoveBody": "void(*)(cpSpace *, cpBody *)",
     "cpSpaceRemoveShape": "void(*)(cpSpace *, cpShape *)",
-    "cpSpaceRemoveConstraint": "void(*)(cpSpace *, cpConstraint *)",
     "cpBodyGetSpace": "cpSpace *(*)(cpBody *)",
     "cpBodySetPosition": "void(*)(cpBody *, cpVect)",
     "cpBodySetAngle": "void(*)(cpBody *, cpFloat)",
@@ -70,23 +55,17 @@ _FUNCTIONS = {
     "cpBodyGetAngle": "cpFloat(*)(cpBody *)",
     "cpBodyGetVelocity": "cpVect(*)(cpBody *)",
     "cpBodyUpdatePosition": "void(*)(cpBody *, cpFloat)",
-    "cpPivotJointInit": "cpPivotJoint *(*)(cpPivotJoint *, cpBody *, cpBody *, cpVect, cpVect)",
-    "cpConstraintGetMaxForce": "cpFloat(*)(cpConstraint *)",
-    "cpConstraintSetMaxForce": "void(*)(cpConstraint *, cpFloat)",
-    "cpConstraintSetMaxBias": "void(*)(cpConstraint *, cpFloat)",
 }
-"""Chipmunk's functions that compiled code calls, and their kinds as it takes them to be."""
+"""Chipmunk's functions that compiled code calls, in the order of their addresses, and their expected kinds."""
 
-_FIRST = PLACE_MOVABLES + 1
+FIRST = HIDE + 1
 
-(_NEW_SPACE, _FREE_SPACE, _SET_SLOP, _SET_BIAS, _STEP, _ADD_BODY, _ADD_SHAPE, _ADD_JOINT) = range(_FIRST, _FIRST + 8)
-(_REMOVE_BODY, _REMOVE_SHAPE, _REMOVE_JOINT, _SPACE_OF) = range(_FIRST + 8, _FIRST + 12)
-(_SET_POSITION, _SET_ANGLE, _SET_VELOCITY, _SET_SPIN) = range(_FIRST + 12, _FIRST + 16)
-(_GET_POSITION, _GET_ANGLE, _GET_VELOCITY, _UPDATE_POSITION) = range(_FIRST + 16, _FIRST + 20)
-(_INIT_PIVOT, _GET_FORCE, _SET_FORCE, _SET_JOINT_BIAS) = range(_FIRST + 20, _FIRST + 24)
+(_NEW_SPACE, _FREE_SPACE, _SET_SLOP, _SET_BIAS, _STEP, _ADD_BODY, _ADD_SHAPE) = range(FIRST, FIRST + 7)
+(_REMOVE_BODY, _REMOVE_SHAPE, _SPACE_OF, _SET_POSITION, _SET_ANGLE, _SET_VELOCITY) = range(FIRST + 7, FIRST + 13)
+(_SET_SPIN, _GET_POSITION, _GET_ANGLE, _GET_VELOCITY, _UPDATE_POSITION) = range(FIRST + 13, FIRST + 18)
 """Indices of the functions in the addresses."""
 
-END = _FIRST + len(_FUNCTIONS)
+END = FIRST + len(FUNCTIONS)
 """Index in the addresses of the first that is not the same for all worlds of a process."""
 
 
@@ -133,7 +112,7 @@ def _step_space(swarm: Swarm, addresses: IntArray, inside: int, fastest_cm_s: fl
         robots[number].x, robots[number].y = vector_from_c(addresses[_GET_POSITION], body)
         robots[number].heading = double_from_c(addresses[_GET_ANGLE], body)
     for movable in range(scene.circles - scene.first_movable):
-        body = addresses[scene.movables + MOVABLE_ADDRESSES * movable]
+        body = addresses[scene.movables + movable]
         circle = swarm.circles[scene.first_movable + movable]
         circle.x, circle.y = vector_from_c(addresses[_GET_POSITION], body)
 
@@ -144,16 +123,8 @@ def _bring_in(
 ) -> int:
     """Bring into the space whom robots may touch that have come too far, and those that have been brought in before.
 
-    Args:
-        swarm: The swarm.
-        addresses: See the module.
-        candidates: Number of robots that were candidates, the first ones in the list.
-        inside: Number of robots in the space, which the list has.
-        fastest_cm_s: Speed of the fastest robot.
-        past_s: Time since the control step began.
-
-    Returns:
-        The number of robots that are in the space then.
+    The list has the robots that are `inside` the space, those that were candidates first; return how many are inside
+    then. `past_s`: time since the control step began.
     """
     first, path_cm = swarm.scene[0].bodies, fastest_cm_s * past_s + PUSHED_CM
     index = 0
@@ -181,11 +152,11 @@ def _enter(swarm: Swarm, addresses: IntArray, number: int) -> None:
     body = addresses[scene.bodies + 2 * number]
     if not robot.in_space:
         call_c(addresses[_ADD_BODY], addresses[SPACE], body)
-        call_c(addresses[_ADD_SHAPE], addresses[SPACE], addresses[scene.bodies + 2 * number + SHAPE])
+        call_c(addresses[_ADD_SHAPE], addresses[SPACE], addresses[scene.bodies + 2 * number + 1])
         call_c(addresses[_SET_POSITION], body, robot.x, robot.y)
         call_c(addresses[_SET_ANGLE], body, robot.heading)
         robot.in_space = True
-    driven = body if scene.drives < 0 else addresses[scene.drives + 2 * number]
+    driven = body if scene.drives < 0 else addresses[scene.drives + number]
     call_c(addresses[_SET_VELOCITY], driven, robot.vx, robot.vy)
     call_c(addresses[_SET_SPIN], body, robot.spin)
 
@@ -193,7 +164,7 @@ def _enter(swarm: Swarm, addresses: IntArray, number: int) -> None:
 @jit_inline
 def _leave(swarm: Swarm, addresses: IntArray, number: int) -> None:
     first = swarm.scene[0].bodies + 2 * number
-    call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], addresses[first + SHAPE])
+    call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], addresses[first + 1])
     call_c(addresses[_REMOVE_BODY], addresses[SPACE], addresses[first])
     swarm.robots[number].in_space = False
 
@@ -211,14 +182,12 @@ def step(block: ByteArray, addresses: IntArray) -> None:
 def place(block: ByteArray, addresses: IntArray) -> None:
     """Make the space anew, with all robots at rest where they are, and out of it: the world is as good as new.
 
-    A space is never used for a second trial (viblo/pymunk#181). Movables are where the block says, too.
+    A space is never used for a second trial (viblo/pymunk#181).
     """
     swarm = swarm_at(block)
     scene = swarm.scene[0]
     surfaces = addresses[scene.surfaces : scene.surfaces + scene.surface_count]
     if addresses[SPACE] != 0:
-        if addresses[PLACE_MOVABLES] != 0:
-            call(addresses[PLACE_MOVABLES], block, addresses, 0)
         for shape in surfaces:
             call_c(addresses[_REMOVE_SHAPE], addresses[SPACE], shape)
         call_c(addresses[_REMOVE_BODY], addresses[SPACE], addresses[GROUND])
@@ -232,8 +201,6 @@ def place(block: ByteArray, addresses: IntArray) -> None:
     call_c(addresses[_ADD_BODY], addresses[SPACE], addresses[GROUND])
     for shape in surfaces:
         call_c(addresses[_ADD_SHAPE], addresses[SPACE], shape)
-    if addresses[PLACE_MOVABLES] != 0:
-        call(addresses[PLACE_MOVABLES], block, addresses, 1)
     sort_into_cells(swarm)
 
 
@@ -253,193 +220,108 @@ def sort_robots(block: ByteArray) -> None:
 
 @jit_no_alloc
 def _rest(swarm: Swarm, addresses: IntArray, number: int) -> None:
-    """Take a robot out of the space; see `_forget_motion`. Blocks that were overwritten may not know that it is in."""
+    """Set a body to rest as a new one, out of the space: from its last place, contacts would be found in another order.
+
+    Blocks that were overwritten may not know that it is in the space.
+    """
     body, robot = addresses[swarm.scene[0].bodies + 2 * number], swarm.robots[number]
     if pointer_from_c(addresses[_SPACE_OF], body) != 0:
         _leave(swarm, addresses, number)
-    _forget_motion(addresses, body, 0.0, 0.0)
-    robot.in_space = False
-    robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
-
-
-@jit_no_alloc
-def _forget_motion(addresses: IntArray, body: int, x: float, y: float) -> None:
-    """Set a body to rest at some place as a new one: from its last one, contacts would be found in another order."""
     call_c(addresses[_SET_VELOCITY], body, 0.0, 0.0)
     call_c(addresses[_SET_SPIN], body, 0.0)
     call_c(addresses[_UPDATE_POSITION], body, 0.0)  # forgets what its last contact was to correct in the next step
-    call_c(addresses[_SET_POSITION], body, x, y)
+    call_c(addresses[_SET_POSITION], body, 0.0, 0.0)
     call_c(addresses[_SET_ANGLE], body, 0.0)
-
-
-@jit_no_alloc
-def place_movables(block: ByteArray, addresses: IntArray, entering: int) -> None:
-    """Take movables and joints out of the space, or put them into it, as new; entering: 0 or 1."""
-    swarm = swarm_at(block)
-    scene, space = swarm.scene[0], addresses[SPACE]
-    for movable in range(scene.circles - scene.first_movable):
-        first = scene.movables + MOVABLE_ADDRESSES * movable
-        body, shape = addresses[first], addresses[first + SHAPE]
-        if entering == 0:
-            call_c(addresses[_REMOVE_JOINT], space, addresses[first + JOINT])
-            call_c(addresses[_REMOVE_SHAPE], space, shape)
-            call_c(addresses[_REMOVE_BODY], space, body)
-        else:
-            circle = swarm.circles[scene.first_movable + movable]
-            _forget_motion(addresses, body, circle.x, circle.y)
-            call_c(addresses[_ADD_BODY], space, body)
-            call_c(addresses[_ADD_SHAPE], space, shape)
-    if entering != 0:
-        for movable in range(scene.circles - scene.first_movable):
-            first = scene.movables + MOVABLE_ADDRESSES * movable
-            _add_joint(addresses, addresses[first + JOINT], addresses[GROUND], addresses[first])
-    for number in range(len(swarm.robots)):
-        drive, joint = addresses[scene.drives + 2 * number], addresses[scene.drives + 2 * number + 1]
-        if entering == 0:
-            call_c(addresses[_REMOVE_JOINT], space, joint)
-        else:
-            call_c(addresses[_SET_VELOCITY], drive, 0.0, 0.0)
-            _add_joint(addresses, joint, drive, addresses[scene.bodies + 2 * number])
-
-
-@jit_no_alloc
-def _add_joint(addresses: IntArray, joint: int, one: int, other: int) -> None:
-    """Put a joint into the space as a new one: an old one knows its last impulse."""
-    force = double_from_c(addresses[_GET_FORCE], joint)
-    call_c(addresses[_INIT_PIVOT], joint, one, other, 0.0, 0.0, 0.0, 0.0)
-    call_c(addresses[_SET_JOINT_BIAS], joint, 0.0)
-    call_c(addresses[_SET_FORCE], joint, force)
-    call_c(addresses[_ADD_JOINT], addresses[SPACE], joint)
+    robot.in_space = False
+    robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
 
 
 # --- for Python ---------------------------------------------------------------------------------------
 
 
-def address(thing: Thing) -> int:
-    """Return the address of the C struct behind an object of pymunk."""
-    name = {pymunk.Body: "_body", pymunk.Shape: "_shape", pymunk.Constraint: "_constraint"}
-    return _value(next(getattr(thing, name[kind]) for kind in name if isinstance(thing, kind)))
+_STRUCTS: dict[type[Thing], str] = {
+    pymunk.Constraint: "_constraint",
+    pymunk.Shape: "_shape",
+    pymunk.Body: "_body",
+}
+"""What pymunk calls the C structs of its objects, in the order in which these are taken out of a space."""
+
+
+def _struct(thing: Thing) -> Any:
+    return next(getattr(thing, struct) for kind, struct in _STRUCTS.items() if isinstance(thing, kind))
 
 
 def _value(pointer: Any) -> int:
     return int(ffi.cast("uintptr_t", pointer))
 
 
-def exchange_shapes(space: int, old: Iterable[pymunk.Shape], new: Iterable[pymunk.Shape]) -> None:
-    """Take shapes out of the space at an address, and put others into it."""
-    for shape in old:
-        lib.cpSpaceRemoveShape(ffi.cast("cpSpace *", space), shape._shape)
-    for shape in new:
-        lib.cpSpaceAddShape(ffi.cast("cpSpace *", space), shape._shape)
+def address(thing: Thing) -> int:
+    """Return the address of the C struct behind an object of pymunk."""
+    return _value(_struct(thing))
 
 
-def free_space(addresses: IntArray, things: Iterable[Thing]) -> None:
-    """Free a space, if there is one, and take out first what may be in it; bodies are last among the things.
+def add_to_space(space: int, things: Iterable[Thing]) -> None:
+    """Put things into the space at an address."""
+    for thing in things:
+        kind = next(kind.__name__ for kind in _STRUCTS if isinstance(thing, kind))
+        getattr(lib, f"cpSpaceAdd{kind}")(ffi.cast("cpSpace *", int(space)), _struct(thing))
+
+
+def take_from_space(space: int, things: Iterable[Thing]) -> None:
+    """Take those of things out of the space at an address that are in it: first joints, then shapes, then bodies."""
+    pointer, every = ffi.cast("cpSpace *", int(space)), list(things)
+    for kind in _STRUCTS:
+        space_of, remove = getattr(lib, f"cp{kind.__name__}GetSpace"), getattr(lib, f"cpSpaceRemove{kind.__name__}")
+        for thing in every:
+            if isinstance(thing, kind) and space_of(_struct(thing)) == pointer:
+                remove(pointer, _struct(thing))
+
+
+def free_space(addresses: IntArray, bodies: Bodies) -> None:
+    """Free the space, if there is one, and take out first what may be in it.
 
     pymunk's objects free their structs themselves, and would otherwise ask for a space that is gone.
     """
-    space = ffi.cast("cpSpace *", int(addresses[SPACE]))
-    if space == ffi.NULL:
-        return
-    for thing in things:
-        if isinstance(thing, pymunk.Constraint):
-            if lib.cpConstraintGetSpace(thing._constraint) == space:
-                lib.cpSpaceRemoveConstraint(space, thing._constraint)
-        elif isinstance(thing, pymunk.Shape):
-            if lib.cpShapeGetSpace(thing._shape) == space:
-                lib.cpSpaceRemoveShape(space, thing._shape)
-        elif lib.cpBodyGetSpace(thing._body) == space:
-            lib.cpSpaceRemoveBody(space, thing._body)
-    lib.cpSpaceFree(space)
-    addresses[SPACE] = 0
+    if addresses[SPACE]:
+        take_from_space(addresses[SPACE], [bodies.ground, *bodies.listed, *bodies.pushed])
+        lib.cpSpaceFree(ffi.cast("cpSpace *", int(addresses[SPACE])))
+        addresses[SPACE] = 0
 
 
+@cache
 def function_addresses() -> list[int]:
-    """Return the addresses of Chipmunk's functions, as they stand from `PLACE_MOVABLES` + 1 up to `END`.
+    """Return the addresses of Chipmunk's functions, as they stand from `FIRST` up to `END`.
 
     Raises:
         AttributeError: This pymunk has no such function.
         TypeError: This pymunk's function is of another kind than compiled code takes it for.
     """
-    return [_function_address(name, kind) for name, kind in _FUNCTIONS.items()]
-
-
-def _function_address(name: str, kind: str) -> int:
-    function = ffi.addressof(lib, name)
-    if ffi.typeof(function) is not ffi.typeof(kind):
-        raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {kind}")
-    return _value(function)
-
-
-# --- whether all that is as expected --------------------------------------------------------------------
-
-
-@lru_cache
-def reason_for_public_way() -> str:
-    """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can, which is tried once a process."""
-    if sys.platform == "win32" or platform.machine().lower() not in {"x86_64", "amd64", "aarch64", "arm64"}:
-        return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
-    try:
-        addresses = np.array([0] * _FIRST + function_addresses())
-        if _moved(addresses) != _moved_publicly():
-            return "a body that compiled code moves goes elsewhere"
-    except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
-        return str(error)
-    return ""
-
-
-def versions() -> str:
-    """Return the versions of what moves bodies."""
-    return f"pymunk {pymunk.version} and numba {numba.__version__}"
-
-
-def _wall_and_disc() -> tuple[pymunk.Body, pymunk.Shape, pymunk.Body, pymunk.Shape]:
-    """Return a wall and a disc, each a body and a shape."""
-    wall, disc = pymunk.Body(body_type=pymunk.Body.STATIC), pymunk.Body(2.0, 3.0)
-    shapes = pymunk.Segment(wall, (-9.0, 0.0), (9.0, 1.0), 0.5), pymunk.Circle(disc, 1.0)
-    for shape in shapes:
-        shape.friction = 0.7
-    return wall, shapes[0], disc, shapes[1]
-
-
-_TRIED = (1.0, 1.5), 0.25, (3.0, -4.0), 1.0
-"""Position, angle, velocity and angular velocity of the disc that is tried."""
-
-
-def _moved(addresses: IntArray) -> tuple[float, ...]:
-    """Return x, y and angle of a disc that compiled code has moved against a wall."""
-    things = _wall_and_disc()
-    moved = np.zeros(3)
-    _try(addresses, np.array([address(thing) for thing in things]), moved)
-    return tuple(moved.tolist())
-
-
-def _moved_publicly() -> tuple[float, ...]:
-    """Return x, y and angle of a disc that pymunk has moved against a wall."""
-    things = _wall_and_disc()
-    space, disc = pymunk.Space(), things[2]
-    space.collision_slop, space.collision_bias = SLOP_CM, 0.0
-    space.add(*things)
-    disc.position, disc.angle, disc.velocity, disc.angular_velocity = _TRIED
-    for _ in range(5):
-        space.step(0.1)
-    return disc.position.x, disc.position.y, disc.angle
+    functions = {name: ffi.addressof(lib, name) for name in FUNCTIONS}
+    for name, function in functions.items():
+        if ffi.typeof(function) is not ffi.typeof(FUNCTIONS[name]):
+            raise TypeError(f"its function {name} is {ffi.typeof(function).cname}, not {FUNCTIONS[name]}")
+    return list(map(_value, functions.values()))
 
 
 @jit_no_alloc
-def _try(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
-    """Move a disc against a wall with each kind of call; things: a wall's body and shape, and a disc's."""
-    (x, y), angle, (vx, vy), spin = _TRIED
+def try_calls(addresses: IntArray, things: IntArray, moved: FloatArray) -> None:
+    """Move a disc against a wall with each kind of call, and get its x, y and angle.
+
+    Args:
+        addresses: See the module.
+        things: A wall's body and shape, and a disc's.
+        moved: (3,) is written.
+    """
     space, disc = pointer_from_c(addresses[_NEW_SPACE]), things[2]
     call_c(addresses[_SET_SLOP], space, SLOP_CM)
     call_c(addresses[_SET_BIAS], space, 0.0)
     for first in range(0, 4, 2):
         call_c(addresses[_ADD_BODY], space, things[first])
         call_c(addresses[_ADD_SHAPE], space, things[first + 1])
-    call_c(addresses[_SET_POSITION], disc, x, y)
-    call_c(addresses[_SET_ANGLE], disc, angle)
-    call_c(addresses[_SET_VELOCITY], disc, vx, vy)
-    call_c(addresses[_SET_SPIN], disc, spin)
+    call_c(addresses[_SET_POSITION], disc, 1.0, 1.5)
+    call_c(addresses[_SET_ANGLE], disc, 0.25)
+    call_c(addresses[_SET_VELOCITY], disc, 3.0, -4.0)
+    call_c(addresses[_SET_SPIN], disc, 1.0)
     for _ in range(5):
         call_c(addresses[_STEP], space, 0.1)
     moved[0], moved[1] = vector_from_c(addresses[_GET_POSITION], disc)

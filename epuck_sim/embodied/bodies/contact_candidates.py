@@ -92,7 +92,6 @@ def find_contact_candidates(swarm: Swarm) -> float:
 
 @jit_inline
 def _meets_wall(swarm: Swarm, number: int, time_s: float) -> bool:
-    """Return whether a straight line ends at a wall."""
     robot, scene = swarm.robots[number], swarm.scene[0]
     x = robot.x + robot.vx * time_s
     y = robot.y + robot.vy * time_s

@@ -1,118 +1,82 @@
 """Motion by pymunk's public interface alone, slowly: for versions whose C functions compiled code cannot call.
 
-Each function here is the twin of one in `chipmunk`, and does the same in the same order: outcomes are equal to the bit.
+The kernels of `chipmunk` run as plain Python, on an array that has pymunk's objects where compiled code has addresses,
+and functions of the public interface where it has Chipmunk's. So the outcome is the same, to the bit.
 """
 
-import math
-from collections.abc import Iterable
+import platform
+import sys
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from operator import attrgetter
+from types import FunctionType, SimpleNamespace
+from typing import Any
 
+import numba
 import numpy as np
 import pymunk
 
 from epuck_sim.arrays import ByteArray
-from epuck_sim.embodied.bodies.chipmunk import SLOP_CM, sort_robots
-from epuck_sim.embodied.bodies.contact_candidates import PUSHED_CM, add_reached, find_contact_candidates
-from epuck_sim.embodied.bodies.shapes import Bodies
+from epuck_sim.embodied.bodies import chipmunk
+from epuck_sim.embodied.bodies.contact_candidates import add_reached, find_contact_candidates
+from epuck_sim.embodied.bodies.shapes import Thing
 from epuck_sim.embodied.swarm import open_block, swarm_at
 from epuck_sim.util.jit import jit_no_alloc
 
 
-class PublicSpace:
-    """The space of one trial after the other."""
+def _setter(name: str) -> Callable[..., None]:
+    """Return a function that sets an attribute to a number, or a vector to several."""
+    return lambda thing, *values: setattr(thing, name, values if len(values) > 1 else values[0])
 
-    def __init__(self, block: ByteArray, bodies: Bodies) -> None:
-        """Begin a trial with bodies that have never been in a space; robots are where the block says."""
-        self.use(block)
-        self.bodies = bodies
-        self._space = pymunk.Space()
-        self._space.collision_slop, self._space.collision_bias = SLOP_CM, 0.0
-        self._space.add(bodies.ground, *bodies.surfaces)
-        for disc in bodies.movables:
-            self._space.add(*disc)
-        self._space.add(*bodies.holds, *(joint for _, joint in bodies.drives))
-        robots = self._swarm.robots
-        robots.in_space = False
-        robots.vx = robots.vy = robots.spin = 0.0
-        sort_robots(block)
 
-    def use(self, block: ByteArray) -> None:
-        """Work on a block that is like the first one from now on."""
-        self._block, self._swarm = block, open_block(block)
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "cpSpaceNew": pymunk.Space,
+    "cpSpaceFree": lambda _: None,
+    "cpSpaceSetCollisionSlop": _setter("collision_slop"),
+    "cpSpaceSetCollisionBias": _setter("collision_bias"),
+    "cpSpaceStep": pymunk.Space.step,
+    **dict.fromkeys(("cpSpaceAddBody", "cpSpaceAddShape"), pymunk.Space.add),
+    **dict.fromkeys(("cpSpaceRemoveBody", "cpSpaceRemoveShape"), pymunk.Space.remove),
+    "cpBodyGetSpace": lambda body: body.space or 0,
+    "cpBodySetPosition": _setter("position"),
+    "cpBodySetAngle": _setter("angle"),
+    "cpBodySetVelocity": _setter("velocity"),
+    "cpBodySetAngularVelocity": _setter("angular_velocity"),
+    "cpBodyGetPosition": attrgetter("position"),
+    "cpBodyGetAngle": attrgetter("angle"),
+    "cpBodyGetVelocity": attrgetter("velocity"),
+    "cpBodyUpdatePosition": pymunk.Body.update_position,
+}
+"""What does by pymunk's public interface what each of `chipmunk.FUNCTIONS` does."""
 
-    def rest(self, number: int) -> None:
-        """Put a robot at rest, as one that has touched nothing yet, and sort all robots into cells."""
-        robot, (body, _) = self._swarm.robots[number], self.bodies.robots[number]
-        if robot.in_space:
-            self._leave(number)
-        body.velocity, body.angular_velocity = (0.0, 0.0), 0.0
-        pymunk.Body.update_position(body, 0.0)
-        body.position, body.angle = (0.0, 0.0), 0.0
-        robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
-        sort_robots(self._block)
 
-    def exchange_shapes(self, old: Iterable[pymunk.Shape], new: Iterable[pymunk.Shape]) -> None:
-        """Take shapes out of the space, and put others into it."""
-        self._space.remove(*old)
-        self._space.add(*new)
+def public_way(block: ByteArray) -> SimpleNamespace:
+    """Return the functions of `chipmunk` for a block as plain Python, by pymunk's public interface."""
 
-    def step(self) -> None:
-        """Move all bodies for a control step."""
-        scene, robots = self._swarm.scene[0], self._swarm.robots
-        fastest_cm_s = find_candidates(self._block)
-        for number, robot in enumerate(robots):
-            if robot.in_space and not robot.may_touch:
-                self._leave(number)
-            if robot.may_touch:
-                self._enter(number)
-        candidates = np.flatnonzero(robots.may_touch[self._swarm.members.robot])
-        self._swarm.numbers[: len(candidates)] = candidates
-        if len(candidates):
-            self._step_space(len(candidates), fastest_cm_s)
-        outside, time_s = ~robots.in_space, scene.physics_steps * scene.physics_s
-        for part, rate in ("x", "vx"), ("y", "vy"), ("heading", "spin"):
-            robots[part][outside] += robots[rate][outside] * time_s
-        sort_robots(self._block)
+    def call(function: Callable[..., Any], *arguments: Any) -> Any:
+        return function(*arguments)
 
-    def _step_space(self, inside: int, fastest_cm_s: float) -> None:
-        scene, robots, numbers = self._swarm.scene[0], self._swarm.robots, self._swarm.numbers
-        members = self._swarm.members
-        candidates = inside
-        for step in range(scene.physics_steps):
-            past_s, index = step * scene.physics_s, 0
-            path_cm = fastest_cm_s * past_s + PUSHED_CM
-            while scene.touch and step > 0 and index < inside:
-                start = members[numbers[index]]
-                body = self.bodies.robots[start.robot].body
-                x, y = body.position
-                dx, dy = x - start.x, y - start.y
-                if dx * dx + dy * dy > path_cm * path_cm or index >= candidates:
-                    speed = math.hypot(*body.velocity) + fastest_cm_s
-                    entered, inside = inside, add_robots_reached(self._block, inside, x, y, speed, past_s)
-                    for member in numbers[entered:inside]:
-                        self._enter(members[member].robot)
-                index += 1
-            self._space.step(scene.physics_s)
-        for member in numbers[:inside]:
-            number = members[member].robot
-            robot, body = robots[number], self.bodies.robots[number].body
-            robot.x, robot.y = body.position
-            robot.heading = body.angle
-        for circle, (body, _) in zip(self._swarm.circles[scene.first_movable :], self.bodies.movables, strict=False):
-            circle.x, circle.y = body.position
+    def add_to_space(space: pymunk.Space, things: Iterable[Thing]) -> None:
+        for thing in things:  # at once, all bodies would enter first
+            space.add(thing)
 
-    def _enter(self, number: int) -> None:
-        robot, disc = self._swarm.robots[number], self.bodies.robots[number]
-        if not robot.in_space:
-            self._space.add(*disc)
-            disc.body.position, disc.body.angle = (robot.x, robot.y), robot.heading
-            robot.in_space = True
-        driven = self.bodies.drives[number].body if self.bodies.drives else disc.body
-        driven.velocity, disc.body.angular_velocity = (robot.vx, robot.vy), robot.spin
-
-    def _leave(self, number: int) -> None:
-        disc = self.bodies.robots[number]
-        self._space.remove(disc.shape, disc.body)
-        self._swarm.robots[number].in_space = False
+    names = dict.fromkeys(("call_c", "pointer_from_c", "double_from_c", "vector_from_c"), call) | {
+        "address": lambda thing: thing,
+        "function_addresses": lambda: [_FUNCTIONS[name] for name in chipmunk.FUNCTIONS],
+        "add_to_space": add_to_space,
+        "take_from_space": lambda space, things: space.remove(*things),
+        "free_space": lambda *_: None,
+        "swarm_at": open_block,
+        "find_contact_candidates": lambda _: find_candidates(block),
+        "add_reached": lambda _, *given: add_robots_reached(block, *given),
+        "sort_into_cells": lambda _: chipmunk.sort_robots(block),
+    }
+    found: dict[str, Any] = {**vars(chipmunk), **names}
+    for name in found.keys() - names:
+        function = getattr(found[name], "function", found[name])  # a kernel's, if it is one
+        if isinstance(function, FunctionType):
+            found[name] = FunctionType(function.__code__, found)
+    return SimpleNamespace(**found)
 
 
 @jit_no_alloc
@@ -125,3 +89,36 @@ def find_candidates(block: ByteArray) -> float:
 def add_robots_reached(block: ByteArray, found: int, x: float, y: float, approach_cm_s: float, past_s: float) -> int:
     """Find further robots of a block that may touch one; see `contact_candidates.add_reached`."""
     return add_reached(swarm_at(block), found, x, y, approach_cm_s, past_s)
+
+
+# --- whether this way is needed -------------------------------------------------------------------------
+
+
+@lru_cache
+def reason_for_public_way() -> str:
+    """Return why compiled code cannot call this pymunk's Chipmunk, or "" if it can, which is tried once a process."""
+    if sys.platform == "win32" or platform.machine().lower() not in {"x86_64", "amd64", "aarch64", "arm64"}:
+        return f"compiled code does not know how {platform.system()} on {platform.machine()} passes C structs"
+    try:
+        if moved_by(chipmunk) != moved_by(public_way(np.zeros(0, np.uint8))):
+            return "a body that compiled code moves goes elsewhere"
+    except (AttributeError, TypeError) as error:  # which the private interface of another version may raise
+        return str(error)
+    return ""
+
+
+def moved_by(way: Any) -> list[float]:
+    """Return x, y and angle of a disc that was moved against a wall; way: `chipmunk`, or one that is like it."""
+    wall, disc = pymunk.Body(body_type=pymunk.Body.STATIC), pymunk.Body(2.0, 3.0)
+    shapes = pymunk.Segment(wall, (-9.0, 0.0), (9.0, 1.0), 0.5), pymunk.Circle(disc, 1.0)
+    for shape in shapes:
+        shape.friction = 0.7
+    things, moved = (wall, shapes[0], disc, shapes[1]), np.zeros(3)
+    addresses = np.array([0] * chipmunk.FIRST + way.function_addresses())
+    way.try_calls(addresses, np.array([way.address(thing) for thing in things]), moved)
+    return moved.tolist()
+
+
+def versions() -> str:
+    """Return the versions of what moves bodies."""
+    return f"pymunk {pymunk.version} and numba {numba.__version__}"

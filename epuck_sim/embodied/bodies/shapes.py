@@ -11,6 +11,7 @@ follow their wheels one physics step late. Forces take a few steps to balance, i
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ import pymunk
 
 from epuck_sim.arena import Arena
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
+from epuck_sim.scenario.physics import ContactSection
 from epuck_sim.scenario.robot_kind import RobotKind
 
 WALL_CM = 50.0
@@ -31,6 +33,9 @@ DYNES_PER_NEWTON = 1e5
 
 _ROBOTS = 1
 """pymunk's group of shapes that do not touch each other: robots that pass through each other."""
+
+
+Thing = pymunk.Body | pymunk.Shape | pymunk.Constraint
 
 
 class Disc(NamedTuple):
@@ -62,25 +67,37 @@ class Bodies:
     drives: list[Drive]
     """The drive of each robot; none without movables."""
 
+    @property
+    def listed(self) -> list[Thing]:
+        """What kernels call Chipmunk for, in the order in which they have the addresses."""
+        moved = [body for body, _ in (*self.movables, *self.drives)]
+        return [*_each(self.robots), *moved, *self.surfaces]
 
-def make_bodies(
-    arena: Arena, robots: int, kind: RobotKind, friction: float, drive_force_n: float, *, touch: bool
-) -> Bodies:
+    @property
+    def pushed(self) -> list[Thing]:
+        """What is in the space for the whole of a trial, beside the ground and its surfaces, in this order."""
+        return [*_each(self.movables), *self.holds, *(joint for _, joint in self.drives)]
+
+
+def _each(discs: Sequence[tuple[Thing, ...]]) -> list[Thing]:
+    return [thing for disc in discs for thing in disc]
+
+
+def make_bodies(arena: Arena, robots: int, kind: RobotKind, contact: ContactSection) -> Bodies:
     """Return bodies at rest at the origin, movables where they begin.
 
     Args:
         arena: Walls, obstacles and movables.
         robots: Number of robots.
         kind: What kind of robots they are.
-        friction: Coefficient between any two bodies that touch.
-        drive_force_n: Largest force of wheels where there are movables, N.
-        touch: Whether robots touch each other; else they pass through each other.
+        contact: What happens where bodies touch.
     """
+    friction = contact.friction
     ground = pymunk.Body(body_type=pymunk.Body.STATIC)
     moment = pymunk.moment_for_circle(kind.mass_g, 0, kind.radius_cm)
     discs = [_disc(pymunk.Body(kind.mass_g, moment), kind.radius_cm, friction) for _ in range(robots)]
-    for _, shape in discs:
-        shape.filter = pymunk.ShapeFilter(group=0 if touch else _ROBOTS)
+    for _, shape in () if contact.robots else discs:
+        shape.filter = pymunk.ShapeFilter(group=_ROBOTS)
     movables, holds, drives = [], [], []
     for (x, y, radius), (mass_g, floor_friction) in zip(
         arena.circles[arena.first_movable :].tolist(), arena.movables.tolist(), strict=True
@@ -91,7 +108,7 @@ def make_bodies(
         holds.append(_limited_joint(ground, body, floor_friction * GRAVITY_CM_S2 * mass_g))
     for body, _ in discs if movables else ():
         drive = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-        drives.append(Drive(drive, _limited_joint(drive, body, DYNES_PER_NEWTON * drive_force_n)))
+        drives.append(Drive(drive, _limited_joint(drive, body, DYNES_PER_NEWTON * contact.drive_force_n)))
     return Bodies(ground, make_surfaces(ground, arena, friction), discs, movables, holds, drives)
 
 

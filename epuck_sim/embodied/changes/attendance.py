@@ -79,9 +79,8 @@ def rest(block: ByteArray, _addresses: IntArray, _number: int) -> None:
             robot.vx, robot.vy, robot.spin = 0.0, 0.0, 0.0
 
 
-def take_out(robots: Sequence[int], block: ByteArray, world: "World", controllers: Sequence[GroupControllers]) -> None:
+def take_out(robots: Sequence[int], swarm: Swarm, world: "World", controllers: Sequence[GroupControllers]) -> None:
     """Take robots out of the arena: they forget all."""
-    swarm = open_block(block)
     for number in robots:
         world.move(number, parked_poses(np.array([number]))[0])
         robot = swarm.robots[number]
@@ -148,11 +147,10 @@ def _seed_places(swarm: Swarm, sequence: np.random.SeedSequence) -> None:
 
 
 def _check_free(swarm: Swarm, robot: int, pose: Sequence[float], origin: str) -> None:
-    """Raise ScenarioError unless a robot at this pose touches nothing."""
     radius_cm, others = float(swarm.scene[0].radius_cm), swarm.robots[swarm.robots.present]
     x, y, _ = pose
     is_apart = (np.hypot(others.x - x, others.y - y) >= 2 * radius_cm - TOLERANCE_CM).all()
-    if not is_apart or clearance_cm(swarm, x, y) < radius_cm - TOLERANCE_CM:
+    if not is_apart or clearance_cm(swarm, x, y, swarm.scene[0].circles) < radius_cm - TOLERANCE_CM:
         raise ScenarioError(
             f"{origin}: robot {robot} cannot come to [{x:g}, {y:g}]: it would overlap a robot, a wall, an obstacle "
             "or a movable; give a free place, or no poses"

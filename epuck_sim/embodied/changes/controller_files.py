@@ -66,7 +66,6 @@ class ControllerFiles:
 
 
 def _of_memory(kept: Sequence[str], started: Sequence[str]) -> str:
-    """Return what to say of memory."""
     if not started:
         return "memory is kept"
     return f"memory: {comma_list(list(started))} started anew" + (f", {comma_list(list(kept))} kept" if kept else "")

@@ -96,7 +96,6 @@ def restart_faults(block: ByteArray, scenario: EmbodiedScenario, sequence: np.ra
 
 
 def _members(section: FaultSection, robots: int, sequence: np.random.SeedSequence) -> IntArray:
-    """Return the numbers of the robots that may have a fault in this trial."""
     if section.robots is not None:
         return np.array(section.robots)
     count = math.floor((section.share or 1.0) * robots + 0.5) if section.count is None else section.count
@@ -195,7 +194,6 @@ def take_events(swarm: Swarm) -> list[TrialEvent]:
 
 
 def _what(kind: int, *, begins: bool) -> str:
-    """Return in words what a fault of a kind did."""
     name = KINDS[kind]
     return name if kind == RESTART else f"{name} {'begins' if begins else 'ends'}"
 

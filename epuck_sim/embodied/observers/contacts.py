@@ -89,15 +89,7 @@ def _touch_robots(swarm: Swarm, robot: int, step: int, found: IntArray, points: 
 
 @jit
 def _nearest_point(edges: Any, count: int, first: int, x: float, y: float) -> tuple[float, float, int]:
-    """Return the point of a polygon that is nearest to (x, y), and the number of the edge after its last one.
-
-    Args:
-        edges: (room,) EDGE, of which there are `count`.
-        count: See `edges`.
-        first: Number of the polygon's first edge.
-        x: cm.
-        y: cm.
-    """
+    """Return the point of the polygon from edge `first` on that is nearest to (x, y), and the edge after its last."""
     nearest_x, nearest_y, nearest = math.inf, math.inf, math.inf
     polygon, place = edges[first].polygon, first
     while place < count and edges[place].polygon == polygon:

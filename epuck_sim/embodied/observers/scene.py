@@ -1,9 +1,10 @@
-"""Robots at given poses in an arena, in a block of their own."""
+"""Robots in an arena as observers see them: those of a simulation, or others at given poses."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from epuck_sim.arena import Arena
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import ByteArray, FloatArray
 from epuck_sim.embodied.cells import cells_needed, sort_into_cells
 from epuck_sim.embodied.layout import set_arena
 from epuck_sim.embodied.sensors.camera import set_camera
@@ -15,38 +16,44 @@ from epuck_sim.scenario.signals import CameraSignal, ConeSignal
 from epuck_sim.util.jit import jit_inline
 
 
-class Scene:
-    """An arena with groups of robots of some kind, and what they see rings with."""
+class Scene(NamedTuple):
+    """An arena with groups of robots, and what they see rings with."""
 
-    def __init__(self, groups: Sequence[RobotGroup], kind: RobotKind, arena: Arena) -> None:
-        """Make the block; the robots have no places yet."""
-        self.groups = groups
-        robots, pixels = sum(group.count for group in groups), max(group.pixels for group in groups)
-        self.block = make_block(
-            {
-                "robots": robots,
-                "groups": len(groups),
-                "cells": cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1,
-                "members": robots,
-                "circles": len(arena.circles),
-                "edges": len(arena.edges),
-                "pixels": pixels,
-                "rays": sum(group.pixels for group in groups),
-                "numbers": 2 * robots,
-                "depths": pixels,
-            }
-        )
-        self.swarm = open_block(self.block)
-        self.swarm.scene[0].radius_cm = kind.radius_cm
-        set_arena(self.swarm, arena, kind.cell_cm)
-        first = ray = 0
-        for group, section in zip(self.swarm.groups, groups, strict=True):
-            group.first, group.count, group.pixels, group.ray = first, section.count, section.pixels, ray
-            if isinstance(section.signal, CameraSignal):
-                set_camera(group.camera, self.swarm.rays[ray : ray + section.pixels], section.camera, kind, 1.0)
-            elif isinstance(section.signal, ConeSignal):
-                set_cone(group.cone, section.signal)
-            first, ray = first + section.count, ray + section.pixels
+    groups: Sequence[RobotGroup]
+    block: ByteArray
+    """The swarm; observers write poses, cells and scratch numbers."""
+    swarm: Swarm
+    """The arrays of the block."""
+
+
+def make_scene(groups: Sequence[RobotGroup], kind: RobotKind, arena: Arena) -> Scene:
+    """Return a scene in a block of its own, with robots of some kind, which have no places yet."""
+    robots, pixels = sum(group.count for group in groups), [group.pixels for group in groups]
+    block = make_block(
+        {
+            "robots": robots,
+            "groups": len(groups),
+            "cells": cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1,
+            "members": robots,
+            "circles": len(arena.circles),
+            "edges": len(arena.edges),
+            "rays": sum(pixels),
+            "numbers": 2 * robots,
+            "depths": max(pixels),
+        }
+    )
+    swarm = open_block(block)
+    swarm.scene[0].radius_cm = kind.radius_cm
+    set_arena(swarm, arena, kind.cell_cm)
+    first = ray = 0
+    for group, section in zip(swarm.groups, groups, strict=True):
+        group.first, group.count, group.pixels, group.ray = first, section.count, section.pixels, ray
+        if isinstance(section.signal, CameraSignal):
+            set_camera(group.camera, swarm.rays[ray : ray + section.pixels], section.camera, kind, 1.0)
+        elif isinstance(section.signal, ConeSignal):
+            set_cone(group.cone, section.signal)
+        first, ray = first + section.count, ray + section.pixels
+    return Scene(groups, block, swarm)
 
 
 @jit_inline

@@ -34,7 +34,7 @@ def find_sightings(scene: Scene, poses: FloatArray, group: int = 0, *, listed: B
     if kind == "radio":
         return np.empty((0, 3), np.int64)
     robots = len(scene.swarm.robots)
-    scene.swarm.numbers[robots:] = np.arange(1, robots + 1) * (True if listed is None else listed)
+    scene.swarm.numbers[robots : 2 * robots] = np.arange(1, robots + 1) * (True if listed is None else listed)
     found = np.empty((2 * len(poses) * scene.groups[group].count, 3), np.int64)  # most robots see no more than two
     sightings = write_sightings(scene.block, group, kind == "cone", poses, found)
     if sightings > len(found):
@@ -52,7 +52,7 @@ def write_sightings(block: ByteArray, number: int, by_cone: bool, poses: FloatAr
     swarm = swarm_at(block)
     group, robots = swarm.groups[number], len(swarm.robots)
     lit = list_labelled(robots, swarm.numbers)
-    row = swarm.pixels[: group.pixels]
+    row = np.zeros(group.pixels, np.int64)
     last_row = np.zeros(robots + 1, np.int64)  # counted over all steps, in which each robot was listed
     sightings = rows = 0
     for step in range(len(poses)):

@@ -98,11 +98,12 @@ class OwnSensor:
     address: int
     """Address of `run` in this process; 0 if it is interpreted."""
 
-    def __init__(self, block: ByteArray, number: int, sensor: Sensor, *, interpret: bool = False) -> None:
+    def __init__(self, block: ByteArray, swarm: Swarm, number: int, sensor: Sensor, *, interpret: bool = False) -> None:
         """Compile a sensor, without calling it.
 
         Args:
             block: The swarm, in which the sensor has its bytes, see `assign_sense`.
+            swarm: The arrays of the block.
             number: Index of the sensor in `Swarm.senses`.
             sensor: The sensor.
             interpret: Whether it runs as plain Python instead of compiled.
@@ -112,7 +113,7 @@ class OwnSensor:
         """
         check_imported_copies(sensor)
         self.sensor, self._number, self._is_compiled = sensor, number, not interpret
-        self._block, self._swarm = block, open_block(block)
+        self._block, self._swarm = block, swarm
         self._scene, self._own = self._swarm.scene[0], self._swarm.senses[number]
         self.robots = slice(int(self._own.first), int(self._own.first + self._own.count))
         if interpret:

@@ -12,7 +12,7 @@ from epuck_sim.arena import Arena
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.embodied.changes.attendance import parked
 from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import Scene
+from epuck_sim.embodied.observers.scene import Scene, make_scene
 from epuck_sim.embodied.observers.visibility import find_sightings
 from epuck_sim.embodied.sensors.camera import half_view_rad
 from epuck_sim.recording.buffers.row_batch import RowBatch
@@ -75,7 +75,7 @@ class RobotLayers:
         find_contacts(scene, nowhere)
 
     def _scene(self, arena: Arena) -> Scene:
-        return Scene(self._scenario.robots, self._scenario.robot, arena)
+        return make_scene(self._scenario.robots, self._scenario.robot, arena)
 
     def static_chunks(self) -> Iterator[Chunk]:
         """Yield the appearance of overlays, pictures and wheel speeds."""

@@ -52,30 +52,6 @@ def test_candidates_are_those_of_the_slow_twin(seed, robots, side):
     assert (found <= perhaps).all()
 
 
-@pytest.mark.parametrize(("more", "meet"), [(-0.01, True), (0.01, False)])
-def test_two_that_drive_at_each_other_meet_where_their_paths_are_as_long_as_the_gap(more, meet):
-    poses = [[20, 50, 0], [20 + TOUCH_CM + 2 * FULL_CM_S * STEP_S + more, 50, 0]]
-    assert candidates(poses, [[FULL_CM_S, 0, 0], [-FULL_CM_S, 0, 0]]) == [meet, meet]
-
-
-def test_robots_that_turn_on_the_spot_or_part_are_no_candidates_however_near():
-    poses = [[20, 50, 0], [20 + TOUCH_CM + 0.01, 50, 0]]
-    assert candidates(poses, [[0, 0, 5], [0, 0, -5]]) == [False, False]
-    assert candidates(poses, [[-FULL_CM_S, 0, 0], [FULL_CM_S, 0, 0]]) == [False, False]
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-@pytest.mark.parametrize("end", [0, 100])
-def test_a_robot_that_ends_at_a_wall_is_a_candidate(axis, end):
-    towards = -1 if end == 0 else 1
-    velocity = np.zeros(3)
-    velocity[axis] = towards * FULL_CM_S
-    for beyond, expected in ((0.01, True), (-0.01, False)):
-        pose = np.array([50.0, 50, 0])
-        pose[axis] = end - towards * (WALL_CM + FULL_CM_S * STEP_S - beyond)
-        assert candidates([pose], [velocity]) == [expected]
-
-
 def test_robots_near_an_obstacle_are_candidates():
     obstacles = ([(50, 50, 5)], [box_corners(20, 20, 10, 2, 0.0)])
     poses = [[50 + 5 + WALL_CM, 50, 0], [20, 21 + WALL_CM, 0], [50, 70, 0], [20, 40, 0]]
@@ -90,14 +66,6 @@ def test_whom_a_pushed_robot_may_reach_is_a_candidate_and_so_on_along_the_row():
     assert candidates(row, velocities) == [True] * 6
     row[3:] = [[x + 3, y, heading] for x, y, heading in row[3:]]
     assert candidates(row, velocities) == [True] * 3 + [False] * 3
-
-
-def test_where_paths_are_longer_than_a_cell_all_are_candidates():
-    world = MovedWorld(make_arena(200, 200, [], []), [[50, 50, 0], [150, 150, 0]])
-    world.velocities[0, 0] = FULL_CM_S
-    world.swarm.scene[0].physics_steps = 1000
-    assert find_candidates(world.block) == FULL_CM_S
-    assert world.swarm.robots.may_touch.all()
 
 
 # --- robots that come farther than candidates should --------------------------------------------------

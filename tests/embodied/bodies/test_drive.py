@@ -169,7 +169,3 @@ def test_wheel_noise_is_drawn_anew_for_each_wheel_robot_and_step():
     }
     for name, (one, other) in pairs.items():
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 4 / math.sqrt(one.size), name
-
-
-def test_without_wheel_noise_wheels_turn_as_commanded():
-    np.testing.assert_allclose(_factors(0.0, steps=20), 1, rtol=0, atol=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.arena import make_arena
-from epuck_sim.embodied.bodies import chipmunk
+from epuck_sim.embodied.bodies import chipmunk, public_space
 from epuck_sim.geometry import box_corners
 from tests.embodied.bodies.worlds import MovedWorld, squeeze
 
@@ -15,11 +15,17 @@ MOVABLES = [(30, 60, 6, 500, 0.1), (42.5, 60, 6, 300, 0.2)]
 @pytest.fixture
 def _of_another_version(monkeypatch):
     """Have this pymunk's `cpSpaceStep` be other than expected."""
-    monkeypatch.setitem(chipmunk._FUNCTIONS, "cpSpaceStep", "void(*)(cpSpace *)")
-    chipmunk.reason_for_public_way.cache_clear()
+    monkeypatch.setitem(chipmunk.FUNCTIONS, "cpSpaceStep", "void(*)(cpSpace *)")
+    forget()
     yield
     monkeypatch.undo()
-    chipmunk.reason_for_public_way.cache_clear()
+    forget()
+
+
+def forget():
+    """Have it tried again whether compiled code can call Chipmunk."""
+    chipmunk.function_addresses.cache_clear()
+    public_space.reason_for_public_way.cache_clear()
 
 
 def ways(arena, poses, velocities, friction=0.0):
@@ -67,16 +73,16 @@ def test_outcomes_are_equal_to_the_bit(request):
 @pytest.mark.parametrize("lacks", ["function", "private module", "processor", "same outcome"])
 def test_what_is_other_than_expected_is_found_and_named(monkeypatch, lacks):
     if lacks == "function":
-        monkeypatch.setitem(chipmunk._FUNCTIONS, "cpSpaceFly", "void(*)(cpSpace *)")
+        monkeypatch.setitem(chipmunk.FUNCTIONS, "cpSpaceFly", "void(*)(cpSpace *)")
     elif lacks == "private module":
         monkeypatch.setattr(chipmunk, "ffi", None)
     elif lacks == "processor":
-        monkeypatch.setattr(chipmunk.platform, "machine", lambda: "vax")
+        monkeypatch.setattr(public_space.platform, "machine", lambda: "vax")
     else:
-        monkeypatch.setattr(chipmunk, "_moved_publicly", lambda: (0.0, 0.0, 0.0))
-    chipmunk.reason_for_public_way.cache_clear()
+        monkeypatch.setitem(public_space._FUNCTIONS, "cpBodyGetAngle", lambda _: 0.5)
+    forget()
     named = {"function": "cpSpaceFly", "private module": "addressof", "processor": "vax", "same outcome": "elsewhere"}
-    assert named[lacks] in chipmunk.reason_for_public_way()
+    assert named[lacks] in public_space.reason_for_public_way()
     monkeypatch.undo()
-    chipmunk.reason_for_public_way.cache_clear()
-    assert not chipmunk.reason_for_public_way()
+    forget()
+    assert not public_space.reason_for_public_way()

@@ -10,10 +10,11 @@ from epuck_sim.embodied.bodies.shapes import make_bodies
 from epuck_sim.embodied.bodies.world import World
 from epuck_sim.embodied.cells import cells_needed, set_cells
 from epuck_sim.embodied.swarm import make_block, offset_of, open_block, poses_of
+from epuck_sim.scenario.physics import ContactSection
 from epuck_sim.scenario.robot_kind import EPUCK, RobotKind
 
 
-def block_of(robots: int, arena: Arena, physics_hz: int = 100, kind: RobotKind = EPUCK, *, touch: bool = True):
+def block_of(robots: int, arena: Arena, physics_hz: int = 100, kind: RobotKind = EPUCK):
     """Return a block with robots at the origin of an arena, and with ten physics steps in a control step."""
     lengths = {"robots": robots, "members": robots, "numbers": robots, "circles": len(arena.circles)}
     cells = cells_needed(arena.width_cm, arena.height_cm, robots, kind.cell_cm) + 1
@@ -21,7 +22,7 @@ def block_of(robots: int, arena: Arena, physics_hz: int = 100, kind: RobotKind =
     swarm = open_block(block)
     scene = swarm.scene[0]
     scene.physics_steps, scene.physics_s = 10, 1.0 / physics_hz
-    scene.radius_cm, scene.touch = kind.radius_cm, touch
+    scene.radius_cm, scene.touch = kind.radius_cm, True
     scene.wheel_limit_cm_s, scene.wheel_base_cm = kind.wheels
     scene.circles, scene.edges, scene.first_movable = len(arena.circles), len(arena.edges), arena.first_movable
     set_cells(swarm, arena.width_cm, arena.height_cm, kind.cell_cm)
@@ -38,12 +39,12 @@ class MovedWorld:
     def __init__(
         self, arena: Arena, poses, friction: float = 0.0, physics_hz: int = 100, kind: RobotKind = EPUCK, **how: object
     ) -> None:
-        """Begin a trial; how: further arguments of `World`, and `touch`."""
+        """Begin a trial; how: further fields of `ContactSection`."""
         places = np.array(poses, float)
-        self.block = block_of(len(places), arena, physics_hz, kind, touch=bool(how.pop("touch", True)))
+        self.block = block_of(len(places), arena, physics_hz, kind)
         self.swarm = open_block(self.block)
-        self.world = World(self.block, [arena], friction=friction, kind=kind, **how)
-        self.world.use(self.block, np.array(self.world.addresses()))
+        self.world = World(self.swarm, [arena], kind, ContactSection(friction=friction, **how))
+        self.world.use(self.block, self.swarm, np.array(self.world.addresses()))
         self.poses[:] = places
         self.world.place()
 
@@ -77,7 +78,7 @@ class FullSpaceWorld:
     ) -> None:
         self.poses = np.array(poses, float)
         self.velocities = np.zeros_like(self.poses)
-        self._bodies = make_bodies(arena, len(poses), kind, friction, 0.5, touch=True)
+        self._bodies = make_bodies(arena, len(poses), kind, ContactSection(friction=friction))
         self._step_s = 1.0 / physics_hz
         self._space = pymunk.Space()
         self._space.collision_slop, self._space.collision_bias = SLOP_CM, 0.0

@@ -27,7 +27,7 @@ def controlled_block(controllers, counts, *, interpret=True):
     runs = []
     for number, controller in enumerate(controllers):
         assign_bytes(swarm, number, controller, sum(sizes[:number]))
-        run = GroupControllers(block, number, controller, interpret=interpret)
+        run = GroupControllers(block, swarm, number, controller, interpret=interpret)
         run.parameters[:] = controller.parameter_record(controller.parameters)
         run.start()
         runs.append(run)

@@ -39,7 +39,7 @@ def test_who_is_taken_out_is_parked_and_forgets_senses_and_does_nothing():
     swarm.pixels[:] = 1
     for run in runs:
         run.memory["phase_ms"] = 700
-    take_out([1, 4], block, Bodies(swarm), runs)
+    take_out([1, 4], swarm, Bodies(swarm), runs)
     for group in range(2):
         blank(block, NOWHERE, group)
     rest(block, NOWHERE, 0)
@@ -78,7 +78,7 @@ def test_who_comes_is_placed_as_numpy_draws_and_starts_with_what_the_scenario_sa
     for number, circle in enumerate(obstacle):
         swarm.circles[number] = circle
     robots.x[[0, 2, 4]], robots.y[[0, 2, 4]] = [5, 15, 30], [6, 14, 20]
-    take_out([1, 3, 5, 6], block, bodies, runs)
+    take_out([1, 3, 5, 6], swarm, bodies, runs)
     random, taken, expected = np.random.default_rng(sequence), [(5, 6), (15, 14), (30, 20)], []
     while len(expected) < 3:
         x, y = (RADIUS_CM + (side - 2 * RADIUS_CM) * random.random() for side in (40, 50))

@@ -1,4 +1,4 @@
-"""Contacts: hand-made scenes, a slow twin on random ones, and the bodies that push."""
+"""Contacts: their reach, a slow twin on random scenes, and the bodies that push."""
 
 import math
 from collections import Counter
@@ -12,7 +12,7 @@ from epuck_sim.arena import Arena, clearance_cm, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.embodied.bodies.contact_candidates import MARGIN_CM
 from epuck_sim.embodied.observers.contacts import find_contacts
-from epuck_sim.embodied.observers.scene import Scene as ObservedScene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import EPUCK
@@ -25,7 +25,7 @@ EDGE_CM = 1e-9
 
 def contacts(poses: FloatArray, arena: Arena) -> FloatArray:
     """Return (contacts, 3) step, x, y that `find_contacts` finds at (steps, robots, 3) poses."""
-    scene = ObservedScene([RobotGroup(count=poses.shape[1])], EPUCK, arena)
+    scene = make_scene([RobotGroup(count=poses.shape[1])], EPUCK, arena)
     found, points = find_contacts(scene, poses)
     steps = found[:, 0]
     assert steps.tolist() == sorted(steps)
@@ -126,12 +126,6 @@ def test_contacts_are_those_of_the_slow_twin() -> None:
 # --- robots -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("bearing", [0.0, 0.4, math.pi / 2, -2.5])
-def test_two_robots_that_touch_have_one_contact_midway(bearing: float) -> None:
-    x, y = 50 + 7.4 * math.cos(bearing), 50 + 7.4 * math.sin(bearing)
-    np.testing.assert_allclose(touching([(50, 50), (x, y)]), [((50 + x) / 2, (50 + y) / 2)], atol=1e-12)
-
-
 @pytest.mark.parametrize(("gap", "number"), [(-0.05, 1), (0.0, 1), (0.15, 1), (0.17, 0), (5.0, 0)])
 def test_surfaces_touch_where_they_are_no_farther_apart_than_1_6_mm(gap: float, number: int) -> None:
     place = 3.7 + gap
@@ -142,58 +136,12 @@ def test_surfaces_touch_where_they_are_no_farther_apart_than_1_6_mm(gap: float, 
     assert len(touching([(50, 60 + place)], ((), [box_corners(50, 50, 30, 20, 0)]))) == number
 
 
-def test_three_robots_that_touch_each_other_have_three_contacts() -> None:
-    corner = (53.7, 50 + 7.4 * math.sin(math.pi / 3))
-    middles = [(51.85, (50 + corner[1]) / 2), (53.7, 50), (55.55, (50 + corner[1]) / 2)]
-    np.testing.assert_allclose(touching([(50, 50), (57.4, 50), corner]), middles, atol=1e-12)
-
-
 def test_where_a_robot_looks_does_not_matter() -> None:
     arena = make_arena(100.0, 100.0, [(50, 57.4, 3.7)], [])
     turned = np.array([[(50, 50, heading), (57.4, 50, -heading)] for heading in (0.0, 1.0, 2.0, -30.0)])
     found = contacts(turned, arena).reshape(4, 2, 3)
     assert found[..., 0].tolist() == [[step, step] for step in range(4)]
     assert (found[..., 1:] == found[0, :, 1:]).all()
-
-
-# --- walls and obstacles ----------------------------------------------------------------------------
-
-
-def test_a_robot_in_a_corner_touches_two_walls() -> None:
-    assert touching([(3.7, 3.7)], width=80.0) == [(0, 3.7), (3.7, 0)]
-    assert touching([(76.3, 96.3)], width=80.0) == [(76.3, 100), (80, 96.3)]
-
-
-def test_a_robot_that_fits_between_two_walls_touches_both() -> None:
-    assert touching([(3.7, 50)], width=7.4) == [(0, 50), (7.4, 50)]
-
-
-@pytest.mark.parametrize("heading", [0.0, 0.3, math.pi / 4])
-def test_a_robot_against_a_boxs_corner_has_one_contact_with_it(heading: float) -> None:
-    box = box_corners(50, 50, 20, 10, heading)
-    outward = heading + math.pi / 4
-    x, y = box[2] + 3.7 * np.array([math.cos(outward), math.sin(outward)])
-    np.testing.assert_allclose(touching([(x, y)], ((), [box])), box[2:3], atol=1e-12)
-
-
-def test_a_robot_against_a_boxs_edge_touches_it_at_the_foot() -> None:
-    boxes = [box_corners(20, 20, 10, 10, 0), box_corners(50, 50, 20, 10, 0)]
-    assert touching([(47, 58.7)], ((), boxes)) == [(47, 55)]
-
-
-def test_a_robot_in_a_nook_touches_both_boxes() -> None:
-    boxes = [box_corners(50, 50, 20, 10, 0), box_corners(65, 50, 10, 40, 0)]
-    assert touching([(56.3, 58.7)], ((), boxes)) == [(56.3, 55), (60, 58.7)]
-
-
-@pytest.mark.parametrize("gap", [0.0, 0.1])
-@pytest.mark.parametrize("bearing", [0.0, 1.0, -2.0])
-def test_a_contact_with_a_circle_lies_on_it_towards_the_robot(bearing: float, gap: float) -> None:
-    towards = np.array([math.cos(bearing), math.sin(bearing)])
-    centre, radius = np.array([40, 55]), 6.0
-    x, y = centre + (radius + 3.7 + gap) * towards
-    found = touching([(x, y)], ([(*centre, radius)], ()))
-    np.testing.assert_allclose(found, [centre + radius * towards], atol=1e-12)
 
 
 # --- many contacts, and none ------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Which robots see which: hand-made scenes, and a slow twin on random ones."""
+"""Which robots see which, beside a slow twin on random scenes."""
 
 import math
 from collections import Counter
@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from epuck_sim.arena import Arena, make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.embodied.observers.scene import Scene as ObservedScene
+from epuck_sim.embodied.observers.scene import make_scene
 from epuck_sim.embodied.observers.visibility import find_sightings
-from epuck_sim.geometry import box_corners
 from epuck_sim.scenario.robot_kind import EPUCK
 from epuck_sim.scenario.robots import RobotGroup
 from tests.embodied.scenes import (
@@ -39,7 +38,7 @@ def sightings(
     number = robots - first if observers is None else observers
     counts = (first, number, robots - first - number)
     groups = [RobotGroup(count=count, camera=camera.section()) for count in counts if count]
-    return find_sightings(ObservedScene(groups, EPUCK, arena), poses, min(first, 1)).tolist()
+    return find_sightings(make_scene(groups, EPUCK, arena), poses, min(first, 1)).tolist()
 
 
 def by_observer(found: list[list[int]], observers: int) -> list[list[int]]:
@@ -53,15 +52,6 @@ def at(distance: float, bearing_deg: float = 0.0) -> tuple[float, float, float]:
     """Return the pose of a robot at a distance and bearing (left) from the camera of ME, which looks along x."""
     bearing = math.radians(bearing_deg)
     return ME[0] + RADIUS_CM + distance * math.cos(bearing), ME[1] + distance * math.sin(bearing), 1.0
-
-
-def seen_by_me(
-    others: list[tuple[float, float, float]], camera: CameraSettings | None = None, obstacles=((), ())
-) -> list[int]:
-    """Return the robots that robot 0, at ME, sees; the others count from 1."""
-    found = sightings(np.array([[ME, *others]]), make_arena(200, 200, *obstacles), camera or CameraSettings(), 0, 1)
-    assert all((step, observer) == (0, 0) for step, observer, _ in found)
-    return [seen for _, _, seen in found]
 
 
 # --- a slow twin ------------------------------------------------------------------------------------
@@ -132,60 +122,6 @@ def test_a_camera_sees_red_where_a_robot_in_view_is_lit() -> None:
     compare()
     assert tally["compared"] > 0.95 * tally["robots"]
     assert min(tally["red"], tally["dark"]) > 0.02 * tally["robots"]
-
-
-# --- occlusion --------------------------------------------------------------------------------------
-
-
-AHEAD, BEHIND_IT, BESIDE = at(20), at(60), at(60, 10)
-PILLAR = ([(at(10)[0], ME[1], 0.5)], ())
-FAR, ASIDE = at(50), at(50, 25)
-ROUND = ([(130, 100, 5)], ())
-BOX = ((), [box_corners(130, 100, 1, 20, 0)])
-TRIANGLE = ((), [np.array([(128, 90), (132, 90), (130, 108)], float)])
-
-
-@pytest.mark.parametrize(
-    ("others", "obstacles", "seen"),
-    [
-        ([AHEAD, BEHIND_IT], ((), ()), [1]),
-        ([BEHIND_IT, AHEAD], ((), ()), [2]),
-        ([AHEAD, BESIDE], ((), ()), [2, 1]),  # half hidden
-        ([AHEAD], PILLAR, [1]),  # on both sides of it
-        ([at(20, 20), AHEAD, at(20, -20)], PILLAR, [1, 2, 3]),
-        ([FAR, ASIDE], ((), ()), [2, 1]),
-        *(([FAR, ASIDE], obstacles, [2]) for obstacles in (ROUND, BOX, TRIANGLE)),
-        *(([at(15), ASIDE], obstacles, [2, 1]) for obstacles in (ROUND, BOX, TRIANGLE)),
-    ],
-)
-def test_robots_are_listed_once_each_from_left_to_right_unless_they_are_hidden(others, obstacles, seen) -> None:
-    assert seen_by_me(others, obstacles=obstacles) == seen
-
-
-@pytest.mark.parametrize(
-    ("others", "camera", "seen"),
-    [
-        ([at(20, 90), at(20, 180), at(20, -90)], ALL_ROUND, [2, 1, 3]),  # who is behind is where its left part is
-        *(([at(30)], CameraSettings(61, 56.0, 61, range_cm), []) for range_cm in (25.0, 26.2)),
-        *(([at(30)], CameraSettings(61, 56.0, 61, range_cm), [1]) for range_cm in (26.4, math.inf)),
-        *(
-            ([at(40, 27), at(40), at(40, -18)], CameraSettings(60, 56.0, central), seen)
-            for central, seen in ((60, [1, 2, 3]), (40, [2, 3]), (10, [2]))
-        ),
-        ([at(30), at(30, 90)], CameraSettings(2, 360.0, 2), [2]),  # between two rays
-        ([], ALL_ROUND, []),
-    ],
-)
-def test_robots_are_listed_within_the_view_of_the_camera(others, camera: CameraSettings, seen: list[int]) -> None:
-    assert seen_by_me(others, camera) == seen
-
-
-def test_what_a_robot_faces_does_not_matter_but_to_itself() -> None:
-    x, y, _ = at(0)
-    beside, behind, ahead = (x, y + 20, 3.0), (x - 40, y, 0.1), (x + 40, y, -2.0)
-    assert seen_by_me([beside, behind, ahead]) == [3]
-    turned = np.array([[(*ME[:2], math.pi / 2), beside, behind, ahead]])
-    assert sightings(turned, make_arena(200, 200, [], []), CameraSettings(), 0, 1) == [[0, 0, 1]]
 
 
 # --- several steps, some observers, many sightings --------------------------------------------------
