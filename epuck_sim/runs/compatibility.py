@@ -39,10 +39,12 @@ class StoredPoint(NamedTuple):
     agents, a user's response curve."""
     measures: str
     """By the name of each measure, its parameters and the measure itself, as controllers are stored."""
+    share: str | None = None
+    """Share of the sweep that the folder is for, as 3/40; None for the whole."""
 
 
 def stored_point(point: Point) -> StoredPoint:
-    """Return a point as it is stored."""
+    """Return a point as it is stored, of the whole sweep."""
     scenario = point.scenario
     return StoredPoint(
         point.key,

@@ -64,7 +64,7 @@ LOST_POINT = """
 """Query for points that trials have, but the table of points has not; it looks at one trial of each point."""
 
 ENTER_POINT = (
-    "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures) VALUES (?, ?, ?, ?, ?, ?, ?) "
+    "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures, share) VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
     "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario, "
-    "measures = excluded.measures"
+    "measures = excluded.measures, share = excluded.share"
 )

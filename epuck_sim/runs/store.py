@@ -79,7 +79,8 @@ class Store:
             if self._path.exists():
                 check_same_sweep(folder, _stored_points(self._path), rows)
                 share = _check_same_share(self._path, share)
-            else:
+            rows = [row._replace(share=str(share) if share else None) for row in rows]
+            if not self._path.exists():
                 with new_database(self._path, list(points[0].axes), rows):
                     pass
             # before the points: the folder's own scenario must have all that the database has
@@ -91,7 +92,6 @@ class Store:
                 add_later_columns(self._connection)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
-                self._connection.execute("UPDATE points SET share = ?", (str(share) if share else None,))
                 Signer(self._connection, "points").sign()
             self.share = share or WHOLE
             self._measures = measures_in(self._connection)
