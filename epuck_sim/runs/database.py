@@ -44,7 +44,8 @@ def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ..
 def add_later_columns(connection: sqlite3.Connection) -> None:
     """Add the columns that an earlier folder does not have; checksums of its trials become those with them."""
     for table, columns in LATER_COLUMNS.items():
-        missing = columns.keys() - set(columns_of(connection, table))
+        there = columns_of(connection, table)
+        missing = [name for name in columns if name not in there]
         for name in missing:
             connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
         if missing:

@@ -114,6 +114,15 @@ def test_the_database_is_marked_as_ours_with_its_format(tmp_path) -> None:
         assert connection.execute("PRAGMA user_version").fetchone() == (2,)
 
 
+def test_columns_are_in_the_same_order_whatever_the_seed_of_hashes(tmp_path) -> None:
+    make = "import sys; from tests.runs.test_store import *; fill(Path(sys.argv[1]))"
+    orders = set()
+    for seed in ("1", "2", "3"):
+        subprocess.run([sys.executable, "-c", make, tmp_path / seed], check=True, env={**os.environ, "PYTHONHASHSEED": seed})
+        orders |= {tuple(stored(tmp_path / seed)[0])}
+    assert len(orders) == 1
+
+
 def test_a_trial_s_row_has_every_axis_the_seed_the_result_the_versions_and_the_host(tmp_path) -> None:
     found = points(DEMO)
     with Store(tmp_path, DEMO, found) as store:
