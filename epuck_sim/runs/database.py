@@ -14,9 +14,6 @@ from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
-LARGE = 32 * 2**20
-"""Bytes of a database from which on compiled code compares the checksums, which takes most of a second to load."""
-
 _checked: dict[Path, tuple[int, int, int]] = {}
 """Inode, time of change and size of each database that this process has found undamaged, or has written itself."""
 
@@ -104,17 +101,16 @@ def _quick_check(path: Path, has_checksums: bool) -> str:
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-        return str(verdict) if verdict != "ok" else _check_rows(connection, path, has_checksums)
+        return str(verdict) if verdict != "ok" else _check_rows(connection, has_checksums)
 
 
-def _check_rows(connection: sqlite3.Connection, path: Path, has_checksums: bool) -> str:
+def _check_rows(connection: sqlite3.Connection, has_checksums: bool) -> str:
     """Return "ok", or what is missing or wrong in a database that SQLite finds undamaged."""
     for table in LATER_COLUMNS:
         if not columns_of(connection, table):
             return f"it has no table {table}"
         if has_column(connection, table, CHECKSUM):
-            is_whole = path.stat().st_size >= LARGE and _is_surely_whole(connection, path, table)
-            if not is_whole and (damage := find_damaged_row(connection, table)):
+            if damage := find_damaged_row(connection, table):
                 return damage
         elif has_checksums:
             return f"{table} has no checksums"
@@ -123,13 +119,6 @@ def _check_rows(connection: sqlite3.Connection, path: Path, has_checksums: bool)
     if connection.execute(LOST_POINT).fetchone() is not None:
         return "it has trials of a point that is gone"
     return "ok"
-
-
-def _is_surely_whole(connection: sqlite3.Connection, path: Path, table: str) -> bool:
-    """Return whether compiled code finds that all rows have their checksums; False if it cannot tell."""
-    from epuck_sim.runs.large_check import has_all_checksums  # noqa: PLC0415 it loads numba, for large files alone
-
-    return has_all_checksums(connection, path, table)
 
 
 @contextmanager
