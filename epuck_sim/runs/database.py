@@ -134,18 +134,14 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
 
 
 @contextmanager
-def writing(path: Path, *, durable: bool) -> Iterator[sqlite3.Connection]:
+def writing(path: Path) -> Iterator[sqlite3.Connection]:
     """Yield a connection to a database that was checked or made by this process.
 
-    Each commit survives the death of the process. Afterwards only the one file is left, unless somebody is reading it.
-
-    Args:
-        path: The database.
-        durable: Whether each commit survives a power cut, too: it waits for the disk then.
+    Each commit waits for the disk. Afterwards only the one file is left, unless somebody is reading it.
     """
     with closing(_connect(path, "rw")) as connection:
         connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
+        connection.execute("PRAGMA synchronous = FULL")
         yield connection
         with suppress(sqlite3.OperationalError):
             connection.execute("PRAGMA journal_mode = DELETE")

@@ -46,15 +46,7 @@ _UNMEASURED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND {
 class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
 
-    def __init__(
-        self,
-        folder: Path,
-        scenario: Scenario,
-        points: Sequence[Point],
-        share: Share | None = None,
-        *,
-        durable: bool = False,
-    ) -> None:
+    def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
         """Lock the folder, which is made if it does not exist, and enter the points that are new.
 
         Args:
@@ -62,7 +54,6 @@ class Store:
             scenario: What is run.
             points: All its points.
             share: Share of the trials that the folder is for; by default what it was for before, or the whole sweep.
-            durable: Whether what is stored survives a power cut; it waits for the disk each time then.
 
         Raises:
             StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
@@ -74,8 +65,7 @@ class Store:
             check_database(self._path)
         with ExitStack() as stack:
             stack.enter_context(acquire(folder))
-            if durable:
-                sync_folder(folder.parent)  # which may have got the folder just now
+            sync_folder(folder.parent)  # which may have got the folder just now
             if self._path.exists():
                 check_same_sweep(folder, _stored_points(self._path), rows)
                 share = _check_same_share(self._path, share)
@@ -87,7 +77,7 @@ class Store:
             with atomic_write(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
             stack.enter_context(sqlite_errors(self._path))
-            self._connection = stack.enter_context(writing(self._path, durable=durable))
+            self._connection = stack.enter_context(writing(self._path))
             with self._connection:
                 add_later_columns(self._connection)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
@@ -125,7 +115,7 @@ class Store:
         return self.add_all([outcome])[0]
 
     def add_all(self, outcomes: Sequence[Outcome]) -> list[bool]:
-        """Store trials, all or none; an earlier failure is replaced, an earlier result is kept and only measured.
+        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result is kept and only measured.
 
         Returns:
             Whether each has a result with all its measures now.

@@ -27,7 +27,6 @@ def run_sweep(
     interpret: bool = False,
     share: Share | None = None,
     begin: Callable[[Sequence[Point]], None] = lambda _: None,
-    durable: bool = False,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
@@ -39,7 +38,6 @@ def run_sweep(
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
         begin: Called with all points once they are checked, before the folder is opened.
-        durable: Whether trials that the progress counts as stored survive a power cut.
 
     Returns:
         How far the sweep is at the end.
@@ -55,7 +53,7 @@ def run_sweep(
     all_points = points(loaded)
     check_sweep(all_points)
     begin(all_points)
-    with Store(Path(folder), loaded, all_points, share, durable=durable) as store:
+    with Store(Path(folder), loaded, all_points, share) as store:
         finished = store.finished()
         ours = store.share
         wanted = [(point.number, ours.trials(point.number, point.scenario.trials)) for point in all_points]

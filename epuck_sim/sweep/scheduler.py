@@ -83,7 +83,7 @@ class ChunkSizer:
 
 
 def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[list[Outcome]]:
-    """Yield the outcomes of all tasks as they are known, those of a chunk together.
+    """Yield the outcomes of all tasks as they are known, those of chunks that ended meanwhile together.
 
     When a worker dies, nobody knows at which trial. Tasks that were under way are handed over again, each by itself;
     those that are under way at a second death are run one at a time, and one that kills its worker even then has
@@ -140,18 +140,25 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
             if not running:
                 continue
             try:
-                future = ended.get(timeout=LOOK_S)
+                together = [ended.get(timeout=LOOK_S)]
             except Empty:
                 pool.slots()  # tells if all workers are lost
                 continue
-            try:
-                outcomes = _result(future, pool)
-            except pool.deaths:
-                lost.extend(running.pop(future))
-                continue
-            del running[future]
+            while not ended.empty():  # they ended while others were stored
+                together.append(ended.get())
+            outcomes: list[Outcome] = []
+            dead: list[Task] = []
+            for future in together:
+                try:
+                    outcomes += _result(future, pool)
+                except pool.deaths:
+                    dead += running[future]
+            for future in together:
+                del running[future]
+            lost += dead
             sizer.note(outcomes)
-            yield outcomes
+            if outcomes:
+                yield outcomes
     except pool.losses:
         for chunk in running.values():
             queue.put_back(chunk)

@@ -118,7 +118,9 @@ def test_columns_are_in_the_same_order_whatever_the_seed_of_hashes(tmp_path) -> 
     make = "import sys; from tests.runs.test_store import *; fill(Path(sys.argv[1]))"
     orders = set()
     for seed in ("1", "2", "3"):
-        subprocess.run([sys.executable, "-c", make, tmp_path / seed], check=True, env={**os.environ, "PYTHONHASHSEED": seed})
+        subprocess.run(
+            [sys.executable, "-c", make, tmp_path / seed], check=True, env={**os.environ, "PYTHONHASHSEED": seed}
+        )
         orders |= {tuple(stored(tmp_path / seed)[0])}
     assert len(orders) == 1
 
