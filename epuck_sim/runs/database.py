@@ -9,7 +9,7 @@ from typing import Any
 
 from epuck_sim.errors import StoreError
 from epuck_sim.runs.checksums import CHECKSUM, Signer, columns_of, find_damaged_row, quoted
-from epuck_sim.runs.schema import APPLICATION_ID, ENTER_POINT, FORMAT, LATER_COLUMNS, LOST_POINT, POINTS, TRIALS
+from epuck_sim.runs.schema import APPLICATION_ID, ENTER_POINT, FORMAT, LATER_COLUMNS, LOST_POINT, POINTS, STORED, TRIALS
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
@@ -98,10 +98,32 @@ def _state(path: Path) -> tuple[int, int, int]:
 
 def _quick_check(path: Path, has_checksums: bool) -> str:
     """Return "ok", or what SQLite finds damaged; it reads the whole file."""
+    expected = _noted_trials(path)  # before the moment of which is read: a run at work may add to both
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-        return str(verdict) if verdict != "ok" else _check_rows(connection, has_checksums)
+        if verdict == "ok":
+            verdict = _check_rows(connection, has_checksums)
+        (found,) = connection.execute("SELECT count(*) FROM trials").fetchone() if verdict == "ok" else (expected,)
+    if found < expected:  # SQLite takes what is damaged in its log for the log's end
+        return (
+            f"its log has lost trials: {expected} were stored, {found} can be read; to go on with these, delete "
+            f"{path.with_name(STORED)}"
+        )
+    return str(verdict)
+
+
+def note_trials(path: Path, count: int) -> None:
+    """Note beside a database how many trials it holds; a note that was cut off says fewer, or nothing."""
+    with suppress(OSError):  # the disk is full, say; what is stored is stored
+        path.with_name(STORED).write_text(str(count), encoding="ascii")
+
+
+def _noted_trials(path: Path) -> int:
+    try:
+        return int(path.with_name(STORED).read_bytes())
+    except (OSError, ValueError):
+        return 0
 
 
 def _check_rows(connection: sqlite3.Connection, has_checksums: bool) -> str:
@@ -145,6 +167,7 @@ def writing(path: Path) -> Iterator[sqlite3.Connection]:
         yield connection
         with suppress(sqlite3.OperationalError):
             connection.execute("PRAGMA journal_mode = DELETE")
+            path.with_name(STORED).unlink(missing_ok=True)
     with suppress(OSError):  # the folder may be gone by now
         _checked[path.resolve()] = _state(path)
 

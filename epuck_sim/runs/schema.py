@@ -5,6 +5,9 @@ from epuck_sim.runs.checksums import CHECKSUM
 DATABASE = "results.sqlite"
 """Name of the file in a run folder that holds a row for each trial."""
 
+STORED = ".stored"
+"""Name of the file in a run folder that says how many trials a run has stored, until its log is in the database."""
+
 APPLICATION_ID = int.from_bytes(b"epck")
 """Marks a SQLite file as ours (its header, bytes 68 to 71)."""
 
@@ -64,7 +67,7 @@ LOST_POINT = """
 """Query for points that trials have, but the table of points has not; it looks at one trial of each point."""
 
 ENTER_POINT = (
-    "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures, share) VALUES (?, ?, ?, ?, ?, ?, ?, ?) "
-    "ON CONFLICT (key) DO UPDATE SET number = excluded.number, trials = excluded.trials, scenario = excluded.scenario, "
-    "measures = excluded.measures, share = excluded.share"
+    "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures, share) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET number = excluded.number, "
+    "trials = excluded.trials, scenario = excluded.scenario, measures = excluded.measures, share = excluded.share"
 )

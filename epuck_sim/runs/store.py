@@ -19,6 +19,7 @@ from epuck_sim.runs.database import (
     as_column,
     check_database,
     new_database,
+    note_trials,
     read_share,
     reading,
     sqlite_errors,
@@ -41,6 +42,7 @@ from epuck_sim.util.provenance import PROVENANCE
 _STORED = "FROM trials WHERE error IS NULL"
 _FINISHED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND NOT {UNMEASURED}"
 _UNMEASURED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND {UNMEASURED}"
+_DELETE_FAILED = "DELETE FROM trials WHERE point = ? AND trial = ? AND error IS NOT NULL"
 
 
 class Store:
@@ -88,11 +90,12 @@ class Store:
             self._finished = _FINISHED if self._measures else _STORED
             self._signer = Signer(self._connection, "trials")
             columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
-            updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
             self._insert = (
                 f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
-                f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(updates)} WHERE error IS NOT NULL"
+                "ON CONFLICT DO NOTHING"
             )
+            (self._trials,) = self._connection.execute("SELECT count(*) FROM trials").fetchone()
+            note_trials(self._path, self._trials)
             self._resources = stack.pop_all()
 
     def finished(self) -> FinishedTrials:
@@ -115,13 +118,17 @@ class Store:
         return self.add_all([outcome])[0]
 
     def add_all(self, outcomes: Sequence[Outcome]) -> list[bool]:
-        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result is kept and only measured.
+        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured.
 
         Returns:
             Whether each has a result with all its measures now.
         """
+        self._new = 0
         with sqlite_errors(self._path), self._connection:
-            return [self._put(outcome) for outcome in outcomes]
+            put = [self._put(outcome) for outcome in outcomes]
+        self._trials += self._new
+        note_trials(self._path, self._trials)
+        return put
 
     def _put(self, outcome: Outcome) -> bool:
         stored = self._without_measures(outcome) if self._measures else None
@@ -158,7 +165,8 @@ class Store:
             None if result is None else _measured(result),
             None if result is None else events_json(result),
         )
-        self._connection.execute(self._insert, values)
+        replaced = self._connection.execute(_DELETE_FAILED, values[:2]).rowcount
+        self._new += self._connection.execute(self._insert, values).rowcount - replaced
 
     def _sign(self, outcome: Outcome) -> None:
         row = self._points[outcome.point].key, outcome.trial

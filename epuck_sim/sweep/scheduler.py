@@ -146,16 +146,10 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
                 continue
             while not ended.empty():  # they ended while others were stored
                 together.append(ended.get())
-            outcomes: list[Outcome] = []
-            dead: list[Task] = []
-            for future in together:
-                try:
-                    outcomes += _result(future, pool)
-                except pool.deaths:
-                    dead += running[future]
+            outcomes, dead = _gather({future: running[future] for future in together}, pool)
+            lost += dead
             for future in together:
                 del running[future]
-            lost += dead
             sizer.note(outcomes)
             if outcomes:
                 yield outcomes
@@ -163,6 +157,18 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
         for chunk in running.values():
             queue.put_back(chunk)
     return lost
+
+
+def _gather(ended: dict[Future[list[Outcome]], list[Task]], pool: Pool) -> tuple[list[Outcome], list[Task]]:
+    """Return the outcomes of chunks that have ended, and the tasks of chunks that were lost with a worker."""
+    outcomes: list[Outcome] = []
+    lost: list[Task] = []
+    for future, chunk in ended.items():
+        try:
+            outcomes += _result(future, pool)
+        except pool.deaths:
+            lost += chunk
+    return outcomes, lost
 
 
 def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:

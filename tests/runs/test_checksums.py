@@ -1,5 +1,7 @@
 """A file in which bytes have changed never gives other rows than it had: they are read as they were, or not at all."""
 
+import re
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -13,9 +15,12 @@ from epuck_sim.runs import database
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.scenario.points import points
 from tests.cli.commands import refused
 from tests.runs.made_folders import make_older
-from tests.runs.test_store import COUNT, SPEED, fill, scenario_of, stored
+from tests.runs.test_store import COUNT, SPEED, fill, outcome, scenario_of, stored
 
 SWEEP = scenario_of({"grid": {COUNT: [2, 3, 4, 5], SPEED: [1, 0.5, 0.25]}}, trials=20)
 
@@ -84,6 +89,32 @@ def test_a_database_without_the_checksums_it_must_have_is_refused(whole, tmp_pat
     with closing(sqlite3.connect(tmp_path / DATABASE)) as connection, connection:
         connection.execute("ALTER TABLE trials DROP COLUMN checksum")
     assert "is damaged: trials has no checksums" in refused("status", tmp_path)
+
+
+def killed(folder: Path) -> Path:
+    """Make a folder whose run was killed: all its trials are in SQLite's log alone."""
+    running = folder / "running"
+    with Store(running, SWEEP, points(SWEEP)) as store:
+        for point in points(SWEEP):
+            store.add_all([outcome(point, trial) for trial in range(SWEEP.trials)])
+        shutil.copytree(running, folder / "killed")
+    assert {path.name for path in running.iterdir()} == {".lock", DATABASE, RUN_SCENARIO}
+    return folder / "killed"
+
+
+def test_a_damaged_log_of_a_killed_run_is_refused_with_what_was_stored(tmp_path) -> None:
+    folder = killed(tmp_path)
+    log = folder / f"{DATABASE}-wal"
+    whole, random = log.read_bytes(), Random(5)
+    for _ in range(20):
+        log.write_bytes(flipped(whole, random, 1))
+        message = refused("status", folder)
+        assert re.search(r"is damaged: its log has lost trials: 240 were stored, \d+ can be read", message)
+    assert refused("run", folder).endswith(message.partition("error: ")[2])
+    (folder / ".stored").unlink()
+    assert read_status(folder).stored < 240
+    fill(folder, SWEEP)
+    assert read_status(folder).stored == 240
 
 
 def test_an_earlier_folder_is_read_and_gets_checksums_when_it_goes_on(tmp_path) -> None:

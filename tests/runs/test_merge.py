@@ -164,9 +164,10 @@ def test_a_folder_stays_with_its_share(tmp_path) -> None:
 
 def test_a_folder_is_for_its_share_from_its_first_moment(tmp_path, monkeypatch) -> None:
     """A command may be killed between the appearance of the database and its first commit."""
-    with monkeypatch.context() as killed, pytest.raises(ZeroDivisionError):
+    with monkeypatch.context() as killed:
         killed.setattr(store, "write_scenario", lambda _: 1 / 0)
-        Store(tmp_path, MANY, points(MANY), Share(1, 2))
+        with pytest.raises(ZeroDivisionError):
+            Store(tmp_path, MANY, points(MANY), Share(1, 2))
     assert read_status(tmp_path).share == "1/2"
     fill_share(tmp_path, Share(1, 2))
     status = read_status(tmp_path)
