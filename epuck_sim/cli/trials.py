@@ -15,7 +15,7 @@ from epuck_sim.cli.status_tables import print_status
 from epuck_sim.cli.sweep_size import describe_size
 from epuck_sim.cli.tables import print_trial_json, print_trials
 from epuck_sim.errors import ScenarioError
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
 from epuck_sim.scenario.points import Point, points

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import find_controller, is_file
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.runs.database import has_column
 from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.measures import MeasureSection
 from epuck_sim.scenario.particles import ParticleScenario
@@ -59,8 +58,7 @@ def stored_point(point: Point) -> StoredPoint:
 
 def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -> list[StoredPoint]:
     """Return the points of a database in the order of the sweep, with the number of trials that an SQL term gives."""
-    measures = "measures" if has_column(connection, "points", "measures") else "'{}'"
-    columns = f"key, number, {trials}, axes, scenario, controllers, {measures}"
+    columns = f"key, number, {trials}, axes, scenario, controllers, measures"
     return [StoredPoint(*row) for row in connection.execute(f"SELECT {columns} FROM points ORDER BY number")]
 
 

@@ -1,12 +1,13 @@
 """A sweep from its scenario to its run folder: the trials that are missing are run, and stored as they end."""
 
+import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
-from epuck_sim.runs.finished import FinishedTrials
-from epuck_sim.runs.records import Outcome, SweepProgress, Task
+from epuck_sim.runs.records import FinishedTrials, Outcome, SweepProgress, Task
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
@@ -96,14 +97,10 @@ def missing_tasks(
         interpret: Run controllers as plain Python.
         share: Share of the trials that are wanted.
     """
-    wanted = [(point, share.trials(point.number, point.scenario.trials)) for point in points]
-    firsts = [next(finished.missing(point.number, trials), None) for point, trials in wanted]
-    left = [one for one, first in zip(wanted, firsts, strict=True) if first is not None]
-    begin = min((first for first in firsts if first is not None), default=0)
-    for turn in range(begin, max((len(trials) for _, trials in left), default=0)):
-        for point, trials in left:
-            if turn < len(trials) and (point.number, trials[turn]) not in finished:
-                yield _task(point, trials[turn], interpret)
+    wanted = [share.trials(point.number, point.scenario.trials) for point in points]
+    missing = (zip(finished.missing(point.number, wanted[place]), repeat(place)) for place, point in enumerate(points))
+    for turn, place in heapq.merge(*missing):
+        yield _task(points[place], wanted[place][turn], interpret)
 
 
 def first_of_each_kind(

@@ -165,7 +165,7 @@ def _gather(ended: dict[Future[list[Outcome]], list[Task]], pool: Pool) -> tuple
     lost: list[Task] = []
     for future, chunk in ended.items():
         try:
-            outcomes += _result(future, pool)
+            outcomes = [*outcomes, *_result(future, pool)]
         except pool.deaths:
             lost += chunk
     return outcomes, lost

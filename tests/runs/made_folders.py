@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.runs.checksums import Signer
+from epuck_sim.runs.database import sign
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.runs.records import Outcome
-from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -169,13 +169,4 @@ def edit(folder: Path, statement: str, *values: Any) -> None:
     with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
         connection.execute(statement, values)
         for table in ("points", "trials"):
-            Signer(connection, table).sign()
-
-
-def make_older(folder: Path, **dropped: Sequence[str]) -> None:
-    """Take columns from the tables that are named, and what the first format did not have."""
-    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
-        for table, names in {"points": ["share"], "trials": []}.items():
-            for name in (*names, "checksum", *dropped.get(table, ())):
-                connection.execute(f"ALTER TABLE {table} DROP COLUMN {name}")
-        connection.execute("PRAGMA user_version = 1")
+            sign(connection, table)

@@ -9,8 +9,7 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import store
 from epuck_sim.runs.export import export
-from epuck_sim.runs.merge import merge_folders
-from epuck_sim.runs.share import Share
+from epuck_sim.runs.share import Share, merge_folders
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario

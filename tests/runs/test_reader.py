@@ -12,9 +12,8 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database, export, reader, status
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import new_database
+from epuck_sim.runs.database import ENTER_POINT, new_database
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.schema import ENTER_POINT
 from epuck_sim.runs.status import Failure, Status, TrialsByOrigin, read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
@@ -179,9 +178,9 @@ def test_a_folder_that_grows_while_it_is_read_is_read_as_it_was(tmp_path, monkey
     reading = module.reading
 
     @contextmanager
-    def reading_while_it_grows(path: Path):
-        with reading(path) as connection:
-            yield Grown(connection, path)
+    def reading_while_it_grows(folder: Path):
+        with reading(folder) as connection:
+            yield Grown(connection, folder / DATABASE)
 
     with closing(sqlite3.connect(tmp_path / DATABASE)) as run_at_work:
         run_at_work.execute("PRAGMA journal_mode = WAL")
@@ -196,8 +195,8 @@ def test_a_database_is_checked_once_however_often_it_is_read_and_written(tmp_pat
     fill(tmp_path / "made")
     shutil.copytree(tmp_path / "made", tmp_path / "run")
     checked = []
-    check = database._quick_check
-    monkeypatch.setattr(database, "_quick_check", lambda path, **given: checked.append(path) or check(path, **given))
+    check = database._damage
+    monkeypatch.setattr(database, "_damage", lambda path: checked.append(path) or check(path))
     for _ in range(2):
         read(tmp_path / "run")
         fill(tmp_path / "run", load_scenario(DEMO, ["trials=4"]))

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs.finished import FinishedTrials
+from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.runs.share import WHOLE, Share
 
 
@@ -48,19 +48,15 @@ def test_a_share_is_read_as_it_is_written() -> None:
     assert [*WHOLE.trials(17, 4)] == [0, 1, 2, 3]
 
 
-@given(st.sets(st.tuples(st.integers(0, 5), st.integers(0, 50))))
-def test_finished_trials_are_the_set_of_them(trials) -> None:
-    finished = FinishedTrials(trials)
-    assert finished == trials
-    assert len(finished) == len(trials)
-    assert (6, 0) not in finished
-
-
-@given(st.sets(st.tuples(st.integers(0, 2), st.integers(0, 20))), st.integers(1, 3), st.integers(0, 30))
+@given(
+    st.dictionaries(st.integers(0, 2), st.sets(st.integers(0, 20), min_size=1)), st.integers(1, 3), st.integers(0, 30)
+)
 def test_missing_trials_are_those_wanted_that_are_not_finished(trials, of: int, count: int) -> None:
-    finished = FinishedTrials(trials)
+    finished = FinishedTrials((point, [*numbers]) for point, numbers in trials.items())
+    assert {*finished} == {(point, trial) for point, numbers in trials.items() for trial in numbers}
     for point in range(3):
         for number in range(of):
             wanted = Share(number + 1, of).trials(point, count)
             missing = [wanted[place] for place in finished.missing(point, wanted)]
-            assert missing == [trial for trial in wanted if (point, trial) not in trials]
+            assert missing == [trial for trial in wanted if trial not in trials.get(point, ())]
+            assert finished.count(point, wanted) == len(wanted) - len(missing)

@@ -17,9 +17,9 @@ import pytest
 from epuck_sim.errors import EpuckSimError, StoreError
 from epuck_sim.runs.database import check_database
 from epuck_sim.runs.export import export
+from epuck_sim.runs.folder import current_holder
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.records import Outcome
-from epuck_sim.runs.run_lock import current_holder
 from epuck_sim.runs.status import read_status
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
@@ -100,7 +100,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 def test_a_new_folder_holds_the_database_and_the_scenario_that_was_run(tmp_path) -> None:
     folder = tmp_path / "runs" / "new"
     with Store(folder, DEMO, points(DEMO)) as store:
-        assert store.finished() == set()
+        assert set(store.finished()) == set()
         assert store.censored() is None
     assert stored(folder) == []
     assert {path.name for path in folder.iterdir()} - {".lock"} == {DATABASE, "scenario.yaml"}
@@ -219,10 +219,10 @@ def test_a_failed_trial_is_replaced_by_its_next_outcome(tmp_path) -> None:
         store.add(outcome(found[0], 0, error="first"))
         store.add(outcome(found[0], 0, error="second"))
         assert [row["error"] for row in stored(tmp_path)] == ["second"]
-        assert store.finished() == set()
+        assert set(store.finished()) == set()
         ended = outcome(found[0], 0)
         store.add(ended._replace(provenance={**ended.provenance, "host": "elsewhere"}))
-        assert store.finished() == {(0, 0)}
+        assert set(store.finished()) == {(0, 0)}
     (row,) = stored(tmp_path)
     assert (row["error"], row["t_sync_cycles"], row["steps"], row["host"]) == (None, 0, 0, "elsewhere")
 
@@ -233,9 +233,9 @@ def test_finished_are_the_trials_that_have_a_result_by_number_of_point_and_trial
         store.add(outcome(found[3], 2))
         store.add(outcome(found[1], 0, t_sync_cycles=None, censored=True))
         store.add(outcome(found[1], 1, error="no"))
-        assert store.finished() == {(3, 2), (1, 0)}
+        assert set(store.finished()) == {(3, 2), (1, 0)}
     with Store(tmp_path, DEMO, found) as store:
-        assert store.finished() == {(3, 2), (1, 0)}
+        assert set(store.finished()) == {(3, 2), (1, 0)}
 
 
 def test_a_trial_is_on_disk_as_soon_as_it_is_added(tmp_path) -> None:
@@ -254,7 +254,7 @@ def test_what_a_killed_run_had_stored_is_there_and_the_next_run_goes_on(tmp_path
         shutil.copytree(tmp_path / "run", tmp_path / "killed")
     assert (tmp_path / "killed" / f"{DATABASE}-wal").stat().st_size > 0
     with Store(tmp_path / "killed", DEMO, found) as store:
-        assert store.finished() == {(2, 0), (2, 1)}
+        assert set(store.finished()) == {(2, 0), (2, 1)}
         store.add(outcome(found[2], 2))
     assert [row["trial"] for row in stored(tmp_path / "killed")] == [0, 1, 2]
 
@@ -267,7 +267,7 @@ def test_a_folder_grows_by_points_and_trials_and_numbers_follow_the_new_sweep(tm
     numbers = {point.key: point.number for point in found}
     assert numbers.keys() > {key for key, _ in before}
     with Store(tmp_path, grown, found) as store:
-        assert store.finished() == {(numbers[key], trial) for key, trial in before}
+        assert set(store.finished()) == {(numbers[key], trial) for key, trial in before}
         store.add(outcome(found[0], 4))
     after = {(row["point"], row["trial"]): row for row in stored(tmp_path)}
     new = after.pop((found[0].key, 4))
@@ -281,7 +281,7 @@ def test_axes_may_change_places_and_values_their_writing(tmp_path) -> None:
         store.add(outcome(points(DEMO)[0], 0))
     turned = scenario_of({"grid": {SPEED: [0.5, 1.0], COUNT: [2.0, 3]}})
     with Store(tmp_path, turned, points(turned)) as store:
-        assert store.finished() == {(2, 0)}
+        assert set(store.finished()) == {(2, 0)}
         store.add(outcome(points(turned)[1], 0))
     assert [(row[COUNT], row[SPEED]) for row in stored(tmp_path)] == [(3, 0.5), (2, 1)]
 
@@ -298,7 +298,7 @@ def test_what_has_no_effect_on_a_trial_may_change(tmp_path, change: str) -> None
     before = stored(tmp_path)
     changed = load_scenario(DEMO, [change])
     with Store(tmp_path, changed, points(changed)) as store:
-        assert len(store.finished()) == 12
+        assert len(set(store.finished())) == 12
     assert stored(tmp_path) == before
     assert load_scenario(tmp_path) == changed
 
@@ -310,7 +310,7 @@ def test_trials_that_have_not_been_run_may_be_given_up(tmp_path) -> None:
             store.add(outcome(found[0], trial))
     fewer = load_scenario(DEMO, ["trials=2"])
     with Store(tmp_path, fewer, points(fewer)) as store:
-        assert store.finished() == {(0, 0), (0, 1)}
+        assert set(store.finished()) == {(0, 0), (0, 1)}
     assert read_status(tmp_path).trials == 8
 
 
@@ -540,7 +540,7 @@ def test_a_second_command_is_refused_with_the_process_at_work(tmp_path) -> None:
 LOCK_IT = """
 import sys
 from pathlib import Path
-from epuck_sim.runs.run_lock import acquire
+from epuck_sim.runs.folder import acquire
 with acquire(Path(sys.argv[1])):
     print("locked", flush=True)
     sys.stdin.read()
@@ -634,9 +634,13 @@ SPOILT: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     "cut within its last page": (lambda whole: whole[:-2000], "is damaged"),
     "overwritten in the middle": (pages_overwritten, "is damaged"),
     "without its tables' definitions": (lambda whole: whole[:100] + garbage(3996) + whole[4096:], "is damaged"),
+    "of the format before the first release": (
+        lambda whole: whole[:60] + (1).to_bytes(4) + whole[64:],
+        "has format 1, this version of epuck-sim reads 2; a run that goes on with version 0.1.0 makes that of it",
+    ),
     "of another format": (
         lambda whole: whole[:60] + (3).to_bytes(4) + whole[64:],
-        "has format 3, this version of epuck-sim reads 1 to 2",
+        "has format 3, this version of epuck-sim reads 2",
     ),
 }
 
@@ -727,7 +731,7 @@ def test_where_the_disk_is_full_what_is_stored_stays_whole_and_the_next_run_goes
         assert kept > 10
     assert [(row["number"], row["trial"]) for row in stored(tmp_path)] == [(0, trial) for trial in range(kept)]
     with Store(tmp_path, scenario, found) as store:
-        assert len(store.finished()) == kept
+        assert len(set(store.finished())) == kept
         for trial in range(500):
             store.add(outcome(found[0], trial))
     assert len(stored(tmp_path)) == 500
@@ -761,6 +765,6 @@ def test_where_a_write_fails_in_mid_run_what_is_stored_stays_whole(tmp_path) -> 
         size = (tmp_path / f"{DATABASE}-wal").stat().st_size
         with no_file_larger_than(size + 100), pytest.raises(StoreError, match="stored results are intact"):
             store.add(outcome(found[1], 5))
-        assert len(store.finished()) == 5
+        assert len(set(store.finished())) == 5
         store.add(outcome(found[1], 6))
     assert [row["trial"] for row in stored(tmp_path)] == [0, 1, 2, 3, 4, 6]

@@ -16,8 +16,8 @@ from pathlib import Path
 from random import Random
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
