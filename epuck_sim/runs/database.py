@@ -204,12 +204,11 @@ def _damage_of_rows(connection: sqlite3.Connection, table: str) -> str | None:
     columns = columns_of(connection, table)
     if "checksum" not in columns:
         return f"{table} has no checksums" if columns else f"it has no table {table}"
-    in_order = f"FROM {table} ORDER BY {', '.join(KEYS[table])}"
-    rows = connection.execute(f"SELECT {_summed(connection, table)} {in_order}")
-    sums = connection.execute(f"SELECT checksum {in_order}")
+    order = ", ".join(KEYS[table])
+    rows = connection.execute(f"SELECT {_summed(connection, table)}, checksum FROM {table} ORDER BY {order}")
     try:
-        for number, (row, (stored,)) in enumerate(zip(rows, sums, strict=True)):
-            if _sum(row) != stored:
+        for number, row in enumerate(rows):
+            if _sum(row[:-1]) != row[-1]:
                 return f"row {number} of {table} does not have its checksum"
     except sqlite3.OperationalError as error:
         if "decode" not in str(error):
