@@ -22,7 +22,7 @@ CHUNK_S = 0.5
 """Work in a chunk, in seconds: long compared with the milliseconds that handing it over costs, short in a run."""
 
 
-LOOK_S = 5.0
+LOOK_S = 3.0
 """Time in seconds without an ended chunk after which it is checked that there are workers at all."""
 
 
@@ -191,7 +191,13 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
 
 def _result(future: Future[Result], pool: Pool) -> Result:
     try:
-        return future.result()
+        while True:
+            try:
+                return future.result(LOOK_S)
+            except TimeoutError:
+                if future.done():
+                    raise
+                pool.slots()  # tells if there are no workers, or all are lost
     except ClusterError:
         raise
     except pool.deaths + pool.losses:
