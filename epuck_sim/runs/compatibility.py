@@ -109,55 +109,43 @@ def check_same_sweep(
     """
     now = {point.key: point for point in given}
     for point in stored:
-        if set(json.loads(point.axes)) != set(json.loads(given[0].axes)):
-            axes = " and ".join(", ".join(json.loads(each.axes)) or "none" for each in (point, given[0]))
-            raise StoreError(
-                f"{folder}: holds another sweep; axes in the folder and {other}: {axes}; give another folder"
-            )
-        if not point.trials:
-            continue  # none has been run
-        if point.key not in now:
-            raise StoreError(
-                f"{folder}: holds a point that this sweep lacks: {point.key}; add it, or give another folder"
-            )
-        differences = list(_differences(point, now[point.key], other))
-        if differences:
-            more = ["..."] if len(differences) > MOST_SHOWN else []
-            lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
-            raise StoreError(f"{folder}: holds results of another scenario; give another folder:\n  {lines}")
-        _check_measures(folder, json.loads(point.measures), json.loads(now[point.key].measures), other)
-        if point.trials > now[point.key].trials:
-            raise StoreError(
-                f"{folder}: holds {point.trials} trials at {point.key}; trials is {now[point.key].trials}; "
-                f"allowed: {point.trials} or more, or another folder"
-            )
+        for conflict in _conflicts(point, now, other):
+            raise StoreError(f"{folder}: holds {conflict}")
 
 
-def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any], other: str) -> None:
-    """Raise StoreError if trials with results were measured otherwise than those to come would be.
+def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str) -> Iterator[str]:
+    """Yield why a point of a folder does not belong to a sweep with these points by key; after the first, no more."""
+    axes = [list(json.loads(each.axes)) for each in (point, next(iter(given.values())))]
+    if set(axes[0]) != set(axes[1]):
+        both = " and ".join(", ".join(each) or "none" for each in axes)
+        yield f"another sweep; axes in the folder and {other}: {both}; give another folder"
+    if not point.trials:
+        return  # none has been run
+    if point.key not in given:
+        yield f"a point that this sweep lacks: {point.key}; add it, or give another folder"
+    now = given[point.key]
+    before, after = (dict(_flat("", _with_effect(each))) for each in (point, now))
+    if differences := _differences(before, after, other):
+        more = ["..."] if len(differences) > MOST_SHOWN else []
+        lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
+        yield f"results of another scenario; give another folder:\n  {lines}"
+    measures = json.loads(now.measures)
+    # measures that were added are none of these: stored trials are run again for them
+    for name, measure in json.loads(point.measures).items():
+        if name not in measures:
+            yield f"results of the measure {name}, which is lacking {other}; give another folder"
+        for difference in _differences(measure, measures[name], other):
+            yield f"results of another measure {name}; give another folder: {difference}"
+    if point.trials > now.trials:
+        allowed = f"allowed: {point.trials} or more, or another folder"
+        yield f"{point.trials} trials at {point.key}; trials is {now.trials}; {allowed}"
 
-    Measures that were added are none of these: stored trials are run again for them.
-    """
-    for name, measure in stored.items():
-        if name not in now:
-            raise StoreError(
-                f"{folder}: holds results of the measure {name}, which is lacking {other}; give another folder"
-            )
-        for key in dict.fromkeys([*measure, *now[name]]):
-            old, new = measure.get(key, MISSING), now[name].get(key, MISSING)
-            if old != new:
-                raise StoreError(
-                    f"{folder}: holds results of another measure {name}; give another folder: "
-                    f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}"
-                )
 
-
-def _differences(stored: StoredPoint, now: StoredPoint, other: str) -> Iterator[str]:
-    before, after = (dict(_flat("", _with_effect(point))) for point in (stored, now))
-    for key in dict.fromkeys([*before, *after]):
-        old, new = before.get(key, MISSING), after.get(key, MISSING)
-        if old != new:
-            yield f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}"
+def _differences(before: Mapping[str, Any], after: Mapping[str, Any], other: str) -> list[str]:
+    pairs = [(key, before.get(key, MISSING), after.get(key, MISSING)) for key in dict.fromkeys([*before, *after])]
+    return [
+        f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}" for key, old, new in pairs if old != new
+    ]
 
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
