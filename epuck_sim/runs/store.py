@@ -111,11 +111,7 @@ class Store:
             (count,) = self._connection.execute(query).fetchone()
         return None if count is None else int(count)
 
-    def add(self, outcome: Outcome) -> bool:
-        """Store a trial as `add_all` does; return whether it has a result with all its measures now."""
-        return self.add_all([outcome])[0]
-
-    def add_all(self, outcomes: Sequence[Outcome]) -> list[bool]:
+    def add(self, outcomes: Sequence[Outcome]) -> list[bool]:
         """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured.
 
         Returns:

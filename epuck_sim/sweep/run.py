@@ -67,7 +67,7 @@ def run_sweep(
         kinds = first_of_each_kind(all_points, finished, interpret, ours)
         with closing(schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
-                for outcome, is_stored in zip(outcomes, store.add_all(outcomes), strict=True):
+                for outcome, is_stored in zip(outcomes, store.add(outcomes), strict=True):
                     progress = progress._replace(
                         stored=progress.stored + is_stored,
                         censored=_censored(progress.censored, outcome) if is_stored else progress.censored,

@@ -120,6 +120,7 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
     with Store(folder, scenario, found) as opened:
         for point in found:
             times, observed = law(point)
+            ended = []
             for trial, (time, is_observed) in enumerate(zip(times.astype(int).tolist(), observed, strict=True)):
                 result = TrialResult(
                     scenario=scenario.name,
@@ -132,10 +133,10 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
                     simulated_s=5.0 * time,
                     wall_s=0.001,
                 )
-                opened.add(Outcome(point.number, trial, result.seed, result, None, made))
-            if point.number == 0:
-                for trial in range(len(times), len(times) + failed):
-                    opened.add(Outcome(0, trial, point.seed(trial), None, f"gone {trial}", made))
+                ended.append(Outcome(point.number, trial, result.seed, result, None, made))
+            failures = range(len(times), len(times) + failed) if point.number == 0 else ()
+            ended += (Outcome(0, trial, point.seed(trial), None, f"gone {trial}", made) for trial in failures)
+            opened.add(ended)
     return folder
 
 
@@ -146,10 +147,12 @@ def store_measured(folder: Path, scenario: Scenario, law: Callable[[Point], Sequ
     made = {**versions(), "host": "here"}
     with Store(folder, scenario, found) as opened:
         for point in found:
+            ended = []
             for trial, value in enumerate(law(point)):
                 measures = {section.name: value}
                 result = TrialResult(scenario.name, point.seed(trial), None, None, 9, None, 9, 9.0, 0.01, measures)
-                opened.add(Outcome(point.number, trial, result.seed, result, None, made))
+                ended.append(Outcome(point.number, trial, result.seed, result, None, made))
+            opened.add(ended)
     return folder
 
 

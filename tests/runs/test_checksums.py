@@ -95,7 +95,7 @@ def killed(folder: Path) -> Path:
     running = folder / "running"
     with Store(running, SWEEP, points(SWEEP)) as store:
         for point in points(SWEEP):
-            store.add_all([outcome(point, trial) for trial in range(SWEEP.trials)])
+            store.add([outcome(point, trial) for trial in range(SWEEP.trials)])
         shutil.copytree(running, folder / "killed")
     assert {path.name for path in running.iterdir()} == {".lock", DATABASE, RUN_SCENARIO}
     return folder / "killed"

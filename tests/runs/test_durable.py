@@ -20,7 +20,7 @@ found = points(DEMO)
 with Store(Path(sys.argv[1]), DEMO, found) as store:
     for trial in range(3):
         os.write(2, b"adding\\n")
-        store.add(outcome(found[0], trial))
+        store.add([outcome(found[0], trial)])
         os.write(2, b"stored\\n")
 """
 

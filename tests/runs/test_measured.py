@@ -44,7 +44,7 @@ def fill(folder: Path, loaded, values: list[dict]) -> None:
     found = points(loaded)
     with Store(folder, loaded, found) as store:
         for trial, measures in enumerate(values):
-            store.add(outcome(found[0], trial, measures=measures))
+            store.add([outcome(found[0], trial, measures=measures)])
 
 
 def test_values_come_back_to_the_bit(folder, mine):

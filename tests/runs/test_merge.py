@@ -34,7 +34,7 @@ def fill_share(folder: Path, share: Share, scenario: Scenario = MANY, part: floa
         for point in found:
             for trial in share.trials(point.number, scenario.trials):
                 if random.random() < part:
-                    store.add(outcome(point, trial, **changes))
+                    store.add([outcome(point, trial, **changes)])
     return folder
 
 
