@@ -13,7 +13,6 @@ def find_conflicts(options: RunOptions, folder: Path | None) -> list[tuple[bool,
             folder is None and (options.workers is not None or options.dask is not None),
             "--workers and --dask need a run folder: --out FOLDER",
         ),
-        (folder is None and options.durable, "--durable is for run folders: --out FOLDER"),
         (folder is None and options.share is not None, "--share needs a run folder of its own: --out FOLDER"),
         (
             folder is not None and any(each is not None for each in (trace, record, film, options.live)),

@@ -49,7 +49,6 @@ class RunOptions(NamedTuple):
     """Whether traces list whom each robot sees lit, and whom it touches."""
     share: Share | None = None
     """Share of a sweep's trials to run; None for the whole, or for that of the folder."""
-    durable: bool = False
     """Whether stored trials survive a power cut."""
 
 

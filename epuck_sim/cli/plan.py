@@ -57,7 +57,7 @@ def plan(
     """
     with exit_on_error():
         from epuck_sim.cli.plan_tables import print_plan, print_power
-        from epuck_sim.runs.schema import DATABASE
+        from epuck_sim.runs.folder import DATABASE
         from epuck_sim.sweep.executors import available_cores
 
         folder = Path(sweep)

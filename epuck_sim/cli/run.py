@@ -33,6 +33,11 @@ def _refuse_status(wanted: bool) -> None:
             raise EpuckSimError("--status is now a command of its own: epuck-sim status FOLDER")
 
 
+def _note_durable(given: bool) -> None:
+    if given:
+        typer.echo("note: --durable is needed no more: what is stored is synced at each commit", err=True)
+
+
 @runs.command()
 def run(
     scenario: ScenarioArgument,
@@ -134,14 +139,6 @@ def run(
             rich_help_panel=SWEEPS,
         ),
     ] = None,
-    durable: Annotated[
-        bool,
-        typer.Option(
-            "--durable",
-            help="Wait for the disk whenever trials are stored: they survive a power cut, too.",
-            rich_help_panel=SWEEPS,
-        ),
-    ] = False,
     workers: Annotated[
         int | None, typer.Option(min=1, help="Worker processes; all cores by default.", rich_help_panel=SWEEPS)
     ] = None,
@@ -156,6 +153,7 @@ def run(
         int | None, typer.Option(min=0, help="Run one trial of a sweep: its number, from 0.", rich_help_panel=SWEEPS)
     ] = None,
     status: Annotated[bool, typer.Option("--status", hidden=True, callback=_refuse_status)] = False,  # noqa: ARG001
+    durable: Annotated[bool, typer.Option("--durable", hidden=True, callback=_note_durable)] = False,  # noqa: ARG001
 ) -> None:
     """Simulate SCENARIO until the swarm is synchronised: some trials, or a sweep of thousands into a run folder."""
     with exit_on_error(), print_traceback() if traceback else nullcontext():
@@ -187,7 +185,6 @@ def run(
             memory=tuple(memory or ()),
             relations=relations,
             share=Share.parse(share) if share else None,
-            durable=durable,
         )
         one = point is not None or trial is not None
         file = find_scenario(scenario)

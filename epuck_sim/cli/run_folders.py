@@ -45,7 +45,7 @@ def merge(
     """
     with exit_on_error():
         from epuck_sim.cli.status_tables import print_status
-        from epuck_sim.runs.merge import merge_folders
+        from epuck_sim.runs.share import merge_folders
         from epuck_sim.runs.status import read_status
 
         merge_folders(folders, out)

@@ -15,7 +15,7 @@ from epuck_sim.cli.status_tables import print_status
 from epuck_sim.cli.sweep_size import describe_size
 from epuck_sim.cli.tables import print_trial_json, print_trials
 from epuck_sim.errors import ScenarioError
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_outcome, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -122,14 +122,7 @@ def sweep_into(origin: str, scenario: Scenario, folder: Path, options: RunOption
                     _begin_sweep(found, options)
 
                 run_sweep(
-                    scenario,
-                    folder,
-                    open_pool,
-                    bar,
-                    interpret=options.interpret,
-                    share=options.share,
-                    begin=begin,
-                    durable=options.durable,
+                    scenario, folder, open_pool, bar, interpret=options.interpret, share=options.share, begin=begin
                 )
         except KeyboardInterrupt:
             progress = bar.progress
@@ -155,10 +148,9 @@ def _begin_sweep(found: Sequence[Point], options: RunOptions) -> None:
 
 
 def _command_to_go_on(folder: Path, options: RunOptions) -> str:
-    flags = {"--interpret": options.interpret, "--durable": options.durable}
     given = {"--workers": options.workers, "--dask": options.dask}
     words = [word for name, value in given.items() if value is not None for word in (name, str(value))]
-    return shlex.join(["epuck-sim", "run", f"{folder}/", *words, *(name for name in flags if flags[name])])
+    return shlex.join(["epuck-sim", "run", f"{folder}/", *words, *["--interpret"] * options.interpret])
 
 
 def _note_other_versions(folder: Path) -> None:

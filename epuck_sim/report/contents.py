@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from epuck_sim.figures.labels import quantity_label
 from epuck_sim.report.groups import point_labels
-from epuck_sim.runs.reader import PointTrials, database_of, read_measure_names, read_points
+from epuck_sim.runs.folder import database_of
+from epuck_sim.runs.reader import PointTrials, read_measure_names, read_points
 from epuck_sim.runs.status import Status, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.statistics.measured import Measured, measure

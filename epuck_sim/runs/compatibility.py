@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from epuck_sim.control.loader import CONTROLLER, find_controller
+from epuck_sim.control.sensors import find_sensor
 from epuck_sim.errors import ScenarioError, StoreError
-from epuck_sim.runs.database import has_column
 from epuck_sim.scenario.curves import find_curve
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.measures import MeasureSection
@@ -37,13 +37,15 @@ class StoredPoint(NamedTuple):
     scenario: str
     controllers: str
     """Controller of each group, a shipped one's name, or the name and the digest of the sources of a user's file, and
-    likewise the picture of a floor; of agents, a user's response curve."""
+    likewise those of sensors, and the picture of a floor; of agents, a user's response curve."""
     measures: str
     """By the name of each measure, its parameters and the measure itself, as controllers are stored."""
+    share: str | None = None
+    """Share of the sweep that the folder is for, as 3/40; None for the whole."""
 
 
 def stored_point(point: Point) -> StoredPoint:
-    """Return a point as it is stored."""
+    """Return a point as it is stored, of the whole sweep."""
     scenario = point.scenario
     return StoredPoint(
         point.key,
@@ -58,13 +60,12 @@ def stored_point(point: Point) -> StoredPoint:
 
 def read_stored_points(connection: sqlite3.Connection, trials: str = "trials") -> list[StoredPoint]:
     """Return the points of a database in the order of the sweep, with the number of trials that an SQL term gives."""
-    measures = "measures" if has_column(connection, "points", "measures") else "'{}'"
-    columns = f"key, number, {trials}, axes, scenario, controllers, {measures}"
+    columns = f"key, number, {trials}, axes, scenario, controllers, measures"
     return [StoredPoint(*row) for row in connection.execute(f"SELECT {columns} FROM points ORDER BY number")]
 
 
 def own_files(scenario: Scenario) -> tuple[str, ...]:
-    """Return what a scenario's trials need by name: controllers, curve, picture and measures, with their digests.
+    """Return what a scenario's trials need by name: controllers, sensors, curve, picture, measures; with digests.
 
     Raises:
         EpuckSimError: One of them is not there.
@@ -74,12 +75,19 @@ def own_files(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _named(scenario: Scenario) -> list[str]:
-    """Return controllers, a floor's picture and a user's response curve."""
-    return [*map(_controller, scenario.controllers), *_own_picture(scenario), *_own_curve(scenario)]
+    """Return controllers, sensors in files of their own, a floor's picture and a user's response curve."""
+    controllers = map(_controller, scenario.controllers)
+    return [*controllers, *_own_sensors(scenario), *_own_picture(scenario), *_own_curve(scenario)]
 
 
 def _controller(name: str) -> str:
     return name if name in CONTROLLER.shipped() else _with_digest(Path(name).name, find_controller(name).sources)
+
+
+def _own_sensors(scenario: Scenario) -> list[str]:
+    groups = scenario.robots if isinstance(scenario, EmbodiedScenario) else ()
+    files = [sensor["file"] for group in groups for sensor in group.sensors.values()]
+    return [_with_digest(Path(file).name, find_sensor(file).sources) for file in files]
 
 
 def _own_picture(scenario: Scenario) -> list[str]:
@@ -123,55 +131,43 @@ def check_same_sweep(
     """
     now = {point.key: point for point in given}
     for point in stored:
-        if set(json.loads(point.axes)) != set(json.loads(given[0].axes)):
-            axes = " and ".join(", ".join(json.loads(each.axes)) or "none" for each in (point, given[0]))
-            raise StoreError(
-                f"{folder}: holds another sweep; axes in the folder and {other}: {axes}; give another folder"
-            )
-        if not point.trials:
-            continue  # none has been run
-        if point.key not in now:
-            raise StoreError(
-                f"{folder}: holds a point that this sweep lacks: {point.key}; add it, or give another folder"
-            )
-        differences = list(_differences(point, now[point.key], other))
-        if differences:
-            more = ["..."] if len(differences) > MOST_SHOWN else []
-            lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
-            raise StoreError(f"{folder}: holds results of another scenario; give another folder:\n  {lines}")
-        _check_measures(folder, json.loads(point.measures), json.loads(now[point.key].measures), other)
-        if point.trials > now[point.key].trials:
-            raise StoreError(
-                f"{folder}: holds {point.trials} trials at {point.key}; trials is {now[point.key].trials}; "
-                f"allowed: {point.trials} or more, or another folder"
-            )
+        for conflict in _conflicts(point, now, other):
+            raise StoreError(f"{folder}: holds {conflict}")
 
 
-def _check_measures(folder: Path, stored: dict[str, Any], now: dict[str, Any], other: str) -> None:
-    """Raise StoreError if trials with results were measured otherwise than those to come would be.
+def _conflicts(point: StoredPoint, given: Mapping[str, StoredPoint], other: str) -> Iterator[str]:
+    """Yield why a point of a folder does not belong to a sweep with these points by key; after the first, no more."""
+    axes = [list(json.loads(each.axes)) for each in (point, next(iter(given.values())))]
+    if set(axes[0]) != set(axes[1]):
+        both = " and ".join(", ".join(each) or "none" for each in axes)
+        yield f"another sweep; axes in the folder and {other}: {both}; give another folder"
+    if not point.trials:
+        return  # none has been run
+    if point.key not in given:
+        yield f"a point that this sweep lacks: {point.key}; add it, or give another folder"
+    now = given[point.key]
+    before, after = (dict(_flat("", _with_effect(each))) for each in (point, now))
+    if differences := _differences(before, after, other):
+        more = ["..."] if len(differences) > MOST_SHOWN else []
+        lines = "\n  ".join([*differences[:MOST_SHOWN], *more])
+        yield f"results of another scenario; give another folder:\n  {lines}"
+    measures = json.loads(now.measures)
+    # measures that were added are none of these: stored trials are run again for them
+    for name, measure in json.loads(point.measures).items():
+        if name not in measures:
+            yield f"results of the measure {name}, which is lacking {other}; give another folder"
+        for difference in _differences(measure, measures[name], other):
+            yield f"results of another measure {name}; give another folder: {difference}"
+    if point.trials > now.trials:
+        allowed = f"allowed: {point.trials} or more, or another folder"
+        yield f"{point.trials} trials at {point.key}; trials is {now.trials}; {allowed}"
 
-    Measures that were added are none of these: stored trials are run again for them.
-    """
-    for name, measure in stored.items():
-        if name not in now:
-            raise StoreError(
-                f"{folder}: holds results of the measure {name}, which is lacking {other}; give another folder"
-            )
-        for key in dict.fromkeys([*measure, *now[name]]):
-            old, new = measure.get(key, MISSING), now[name].get(key, MISSING)
-            if old != new:
-                raise StoreError(
-                    f"{folder}: holds results of another measure {name}; give another folder: "
-                    f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}"
-                )
 
-
-def _differences(stored: StoredPoint, now: StoredPoint, other: str) -> Iterator[str]:
-    before, after = (dict(_flat("", _with_effect(point))) for point in (stored, now))
-    for key in dict.fromkeys([*before, *after]):
-        old, new = before.get(key, MISSING), after.get(key, MISSING)
-        if old != new:
-            yield f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}"
+def _differences(before: Mapping[str, Any], after: Mapping[str, Any], other: str) -> list[str]:
+    pairs = [(key, before.get(key, MISSING), after.get(key, MISSING)) for key in dict.fromkeys([*before, *after])]
+    return [
+        f"{key}: {short_repr(old)} in the folder, {short_repr(new)} {other}" for key, old, new in pairs if old != new
+    ]
 
 
 def _with_effect(point: StoredPoint) -> dict[str, Any]:
@@ -179,6 +175,8 @@ def _with_effect(point: StoredPoint) -> dict[str, Any]:
     named = iter(json.loads(point.controllers))
     for group in scenario.get("robots", ()):
         group["controller"] = next(named)
+    for sensor in (each for group in scenario.get("robots", ()) for each in group.get("sensors", {}).values()):
+        sensor["file"] = next(named)
     for section, key in ((scenario.get("arena", {}).get("floor"), "picture"), (scenario.get("response"), "curve")):
         if section is not None and section.get(key) is not None:
             section[key] = next(named, section[key])  # a shipped curve is stored with the scenario alone

@@ -1,21 +1,79 @@
-"""The SQLite file of a run folder: how to make it, and open it, without ever touching a foreign file."""
+"""The SQLite file of a run folder: its tables, a checksum in each row, and how it is made, checked and opened.
+
+SQLite checks the structure of its file, and no contents; each row has a CRC-32 of its other columns and of their names.
+"""
 
 import json
+import marshal
 import sqlite3
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from epuck_sim.arrays import IntArray
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.checksums import CHECKSUM, Signer, columns_of, find_damaged_row, quoted
-from epuck_sim.runs.schema import APPLICATION_ID, ENTER_POINT, FORMAT, LATER_COLUMNS, LOST_POINT, POINTS, TRIALS
-from epuck_sim.runs.share import WHOLE, Share
+from epuck_sim.runs.folder import STORED, database_of
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
-LARGE = 32 * 2**20
-"""Bytes of a database from which on compiled code compares the checksums, which takes most of a second to load."""
+APPLICATION_ID = int.from_bytes(b"epck")
+"""Marks a SQLite file as ours (its header, bytes 68 to 71)."""
+
+FORMAT = 2
+"""Version of the tables (bytes 60 to 63)."""
+
+RESULT = ("t_sync_cycles", "censored", "order_parameter", "simulated_s", "wall_s", "steps", "cycles")
+"""Columns that hold fields of a TrialResult."""
+
+KEYS = {"points": ("key",), "trials": ("point", "trial")}
+"""Primary key of each table."""
+
+TABLES = """
+CREATE TABLE points (
+    key TEXT PRIMARY KEY, -- the axis values as text
+    number INTEGER NOT NULL, -- its place in the sweep
+    trials INTEGER NOT NULL, -- how many there are to be
+    axes TEXT NOT NULL, -- JSON: value by dotted key
+    scenario TEXT NOT NULL, -- JSON: everything that its trials depend on
+    controllers TEXT NOT NULL, -- JSON: each group's controller, and the digest of a user's file
+    measures TEXT NOT NULL DEFAULT '{{}}', -- JSON: see `compatibility.StoredPoint.measures`
+    share TEXT, -- the share of the sweep that the folder is for, the same in all rows; NULL for the whole
+    checksum INTEGER
+) WITHOUT ROWID;
+CREATE TABLE trials (
+    point TEXT NOT NULL REFERENCES points (key), trial INTEGER NOT NULL, {axes}
+    seed INTEGER NOT NULL, t_sync_cycles INTEGER, censored INTEGER, order_parameter REAL, simulated_s REAL, wall_s REAL,
+    steps INTEGER, cycles INTEGER, {provenance},
+    error TEXT, -- of a trial that failed; it has no result then
+    measured TEXT, -- JSON: value of each measure by its name; NULL without measures
+    events TEXT, -- JSON: what changed in the trial, see `scenario.schedule.TrialEvent`; NULL if nothing did
+    measuring_error TEXT, -- why a stored trial could not be measured again for new measures; NULL if it could
+    checksum INTEGER,
+    PRIMARY KEY (point, trial)
+) WITHOUT ROWID;
+"""
+
+ENTER_POINT = (
+    "INSERT INTO points (key, number, trials, axes, scenario, controllers, measures, share) "
+    "VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET number = excluded.number, "
+    "trials = excluded.trials, scenario = excluded.scenario, measures = excluded.measures, share = excluded.share"
+)
+
+UNMEASURED = """
+    EXISTS (SELECT 1 FROM json_each((SELECT measures FROM points WHERE key = point)) AS one
+            WHERE json_type(measured, '$."' || one.key || '"') IS NULL)
+"""
+"""Condition on a trial: it lacks the value of a measure of its point."""
+
+NULL = -1
+"""Number that stands for NULL in a column of numbers that are never negative."""
+
+MARSHAL_VERSION = 2
+"""Format in which values are summed: the first with floats in binary, without references, and never changed again."""
 
 _checked: dict[Path, tuple[int, int, int]] = {}
 """Inode, time of change and size of each database that this process has found undamaged, or has written itself."""
@@ -30,39 +88,58 @@ def new_database(path: Path, axes: Sequence[str], points: Sequence[tuple[Any, ..
         connection.execute("PRAGMA journal_mode = OFF")  # nothing but the file itself, should this be killed
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {FORMAT}")
-        connection.execute(POINTS)
-        connection.execute(TRIALS.format(axes=columns, provenance=provenance))
-        add_later_columns(connection)
+        connection.executescript(TABLES.format(axes=columns, provenance=provenance))
         connection.executemany(ENTER_POINT, points)
-        Signer(connection, "points").sign()
+        sign(connection, "points")
         connection.commit()
         yield connection
-        Signer(connection, "trials").sign(f"{CHECKSUM} IS NULL")
         connection.commit()
 
 
-def add_later_columns(connection: sqlite3.Connection) -> None:
-    """Add the columns that an earlier folder does not have; checksums of its trials become those with them."""
-    for table, columns in LATER_COLUMNS.items():
-        missing = columns.keys() - set(columns_of(connection, table))
-        for name in missing:
-            connection.execute(f"ALTER TABLE {table} ADD COLUMN {name} {columns[name]}")
-        if missing:
-            Signer(connection, table).sign()
-    connection.execute(f"PRAGMA user_version = {FORMAT}")
+@contextmanager
+def reading(folder: Path | str) -> Iterator[sqlite3.Connection]:
+    """Check the database of a run folder, and yield a connection to it that cannot write.
+
+    All that is read in the block is of one moment, whatever a run that is at work on the database adds meanwhile.
+
+    Raises:
+        StoreError: The folder is not a run folder, or its database is damaged.
+    """
+    path = database_of(folder)
+    check_database(path)
+    with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
+        connection.execute("BEGIN")
+        yield connection
 
 
-def read_share(connection: sqlite3.Connection) -> Share:
-    """Return the share of its sweep that a folder is for."""
-    if not has_column(connection, "points", "share"):
-        return WHOLE
-    (text,) = connection.execute("SELECT max(share) FROM points").fetchone()
-    return WHOLE if text is None else Share.parse(text)
+@contextmanager
+def writing(path: Path) -> Iterator[sqlite3.Connection]:
+    """Yield a connection to a database that was checked or made by this process.
+
+    Each commit waits for the disk. Afterwards only the one file is left, unless somebody is reading it.
+    """
+    with closing(_connect(path, "rw")) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        yield connection
+        with suppress(sqlite3.OperationalError):
+            connection.execute("PRAGMA journal_mode = DELETE")
+            path.with_name(STORED).unlink(missing_ok=True)
+    with suppress(OSError):  # the folder may be gone by now
+        _checked[path.resolve()] = _state(path)
 
 
-def has_column(connection: sqlite3.Connection, table: str, name: str) -> bool:
-    """Return whether a table has a column, which may be one of `LATER_COLUMNS`."""
-    return name in columns_of(connection, table)
+def note_trials(path: Path, count: int) -> None:
+    """Note beside a database how many trials it holds; a note that was cut off says fewer, or nothing."""
+    with suppress(OSError):  # the disk is full, say; what is stored is stored
+        path.with_name(STORED).write_text(str(count), encoding="ascii")
+
+
+def _noted_trials(path: Path) -> int:
+    try:
+        return int(path.with_name(STORED).read_bytes())
+    except (OSError, ValueError):
+        return 0
 
 
 def check_database(path: Path) -> None:
@@ -81,15 +158,15 @@ def check_database(path: Path) -> None:
         raise StoreError(f"{path}: cannot be read: {error.strerror}") from error
     if not header.startswith(b"SQLite format 3\0") or int.from_bytes(header[68:72]) != APPLICATION_ID:
         raise StoreError(f"{path}: is not a database of epuck-sim; give another folder")
-    found = int.from_bytes(header[60:64])
-    if not 1 <= found <= FORMAT:
-        raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads 1 to {FORMAT}")
+    if (found := int.from_bytes(header[60:64])) != FORMAT:
+        older = "; a run that goes on with version 0.1.0 makes that of it" if found == 1 else ""
+        raise StoreError(f"{path}: has format {found}, this version of epuck-sim reads {FORMAT}{older}")
     page_size = int.from_bytes(header[16:18])
-    verdict = _quick_check(path, has_checksums=found > 1)
-    if verdict == "ok" and path.stat().st_size % (65536 if page_size == 1 else page_size):
-        verdict = "its end is missing"  # SQLite would take what is missing of the last page for zeros
-    if verdict != "ok":
-        raise StoreError(f"{path}: is damaged: {verdict}")
+    damage = _damage(path)
+    if damage is None and path.stat().st_size % (65536 if page_size == 1 else page_size):
+        damage = "its end is missing"  # SQLite would take what is missing of the last page for zeros
+    if damage is not None:
+        raise StoreError(f"{path}: is damaged: {damage}")
     _checked[path.resolve()] = state
 
 
@@ -98,69 +175,93 @@ def _state(path: Path) -> tuple[int, int, int]:
     return stat.st_ino, stat.st_mtime_ns, stat.st_size
 
 
-def _quick_check(path: Path, has_checksums: bool) -> str:
-    """Return "ok", or what SQLite finds damaged; it reads the whole file."""
+def _damage(path: Path) -> str | None:
+    """Return what is damaged in a database, of which all is read; None if nothing is."""
+    expected = _noted_trials(path)  # before the moment of which is read: a run at work may add to both
     with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
         connection.execute("BEGIN")
         (verdict,) = connection.execute("PRAGMA quick_check(1)").fetchone()
-        return str(verdict) if verdict != "ok" else _check_rows(connection, path, has_checksums)
-
-
-def _check_rows(connection: sqlite3.Connection, path: Path, has_checksums: bool) -> str:
-    """Return "ok", or what is missing or wrong in a database that SQLite finds undamaged."""
-    for table in LATER_COLUMNS:
-        if not columns_of(connection, table):
-            return f"it has no table {table}"
-        if has_column(connection, table, CHECKSUM):
-            is_whole = path.stat().st_size >= LARGE and _is_surely_whole(connection, path, table)
-            if not is_whole and (damage := find_damaged_row(connection, table)):
+        if verdict != "ok":
+            return str(verdict)
+        for table in KEYS:
+            if damage := _damage_of_rows(connection, table):
                 return damage
-        elif has_checksums:
-            return f"{table} has no checksums"
-    if connection.execute("SELECT 1 FROM points LIMIT 1").fetchone() is None:
-        return "it has no points"
-    if connection.execute(LOST_POINT).fetchone() is not None:
-        return "it has trials of a point that is gone"
-    return "ok"
+        if connection.execute("SELECT 1 FROM points LIMIT 1").fetchone() is None:
+            return "it has no points"
+        if connection.execute("SELECT point FROM trials EXCEPT SELECT key FROM points").fetchone() is not None:
+            return "it has trials of a point that is gone"
+        (found,) = connection.execute("SELECT count(*) FROM trials").fetchone()
+    if found < expected:  # SQLite takes what is damaged in its log for the log's end
+        return (
+            f"its log has lost trials: {expected} were stored, {found} can be read; to go on with these, delete "
+            f"{path.with_name(STORED)}"
+        )
+    return None
 
 
-def _is_surely_whole(connection: sqlite3.Connection, path: Path, table: str) -> bool:
-    """Return whether compiled code finds that all rows have their checksums; False if it cannot tell."""
-    from epuck_sim.runs.large_check import has_all_checksums  # noqa: PLC0415 it loads numba, for large files alone
+def _damage_of_rows(connection: sqlite3.Connection, table: str) -> str | None:
+    """Return what is wrong with the first row of a table that does not have its checksum; None if all have."""
+    columns = columns_of(connection, table)
+    if "checksum" not in columns:
+        return f"{table} has no checksums" if columns else f"it has no table {table}"
+    order = ", ".join(KEYS[table])
+    rows = connection.execute(f"SELECT {_summed(connection, table)}, checksum FROM {table} ORDER BY {order}")
+    try:
+        for number, row in enumerate(rows):
+            if _sum(row[:-1]) != row[-1]:
+                return f"row {number} of {table} does not have its checksum"
+    except sqlite3.OperationalError as error:
+        if "decode" not in str(error):
+            raise
+        return f"{table} holds text that is not UTF-8"
+    return None
 
-    return has_all_checksums(connection, path, table)
 
+def sign(connection: sqlite3.Connection, table: str, rows: Iterable[Sequence[Any]] | None = None) -> None:
+    """Store the checksums of the rows that have these keys, or of all rows.
 
-@contextmanager
-def reading(path: Path) -> Iterator[sqlite3.Connection]:
-    """Check a database and yield a connection to it that cannot write.
-
-    All that is read in the block is of one moment, whatever a run that is at work on the database adds meanwhile.
+    They are read again for it: SQLite may store other values than it was given. It calls no function of ours, in which
+    Ctrl-C would be lost.
     """
-    check_database(path)
-    with sqlite_errors(path), closing(_connect_to_read(path)) as connection:
-        connection.execute("BEGIN")
-        yield connection
+    keys = KEYS[table]
+    if rows is None:
+        rows = connection.execute(f"SELECT {', '.join(keys)} FROM {table}").fetchall()
+    which = f"WHERE {' AND '.join(f'{key} = ?' for key in keys)}"
+    select = f"SELECT {_summed(connection, table)} FROM {table} {which}"
+    sums = ((_sum(connection.execute(select, row).fetchone()), *row) for row in rows)
+    connection.executemany(f"UPDATE {table} SET checksum = ? {which}", sums)
 
 
-@contextmanager
-def writing(path: Path, *, durable: bool) -> Iterator[sqlite3.Connection]:
-    """Yield a connection to a database that was checked or made by this process.
+def _summed(connection: sqlite3.Connection, table: str) -> str:
+    """Return what is summed, as SQL: a number for the columns' names, and the columns by name."""
+    names = sorted(set(columns_of(connection, table)) - {"checksum"})
+    return ", ".join([str(zlib.crc32("\n".join(names).encode())), *map(quoted, names)])
 
-    Each commit survives the death of the process. Afterwards only the one file is left, unless somebody is reading it.
 
-    Args:
-        path: The database.
-        durable: Whether each commit survives a power cut, too: it waits for the disk then.
-    """
-    with closing(_connect(path, "rw")) as connection:
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute(f"PRAGMA synchronous = {'FULL' if durable else 'NORMAL'}")
-        yield connection
-        with suppress(sqlite3.OperationalError):
-            connection.execute("PRAGMA journal_mode = DELETE")
-    with suppress(OSError):  # the folder may be gone by now
-        _checked[path.resolve()] = _state(path)
+def _sum(row: tuple[Any, ...]) -> int:
+    return zlib.crc32(marshal.dumps(row, MARSHAL_VERSION))
+
+
+def columns_of(connection: sqlite3.Connection, table: str) -> list[str]:
+    """Return the names of a table's columns."""
+    return [row[1] for row in connection.execute(f"PRAGMA table_info({table})")]
+
+
+def quoted(name: str) -> str:
+    """Return a column's name in quotes, for SQL."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+def as_column(value: Any) -> Any:
+    """Return an axis value for a column: numbers and text as they are, any other value as JSON."""
+    if isinstance(value, int) and abs(value) >= 2**63:
+        return float(value)
+    return value if value is None or isinstance(value, bool | int | float | str) else json.dumps(value)
+
+
+def read_numbers(text: str | None) -> IntArray:
+    """Return the whole numbers that `group_concat` has made a text of: faster than an object of Python for each."""
+    return np.fromstring(text or "", np.int64, sep=",")
 
 
 def _connect_to_read(path: Path) -> sqlite3.Connection:
@@ -191,10 +292,3 @@ def sqlite_errors(path: Path) -> Iterator[None]:
         raise StoreError(f"{path}: is damaged: {error}") from error
     except UnicodeDecodeError as error:  # SQLite's message names what is damaged
         raise StoreError(f"{path}: is damaged: its tables have no readable names") from error
-
-
-def as_column(value: Any) -> Any:
-    """Return an axis value for a column: numbers and text as they are, any other value as JSON."""
-    if isinstance(value, int) and abs(value) >= 2**63:
-        return float(value)
-    return value if value is None or isinstance(value, bool | int | float | str) else json.dumps(value)

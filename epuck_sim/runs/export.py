@@ -1,9 +1,8 @@
 """The results of a sweep as one table, for pandas, R or a spreadsheet."""
 
 import json
-from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pyarrow as pa
 from pyarrow import csv, parquet
@@ -11,7 +10,7 @@ from pyarrow import csv, parquet
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.measures.interface import Value
 from epuck_sim.runs.database import as_column, reading
-from epuck_sim.runs.reader import database_of, events_column, measures_in
+from epuck_sim.runs.reader import measures_in
 from epuck_sim.util.atomic_write import atomic_write
 from epuck_sim.util.provenance import PROVENANCE
 
@@ -53,16 +52,15 @@ def export(folder: Path, target: Path) -> int:
     """
     if target.suffix not in WRITERS:
         raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .parquet or .csv")
-    with reading(database_of(folder)) as connection:
+    with reading(folder) as connection:
         points = {
             number: json.loads(axes)
             for number, axes in connection.execute("SELECT number, axes FROM points ORDER BY number")
         }
         wanted = ", ".join("number" if name == "point" else name for name in COLUMNS)
         names = measures_in(connection)
-        measured = "measured" if names else "NULL"
         rows = connection.execute(
-            f"SELECT {wanted}, {measured}, {events_column(connection)} FROM trials JOIN points ON point = key "
+            f"SELECT {wanted}, measured, events FROM trials JOIN points ON point = key "
             "WHERE error IS NULL ORDER BY number, trial"
         ).fetchall()
         (failed,) = connection.execute("SELECT count(*) FROM trials WHERE error IS NOT NULL").fetchone()
@@ -95,29 +93,18 @@ def _measure(values: list[Value], is_text: bool) -> Any:
     If trials differ in kind, all numbers become floats; numbers beside series become series of one.
     """
     if any(isinstance(value, list) for value in values):
-        series = [value if value is None or isinstance(value, list) else [value] for value in values]
+        values = [value if value is None or isinstance(value, list) else [value] for value in values]
         if is_text:
-            return pa.array([None if each is None else json.dumps(each) for each in series], pa.string())
-        inner = _kind([number for each in series if each is not None for number in each])
-        return pa.array(
-            [None if each is None else [inner.of(number) for number in each] for each in series], pa.list_(inner.type)
-        )
-    kind = _kind(values)
-    return pa.array([kind.of(value) for value in values], kind.type)
+            return pa.array([None if value is None else json.dumps(value) for value in values], pa.string())
+    try:
+        found = pa.array(values)
+    except pa.ArrowInvalid:  # truth values beside numbers, or numbers that no float is equal to
+        found = pa.array([_as_floats(value) for value in values])
+    floats = {pa.null(): pa.float64(), pa.list_(pa.null()): pa.list_(pa.float64())}
+    return found.cast(floats.get(found.type, found.type))
 
 
-class _Kind(NamedTuple):
-    """The kind of some values."""
-
-    type: Any
-    of: Callable[[Any], Any]
-    """Converts a value, or None, to it."""
-
-
-def _kind(values: Sequence[Value]) -> _Kind:
-    """Return the kind that holds all of some scalars: truth values, whole numbers, or floats."""
-    kinds = {type(value) for value in values if value is not None}
-    if kinds == {bool}:
-        return _Kind(pa.bool_(), lambda value: value)
-    convert, arrow = (int, pa.int64()) if kinds == {int} else (float, pa.float64())
-    return _Kind(arrow, lambda value: None if value is None else convert(value))
+def _as_floats(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_as_floats(each) for each in value]
+    return None if value is None else float(value)

@@ -13,9 +13,8 @@ import numpy as np
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError, ScenarioError, StoreError
 from epuck_sim.measures.interface import Value
-from epuck_sim.runs.columns import NULL, read_numbers
-from epuck_sim.runs.database import has_column, reading
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.database import NULL, UNMEASURED, read_numbers, reading
+from epuck_sim.runs.records import FinishedTrials
 from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
 from epuck_sim.scenario.schedule import TrialEvent
 from epuck_sim.scenario.validation import validate
@@ -122,10 +121,12 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
     Raises:
         StoreError: The folder is not a run folder, its database is damaged, or there is no such measure in it.
     """
-    with reading(database_of(folder)) as connection:
+    with reading(folder) as connection:
+        measured = measures_in(connection)
+        if of is not None and of not in measured:
+            raise StoreError(f"{folder}: {did_you_mean(of, measured)}; measured: {comma_list(measured)}")
+        any_events = connection.execute("SELECT 1 FROM trials WHERE events IS NOT NULL LIMIT 1").fetchone()
         found = connection.execute("SELECT key, number, axes, scenario FROM points ORDER BY number").fetchall()
-        values = _read_measured(connection, str(folder), of) if of is not None else {}
-        has_events = _any_events(connection)
         results = SweepTrials()
         for key, number, axes, scenario in found:
             try:
@@ -133,8 +134,8 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
             except ScenarioError as error:
                 raise StoreError(f"{folder}: the scenario of a point is of another version: {error}") from error
             cycles, censored, seeds = _read_ends(connection, key)
-            has_t_sync = read.stop.order_parameter is not None and not (censored == NULL).any()
-            events = _read_events(connection, key) if has_events else ((),) * len(seeds)
+            values = () if of is None else _read_json(connection, key, "measured")
+            events = _read_json(connection, key, "events") if any_events else [None] * len(seeds)
             results.append(
                 PointTrials(
                     number=number,
@@ -144,10 +145,10 @@ def read_points(folder: Path | str, of: str | None = None) -> SweepTrials:
                     times=np.where(cycles == NULL, np.nan, cycles),
                     observed=censored == 0,
                     seeds=array("q", seeds.tobytes()),
-                    measured=tuple(values.get(key, ())),
+                    measured=tuple((each or {}).get(of) for each in values),
                     of=of,
-                    events=events,
-                    has_t_sync=has_t_sync,
+                    events=tuple(tuple(map(_event, each or ())) for each in events),
+                    has_t_sync=read.stop.order_parameter is not None and not (censored == NULL).any(),
                 )
             )
     return results
@@ -162,54 +163,33 @@ def _read_ends(connection: sqlite3.Connection, key: str) -> tuple[IntArray, IntA
     return cycles, censored, seeds
 
 
-def events_column(connection: sqlite3.Connection) -> str:
-    """Return the column of trials that holds events as JSON, as SQL; NULL in earlier folders."""
-    return "events" if has_column(connection, "trials", "events") else "NULL"
-
-
-def _any_events(connection: sqlite3.Connection) -> bool:
-    """Return whether any trial has events."""
-    query = f"SELECT 1 FROM trials WHERE {events_column(connection)} IS NOT NULL LIMIT 1"
-    return connection.execute(query).fetchone() is not None
-
-
-def _read_events(connection: sqlite3.Connection, key: str) -> tuple[tuple[TrialEvent, ...], ...]:
-    """Return the events of each trial of a point that has a result."""
-    rows = connection.execute("SELECT events FROM trials WHERE point = ? AND error IS NULL ORDER BY trial", (key,))
-    return tuple(tuple(map(_event, json.loads(text or "[]"))) for (text,) in rows)
+def _read_json(connection: sqlite3.Connection, key: str, column: str) -> list[Any]:
+    """Return what is in a column of JSON for each trial of a point that has a result, in order."""
+    query = f"SELECT {column} FROM trials WHERE point = ? AND error IS NULL ORDER BY trial"
+    return [text and json.loads(text) for (text,) in connection.execute(query, (key,))]
 
 
 def _event(stored: dict[str, Any]) -> TrialEvent:
     return TrialEvent(**{**stored, "robots": tuple(stored["robots"])})
 
 
-def _read_measured(connection: sqlite3.Connection, folder: str, name: str) -> dict[str, list[Value]]:
-    """Return the values of a measure in the trials of each point, by the point's key."""
-    measured = measures_in(connection)
-    if name not in measured:
-        raise StoreError(f"{folder}: {did_you_mean(name, measured)}; measured: {comma_list(measured)}")
-    found: dict[str, list[Value]] = {}
-    for key, text in connection.execute("SELECT point, measured FROM trials WHERE error IS NULL ORDER BY point, trial"):
-        found.setdefault(key, []).append(json.loads(text or "{}").get(name))
-    return found
-
-
 def measures_in(connection: sqlite3.Connection) -> list[str]:
     """Return the names of the measures of a folder's points, in their order."""
-    if not has_column(connection, "points", "measures"):
-        return []
     rows = connection.execute("SELECT measures FROM points ORDER BY number")
     return list(dict.fromkeys(name for (text,) in rows for name in json.loads(text)))
 
 
 def read_measure_names(folder: Path | str) -> list[str]:
     """Return the names of the measures in a run folder, in their order."""
-    with reading(database_of(folder)) as connection:
+    with reading(folder) as connection:
         return measures_in(connection)
 
 
-def database_of(folder: Path | str) -> Path:
-    """Return the run folder's database; raise StoreError if there is none."""
-    if not (Path(folder) / DATABASE).is_file():
-        raise StoreError(f"{folder}: is not a run folder: there is no {DATABASE} in it")
-    return Path(folder) / DATABASE
+def read_finished(connection: sqlite3.Connection, measured: bool = False) -> FinishedTrials:
+    """Return the trials that have a result, and if that is asked for a value of each measure of their point."""
+    condition = f"AND NOT {UNMEASURED}" if measured else ""
+    rows = connection.execute(
+        "SELECT (SELECT number FROM points WHERE key = point), group_concat(trial) FROM trials "
+        f"WHERE error IS NULL {condition} GROUP BY point"
+    )
+    return FinishedTrials((number, read_numbers(text)) for number, text in rows)

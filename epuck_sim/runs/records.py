@@ -1,7 +1,11 @@
-"""A trial to be run, the outcome of one that has ended, and how far a sweep is."""
+"""A trial to be run, the outcome of one that has ended, which trials have a result, and how far a sweep is."""
 
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
+from epuck_sim.arrays import IntArray
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
 
@@ -45,3 +49,34 @@ class SweepProgress(NamedTuple):
     """Number of trials that failed in this run, as trials or for a measure that was added."""
     ended: int
     """Number of trials that ended in this run, with a result or with an error."""
+
+
+class FinishedTrials:
+    """The trials that need not be run any more, at a byte for each; iterated, numbers of points and trials."""
+
+    def __init__(self, trials: Iterable[tuple[int, Sequence[int] | IntArray]]) -> None:
+        """Take in points, each once, with the numbers of their trials."""
+        self._marks: dict[int, bytearray] = {}
+        for point, numbers in trials:
+            self._marks[point] = bytearray(int(np.max(numbers)) + 1)
+            np.frombuffer(self._marks[point], np.uint8)[numbers] = 1
+
+    def _of(self, point: int, wanted: range) -> bytearray:
+        return self._marks.get(point, bytearray())[wanted.start : wanted.stop : wanted.step]
+
+    def count(self, point: int, wanted: range) -> int:
+        """Return how many of the wanted trials of a point are in the set."""
+        return self._of(point, wanted).count(1)
+
+    def missing(self, point: int, wanted: range) -> Iterator[int]:
+        """Yield the indices into `wanted` of those trials of a point that are not in the set."""
+        marks = self._of(point, wanted)
+        place = marks.find(0)
+        while place >= 0:
+            yield place
+            place = marks.find(0, place + 1)
+        yield from range(len(marks), len(wanted))
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        for point, marks in self._marks.items():
+            yield from ((point, trial) for trial, mark in enumerate(marks) if mark)

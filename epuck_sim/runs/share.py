@@ -1,12 +1,29 @@
-"""A share of a sweep's trials, so that machines that know nothing of each other can run the whole of it."""
+"""Shares of a sweep, for machines that know nothing of each other, and their merging into one run folder."""
 
+import json
 import re
+import sqlite3
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple, Self
 
-from epuck_sim.errors import EpuckSimError
+from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points
+from epuck_sim.runs.database import columns_of, file_uri, new_database, quoted, reading, sqlite_errors
+from epuck_sim.runs.folder import DATABASE, acquire
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.util.atomic_write import atomic_write
+from epuck_sim.util.provenance import PROVENANCE, format_versions
 
 GOLDEN_RATIO = 0x9E3779B97F4A7C15
 """The golden ratio's fraction in 64 bits: multiples of it, cut to 64 bits, lie evenly at every step of an axis."""
+
+
+VERSIONS = tuple(name for name in PROVENANCE if name != "host")
+"""Columns that must be the same in all trials that are put together."""
+
+SAME = ("seed", "t_sync_cycles", "censored", "order_parameter", "simulated_s", "steps", "cycles")
+"""Columns that must be the same where two folders have a result of the same trial."""
 
 
 class Share(NamedTuple):
@@ -50,3 +67,89 @@ class Share(NamedTuple):
 
 WHOLE = Share(1, 1)
 """The only share of a sweep that is not divided."""
+
+
+def read_share(connection: sqlite3.Connection) -> Share:
+    """Return the share of its sweep that a folder is for."""
+    (text,) = connection.execute("SELECT max(share) FROM points").fetchone()
+    return WHOLE if text is None else Share.parse(text)
+
+
+def merge_folders(folders: Sequence[Path], whole: Path) -> None:
+    """Make a run folder that has every trial of some others once; a result goes before a failure.
+
+    The folder appears with all trials or not at all, and the others stay as they are. They may be unfinished, and may
+    share trials, whose results must then be the same.
+
+    Args:
+        folders: Run folders of the same sweep, or of shares of it; if some have more points or trials, so has `whole`.
+        whole: A folder that is new or empty.
+
+    Raises:
+        StoreError: A folder is none of these, is damaged, or does not belong to the others.
+    """
+    points: dict[Path, list[StoredPoint]] = {}
+    versions: dict[tuple[str, ...], Path] = {}
+    for folder in folders:
+        with reading(folder) as connection:
+            points[folder] = read_stored_points(connection)
+            for row in connection.execute(f"SELECT DISTINCT {', '.join(VERSIONS)} FROM trials"):
+                versions.setdefault(row, folder)
+    _check_versions(versions)
+    largest = max(points, key=lambda folder: _size(points[folder]))
+    for folder, of_folder in points.items():
+        check_same_sweep(folder, of_folder, points[largest], f"in {largest}")
+    try:
+        scenario = (largest / RUN_SCENARIO).read_bytes()
+    except OSError as error:
+        raise StoreError(f"{largest / RUN_SCENARIO}: cannot be read: {error.strerror}; copy it, too") from error
+    with acquire(whole):
+        if (whole / DATABASE).exists():
+            raise StoreError(
+                f"{whole}: holds results already; give a new folder, and this one as one of those to merge"
+            )
+        axes = list(json.loads(points[largest][0].axes))
+        with new_database(whole / DATABASE, axes, points[largest]) as connection:
+            for folder in points:
+                _add(connection, folder)
+        with atomic_write(whole / RUN_SCENARIO) as part:
+            part.write_bytes(scenario)
+
+
+def _size(points: Sequence[StoredPoint]) -> tuple[int, int, int]:
+    """Return how large the sweep of a folder is: it may have grown since the first share was begun."""
+    measures = sum(len(json.loads(point.measures)) for point in points)
+    return len(points), sum(point.trials for point in points), measures
+
+
+def _check_versions(found: Mapping[tuple[str, ...], Path]) -> None:
+    if len(found) > 1:
+        (first, here), (second, there) = list(found.items())[:2]
+        one, other = (format_versions(dict(zip(VERSIONS, each, strict=True))) for each in (first, second))
+        raise StoreError(f"{there}: holds trials made by {other}, {here} by {one}; merge folders of the same versions")
+
+
+def _add(connection: sqlite3.Connection, folder: Path) -> None:
+    """Add the trials of a folder that are new, or that have failed or lack measures so far."""
+    path = folder / DATABASE
+    with sqlite_errors(path):
+        connection.execute("ATTACH ? AS share", (file_uri(path, "ro"),))
+    try:
+        with sqlite_errors(path), connection:
+            connection.execute("BEGIN")
+            differs = " OR ".join(f"old.{name} IS NOT new.{name}" for name in SAME)
+            double = connection.execute(
+                "SELECT point, trial FROM main.trials AS old JOIN share.trials AS new USING (point, trial) "
+                f"WHERE old.error IS NULL AND new.error IS NULL AND ({differs}) LIMIT 1"
+            ).fetchone()
+            if double is not None:
+                raise StoreError(f"{folder}: trial {double[1]} at {double[0]} differs from that of another folder")
+            names = [quoted(name) for name in columns_of(connection, "trials")]
+            updates = ", ".join(f"{name} = excluded.{name}" for name in names)
+            connection.execute(
+                f"INSERT INTO main.trials ({', '.join(names)}) SELECT {', '.join(names)} FROM share.trials "
+                f"WHERE true ON CONFLICT (point, trial) DO UPDATE SET {updates} WHERE trials.error IS NOT NULL "
+                "OR excluded.error IS NULL AND length(excluded.measured) > ifnull(length(trials.measured), 0)"
+            )
+    finally:
+        connection.execute("DETACH share")

@@ -1,16 +1,13 @@
 """How far the sweep in a run folder is, how its trials ended and how long they took; nothing in it is changed."""
 
 import json
-import sqlite3
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.runs.database import has_column, read_share, reading
-from epuck_sim.runs.finished import FinishedTrials
-from epuck_sim.runs.reader import database_of, measures_in
-from epuck_sim.runs.run_lock import current_holder
-from epuck_sim.runs.schema import UNMEASURED
-from epuck_sim.runs.share import WHOLE, Share
+from epuck_sim.runs.database import UNMEASURED, reading
+from epuck_sim.runs.folder import current_holder
+from epuck_sim.runs.reader import measures_in, read_finished
+from epuck_sim.runs.share import WHOLE, read_share
 from epuck_sim.util.provenance import PROVENANCE
 
 
@@ -71,99 +68,56 @@ def read_status(folder: Path) -> Status:
     Raises:
         StoreError: The folder is not a run folder, or its database is damaged.
     """
-    with reading(database_of(folder)) as connection:
+    with reading(folder) as connection:
         share = read_share(connection)
-        points = connection.execute("SELECT number, trials FROM points").fetchall()
+        points = connection.execute("SELECT number, trials FROM points ORDER BY number").fetchall()
         (scenario,) = connection.execute("SELECT scenario FROM points ORDER BY number LIMIT 1").fetchone()
-        counts = _count(connection)
-        stored = counts.stored if share == WHOLE else _count_of_share(connection, share, points)
-        problem = _problem(connection)
-        # a query for none would look at all trials
-        failed = counts.problems and connection.execute(
-            f"SELECT number, trial, seed, {problem} FROM trials JOIN points ON point = key "
-            f"WHERE {problem} IS NOT NULL ORDER BY number, trial"
+        first = connection.execute(f"SELECT {_ORIGIN} FROM trials LIMIT 1").fetchone() or ("",) * len(PROVENANCE)
+        trials, stored, censored, wall_s, problems, like_first = connection.execute(
+            "SELECT count(*), ifnull(sum(error IS NULL), 0), sum(censored), total(wall_s), "
+            f"ifnull(sum({_PROBLEM} IS NOT NULL), 0), ifnull(sum({_LIKE_FIRST}), 0) FROM trials",
+            first,
+        ).fetchone()
+        # mostly all are like the first, without problems, and measured: further queries would look at all again
+        versions = [TrialsByOrigin._make((*first, like_first))] if trials else []
+        if like_first < trials:
+            others = f"SELECT {_ORIGIN}, count(*) FROM trials WHERE NOT {_LIKE_FIRST} GROUP BY {_ORIGIN}"
+            versions += (TrialsByOrigin(*row) for row in connection.execute(others, first))
+        failed = problems and connection.execute(
+            f"SELECT number, trial, seed, {_PROBLEM} FROM trials JOIN points ON point = key "
+            f"WHERE {_PROBLEM} IS NOT NULL ORDER BY number, trial"
         )
         failures = [Failure(*row) for row in failed or ()]
-        unmeasured = count_unmeasured(connection)
-        versions = _count_by_origin(connection, counts)
+        unmeasured = 0
+        if measures_in(connection):
+            query = f"SELECT count(*) FROM trials WHERE error IS NULL AND {UNMEASURED}"
+            (unmeasured,) = connection.execute(query).fetchone()
+        if share != WHOLE:  # one that got further points may have trials that now belong to others
+            finished = read_finished(connection)
+            ours = sum(finished.count(number, share.trials(number, count)) for number, count in points)
     return Status(
         scenario=json.loads(scenario)["name"],
         points=len(points),
         trials=sum(len(share.trials(*point)) for point in points),
-        stored=stored,
-        censored=counts.censored if counts.stored else 0,
+        stored=stored if share == WHOLE else ours,
+        censored=censored if stored else 0,
         failed=failures,
-        wall_s=counts.wall_s,
-        versions=versions,
+        wall_s=wall_s,
+        versions=sorted(versions),
         at_work=current_holder(folder),
         unmeasured=unmeasured,
         share=None if share == WHOLE else str(share),
     )
 
 
-class _Counts(NamedTuple):
-    """What one pass over all trials gives."""
-
-    first: tuple[str, ...]
-    """Versions and host that have made the first trial."""
-    trials: int
-    stored: int
-    censored: int | None
-    wall_s: float
-    problems: int
-    like_first: int
-
-
 _ORIGIN = ", ".join(PROVENANCE)
 _LIKE_FIRST = f"({_ORIGIN}) = ({', '.join('?' * len(PROVENANCE))})"
-
-
-def _problem(connection: sqlite3.Connection) -> str:
-    """Return why a trial has failed or could not be measured, as SQL; NULL of all others."""
-    return "coalesce(error, measuring_error)" if has_column(connection, "trials", "measuring_error") else "error"
-
-
-def _count(connection: sqlite3.Connection) -> _Counts:
-    first = connection.execute(f"SELECT {_ORIGIN} FROM trials LIMIT 1").fetchone() or ("",) * len(PROVENANCE)
-    counts = connection.execute(
-        "SELECT count(*), ifnull(sum(error IS NULL), 0), sum(censored), total(wall_s), "
-        f"ifnull(sum({_problem(connection)} IS NOT NULL), 0), ifnull(sum({_LIKE_FIRST}), 0) FROM trials",
-        first,
-    ).fetchone()
-    return _Counts(first, *counts)
-
-
-def _count_of_share(connection: sqlite3.Connection, share: Share, points: list[tuple[int, int]]) -> int:
-    """Return how many trials of a share have a result; if it got further points, others are stored, too."""
-    numbers = dict(connection.execute("SELECT key, number FROM points"))
-    finished = FinishedTrials.read(connection, "FROM trials WHERE error IS NULL", numbers)
-    return sum(finished.count(number, share.trials(number, trials)) for number, trials in points)
-
-
-def _count_by_origin(connection: sqlite3.Connection, counts: _Counts) -> list[TrialsByOrigin]:
-    """Count trials by what made them; mostly all are like the first, and need not be sorted, which is slow."""
-    if not counts.trials:
-        return []
-    found = [TrialsByOrigin._make((*counts.first, counts.like_first))]
-    if counts.like_first < counts.trials:
-        query = f"SELECT {_ORIGIN}, count(*) FROM trials WHERE NOT {_LIKE_FIRST} GROUP BY {_ORIGIN}"
-        found += (TrialsByOrigin(*row) for row in connection.execute(query, counts.first))
-    return sorted(found)
-
-
-def count_unmeasured(connection: sqlite3.Connection) -> int:
-    """Return how many trials with a result lack a measure of their point."""
-    if not measures_in(connection):
-        return 0
-    (count,) = connection.execute(
-        f"SELECT count(*) FROM trials JOIN points ON point = key WHERE error IS NULL AND {UNMEASURED}"
-    ).fetchone()
-    return int(count)
+_PROBLEM = "coalesce(error, measuring_error)"
 
 
 def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool | None] | None:
     """Return the cycles of one trial and whether it is censored; None if it has no result."""
-    with reading(database_of(folder)) as connection:
+    with reading(folder) as connection:
         row = connection.execute(
             "SELECT cycles, censored FROM trials JOIN points ON point = key "
             "WHERE number = ? AND trial = ? AND error IS NULL",
@@ -174,7 +128,7 @@ def read_outcome(folder: Path, point: int, trial: int) -> tuple[int, bool | None
 
 def read_wall_times(folder: Path) -> dict[int, list[float]]:
     """Return how long each trial with a result took, in seconds, by the number of its point."""
-    with reading(database_of(folder)) as connection:
+    with reading(folder) as connection:
         numbers = connection.execute("SELECT number FROM points ORDER BY number").fetchall()
         found: dict[int, list[float]] = {number: [] for (number,) in numbers}
         for number, wall_s in connection.execute(

@@ -9,52 +9,43 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.checksums import Signer, quoted
-from epuck_sim.runs.compatibility import StoredPoint, check_same_sweep, read_stored_points, stored_point
+from epuck_sim.runs.compatibility import check_same_sweep, read_stored_points, stored_point
 from epuck_sim.runs.database import (
-    add_later_columns,
+    ENTER_POINT,
+    RESULT,
+    UNMEASURED,
     as_column,
     check_database,
     new_database,
-    read_share,
+    note_trials,
+    quoted,
     reading,
+    sign,
     sqlite_errors,
     writing,
 )
-from epuck_sim.runs.finished import FinishedTrials
-from epuck_sim.runs.reader import measures_in
-from epuck_sim.runs.records import Outcome
-from epuck_sim.runs.remeasured import StoredResult, difference, events_json
-from epuck_sim.runs.run_lock import acquire
-from epuck_sim.runs.schema import DATABASE, ENTER_POINT, RESULT, UNMEASURED
-from epuck_sim.runs.share import WHOLE, Share
+from epuck_sim.runs.folder import DATABASE, acquire
+from epuck_sim.runs.reader import measures_in, read_finished
+from epuck_sim.runs.records import FinishedTrials, Outcome
+from epuck_sim.runs.share import WHOLE, Share, read_share
 from epuck_sim.scenario.loader import RUN_SCENARIO, write_scenario
 from epuck_sim.scenario.points import Point
 from epuck_sim.scenario.scenario import Scenario
 from epuck_sim.trial.result import TrialResult
 from epuck_sim.util.atomic_write import atomic_write, sync_folder
+from epuck_sim.util.messages import short_repr
 from epuck_sim.util.provenance import PROVENANCE
 
-_STORED = "FROM trials WHERE error IS NULL"
-_FINISHED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND NOT {UNMEASURED}"
-_UNMEASURED = f"FROM trials JOIN points ON point = key WHERE error IS NULL AND {UNMEASURED}"
+_OF_TRIAL = "WHERE point = ? AND trial = ?"
 
 
 class Store:
     """A run folder that this process has locked; to be used in a `with` block."""
 
-    def __init__(
-        self,
-        folder: Path,
-        scenario: Scenario,
-        points: Sequence[Point],
-        share: Share | None = None,
-        *,
-        durable: bool = False,
-    ) -> None:
+    def __init__(self, folder: Path, scenario: Scenario, points: Sequence[Point], share: Share | None = None) -> None:
         """Lock the folder, which is made if it does not exist, and enter the points that are new.
 
         Args:
@@ -62,7 +53,6 @@ class Store:
             scenario: What is run.
             points: All its points.
             share: Share of the trials that the folder is for; by default what it was for before, or the whole sweep.
-            durable: Whether what is stored survives a power cut; it waits for the disk each time then.
 
         Raises:
             StoreError: The folder belongs to another sweep, is damaged, or is in use; nothing in it has been changed.
@@ -74,35 +64,35 @@ class Store:
             check_database(self._path)
         with ExitStack() as stack:
             stack.enter_context(acquire(folder))
-            if durable:
-                sync_folder(folder.parent)  # which may have got the folder just now
-            if self._path.exists():
-                check_same_sweep(folder, _stored_points(self._path), rows)
-                share = _check_same_share(self._path, share)
-            else:
+            sync_folder(folder.parent)  # which may have got the folder just now
+            is_new = not self._path.exists()
+            if not is_new:
+                with reading(folder) as connection:
+                    last = "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)"
+                    check_same_sweep(folder, read_stored_points(connection, last), rows)
+                    share = _check_same_share(folder, read_share(connection), share)
+            self.share = share or WHOLE
+            rows = [row._replace(share=None if self.share == WHOLE else str(self.share)) for row in rows]
+            if is_new:
                 with new_database(self._path, list(points[0].axes), rows):
                     pass
             # before the points: the folder's own scenario must have all that the database has
             with atomic_write(folder / RUN_SCENARIO) as part:
                 part.write_text(write_scenario(scenario), encoding="utf-8")
             stack.enter_context(sqlite_errors(self._path))
-            self._connection = stack.enter_context(writing(self._path, durable=durable))
+            self._connection = stack.enter_context(writing(self._path))
             with self._connection:
-                add_later_columns(self._connection)
                 self._connection.execute("DELETE FROM points WHERE key NOT IN (SELECT point FROM trials)")
                 self._connection.executemany(ENTER_POINT, rows)
-                self._connection.execute("UPDATE points SET share = ?", (str(share) if share else None,))
-                Signer(self._connection, "points").sign()
-            self.share = share or WHOLE
-            self._measures = measures_in(self._connection)
-            self._finished = _FINISHED if self._measures else _STORED
-            self._signer = Signer(self._connection, "trials")
+                sign(self._connection, "points")
+            self._has_measures = bool(measures_in(self._connection))
             columns = ("point", "trial", *points[0].axes, "seed", *RESULT, *PROVENANCE, "error", "measured", "events")
-            updates = (f"{quoted(column)} = excluded.{quoted(column)}" for column in columns)
             self._insert = (
                 f"INSERT INTO trials ({', '.join(map(quoted, columns))}) VALUES ({', '.join('?' * len(columns))}) "
-                f"ON CONFLICT (point, trial) DO UPDATE SET {', '.join(updates)} WHERE error IS NOT NULL"
+                "ON CONFLICT DO NOTHING"
             )
+            (self._trials,) = self._connection.execute("SELECT count(*) FROM trials").fetchone()
+            note_trials(self._path, self._trials)
             self._resources = stack.pop_all()
 
     def finished(self) -> FinishedTrials:
@@ -111,68 +101,64 @@ class Store:
         Failed trials have no result; trials from before a measure was added do not have its value.
         """
         with sqlite_errors(self._path):
-            numbers = {point.key: point.number for point in self._points}
-            return FinishedTrials.read(self._connection, self._finished, numbers)
+            return read_finished(self._connection, measured=self._has_measures)
 
     def censored(self) -> int | None:
         """Return how many finished trials were not synchronised; None if none of them has a T_sync."""
+        measured = f"AND NOT {UNMEASURED}" if self._has_measures else ""
         with sqlite_errors(self._path):
-            (count,) = self._connection.execute(f"SELECT sum(censored) {self._finished}").fetchone()
+            query = f"SELECT sum(censored) FROM trials WHERE error IS NULL {measured}"
+            (count,) = self._connection.execute(query).fetchone()
         return None if count is None else int(count)
 
-    def add(self, outcome: Outcome) -> bool:
-        """Store a trial as `add_all` does; return whether it has a result with all its measures now."""
-        return self.add_all([outcome])[0]
-
-    def add_all(self, outcomes: Sequence[Outcome]) -> list[bool]:
-        """Store trials, all or none; an earlier failure is replaced, an earlier result is kept and only measured.
+    def add(self, outcomes: Sequence[Outcome]) -> list[bool]:
+        """Store trials on the disk, all or none; an earlier failure is replaced, an earlier result only measured.
 
         Returns:
             Whether each has a result with all its measures now.
         """
+        places = [(self._points[outcome.point].key, outcome.trial) for outcome in outcomes]
+        self._new = 0
         with sqlite_errors(self._path), self._connection:
-            return [self._put(outcome) for outcome in outcomes]
+            are_stored = [self._put(outcome, place) for outcome, place in zip(outcomes, places, strict=True)]
+            sign(self._connection, "trials", places)
+        self._trials += self._new
+        note_trials(self._path, self._trials)
+        return are_stored
 
-    def _put(self, outcome: Outcome) -> bool:
-        stored = self._without_measures(outcome) if self._measures else None
-        if stored is None:
-            self._enter(outcome)
-            self._sign(outcome)
-            return outcome.result is not None
-        error = outcome.error if outcome.result is None else difference(stored, outcome.result)
-        measured = stored.measured if outcome.result is None or error else _measured(outcome.result)
-        self._connection.execute(
-            "UPDATE trials SET measured = ?, measuring_error = ? WHERE point = ? AND trial = ?",
-            (measured, error, self._points[outcome.point].key, outcome.trial),
+    def _put(self, outcome: Outcome, place: tuple[str, int]) -> bool:
+        stored = (
+            self._has_measures
+            and self._connection.execute(
+                f"SELECT {', '.join(StoredResult._fields)} FROM trials {_OF_TRIAL} AND error IS NULL AND {UNMEASURED}",
+                place,
+            ).fetchone()
         )
-        self._sign(outcome)
+        if not stored:
+            self._enter(outcome, place)
+            return outcome.result is not None
+        before = StoredResult(*stored)
+        error = outcome.error if outcome.result is None else difference(before, outcome.result)
+        measured = before.measured if outcome.result is None or error else _as_json(outcome.result.measures)
+        update = f"UPDATE trials SET measured = ?, measuring_error = ? {_OF_TRIAL}"
+        self._connection.execute(update, (measured, error, *place))
         return error is None
 
-    def _without_measures(self, outcome: Outcome) -> StoredResult | None:
-        """Return what is stored of a trial that has a result and lacks measures; None if it is not such a trial."""
-        row = self._connection.execute(
-            f"SELECT {', '.join(StoredResult._fields)} {_UNMEASURED} AND point = ? AND trial = ?",
-            (self._points[outcome.point].key, outcome.trial),
-        ).fetchone()
-        return row and StoredResult(*row)
-
-    def _enter(self, outcome: Outcome) -> None:
-        point, result = self._points[outcome.point], outcome.result
+    def _enter(self, outcome: Outcome, place: tuple[str, int]) -> None:
+        result = outcome.result
         values = (
-            *(point.key, outcome.trial),
-            *(as_column(value) for value in point.axes.values()),
+            *place,
+            *(as_column(value) for value in self._points[outcome.point].axes.values()),
             outcome.seed,
             *(None if result is None else getattr(result, name) for name in RESULT),
             *(outcome.provenance[name] for name in PROVENANCE),
             outcome.error,
-            None if result is None else _measured(result),
-            None if result is None else events_json(result),
+            None if result is None else _as_json(result.measures),
+            None if result is None else _events(result),
         )
-        self._connection.execute(self._insert, values)
-
-    def _sign(self, outcome: Outcome) -> None:
-        row = self._points[outcome.point].key, outcome.trial
-        self._signer.sign("point = ? AND trial = ?", row)
+        delete = f"DELETE FROM trials {_OF_TRIAL} AND error IS NOT NULL"
+        replaced = self._connection.execute(delete, place).rowcount
+        self._new += self._connection.execute(self._insert, values).rowcount - replaced
 
     def __enter__(self) -> Self:
         return self
@@ -183,20 +169,45 @@ class Store:
         self._resources.close()
 
 
-def _measured(result: TrialResult) -> str | None:
-    return json.dumps(result.measures) if result.measures else None
-
-
-def _check_same_share(path: Path, given: Share | None) -> Share | None:
-    """Return the share that a folder is for; None for the whole sweep, or raise StoreError if another is given."""
-    with reading(path) as connection:
-        stored = read_share(connection)
+def _check_same_share(folder: Path, stored: Share, given: Share | None) -> Share:
     if given not in (None, stored):
         what = "the whole sweep" if stored == WHOLE else f"share {stored}"
-        raise StoreError(f"{path.parent}: is for {what}, --share is {given}; give another folder")
-    return None if stored == WHOLE else stored
+        raise StoreError(f"{folder}: is for {what}, --share is {given}; give another folder")
+    return stored
 
 
-def _stored_points(path: Path) -> list[StoredPoint]:
-    with reading(path) as connection:
-        return read_stored_points(connection, "(SELECT ifnull(max(trial) + 1, 0) FROM trials WHERE point = key)")
+class StoredResult(NamedTuple):
+    """What is stored of a trial, and must not differ when it is simulated again for measures that were added."""
+
+    t_sync_cycles: int | None
+    order_parameter: float | None
+    simulated_s: float
+    steps: int
+    cycles: int
+    measured: str | None
+    """JSON: value of each measure by its name."""
+    events: str | None
+    """JSON: what changed; None if nothing did."""
+
+
+def difference(stored: StoredResult, result: TrialResult) -> str | None:
+    """Return in what the repetition of a trial differs from what is stored of it; None if it does not."""
+    fields = [name for name in stored._fields if name not in ("measured", "events")]
+    pairs = [(name, getattr(stored, name), getattr(result, name)) for name in fields]
+    pairs.append(("events", stored.events, _events(result)))
+    pairs += [(name, value, result.measures[name]) for name, value in json.loads(stored.measured or "{}").items()]
+    for name, before, now in pairs:
+        if json.dumps(before) != json.dumps(now):  # 1, 1.0 and true are equal, but not the same
+            return (
+                f"is not the trial that is stored, so that new measures are not its own: {name} is "
+                f"{short_repr(before)} in the folder, {short_repr(now)} now; another version or host made it"
+            )
+    return None
+
+
+def _events(result: TrialResult) -> str | None:
+    return _as_json([event._asdict() for event in result.events])
+
+
+def _as_json(value: Any) -> str | None:
+    return json.dumps(value) if value else None

@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future
@@ -23,7 +22,7 @@ CONNECT_S = 6
 """Time in seconds within which a cluster must answer."""
 
 LOOK_S = 3.0
-"""Time in seconds between two looks whether a cluster has workers at all, or whether its scheduler is back."""
+"""Time in seconds between two looks whether a scheduler is back."""
 
 COUNT_S = 1.0
 """Shortest time in seconds between two counts of a cluster's workers."""
@@ -55,17 +54,16 @@ class DaskCluster:
         except ImportError as error:
             raise ClusterError("--dask needs the extra `cluster`: pip install 'epuck-sim[cluster]'") from error
         log = logging.getLogger("distributed")
-        level, over = log.level, threading.Event()
+        level = log.level
         log.setLevel(logging.CRITICAL + 1)  # our messages say the same
         try:
             client = self._connect()
-            look = (lambda: len(client.nthreads()), self._address, over)
-            threading.Thread(target=_say_without_workers, args=look, daemon=True).start()
             with client:
                 executor = SameVersionsExecutor(client.get_executor(pure=False))
-                yield Pool(executor, _slots(client), (KilledWorker,), (CancelledError, SchedulerGoneError))
+                yield Pool(
+                    executor, _slots(client, self._address), (KilledWorker,), (CancelledError, SchedulerGoneError)
+                )
         finally:
-            over.set()
             log.setLevel(level)
 
     def _connect(self) -> "Client":
@@ -101,19 +99,22 @@ def _connect(address: str) -> "Client":
         raise ClusterError(f"--dask {address}: no Dask scheduler answers there: {reason}") from error
 
 
-def _slots(client: "Client") -> Callable[[], int]:
-    """Return what counts the chunks to have under way."""
-    counted_at, slots = -COUNT_S, 0
+def _slots(client: "Client", address: str) -> Callable[[], int]:
+    """Return the policy for the number of chunks in flight, which says so where a cluster has no workers."""
+    counted_at, threads = -COUNT_S, 1
 
     def count() -> int:
-        nonlocal counted_at, slots
+        nonlocal counted_at, threads
         if time.monotonic() - counted_at > COUNT_S:
+            before = threads
             try:
-                slots = 2 * max(1, sum(client.nthreads().values()))
+                threads = sum(client.nthreads().values())
             except Exception as error:  # of any kind: the client was closed when it lost the scheduler
                 raise SchedulerGoneError from error
+            if before and not threads:
+                _say(address, "the scheduler has no workers; waiting for them")
             counted_at = time.monotonic()
-        return slots
+        return 2 * max(1, threads)
 
     return count
 
@@ -175,16 +176,3 @@ def call_if_same(required: RequiredVersions, function: Callable[[Sequence[Task]]
 
 def _say(address: str, what: str) -> None:
     print(f"--dask {address}: {what}", file=sys.stderr, flush=True)
-
-
-def _say_without_workers(workers: Callable[[], int], address: str, over: threading.Event) -> None:
-    """Say on stderr that a cluster has no workers, once whenever it has lost or not yet got them."""
-    is_said = False
-    while not over.wait(LOOK_S):
-        try:
-            is_empty = workers() == 0
-        except Exception:  # the client was closed, or has lost the scheduler
-            return
-        if is_empty and not is_said:
-            _say(address, "the scheduler has no workers; waiting for them")
-        is_said = is_empty

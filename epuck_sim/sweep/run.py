@@ -1,12 +1,13 @@
 """A sweep from its scenario to its run folder: the trials that are missing are run, and stored as they end."""
 
+import heapq
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
-from epuck_sim.runs.finished import FinishedTrials
-from epuck_sim.runs.records import Outcome, SweepProgress, Task
+from epuck_sim.runs.records import FinishedTrials, Outcome, SweepProgress, Task
 from epuck_sim.runs.share import WHOLE, Share
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
@@ -27,7 +28,6 @@ def run_sweep(
     interpret: bool = False,
     share: Share | None = None,
     begin: Callable[[Sequence[Point]], None] = lambda _: None,
-    durable: bool = False,
 ) -> SweepProgress:
     """Run the trials of a sweep that have no result in the run folder yet, or lack measures that were added.
 
@@ -39,7 +39,6 @@ def run_sweep(
         interpret: Run controllers as plain Python, with the same outcome.
         share: Share of the trials to run; by default the folder's own, which is the whole sweep in a new folder.
         begin: Called with all points once they are checked, before the folder is opened.
-        durable: Whether trials that the progress counts as stored survive a power cut.
 
     Returns:
         How far the sweep is at the end.
@@ -55,7 +54,7 @@ def run_sweep(
     all_points = points(loaded)
     check_sweep(all_points)
     begin(all_points)
-    with Store(Path(folder), loaded, all_points, share, durable=durable) as store:
+    with Store(Path(folder), loaded, all_points, share) as store:
         finished = store.finished()
         ours = store.share
         wanted = [(point.number, ours.trials(point.number, point.scenario.trials)) for point in all_points]
@@ -68,7 +67,7 @@ def run_sweep(
         kinds = first_of_each_kind(all_points, finished, interpret, ours)
         with closing(schedule(queue, kinds, open_pool)) as chunks:
             for outcomes in chunks:
-                for outcome, is_stored in zip(outcomes, store.add_all(outcomes), strict=True):
+                for outcome, is_stored in zip(outcomes, store.add(outcomes), strict=True):
                     progress = progress._replace(
                         stored=progress.stored + is_stored,
                         censored=_censored(progress.censored, outcome) if is_stored else progress.censored,
@@ -98,14 +97,10 @@ def missing_tasks(
         interpret: Run controllers as plain Python.
         share: Share of the trials that are wanted.
     """
-    wanted = [(point, share.trials(point.number, point.scenario.trials)) for point in points]
-    firsts = [next(finished.missing(point.number, trials), None) for point, trials in wanted]
-    left = [one for one, first in zip(wanted, firsts, strict=True) if first is not None]
-    begin = min((first for first in firsts if first is not None), default=0)
-    for turn in range(begin, max((len(trials) for _, trials in left), default=0)):
-        for point, trials in left:
-            if turn < len(trials) and (point.number, trials[turn]) not in finished:
-                yield _task(point, trials[turn], interpret)
+    wanted = [share.trials(point.number, point.scenario.trials) for point in points]
+    missing = (zip(finished.missing(point.number, wanted[place]), repeat(place)) for place, point in enumerate(points))
+    for turn, place in heapq.merge(*missing):
+        yield _task(points[place], wanted[place][turn], interpret)
 
 
 def first_of_each_kind(

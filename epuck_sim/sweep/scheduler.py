@@ -22,7 +22,7 @@ CHUNK_S = 0.5
 """Work in a chunk, in seconds: long compared with the milliseconds that handing it over costs, short in a run."""
 
 
-LOOK_S = 5.0
+LOOK_S = 3.0
 """Time in seconds without an ended chunk after which it is checked that there are workers at all."""
 
 
@@ -83,7 +83,7 @@ class ChunkSizer:
 
 
 def schedule(queue: TaskQueue, kinds: Sequence[Task], open_pool: OpenPool) -> Generator[list[Outcome]]:
-    """Yield the outcomes of all tasks as they are known, those of a chunk together.
+    """Yield the outcomes of all tasks as they are known, those of chunks that ended meanwhile together.
 
     When a worker dies, nobody knows at which trial. Tasks that were under way are handed over again, each by itself;
     those that are under way at a second death are run one at a time, and one that kills its worker even then has
@@ -140,22 +140,35 @@ def _run_parallel(pool: Pool, queue: TaskQueue, sizer: ChunkSizer) -> Generator[
             if not running:
                 continue
             try:
-                future = ended.get(timeout=LOOK_S)
+                together = [ended.get(timeout=LOOK_S)]
             except Empty:
                 pool.slots()  # tells if all workers are lost
                 continue
-            try:
-                outcomes = _result(future, pool)
-            except pool.deaths:
-                lost.extend(running.pop(future))
-                continue
-            del running[future]
+            while not ended.empty():  # they ended while others were stored
+                together.append(ended.get())
+            outcomes, dead = _gather({future: running[future] for future in together}, pool)
+            lost += dead
+            for future in together:
+                del running[future]
             sizer.note(outcomes)
-            yield outcomes
+            if outcomes:
+                yield outcomes
     except pool.losses:
         for chunk in running.values():
             queue.put_back(chunk)
     return lost
+
+
+def _gather(ended: dict[Future[list[Outcome]], list[Task]], pool: Pool) -> tuple[list[Outcome], list[Task]]:
+    """Return the outcomes of chunks that have ended, and the tasks of chunks that were lost with a worker."""
+    outcomes: list[Outcome] = []
+    lost: list[Task] = []
+    for future, chunk in ended.items():
+        try:
+            outcomes = [*outcomes, *_result(future, pool)]
+        except pool.deaths:
+            lost += chunk
+    return outcomes, lost
 
 
 def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
@@ -178,7 +191,13 @@ def _run_isolated(pool: Pool, suspects: deque[Task]) -> Iterator[list[Outcome]]:
 
 def _result(future: Future[Result], pool: Pool) -> Result:
     try:
-        return future.result()
+        while True:
+            try:
+                return future.result(LOOK_S)
+            except TimeoutError:
+                if future.done():
+                    raise
+                pool.slots()  # tells if there are no workers, or all are lost
     except ClusterError:
         raise
     except pool.deaths + pool.losses:

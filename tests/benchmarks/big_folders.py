@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from epuck_sim.runs.compatibility import stored_point
-from epuck_sim.runs.database import new_database
-from epuck_sim.runs.schema import DATABASE, RESULT
+from epuck_sim.runs.database import RESULT, new_database, sign
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.scenario.loader import RUN_SCENARIO, load_scenario, write_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.scenario.scenario import Scenario
@@ -42,6 +42,7 @@ def fill(folder: Path, trials: int) -> None:
     with new_database(folder / DATABASE, [SPEED], [stored_point(point) for point in found]) as connection:
         values = ", ".join("?" * (4 + len(RESULT) + len(PROVENANCE)))
         connection.executemany(f"INSERT INTO trials ({columns}) VALUES ({values})", rows(found))
+        sign(connection, "trials", ((point.key, trial) for point in found for trial in range(point.scenario.trials)))
 
 
 def rows(found: tuple[Point, ...]) -> Iterator[tuple]:

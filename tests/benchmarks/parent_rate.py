@@ -52,7 +52,7 @@ class ReturnAtOnce(Executor):
         return pickle.dumps([Outcome(task.point, task.trial, task.seed, result, None, made) for task in tasks])
 
 
-def measure(folder: Path, trial_s: float, *, durable: bool) -> tuple[float, float, float]:
+def measure(folder: Path, trial_s: float) -> tuple[float, float, float]:
     """Return trials a second of the parent's CPU time, and of time on the wall, and trials in a chunk."""
     executor = ReturnAtOnce(trial_s)
 
@@ -61,7 +61,7 @@ def measure(folder: Path, trial_s: float, *, durable: bool) -> tuple[float, floa
         yield Pool(executor, lambda: 2 * WORKERS, ())
 
     began, cpu = time.perf_counter(), time.process_time()
-    run_sweep(scenario_of(TRIALS), folder, pool, durable=durable)
+    run_sweep(scenario_of(TRIALS), folder, pool)
     wall_s, cpu_s = time.perf_counter() - began, time.process_time() - cpu
     began, cpu = time.perf_counter(), time.process_time()
     for tasks in executor.chunks:
@@ -73,15 +73,13 @@ def measure(folder: Path, trial_s: float, *, durable: bool) -> tuple[float, floa
 
 def main() -> None:
     """Measure, and print a line for each length of trials."""
-    for durable in (False, True):
-        for trial_s in TRIAL_S:
-            folder = Path(sys.argv[1]) / f"{trial_s}-{durable}"
-            by_cpu, by_wall, chunk = measure(folder, trial_s, durable=durable)
-            print(
-                f"{trial_s} s a trial, durable {durable}: {chunk:.1f} trials a chunk, "
-                f"{by_cpu:,.0f} trials a CPU second, {by_wall:,.0f} a second on the wall",
-                flush=True,
-            )
+    for trial_s in TRIAL_S:
+        by_cpu, by_wall, chunk = measure(Path(sys.argv[1]) / str(trial_s), trial_s)
+        print(
+            f"{trial_s} s a trial: {chunk:.1f} trials a chunk, "
+            f"{by_cpu:,.0f} trials a CPU second, {by_wall:,.0f} a second on the wall",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_status
 from tests.sweep.short_sweeps import short_sweep, stored
 

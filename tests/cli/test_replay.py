@@ -28,7 +28,7 @@ from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorded import Recorded
 from epuck_sim.recording.viewer import live, viewer
 from epuck_sim.recording.viewer.pace import sleep
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_outcome
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points

@@ -20,8 +20,8 @@ from epuck_sim.cli.app import app
 from epuck_sim.figures.csv_tables import Table, save_table
 from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
 from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.points import points
 from epuck_sim.statistics.curves import read_curves
@@ -221,7 +221,7 @@ def test_an_axis_that_is_none_is_named_and_nothing_written(small, wanted: str, m
 def test_a_folder_with_a_figure_can_be_run_on(small) -> None:
     called("plot", small)
     with Store(small, SMALL, points(SMALL)) as opened:
-        assert len(opened.finished()) == 5 * 5
+        assert len([*opened.finished()]) == 5 * 5
 
 
 # The forms

@@ -262,6 +262,12 @@ def test_it_runs_from_any_folder_as_a_module(tmp_path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_the_option_that_is_needed_no_more_is_taken_with_a_word_of_advice() -> None:
+    result = CliRunner().invoke(app, ["run", "pair", "--set", "stop.max_time_s=0.3", "--durable"])
+    assert result.exit_code == 0
+    assert result.stderr == "note: --durable is needed no more: what is stored is synced at each commit\n"
+
+
 def test_running_loads_no_scipy_which_takes_a_while_and_does_not_end_well_when_interrupted() -> None:
     script = "import sys\nimport epuck_sim.cli.trials, epuck_sim.sweep.checks\nprint('scipy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", script], capture_output=True, check=True).stdout == b"False\n"

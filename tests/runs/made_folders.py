@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from epuck_sim.runs.checksums import Signer
+from epuck_sim.runs.database import sign
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.runs.records import Outcome
-from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.store import Store
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
@@ -120,6 +120,7 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
     with Store(folder, scenario, found) as opened:
         for point in found:
             times, observed = law(point)
+            ended = []
             for trial, (time, is_observed) in enumerate(zip(times.astype(int).tolist(), observed, strict=True)):
                 result = TrialResult(
                     scenario=scenario.name,
@@ -132,10 +133,10 @@ def store(folder: Path, scenario: Scenario, law: Law, failed: int = 0) -> Path:
                     simulated_s=5.0 * time,
                     wall_s=0.001,
                 )
-                opened.add(Outcome(point.number, trial, result.seed, result, None, made))
-            if point.number == 0:
-                for trial in range(len(times), len(times) + failed):
-                    opened.add(Outcome(0, trial, point.seed(trial), None, f"gone {trial}", made))
+                ended.append(Outcome(point.number, trial, result.seed, result, None, made))
+            failures = range(len(times), len(times) + failed) if point.number == 0 else ()
+            ended += (Outcome(0, trial, point.seed(trial), None, f"gone {trial}", made) for trial in failures)
+            opened.add(ended)
     return folder
 
 
@@ -146,10 +147,12 @@ def store_measured(folder: Path, scenario: Scenario, law: Callable[[Point], Sequ
     made = {**versions(), "host": "here"}
     with Store(folder, scenario, found) as opened:
         for point in found:
+            ended = []
             for trial, value in enumerate(law(point)):
                 measures = {section.name: value}
                 result = TrialResult(scenario.name, point.seed(trial), None, None, 9, None, 9, 9.0, 0.01, measures)
-                opened.add(Outcome(point.number, trial, result.seed, result, None, made))
+                ended.append(Outcome(point.number, trial, result.seed, result, None, made))
+            opened.add(ended)
     return folder
 
 
@@ -169,13 +172,4 @@ def edit(folder: Path, statement: str, *values: Any) -> None:
     with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
         connection.execute(statement, values)
         for table in ("points", "trials"):
-            Signer(connection, table).sign()
-
-
-def make_older(folder: Path, **dropped: Sequence[str]) -> None:
-    """Take columns from the tables that are named, and what the first format did not have."""
-    with closing(sqlite3.connect(folder / DATABASE)) as connection, connection:
-        for table, names in {"points": ["share"], "trials": []}.items():
-            for name in (*names, "checksum", *dropped.get(table, ())):
-                connection.execute(f"ALTER TABLE {table} DROP COLUMN {name}")
-        connection.execute("PRAGMA user_version = 1")
+            sign(connection, table)

@@ -1,5 +1,7 @@
 """A file in which bytes have changed never gives other rows than it had: they are read as they were, or not at all."""
 
+import re
+import shutil
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -11,11 +13,13 @@ import pytest
 from epuck_sim.errors import StoreError
 from epuck_sim.runs import database
 from epuck_sim.runs.database import reading
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_status
+from epuck_sim.runs.store import Store
+from epuck_sim.scenario.loader import RUN_SCENARIO
+from epuck_sim.scenario.points import points
 from tests.cli.commands import refused
-from tests.runs.made_folders import make_older
-from tests.runs.test_store import COUNT, SPEED, fill, scenario_of, stored
+from tests.runs.test_store import COUNT, SPEED, fill, outcome, scenario_of
 
 SWEEP = scenario_of({"grid": {COUNT: [2, 3, 4, 5], SPEED: [1, 0.5, 0.25]}}, trials=20)
 
@@ -34,7 +38,7 @@ def unchecked(monkeypatch) -> None:
 
 
 def everything(folder: Path) -> list[list[tuple]]:
-    with reading(folder / DATABASE) as connection:
+    with reading(folder) as connection:
         return [connection.execute(f"SELECT * FROM {table} ORDER BY 1, 2").fetchall() for table in ("points", "trials")]
 
 
@@ -86,12 +90,27 @@ def test_a_database_without_the_checksums_it_must_have_is_refused(whole, tmp_pat
     assert "is damaged: trials has no checksums" in refused("status", tmp_path)
 
 
-def test_an_earlier_folder_is_read_and_gets_checksums_when_it_goes_on(tmp_path) -> None:
-    fill(tmp_path, SWEEP)
-    before = stored(tmp_path)
-    make_older(tmp_path)
-    assert read_status(tmp_path).stored == 240
-    fill(tmp_path, SWEEP)
-    assert stored(tmp_path) == before
-    assert all(row["checksum"] is not None for row in before)
-    read_status(tmp_path)
+def killed(folder: Path) -> Path:
+    """Make a folder whose run was killed: all its trials are in SQLite's log alone."""
+    running = folder / "running"
+    with Store(running, SWEEP, points(SWEEP)) as store:
+        for point in points(SWEEP):
+            store.add([outcome(point, trial) for trial in range(SWEEP.trials)])
+        shutil.copytree(running, folder / "killed")
+    assert {path.name for path in running.iterdir()} == {".lock", DATABASE, RUN_SCENARIO}
+    return folder / "killed"
+
+
+def test_a_damaged_log_of_a_killed_run_is_refused_with_what_was_stored(tmp_path) -> None:
+    folder = killed(tmp_path)
+    log = folder / f"{DATABASE}-wal"
+    whole, random = log.read_bytes(), Random(5)
+    for _ in range(20):
+        log.write_bytes(flipped(whole, random, 1))
+        message = refused("status", folder)
+        assert re.search(r"is damaged: its log has lost trials: 240 were stored, \d+ can be read", message)
+    assert refused("run", folder).endswith(message.partition("error: ")[2])
+    (folder / ".stored").unlink()
+    assert read_status(folder).stored < 240
+    fill(folder, SWEEP)
+    assert read_status(folder).stored == 240

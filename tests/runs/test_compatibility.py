@@ -78,3 +78,15 @@ def test_trials_on_another_version_of_a_floors_picture_are_refused_wherever_it_l
     check_same_sweep(FOLDER, [here], [there])
     with pytest.raises(StoreError, match=r"arena\.floor\.picture: 'ground\.png with digest .* in the folder, 'ground"):
         check_same_sweep(FOLDER, [here], [edited])
+
+
+def test_trials_with_another_version_of_a_sensors_file_are_refused_wherever_it_lies(tmp_path):
+    versions = []
+    for folder, factor in (("a", 1), ("b", 1), ("c", 2)):
+        (tmp_path / folder).mkdir()
+        file = tmp_path / folder / "eye.py"
+        file.write_text(f"READINGS = {{'eye': float}}\ndef sense(w, robot, readings, p, r): readings.eye = {factor}\n")
+        versions.append(described(f"robots.0.sensors=[{file}]"))
+    check_same_sweep(FOLDER, versions[:1], [versions[1]])
+    with pytest.raises(StoreError, match=r"'eye\.py with digest "):
+        check_same_sweep(FOLDER, versions[:1], [versions[2]])

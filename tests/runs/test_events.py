@@ -9,15 +9,13 @@ import pyarrow.csv
 import pytest
 
 from epuck_sim.runs.export import export
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.schema import DATABASE
-from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
-from tests.runs.made_folders import edit, make_older
 from tests.runs.test_store import DEMO, fill
 
 SCENARIO = {
@@ -77,16 +75,11 @@ def test_events_are_equal_after_a_resume_with_any_number_of_workers(workers, cha
     assert stored(tmp_path / "parted") == stored(tmp_path / "whole")
 
 
-def test_folders_from_before_there_were_events_are_read_exported_and_go_on(tmp_path):
+def test_a_folder_without_events_is_exported_without_them(tmp_path):
     fill(tmp_path)
-    edit(tmp_path, "UPDATE trials SET measuring_error = 'of no use' WHERE trial = 0")
-    make_older(tmp_path, trials=["events"])
-    assert {trial.error for trial in read_status(tmp_path).failed} == {"of no use"}
     assert all(point.events == ((),) * 3 for point in read_points(tmp_path))
     export(tmp_path, tmp_path / "out.csv")
     assert "events" not in pyarrow.csv.read_csv(tmp_path / "out.csv").column_names
-    fill(tmp_path, DEMO)
-    assert all(events == (None,) for events in stored(tmp_path))
 
 
 def test_what_changes_is_resampled_apart_and_its_defaults_leave_seeds_as_they_were(tmp_path):

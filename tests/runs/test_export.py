@@ -72,7 +72,7 @@ def test_every_row_is_a_trial_as_it_was_stored_in_order_of_point_and_trial(folde
     ended = [outcome(point, trial) for point in found for trial in range(3)]
     with Store(folder, DEMO, found) as store:
         for each in random.Random(1).sample(ended, len(ended)):
-            store.add(each)
+            store.add([each])
     expected = []
     for each in ended:
         result = each.result._asdict()
@@ -100,7 +100,7 @@ def test_floats_are_read_back_exactly(folder) -> None:
     found = points(scenario)
     with Store(folder, scenario, found) as store:
         for trial, value in enumerate(floats):
-            store.add(outcome(found[0], trial, wall_s=value, order_parameter=-value, simulated_s=value))
+            store.add([outcome(found[0], trial, wall_s=value, order_parameter=-value, simulated_s=value)])
     table, rows = parquet_of(folder), csv_of(folder)
     for name, expected in (("wall_s", floats), ("simulated_s", floats), ("order_parameter", [-x for x in floats])):
         assert list(map(repr, table[name].to_pylist())) == list(map(repr, expected))
@@ -124,8 +124,8 @@ def test_seeds_are_read_back_exactly(folder) -> None:
 def test_a_censored_trial_has_no_time_of_synchrony(folder) -> None:
     found = points(DEMO)
     with Store(folder, DEMO, found) as store:
-        store.add(outcome(found[0], 0, t_sync_cycles=0, cycles=0))
-        store.add(outcome(found[0], 1, t_sync_cycles=None, censored=True, cycles=9))
+        store.add([outcome(found[0], 0, t_sync_cycles=0, cycles=0)])
+        store.add([outcome(found[0], 1, t_sync_cycles=None, censored=True, cycles=9)])
     table = parquet_of(folder)
     assert table["t_sync_cycles"].to_pylist() == [0, None]
     assert table["censored"].to_pylist() == [False, True]
@@ -154,10 +154,10 @@ def test_without_a_result_columns_and_their_types_are_there_and_no_row(folder) -
 def test_failed_trials_are_left_out_and_counted(folder, tmp_path) -> None:
     found = points(DEMO)
     with Store(folder, DEMO, found) as store:
-        store.add(outcome(found[0], 0))
-        store.add(outcome(found[0], 1, error="gone"))
-        store.add(outcome(found[2], 0, error="gone, too"))
-        store.add(outcome(found[3], 2))
+        store.add([outcome(found[0], 0)])
+        store.add([outcome(found[0], 1, error="gone")])
+        store.add([outcome(found[2], 0, error="gone, too")])
+        store.add([outcome(found[3], 2)])
     assert export(folder, tmp_path / "some.csv") == 2
     table = parquet_of(folder)
     assert list(zip(table["point"].to_pylist(), table["trial"].to_pylist(), strict=True)) == [(0, 0), (3, 2)]
@@ -238,9 +238,9 @@ def test_after_the_sweep_has_grown_rows_are_in_its_new_order(folder) -> None:
 def test_a_run_at_work_can_be_exported(folder) -> None:
     found = points(DEMO)
     with Store(folder, DEMO, found) as store:
-        store.add(outcome(found[0], 0))
+        store.add([outcome(found[0], 0)])
         assert parquet_of(folder).num_rows == 1
-        store.add(outcome(found[0], 1))
+        store.add([outcome(found[0], 1)])
         assert parquet_of(folder).num_rows == 2
 
 

@@ -19,7 +19,7 @@ from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.model import run_trial, simulate
 from tests.measures.files import COUNTER, write
-from tests.runs.made_folders import make_older, rows
+from tests.runs.made_folders import rows
 from tests.runs.test_store import outcome
 
 VALUES = [1 / 3, None, 2.0]
@@ -44,7 +44,7 @@ def fill(folder: Path, loaded, values: list[dict]) -> None:
     found = points(loaded)
     with Store(folder, loaded, found) as store:
         for trial, measures in enumerate(values):
-            store.add(outcome(found[0], trial, measures=measures))
+            store.add([outcome(found[0], trial, measures=measures)])
 
 
 def test_values_come_back_to_the_bit(folder, mine):
@@ -115,22 +115,6 @@ def test_a_folder_is_refused_to_other_measures(folder, mine):
     edited = refused(folder, scenario({f"{mine}:Counter": {"offset": 1}}))
     assert "another measure Counter; give another folder: measure: 'mine.py:Counter with digest " in edited
     assert [point.measured for point in read_points(folder, "Counter")] == [(1.0,)]
-
-
-def without_columns(folder: Path) -> None:
-    """Make a folder as it was before there were measures."""
-    make_older(folder, points=["measures"], trials=["measured"])
-
-
-def test_a_folder_from_before_there_were_measures_is_read_and_goes_on(folder, tmp_path):
-    fill(folder, scenario(), [{}])
-    without_columns(folder)
-    with pytest.raises(StoreError, match=r"unknown 'Counter'; measured: none"):
-        read_points(folder, "Counter")
-    export(folder, tmp_path / "t.csv")
-    assert len(rows(tmp_path / "t.csv")) == 1
-    fill(folder, scenario(), [{}, {}])
-    assert len(read_points(folder)[0].times) == 2
 
 
 # --- sweeps ---------------------------------------------------------------------------------------

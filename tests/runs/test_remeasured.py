@@ -7,10 +7,10 @@ from functools import partial
 
 import pytest
 
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.remeasured import StoredResult, difference
-from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
+from epuck_sim.runs.store import StoredResult, difference
 from epuck_sim.sweep.executors import local_pool
 from epuck_sim.sweep.run import run_sweep
 from epuck_sim.trial.result import TrialResult

@@ -16,8 +16,9 @@ from pathlib import Path
 from random import Random
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.share import Share
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.sweep.run import run_sweep
@@ -27,10 +28,12 @@ from tests.sweep.short_sweeps import table
 SHIM = ctypes.CDLL(None)
 
 SCENARIO = load_scenario(
-    {"arena": {"width_cm": 40, "height_cm": 40}, "stop": {"max_cycles": 3}, "trials": 2},
+    {"arena": {"width_cm": 40, "height_cm": 40}, "stop": {"max_cycles": 3}, "trials": 4},
     ["robots.0.count=3"],
     ["robots.0.parameters.speed_cm_s=4,8"],
 )
+
+SHARE = Share(1, 2)
 
 FULL = 2
 """The fault of a disk that is full."""
@@ -65,7 +68,13 @@ def die_and_go_on(folder: Path, deaths: list[int], fault: int, expected: list[tu
     def run(calls: int) -> None:
         SHIM.arm(ctypes.c_long(calls), fault)
         try:
-            run_sweep(SCENARIO, folder, pool_here, lambda progress: reported.__setitem__(0, progress.stored))
+            run_sweep(
+                SCENARIO,
+                folder,
+                pool_here,
+                lambda progress: reported.__setitem__(0, progress.stored),
+                share=SHARE,
+            )
         except EpuckSimError:
             if fault != FULL:
                 raise
@@ -77,7 +86,9 @@ def die_and_go_on(folder: Path, deaths: list[int], fault: int, expected: list[tu
         if not (folder / DATABASE).exists():
             assert reported[0] == 0
             return
-        assert read_status(folder).stored >= reported[0]
+        status = read_status(folder)
+        assert status.share == str(SHARE)
+        assert status.stored >= reported[0]
         rows = table(folder)
         assert len(rows) == sum(len(point.times) for point in read_points(folder))
         assert set(rows) <= set(expected)
@@ -95,7 +106,7 @@ def calls_of_a_sweep(folder: Path) -> int:
     """Return how many system calls that write the whole sweep makes."""
     SHIM.calls_left.restype = ctypes.c_long
     SHIM.arm(ctypes.c_long(EVER), 0)
-    run_sweep(SCENARIO, folder, pool_here)
+    run_sweep(SCENARIO, folder, pool_here, share=SHARE)
     made = EVER - SHIM.calls_left()
     SHIM.arm(ctypes.c_long(-1), 0)
     return made
@@ -103,7 +114,7 @@ def calls_of_a_sweep(folder: Path) -> int:
 
 def main(folder: Path, wanted: int, fault: int) -> None:
     """Fail at `wanted` calls, spread evenly, or at all if it is 0; then, if at all, at two random ones in a row."""
-    run_sweep(SCENARIO, folder / "first", pool_here)  # compiles
+    run_sweep(SCENARIO, folder / "first", pool_here, share=SHARE)  # compiles
     calls = calls_of_a_sweep(folder / "whole")
     expected = table(folder / "whole")
     chosen = range(calls) if not wanted else sorted({round(k * (calls - 1) / (wanted - 1)) for k in range(wanted)})

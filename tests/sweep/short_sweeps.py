@@ -4,7 +4,7 @@ import subprocess
 from pathlib import Path
 
 from epuck_sim.runs.database import reading
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from tests.processes import COMMAND, start
 
 
@@ -27,7 +27,7 @@ sweep:
 
 def table(folder: Path) -> list[tuple]:
     """Return every trial's row, without wall time and host, and check that the database is intact."""
-    with reading(folder / DATABASE) as connection:
+    with reading(folder) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         names = [row[1] for row in connection.execute("PRAGMA table_info(trials)")]
         columns = ", ".join(f'"{name}"' for name in names if name not in ("wall_s", "host", "checksum"))
@@ -36,7 +36,7 @@ def table(folder: Path) -> list[tuple]:
 
 def errors(folder: Path) -> dict[tuple[str, int], str]:
     """Return the error of each trial that failed, by its point and number."""
-    with reading(folder / DATABASE) as connection:
+    with reading(folder) as connection:
         rows = connection.execute("SELECT point, trial, error FROM trials WHERE error IS NOT NULL")
         return {(point, trial): error for point, trial, error in rows}
 
@@ -45,7 +45,7 @@ def stored(folder: Path) -> int:
     """Return how many trials a run folder holds; 0 while there is none."""
     if not (folder / DATABASE).exists():
         return 0
-    with reading(folder / DATABASE) as connection:
+    with reading(folder) as connection:
         return connection.execute("SELECT count(*) FROM trials").fetchone()[0]
 
 

@@ -7,17 +7,17 @@ import os
 import socket
 import subprocess
 import sys
-import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
+from types import SimpleNamespace
 
 import pytest
 
 from epuck_sim.errors import ClusterError
 from epuck_sim.scenario.loader import load_scenario
-from epuck_sim.sweep import cluster
+from epuck_sim.sweep import cluster, scheduler
 from epuck_sim.sweep.cluster import DaskCluster
 from epuck_sim.sweep.executors import ONE_THREAD, local_pool
 from epuck_sim.sweep.run import run_sweep
@@ -118,21 +118,15 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_table_as_this_process(tmp_
 
 
 def test_a_cluster_without_workers_is_told_of_once_whenever_it_has_none(monkeypatch, capsys) -> None:
-    monkeypatch.setattr(cluster, "LOOK_S", 0)
-    counts, over = iter([0, 0, 2, 2, 0, 0]), threading.Event()
-
-    def workers() -> int:
-        count = next(counts, None)
-        if count is None:
-            over.set()
-        return 1 if count is None else count
-
-    cluster._say_without_workers(workers, "tcp://here", over)
+    monkeypatch.setattr(cluster, "COUNT_S", -1)
+    counts = iter([0, 0, 2, 2, 0, 0])
+    slots = cluster._slots(SimpleNamespace(nthreads=lambda: {"worker": next(counts)}), "tcp://here")
+    assert [slots() for _ in range(6)] == [2, 2, 4, 4, 2, 2]
     assert capsys.readouterr().err == "--dask tcp://here: the scheduler has no workers; waiting for them\n" * 2
 
 
 def test_a_cluster_without_workers_is_named_within_ten_seconds_and_waited_for(tmp_path) -> None:
-    assert cluster.LOOK_S < 10 - cluster.CONNECT_S
+    assert scheduler.LOOK_S < 10 - cluster.CONNECT_S
     path, folder, contact = short_sweep(tmp_path, 1), tmp_path / "run", tmp_path / "scheduler.json"
     here = ("--host", "127.0.0.1", "--no-dashboard")
     with ExitStack() as stack:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from epuck_sim.sweep.watchdog import LIMIT_VARIABLE
+from epuck_sim.sweep.worker import LIMIT_VARIABLE
 from tests.sweep.short_sweeps import begin, errors, stored
 
 FATE = """

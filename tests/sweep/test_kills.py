@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.status import read_status
 from tests.processes import start
 from tests.sweep.die_at_write import FULL

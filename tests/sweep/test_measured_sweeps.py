@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from epuck_sim.runs.database import reading
 from epuck_sim.runs.reader import read_points
-from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.status import read_status
 from epuck_sim.scenario.points import points
 from epuck_sim.sweep.run import run_sweep
@@ -53,7 +52,7 @@ def sweep(measures, trials, **sections):
 
 
 def content(folder):
-    with reading(folder / DATABASE) as connection:
+    with reading(folder) as connection:
         measures = connection.execute("SELECT key, measures FROM points ORDER BY key").fetchall()
     return table(folder), measures
 

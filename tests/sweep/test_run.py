@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.runs.finished import FinishedTrials
-from epuck_sim.runs.records import SweepProgress
+from epuck_sim.runs.records import FinishedTrials, SweepProgress
 from epuck_sim.scenario.loader import load_scenario
 from epuck_sim.scenario.points import Point, points
 from epuck_sim.sweep.executors import local_pool
@@ -88,7 +87,7 @@ def test_nothing_is_left_to_do_when_all_is_stored(tmp_path) -> None:
 
 def test_trial_0_of_all_points_comes_first(tmp_path) -> None:
     places = points(load_scenario(short_sweep(tmp_path, 3)))
-    tasks = [*missing_tasks(places, FinishedTrials({(2, 0), (0, 2)}), interpret=False)]
+    tasks = [*missing_tasks(places, FinishedTrials([(2, [0]), (0, [2])]), interpret=False)]
     assert [(task.trial, task.point) for task in tasks] == sorted((task.trial, task.point) for task in tasks)
     assert len(tasks) == POINTS * 3 - 2
 
@@ -97,7 +96,7 @@ def test_no_seed_is_computed_before_its_trial_is_due(monkeypatch) -> None:
     computed = []
     monkeypatch.setattr(Point, "seed", lambda _, trial: computed.append(trial) or trial)
     found = points(load_scenario("thesis", ["trials=10000000"]))
-    tasks = missing_tasks(found, FinishedTrials({(0, 0)}), interpret=False)
+    tasks = missing_tasks(found, FinishedTrials([(0, [0])]), interpret=False)
     assert next(tasks).trial == 1
     assert computed == [1]
 
@@ -105,7 +104,7 @@ def test_no_seed_is_computed_before_its_trial_is_due(monkeypatch) -> None:
 def test_one_missing_trial_of_each_set_of_controllers_is_compiled_ahead() -> None:
     axes = ["robots.0.controller=firefly,oscillator,constant", "robots.0.count=2,3"]
     found = points(load_scenario({"trials": 2}, axes=axes))
-    done = {(number, trial) for number in (0, 1, 2) for trial in range(2)} | {(4, 0)}
+    done = [*((number, [0, 1]) for number in (0, 1, 2)), (4, [0])]
     ahead = first_of_each_kind(found, FinishedTrials(done), interpret=False)
     assert [(task.point, task.trial) for task in ahead] == [(3, 0), (4, 1)]
 
@@ -255,7 +254,7 @@ def test_a_second_command_on_the_folder_is_refused_while_the_first_is_at_work(tm
 
 
 def test_trials_leave_nothing_behind_in_their_process(tmp_path) -> None:
-    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 63))), FinishedTrials(), interpret=False)]
+    tasks = [*missing_tasks(points(load_scenario(short_sweep(tmp_path, 63))), FinishedTrials([]), interpret=False)]
 
     def resident_kb() -> int:
         (line,) = (line for line in Path("/proc/self/status").read_text().splitlines() if "VmRSS" in line)

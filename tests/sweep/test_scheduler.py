@@ -105,6 +105,12 @@ def test_trials_that_failed_do_not_make_chunks_longer() -> None:
     assert sizer.chunk(100_000, 16) == 1
 
 
+def test_chunks_that_end_while_others_are_stored_are_stored_together() -> None:
+    sizes = [len(outcomes) for outcomes in schedule(queue(100), [], opened(set(), 8))]
+    assert sizes[0] == 8  # of one trial each
+    assert sum(sizes) == 100
+
+
 def test_tasks_are_made_when_they_are_handed_over_not_before() -> None:
     made = []
 

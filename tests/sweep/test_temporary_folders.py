@@ -9,8 +9,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from epuck_sim.sweep import temporary_folders
-from epuck_sim.sweep.temporary_folders import LOCK, remove_stale_folders
+from epuck_sim.sweep import executors
+from epuck_sim.sweep.executors import LOCK, remove_stale_folders
 from tests.processes import COMMAND, start, wait_until
 from tests.sweep.short_sweeps import stored
 
@@ -65,7 +65,7 @@ def test_the_folder_of_a_killed_sweep_is_removed_by_the_next_one_and_that_of_a_r
 
 
 def test_links_and_the_folders_of_others_stay(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(temporary_folders.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(executors.tempfile, "gettempdir", lambda: str(tmp_path))
     outside = tmp_path / "outside"
     for folder in (outside, tmp_path / "pymp-ours", tmp_path / "pymp-linked"):
         folder.mkdir()
@@ -73,11 +73,11 @@ def test_links_and_the_folders_of_others_stay(tmp_path, monkeypatch) -> None:
     (tmp_path / "pymp-link").symlink_to(outside)
     (tmp_path / "pymp-linked" / LOCK).symlink_to(outside / LOCK)
     (tmp_path / "pymp-ours" / LOCK).touch()
-    monkeypatch.setattr(temporary_folders.os, "getuid", lambda: -1)
+    monkeypatch.setattr(executors.os, "getuid", lambda: -1)
     remove_stale_folders()
     assert (tmp_path / "pymp-ours").is_dir()
     monkeypatch.undo()
-    monkeypatch.setattr(temporary_folders.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(executors.tempfile, "gettempdir", lambda: str(tmp_path))
     remove_stale_folders()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["outside", "pymp-link", "pymp-linked"]
     assert (outside / LOCK).exists()

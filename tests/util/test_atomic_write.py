@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.runs.schema import DATABASE
+from epuck_sim.runs.folder import DATABASE
 from epuck_sim.util.atomic_write import atomic_write, is_leftover, remove_unfinished, temporary_path
 
 

@@ -1,4 +1,4 @@
-"""The lock of a run folder: one command at a time may write to it. The lock ends with the process at the latest."""
+"""A run folder: the names of its files, and its lock, with which one command at a time writes to it."""
 
 import os
 from collections.abc import Iterator
@@ -6,22 +6,34 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from epuck_sim.errors import StoreError
-from epuck_sim.runs.schema import DATABASE
 from epuck_sim.scenario.loader import RUN_SCENARIO
 from epuck_sim.util.atomic_write import is_leftover
 from epuck_sim.util.provenance import host
 
+DATABASE = "results.sqlite"
+"""Name of the file that holds a row for each trial."""
+
+STORED = ".stored"
+"""Name of the file that says how many trials a run has stored, until SQLite's log is in the database."""
+
 LOCK = ".lock"
-"""Name of the file in a run folder that is locked."""
+"""Name of the file that is locked; the lock ends with the process at the latest."""
 
 HOLDER = ".lock-holder"
-"""Name of the file in a run folder that names the process that holds the lock.
+"""Name of the file that names the process which holds the lock.
 
 It is a file of its own because filelock versions before 3.21 empty the locked file on every attempt to lock it.
 """
 
 WAIT_S = 0.2
 """Time in seconds for which a lock is tried: `current_holder` of another process may have it for a moment."""
+
+
+def database_of(folder: Path | str) -> Path:
+    """Return the run folder's database; raise StoreError if there is none."""
+    if not (Path(folder) / DATABASE).is_file():
+        raise StoreError(f"{folder}: is not a run folder: there is no {DATABASE} in it")
+    return Path(folder) / DATABASE
 
 
 @contextmanager
@@ -51,18 +63,13 @@ def acquire(folder: Path) -> Iterator[None]:
 
 
 def _check_no_foreign_files(folder: Path) -> None:
-    if (folder / DATABASE).exists():
-        return
-    foreign = sorted(path.name for path in folder.iterdir() if not _may_be_left(path.name))
-    if foreign:
+    names = sorted(path.name for path in folder.iterdir())
+    # a command that was killed at once leaves these
+    foreign = [name for name in names if name not in (LOCK, HOLDER) and not is_leftover(name, DATABASE)]
+    if foreign and DATABASE not in names:
         raise StoreError(
             f"{folder}: is not a run folder: it holds {foreign[0]!r} but no {DATABASE}; give a new or empty one"
         )
-
-
-def _may_be_left(name: str) -> bool:
-    """Return whether a command that was killed at once may have left a file of this name in a new folder."""
-    return name in (LOCK, HOLDER) or is_leftover(name, DATABASE)
 
 
 def current_holder(folder: Path) -> str | None:
