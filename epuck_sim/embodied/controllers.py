@@ -4,11 +4,9 @@ Compiled and interpreted controllers run the same source, their file and `_run` 
 """
 
 import ctypes
-import sys
 from bdb import BdbQuit
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from time import perf_counter
+from collections.abc import Callable, Sequence
+from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -18,15 +16,14 @@ import numpy.typing as npt
 from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.firmware import Firmware
-from epuck_sim.control.interface import ACTUATORS, Controller, Described, Sensor, Sensors, Wheels
+from epuck_sim.control.interface import ACTUATORS, Controller, Sensor, Sensors, Wheels
 from epuck_sim.control.loader import check_imported_copies
 from epuck_sim.control.names import check_sensed
-from epuck_sim.embodied.sensors.completion import completion, names_of_readings, view_at
+from epuck_sim.embodied.sensors.completion import completion, names_of_readings
 from epuck_sim.embodied.swarm import BYTES, SENSED, Swarm, open_block, swarm_at
-from epuck_sim.errors import ControllerError
+from epuck_sim.embodied.user_code import RobotError, as_python, line_again, view_at
 from epuck_sim.user_files import line_of_error
-from epuck_sim.util.jit import address_of, bind, jit_no_alloc, kernel_digest
-from epuck_sim.util.messages import describe_error
+from epuck_sim.util.jit import address_of, jit_no_alloc, kernel_digest
 from epuck_sim.util.native import array_at, call_c, function_address
 
 Records = npt.NDArray[np.void]
@@ -46,9 +43,6 @@ E_GROUP = np.dtype(
 """Record `e_group` of the header: sizes, and addresses of arrays. Each robot has one, as a swarm of one robot."""
 
 E_GROUP_BYTES = E_GROUP.itemsize
-
-AGAIN_S = 1.0
-"""Time for which a step that has failed runs again, to find the line; compiled, it may have run through a long loop."""
 
 if TYPE_CHECKING:  # `bind` provides them
     start: Callable[..., None]
@@ -248,7 +242,7 @@ class GroupControllers:
                 raise fault from error
             raise
 
-    def fault(self, error: BaseException) -> "RobotError | None":
+    def fault(self, error: BaseException) -> RobotError | None:
         """Return what to say of an error that a robot of this group has raised; None if none of them did."""
         member = int(self._scene.serving - self._group.first)
         if self._scene.sensing or not 0 <= member < self._group.count:
@@ -271,47 +265,15 @@ class GroupControllers:
         block[memory:][: group.memory_bytes] = block[kept:][: group.memory_bytes]
         others = np.arange(len(swarm.robots)) != scene.serving
         swarm.robots.present[others] = swarm.robots.starts[others] = False
-        expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)  # numpy's of 1 / 0 is its own
-        try:
-            with time_limit(AGAIN_S):
-                self._interpreted(swarm)(block, np.zeros(0, np.int64), self._number)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as second:
-            if isinstance(second, expected):
-                return line_of_error(second, self.controller.sources)
-        return None
+        again = partial(self._interpreted(swarm), block, np.zeros(0, np.int64), self._number)
+        return line_again(again, error, self.controller)
 
     def _interpreted(self, swarm: Swarm) -> Any:
-        """Return `_run` as plain Python, which raises where compiled code does and numpy would warn: at 1 / 0."""
-        views = _views(swarm)
-        names: dict[str, Any] = {
-            "start": self.controller.start,
-            "step": self.controller.step,
-            "complete": completion(self._sensors, view_at),
-            "MEMORY": self.controller.memory,
-            "PARAMETERS": self.controller.parameter_type,
-            "swarm_at": lambda _: views,
-            "array_at": view_at,
-        }
-        return np.errstate(divide="raise", invalid="raise")(bind(_run, **names))
-
-
-@contextmanager
-def time_limit(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError in Python code that takes longer."""
-    end_s, before = perf_counter() + seconds, sys.gettrace()
-
-    def trace(*_: object) -> Any:
-        if perf_counter() > end_s:
-            raise TimeoutError
-        return trace
-
-    sys.settrace(trace)
-    try:
-        yield
-    finally:
-        sys.settrace(before)
+        """Return `_run` as plain Python."""
+        controller, complete = self.controller, completion(self._sensors, view_at)
+        functions = {"start": controller.start, "step": controller.step, "complete": complete}
+        types = {"MEMORY": controller.memory, "PARAMETERS": controller.parameter_type}
+        return as_python(_run, _views(swarm), {**functions, **types})
 
 
 def _views(swarm: Swarm) -> Swarm:
@@ -351,17 +313,3 @@ def _e_groups(swarm: Swarm, number: int) -> npt.NDArray[np.void]:
 
 def _rows(array: npt.NDArray[Any]) -> npt.NDArray[np.intp]:
     return int(array.ctypes.data) + array.strides[0] * np.arange(len(array))
-
-
-class RobotError(ControllerError):
-    """The controller of a robot, or a sensor in a file of its own, has raised an error.
-
-    Attributes:
-        robot: The robot's number in its group.
-    """
-
-    def __init__(self, user: Described, robot: int, error: BaseException, place: str) -> None:
-        kind = "sensor" if isinstance(user, Sensor) else "controller"
-        inside = "" if place.startswith(str(user.path)) else f" (in the {kind} {user.path})"
-        super().__init__(f"{place}: {describe_error(error)}{inside}")
-        self.robot = robot

@@ -23,7 +23,7 @@ from epuck_sim.embodied.changes.faults import LOGGED_STEPS, restart_faults, take
 from epuck_sim.embodied.changes.replacement import Replaced, check_alike, parameters_for, replace_controller
 from epuck_sim.embodied.changes.schedule import begin_or_end, check_bodies_outside, displace_phases, timed_entries
 from epuck_sim.embodied.commands import Commands
-from epuck_sim.embodied.controllers import GroupControllers, RobotError
+from epuck_sim.embodied.controllers import GroupControllers
 from epuck_sim.embodied.layout import make_swarm_block, set_arena
 from epuck_sim.embodied.loop import FIRED, ControlLoop
 from epuck_sim.embodied.observers.relations import Relations
@@ -35,6 +35,7 @@ from epuck_sim.embodied.snapshot import Change, Snapshot
 from epuck_sim.embodied.start import Part, draw_start, spawned, vary
 from epuck_sim.embodied.step import ShownArrays, Step
 from epuck_sim.embodied.swarm import PATCHES, PIXELS
+from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError, ScenarioError
 from epuck_sim.scenario.arena_changes import arena_after, arena_entries
 from epuck_sim.scenario.controllers import resolve_parameters

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.control.loader import find_controller
-from epuck_sim.embodied import controllers
-from epuck_sim.embodied.controllers import RobotError
+from epuck_sim.embodied import user_code
+from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError
 from epuck_sim.util import jit
 from tests.control.bench import EMPTY, Bench, with_step, write_controller, write_soon_after
@@ -334,7 +334,7 @@ def test_every_error_names_file_and_line(way, said, interpret, tmp_path):
 )
 def test_an_error_that_is_not_met_again_names_the_file_alone(lines, tmp_path, monkeypatch):
     """Run again to find the line, the step goes another way, as compiled whole numbers have 64 bits, or is stopped."""
-    monkeypatch.setattr(controllers, "AGAIN_S", 0.1)
+    monkeypatch.setattr(user_code, "AGAIN_S", 0.1)
     text = with_step(lines, MEMORY="{'x': float, 'row': (float, 4)}")
     bench = Bench(write_controller(tmp_path / "mine.py", text), interpret=False)
     with pytest.raises(RobotError, match=r"mine\.py: (ZeroDivision|Index)Error: "):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from epuck_sim.embodied.controllers import RobotError
+from epuck_sim.embodied.user_code import RobotError
 from epuck_sim.errors import ControllerError
 from epuck_sim.testing import TestRobot, facing_robot, facing_wall
 from tests.control.bench import MODES, with_step, write_controller

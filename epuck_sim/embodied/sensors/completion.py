@@ -4,11 +4,10 @@ from collections import namedtuple
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from epuck_sim.arrays import ByteArray
 from epuck_sim.control.interface import Sensor, Sensors
 from epuck_sim.embodied.swarm import SENSED_BYTES
+from epuck_sim.embodied.user_code import view_at
 from epuck_sim.util.jit import jit_inline
 from epuck_sim.util.native import WITHOUT_ALLOCATION, Kernel, array_at
 
@@ -42,7 +41,6 @@ def completion(sensors: Sequence[Sensor], array_at: Callable[..., Any] = array_a
             field = sensor.readings[name]
             number_type = "float" if field.kind == "f" else "int"
             fields.append(f"own_{number}.{name}[:]" if field.shape else f"{number_type}(own_{number}.{name})")
-    # numba makes a tuple of different types only of as many expressions as it has fields
     source = [
         "def complete(sensors, block, swarm, first, member):",
         f"    at = swarm.scene[0].at[{SENSED_BYTES}]",
@@ -59,8 +57,3 @@ def completion(sensors: Sequence[Sensor], array_at: Callable[..., Any] = array_a
 @jit_inline
 def _as_they_are(sensors: Any, block: ByteArray, swarm: Any, first: int, member: int) -> Any:  # noqa: ARG001
     return sensors
-
-
-def view_at(block: ByteArray, first: int, end: int, dtype: np.dtype[Any]) -> Any:
-    """Do what `native.array_at` does, in plain Python."""
-    return block[first:end].view(dtype).view(np.recarray)

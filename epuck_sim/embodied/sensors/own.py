@@ -2,6 +2,7 @@
 
 from bdb import BdbQuit
 from collections.abc import Callable
+from functools import partial
 from math import isnan
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -13,12 +14,11 @@ from epuck_sim.arrays import ByteArray, IntArray
 from epuck_sim.control.compilation import compile_for
 from epuck_sim.control.interface import Sensor, World
 from epuck_sim.control.loader import check_imported_copies
-from epuck_sim.embodied.controllers import AGAIN_S, RobotError, time_limit
-from epuck_sim.embodied.sensors.completion import view_at
 from epuck_sim.embodied.start import Part
 from epuck_sim.embodied.swarm import FLOAT64, SENSED_BYTES, WORD, Swarm, open_block, swarm_at
+from epuck_sim.embodied.user_code import RobotError, as_python, line_again
 from epuck_sim.user_files import line_of_definition, line_of_error
-from epuck_sim.util.jit import bind, kernel_digest
+from epuck_sim.util.jit import kernel_digest
 from epuck_sim.util.native import array_at, function_address
 from epuck_sim.util.seeds import robot_streams
 
@@ -124,15 +124,10 @@ class OwnSensor:
         self.address = function_address(self.run)
 
     def _interpreted(self, swarm: Swarm) -> Any:
-        """Return `_sense` as plain Python, which raises where compiled code does and numpy would warn: at 1 / 0."""
-        names: dict[str, Any] = {
-            "sense": self.sensor.sense,
-            "READINGS": self.sensor.readings,
-            "PARAMETERS": self.sensor.parameter_type,
-            "swarm_at": lambda _: swarm,
-            "array_at": view_at,
-        }
-        return np.errstate(divide="raise", invalid="raise")(bind(_sense, **names))
+        """Return `_sense` as plain Python."""
+        sensor = self.sensor
+        names = {"sense": sensor.sense, "READINGS": sensor.readings, "PARAMETERS": sensor.parameter_type}
+        return as_python(_sense, swarm, names)
 
     @property
     def readings(self) -> npt.NDArray[np.void]:
@@ -183,13 +178,5 @@ class OwnSensor:
         stream = own.random + STREAM_BYTES * (robot - own.first)
         swarm.sensed[stream : stream + STREAM_BYTES] = swarm.scene[0].kept_random.view(np.uint8)
         swarm.robots.present[np.arange(len(swarm.robots)) != robot] = False
-        expected = ArithmeticError if isinstance(error, ArithmeticError) else type(error)
-        try:
-            with time_limit(AGAIN_S):
-                self._interpreted(swarm)(block, np.zeros(0, np.int64), self._number)
-        except KeyboardInterrupt:
-            raise
-        except BaseException as second:
-            if isinstance(second, expected):
-                return line_of_error(second, self.sensor.sources)
-        return None
+        again = partial(self._interpreted(swarm), block, np.zeros(0, np.int64), self._number)
+        return line_again(again, error, self.sensor)
