@@ -62,11 +62,16 @@ def _options(
 
 def main() -> None:
     """Run the command; SIGTERM and SIGHUP end it as Ctrl-C does, unless they are ignored, as under nohup."""
-    has_interrupted = end_on_request()
+    watchdog = end_on_request()
     try:
         app()
-    except Exception:
-        if not has_interrupted():
+    except SystemExit as end:
+        watchdog.exit_code = end.code if isinstance(end.code, int) else None
+        raise
+    except (Exception, KeyboardInterrupt):
+        # compiled extensions raise errors of their own for KeyboardInterrupt; a second one comes while a command ends
+        if not watchdog.has_interrupted():
             raise
-        typer.echo("interrupted", err=True)  # compiled extensions raise errors of their own for KeyboardInterrupt
+        typer.echo("interrupted", err=True)
+        watchdog.exit_code = EXIT_CODE
         sys.exit(EXIT_CODE)

@@ -10,7 +10,6 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from types import FrameType
 
@@ -36,7 +35,7 @@ EXIT_CODE = 130
 """Exit code of a command that was interrupted."""
 
 
-def end_on_request() -> Callable[[], bool]:
+def end_on_request() -> "Watchdog":
     """Have `REQUESTS` raise KeyboardInterrupt in the main thread, and end the process if it does not react.
 
     Where compiled code runs, SIGTERM and SIGHUP end the process after `GRACE_S`, and so does a second Ctrl-C. The third
@@ -44,29 +43,26 @@ def end_on_request() -> Callable[[], bool]:
     stay ignored.
 
     Returns:
-        A function that returns whether KeyboardInterrupt has been raised.
+        What knows of the requests, and is to be told the command's exit code.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    watchdog = _Watchdog(reader)
+    watchdog = Watchdog(reader)
     for request in REQUESTS:
         if signal.getsignal(request) is not signal.SIG_IGN:
             signal.signal(request, watchdog.interrupt)
     sys.unraisablehook = watchdog.repeat
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)  # is written to at once, whatever the main thread does
     threading.Thread(target=watchdog.watch, daemon=True).start()
-    atexit.register(_ignore_requests)  # the first to be registered is the last to be called
-    return watchdog.has_interrupted
+    atexit.register(watchdog.keep_exit_code)  # the first to be registered is the last to be called
+    return watchdog
 
 
-def _ignore_requests() -> None:
-    """Ignore `REQUESTS`: at its very end Python lets them kill the process, which would lose the exit code."""
-    for request in REQUESTS:
-        signal.signal(request, signal.SIG_IGN)
-
-
-class _Watchdog:
+class Watchdog:
     """Compares when signals arrive with when the main thread reacts."""
+
+    exit_code: int | None = None
+    """What the command ends with, once it is known."""
 
     def __init__(self, reader: int) -> None:
         self._reader = reader
@@ -82,6 +78,20 @@ class _Watchdog:
     def has_interrupted(self) -> bool:
         """Return whether KeyboardInterrupt has been raised."""
         return self._reacted_s > 0
+
+    def keep_exit_code(self) -> None:
+        """Have the process end with the command's exit code, as the last thing that Python does.
+
+        It would let `REQUESTS` kill the process from now on. And where KeyboardInterrupt has passed through the `exec`
+        of a text, as in many an import, it kills the process by SIGINT at its very end, even if all has been handled.
+        """
+        for request in REQUESTS:
+            signal.signal(request, signal.SIG_IGN)
+        if self.has_interrupted() and self.exit_code is not None:
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError, ValueError):  # nobody listens, or it has been closed
+                    stream.flush()
+            os._exit(self.exit_code)
 
     def repeat(self, dropped: "sys.UnraisableHookArgs") -> None:
         """Raise KeyboardInterrupt a little later where Python has dropped it: destructors and callbacks raise nothing.

@@ -115,12 +115,13 @@ IMPORTS = {
 """Ends of controllers' files that keep their import from ending, by what they do."""
 
 
-def test_a_request_that_an_extension_turns_into_an_error_is_one(monkeypatch, capfd) -> None:
+@pytest.mark.parametrize("raised", [ValueError("what an extension makes of it"), KeyboardInterrupt()])
+def test_a_request_that_an_extension_turns_into_an_error_or_that_comes_twice_is_one(monkeypatch, capfd, raised) -> None:
     def fail() -> None:
         with suppress(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(5)
-        raise ValueError("what an extension makes of it")
+        raise raised
 
     before = {request: signal.getsignal(request) for request in interrupt.REQUESTS}
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it in what it runs in the background
