@@ -1,19 +1,14 @@
 """The command `plot`: figures of run folders and of recorded trials."""
 
-from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated, Any
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.errors import exit_on_error
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.names import Statistic
-
-if TYPE_CHECKING:  # or --help would wait for numpy
-    from matplotlib.figure import Figure
-
-    from epuck_sim.figures.csv_tables import Table
 
 plots = typer.Typer()
 
@@ -33,31 +28,6 @@ class Form(StrEnum):
     SERIES = "series"
     PERTURBATION = "perturbation"
     COURSE = "course"
-
-
-class FigureOptions(NamedTuple):
-    """Options of `plot` about the figure of a sweep; for one that is None, the scenario's section `figure` decides."""
-
-    form: Form | None
-    x: str | None
-    y: str | None
-    panels: str | None
-    censored_at: int | None
-    statistic: Statistic | None
-    of: str | None
-    width_cm: float | None
-
-
-class Sketch(NamedTuple):
-    """A figure to be drawn and saved."""
-
-    default_stem: Path
-    """Stem of its files if `--to` is not given."""
-    draw: "Callable[[], Figure]"
-    tables: "Mapping[str, Table]"
-    """Its numbers, by the endings of their files."""
-    note: str = ""
-    """What the figure does not show, and why; or nothing."""
 
 
 @plots.command()
@@ -108,34 +78,53 @@ def plot(
 ) -> None:
     """Draw T_sync or a measure of a sweep, as curves, a map or violins; its trials over time; or a recorded trial."""
     with exit_on_error():
-        from epuck_sim.figures.saving import Target, parse_target, save_figure
+        from epuck_sim.figures.saving import parse_target
 
         target = parse_target(to) if to else None
-        options = FigureOptions(form, x, y, panels, censored_at, statistic, of, width_cm)
-        sketch = _sketch_sweep(results, options) if results.is_dir() else _sketch_trial(results, options)
-        for file in save_figure(target or Target(sketch.default_stem), sketch.draw, sketch.tables):
-            typer.echo(file)
-        if sketch.note:
-            typer.echo(sketch.note, err=True)
+        options = {
+            "form": form,
+            "x": x,
+            "y": y,
+            "panels": panels,
+            "censored_at_cycles": censored_at,
+            "statistic": statistic,
+            "width_cm": width_cm,
+        }
+        if results.is_dir():
+            _plot_sweep(results, of, options, target)
+        else:
+            _plot_trial(results, {**options, "of": of}, target)
 
 
-def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
-    from epuck_sim.cli.sweep_figures import sketch_sweep
+def _plot_sweep(folder: Path, of: str | None, options: dict[str, Any], target: Any) -> None:
+    from epuck_sim.figures.labels import sweep_title
+    from epuck_sim.figures.saving import Target, save_figure
+    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
+    from epuck_sim.runs.reader import read_points
 
-    return sketch_sweep(folder, options)
+    points = read_points(folder, of)
+    form = read_form(points, options, str(folder), "--")
+    stem = folder / (form.name if form.name in SIMULATED_AGAIN else of or "T_sync")
+    title = sweep_title(points[0].scenario)
+    _save(save_figure(target or Target(stem), lambda: form.draw_figure(title), form.tables))
+    for note in form.notes:
+        typer.echo(f"note: {note}", err=True)
 
 
-def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
+def _plot_trial(recording: Path, options: dict[str, Any], target: Any) -> None:
+    from epuck_sim.figures.saving import Target, save_figure
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    names = ("--form", "--x", "--y", "--panels", "--censored-at", "--statistic", "--of", "--width-cm")
-    reject_first(
-        *(
-            (value is not None, f"{name} is for run folders; {recording} is none")
-            for name, value in zip(names, options, strict=True)
-        )
-    )
+    for name, value in options.items():
+        if value is not None:
+            flag = name.removesuffix("_cycles").replace("_", "-")
+            raise EpuckSimError(f"--{flag} is for run folders; {recording} is none")
     recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
-    return Sketch(recording.with_suffix(""), lambda: draw_page(recorded), {})
+    _save(save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded)))
+
+
+def _save(files: list[Path]) -> None:
+    for file in files:
+        typer.echo(file)

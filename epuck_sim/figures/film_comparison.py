@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from epuck_sim.figures.csv_tables import Table, rounded
-from epuck_sim.figures.saving import parse_target, save_figure
+from epuck_sim.figures.saving import Table, parse_target, rounded, save_figure
 from epuck_sim.overhead.film_comparison import QuantityComparison
 
 ACROSS = 3

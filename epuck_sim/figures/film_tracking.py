@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
-from epuck_sim.figures.csv_tables import rounded, save_table
+from epuck_sim.figures.saving import rounded, save_table
 from epuck_sim.figures.scales import make_logarithmic
 from epuck_sim.figures.style import add_shared_legend
 from epuck_sim.overhead.track.result import Snapshot, Track

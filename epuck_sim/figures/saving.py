@@ -1,17 +1,18 @@
 """The files of a figure: its pictures, and its numbers as CSV beside them."""
 
+import csv
 import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.csv_tables import Table, save_table
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
 SAVE_OPTIONS: dict[str, dict[str, Any]] = {
@@ -26,6 +27,17 @@ EDITABLE: Any = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "ep
 
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
+
+DIGITS = 6
+"""Significant digits of numbers in tables."""
+
+
+class Table(NamedTuple):
+    """What a CSV file holds."""
+
+    columns: Sequence[str]
+    rows: Iterable[Sequence[Any]]
+
 
 NO_TABLES: Mapping[str, Table] = MappingProxyType({})
 
@@ -96,3 +108,20 @@ def _save_picture(figure: Figure, file: Path, ending: str) -> None:
     with warnings.catch_warnings(), rc_context(EDITABLE), atomic_write(file) as part:
         warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
         figure.savefig(part, format=ending[1:], **SAVE_OPTIONS[ending])
+
+
+def save_table(file: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write a CSV file; raise EpuckSimError where it cannot be written."""
+    with atomic_write(file) as part, part.open("w", newline="", encoding="utf-8") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def rounded(number: float) -> str:
+    """Return a number with the digits of tables, and nothing for one that is not finite.
+
+    >>> rounded(1234.56789), rounded(float("nan"))
+    ('1234.57', '')
+    """
+    return f"{number:.{DIGITS}g}" if np.isfinite(number) else ""

@@ -1,14 +1,16 @@
-"""The looks that figures have in common: sizes, panels, titles and legends."""
+"""The looks that figures have in common: sizes, panels, titles and legends, colours and markers of lines."""
 
 import math
 import re
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 
 STYLE: Any = {
@@ -50,8 +52,26 @@ BAR, BAR_ASPECT = 0.05, 25
 GREY = "0.35"
 """Colour of marks in legends that many curves have."""
 
+COLOURS = ("#002dc3", "#ff5a00", "#690f00", "#1e96ff", "#c300a5", "#87784b", "#d27896", "#3c2d4b")
+"""Colours of curves, without a green. A search found them: each has a contrast of at least 3 with white, and any two
+are at least 26 apart in CIELAB, also as people without one kind of cones see them (Machado et al. 2009)."""
+
+MARKERS = ("o", "s", "D", ">", "P", "<", "p", "*")
+"""Markers of curves; triangles that point up and down, and crosses, have meanings of their own."""
+
+MARKER_DISTANCE, MARKER_SHIFT = 0.2, 0.03
+"""Distance from one marker of a line to the next, and from those of one line to those of the next, relative to the
+panel's diagonal."""
+
 NAMES = re.compile(r"\b([TV])_(sync|cens|m|p)\b")
 """Quantities of the thesis that are written with an index."""
+
+
+class Look(NamedTuple):
+    """How a curve looks."""
+
+    colour: str
+    marker: str
 
 
 def typeset(text: str) -> str:
@@ -76,14 +96,15 @@ def count_trials(trials: Sequence[int]) -> str:
 
 
 def make_panels(
-    title: str, titles: Sequence[str], labels: tuple[str, str], width_cm: float | None = None
+    title: str, titles: Sequence[str], labels: Sequence[str], width_cm: float | None = None
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure with a panel for each title, row by row; the panels share their scales.
 
     Args:
         title: Title of the figure, whose lines are wrapped.
         titles: Titles of the panels.
-        labels: Labels of the horizontal and of the vertical axis.
+        labels: Labels of the horizontal and of the vertical axis; with several vertical ones the panels stand below
+            each other, and each has its own vertical scale.
         width_cm: Width of the figure; by default that of a column for one panel, and that of a page for several.
 
     Returns:
@@ -92,38 +113,33 @@ def make_panels(
     Raises:
         EpuckSimError: There are more than `MAX_PANELS` titles.
     """
-    count = len(titles)
+    count, is_stack = len(titles), len(labels) > 2
     if count > MAX_PANELS:
         raise EpuckSimError(
             f"there would be {count} panels, one for each combination of the other axes; allowed: up to {MAX_PANELS}; "
             "draw against other axes, or --form curves"
         )
-    width_cm = width_cm or (COLUMN_CM if count == 1 else PAGE_CM)
+    width_cm = width_cm or (COLUMN_CM if count == 1 or is_stack else PAGE_CM)
     columns = min(count if count <= 3 else math.ceil(math.sqrt(count)), max(1, int(width_cm / MIN_PANEL_CM)))
+    columns = 1 if is_stack else columns
     rows = math.ceil(count / columns)
-    figure = make_figure(title, width_cm)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), layout="constrained")  # `finish` gives it its height
+    letters = int(width_cm * LETTERS_PER_CM)
+    title = title.replace("Fig. ", "Fig.\N{NO-BREAK SPACE}")
+    lines = (textwrap.fill(line, letters, break_on_hyphens=False) for line in title.split("\n"))
+    figure.suptitle(typeset("\n".join(lines)))
+    grid = figure.subplots(rows, columns, sharex=True, sharey=not is_stack, squeeze=False).ravel()
     for unused in grid[count:]:
         unused.remove()
     panels = list(grid[:count])
     for panel, text in zip(panels, titles, strict=True):
         panel.set_title(typeset(text))
-    for panel in panels[::columns]:
-        panel.set_ylabel(labels[1])
+    for row, panel in enumerate(panels[::columns]):
+        panel.set_ylabel(labels[1 + row] if is_stack else labels[1])
     for panel in panels[-columns:]:  # the lowest of each column, though the last row may be shorter
         panel.set_xlabel(labels[0])
         panel.tick_params(labelbottom=True)
     return figure, panels
-
-
-def make_figure(title: str, width_cm: float) -> Figure:
-    """Make an empty figure of this width; `finish` gives it its height."""
-    figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), layout="constrained")
-    letters = int(width_cm * LETTERS_PER_CM)
-    title = title.replace("Fig. ", "Fig.\N{NO-BREAK SPACE}")
-    lines = (textwrap.fill(line, letters, break_on_hyphens=False) for line in title.split("\n"))
-    figure.suptitle(typeset("\n".join(lines)))
-    return figure
 
 
 def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
@@ -167,3 +183,25 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     labels = (label.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}") for label in handles)
     lines = [textwrap.fill(label, letters, subsequent_indent="   ", break_on_hyphens=False) for label in labels]
     figure.legend(handles.values(), lines, loc="outside lower center")
+
+
+def choose_looks(count: int) -> list[Look]:
+    """Return the looks of curves; up to 64 all differ, in the colour, the marker or both.
+
+    >>> choose_looks(9)[0] == choose_looks(9)[8]
+    False
+    """
+    rounds = [divmod(number, len(COLOURS)) for number in range(count)]
+    return [Look(COLOURS[place], MARKERS[(place + past) % len(MARKERS)]) for past, place in rounds]
+
+
+def space_markers(values: FloatArray, place: int) -> tuple[float, float] | None:
+    """Return matplotlib's `markevery` for a line over time: few markers, which no two lines have at one place.
+
+    Args:
+        values: (n,) values of the line.
+        place: Number of the line.
+    """
+    if not np.isfinite(values).any():
+        return None  # matplotlib cannot space markers on a line without any point
+    return place * MARKER_SHIFT, MARKER_DISTANCE

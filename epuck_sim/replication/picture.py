@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib import rc_context
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures import on_axes
+from epuck_sim.figures import plot
 from epuck_sim.figures.style import STYLE
 from epuck_sim.replication.checks import FormulaCheck
 from epuck_sim.replication.claims import Claim
@@ -44,11 +44,9 @@ def draw_claim(claim: Claim, folder: Path, path: Path) -> bool:
         axis = choose_axis([point.axes for point in shown])
         if len({point.axes[axis] for point in shown}) < MIN_VALUES:
             return False
-        axes = on_axes.curves(shown, axis)
+        figure = plot(shown, form="curves", x=axis)
     except EpuckSimError:  # no axis has numbers
         return False
-    figure = axes.get_figure(root=True)
-    assert figure is not None
     with rc_context(STYLE), atomic_write(path) as part:
         figure.savefig(part, format="png", dpi=DOTS_PER_INCH)
     return True

@@ -17,9 +17,10 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
-from epuck_sim.figures.csv_tables import Table, save_table
-from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
-from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
+from epuck_sim.figures.forms.form import Form
+from epuck_sim.figures.forms.maps import Maps, read_maps
+from epuck_sim.figures.forms.violins import Violins, read_groups
+from epuck_sim.figures.saving import save_table
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.schema import DATABASE
 from epuck_sim.runs.store import Store
@@ -250,13 +251,14 @@ def titles(figure: Figure) -> list[tuple[str, str, str]]:
     return [(axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes]
 
 
-def assert_plotted(shown, folder: Path, options, expected: Figure, table: Table) -> None:
-    """Check that `plot` draws what is expected, and writes this table."""
+def assert_plotted(shown, folder: Path, options, form: Form) -> None:
+    """Check that `plot` draws this form, and writes its table."""
+    expected = form.draw_figure("forms")
     target = folder.with_name("plotted")
     target.mkdir()
     stdout = called("plot", folder, *options, "--to", target / "fig")
     assert stdout.split() == [str(target / f"fig{ending}") for ending in (".png", ".svg", ".csv")]
-    save_table(target / "expected.csv", *table)
+    save_table(target / "expected.csv", *form.tables[".csv"])
     assert (target / "fig.csv").read_bytes() == (target / "expected.csv").read_bytes()
     assert [figure.get_suptitle() for figure in shown] == [expected.get_suptitle()] * 2
     assert titles(shown[0]) == titles(expected)
@@ -264,7 +266,7 @@ def assert_plotted(shown, folder: Path, options, expected: Figure, table: Table)
 
 def assert_map_is_plotted(shown, folder: Path, options, x: str, y: str) -> None:
     maps = read_maps(read_points(folder), x, y)
-    assert_plotted(shown, folder, options, draw_maps("forms", x, y, maps), maps_table(x, maps))
+    assert_plotted(shown, folder, options, Maps(x=x, y=y, maps=maps))
 
 
 @pytest.mark.parametrize(
@@ -305,9 +307,10 @@ def test_violins_are_drawn_as_requested_or_else_as_the_scenario_says(
     shown, tmp_path, figure, options, expected
 ) -> None:
     folder, (x, censored_at) = many(tmp_path / "run", **figure), expected
-    violins = read_violins(read_points(folder), x, censored_at)
-    drawn = draw_violins("forms", x, violins, censored_at)
-    assert_plotted(shown, folder, options, drawn, violins_table(x, violins))
+    groups = read_groups(read_points(folder), x, censored_at)
+    form = Violins(axis=x, groups=groups, censored_at=censored_at)
+    drawn = form.draw_figure("forms")
+    assert_plotted(shown, folder, options, form)
     lines = [[line.get_label() for line in axes.get_lines()] for axes in shown[0].axes]
     assert lines == [[line.get_label() for line in axes.get_lines()] for axes in drawn.axes]
 

@@ -6,7 +6,7 @@ from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from epuck_sim.figures.csv_tables import Table, save_table
+from epuck_sim.figures.saving import Table, save_table
 from tests.runs.made_folders import rows
 
 

@@ -7,20 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms.courses import (
-    MAX_MOMENTS,
-    Courses,
-    choose_moments,
-    courses_table,
-    draw_courses,
-    read_courses,
-)
-from epuck_sim.figures.looks import choose_looks
+from epuck_sim.figures.forms.form import Choices
+from epuck_sim.figures.forms.twins import MAX_MOMENTS, Course, Courses, choose_moments
+from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import points
+from epuck_sim.scenario.scenario import FigureSection
 from tests.figures.drawn import laid_out, legend_texts, shown_text, written
 from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
@@ -44,14 +40,22 @@ def never(point):
     return censored(point, point.scenario.trials)
 
 
+def read_courses(points) -> list[Course]:
+    return list(Courses.read(points, Choices(FigureSection())).courses)
+
+
+def draw_courses(title: str, courses: list[Course]) -> Figure:
+    return Courses(courses=courses).draw_figure(title)
+
+
 SCENARIO = particles({SPEED: [3, 30]})
 READ = read_courses(in_memory(SCENARIO, never))
 
 
-def course_of(order, deviation, cycle=None, is_displaced=True, **axes) -> Courses:
+def course_of(order, deviation, cycle=None, is_displaced=True, **axes) -> Course:
     """Return a course that no trial had."""
     cycle = np.arange(0.5, len(order)) if cycle is None else np.array(cycle, float)
-    return Courses(axes, is_displaced, cycle, np.array(order, float), np.array(deviation, float), 3)
+    return Course(axes, is_displaced, cycle, np.array(order, float), np.array(deviation, float), 3)
 
 
 # Moments
@@ -221,7 +225,7 @@ def test_time_is_logarithmic_in_all_panels_once_moments_are_farther_and_farther_
 
 
 def test_the_table_holds_every_moment_of_every_course(tmp_path) -> None:
-    table = written(tmp_path, courses_table(READ))
+    table = written(tmp_path, Courses(courses=READ).tables[".csv"])
     assert [*table[0]] == [SPEED, "cycle", "order_parameter", "deviation"]
     expected = [
         [str(read.axes[SPEED]), *map(six_digits, row)]
@@ -233,7 +237,9 @@ def test_the_table_holds_every_moment_of_every_course(tmp_path) -> None:
 
 
 def test_the_table_is_exactly_this(tmp_path) -> None:
-    written(tmp_path, courses_table([course_of([1, 1 / 3], [0, 2e-7 / 3], **{SPEED: 0.5, COUPLING: 2})]))
+    written(
+        tmp_path, Courses(courses=[course_of([1, 1 / 3], [0, 2e-7 / 3], **{SPEED: 0.5, COUPLING: 2})]).tables[".csv"]
+    )
     assert (tmp_path / "table.csv").read_text() == (
         f"{SPEED},{COUPLING},cycle,order_parameter,deviation\n0.5,2,0.5,1,0\n0.5,2,1.5,0.333333,6.66667e-08\n"
     )
@@ -241,7 +247,9 @@ def test_the_table_is_exactly_this(tmp_path) -> None:
 
 def test_the_same_trials_give_the_same_courses(tmp_path) -> None:
     again = read_courses(in_memory(SCENARIO, never))
-    assert written(tmp_path, courses_table(again)) == written(tmp_path, courses_table(READ))
+    assert written(tmp_path, Courses(courses=again).tables[".csv"]) == written(
+        tmp_path, Courses(courses=READ).tables[".csv"]
+    )
 
 
 def test_a_point_whose_axis_holds_lists_and_null_is_labelled_in_words(tmp_path) -> None:
@@ -252,4 +260,4 @@ def test_a_point_whose_axis_holds_lists_and_null_is_labelled_in_words(tmp_path) 
         "reorienting on = emitting",
         "reorienting on = emitting and receiving",
     ]
-    assert len(written(tmp_path, courses_table(read))) == 6
+    assert len(written(tmp_path, Courses(courses=read).tables[".csv"])) == 6

@@ -7,19 +7,17 @@ import pytest
 from matplotlib import colormaps, image
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, to_hex
+from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms import perturbations
-from epuck_sim.figures.forms.perturbations import (
-    MIN_DEVIATION,
-    Perturbation,
-    draw_perturbations,
-    perturbations_table,
-    read_perturbations,
-)
+from epuck_sim.figures.forms import twins
+from epuck_sim.figures.forms.form import Choices
+from epuck_sim.figures.forms.twins import MIN_DEVIATION, Deviations, Perturbation
+from epuck_sim.figures.saving import Table
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.points import points
+from epuck_sim.scenario.scenario import FigureSection
 from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
@@ -42,14 +40,26 @@ def never(point):
     return censored(point, point.scenario.trials)
 
 
+def read_perturbations(points) -> list[Deviations]:
+    return list(Perturbation.read(points, Choices(FigureSection())).shown)
+
+
+def draw_perturbations(title: str, shown: list[Deviations]) -> Figure:
+    return Perturbation(shown=shown).draw_figure(title)
+
+
+def perturbations_table(shown: list[Deviations]) -> Table:
+    return Perturbation(shown=shown).tables[".csv"]
+
+
 SCENARIO = particles({SPEED: [3, 30, 90]})
 READ = read_perturbations(in_memory(SCENARIO, never))
 
 
-def made(deviation, **axes) -> Perturbation:
+def made(deviation, **axes) -> Deviations:
     """Return a perturbation, (moments, agents), that no trial had."""
     values = np.array(deviation, float)
-    return Perturbation(axes, np.arange(0.5, len(values)), values)
+    return Deviations(axes, np.arange(0.5, len(values)), values)
 
 
 # What is read
@@ -87,7 +97,7 @@ def test_moments_are_the_middles_of_periods_whatever_their_length() -> None:
 
 
 def test_of_a_long_trial_the_beginning_is_shown(monkeypatch) -> None:
-    monkeypatch.setattr(perturbations, "MAX_CYCLES", 7)
+    monkeypatch.setattr(twins, "MAX_CYCLES", 7)
     for read, whole in zip(read_perturbations(in_memory(SCENARIO, never)), READ, strict=True):
         assert read.cycle.tolist() == np.arange(0.5, 7).tolist()
         np.testing.assert_array_equal(read.deviation, whole.deviation[:7])
@@ -111,12 +121,12 @@ def test_a_sweep_in_which_nothing_can_deviate_is_refused_and_not_drawn_blank(sta
 # What is drawn
 
 
-def panels_of(given: list[Perturbation]) -> list[Axes]:
+def panels_of(given: list[Deviations]) -> list[Axes]:
     """Return the panels of a figure, laid out; the last of its axes is the colour bar."""
     return laid_out(draw_perturbations("title", given)).axes[:-1]
 
 
-def painted(given: Perturbation) -> list[list[str]]:
+def painted(given: Deviations) -> list[list[str]]:
     """Return the colour of the page in the middle of each agent and moment, agents first."""
     figure = draw_perturbations("title", [given])
     panel = figure.axes[0]

@@ -11,8 +11,7 @@ from matplotlib import image
 from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.csv_tables import Table
-from epuck_sim.figures.saving import Target, parse_target, save_figure
+from epuck_sim.figures.saving import Table, Target, parse_target, save_figure
 from tests.runs.made_folders import rows
 
 ENDINGS = (".png", ".svg", ".csv", "-more.csv")

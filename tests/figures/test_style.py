@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.film_tracking import BAR, FOUND, MARK, SYNC
 from epuck_sim.figures.forms.violins import LINE, VIOLIN
-from epuck_sim.figures.looks import COLOURS, MARKERS, choose_looks
 from epuck_sim.figures.scales import format_tick, is_plain
-from epuck_sim.figures.style import GREY, STYLE, finish, make_panels, typeset
+from epuck_sim.figures.style import COLOURS, GREY, MARKERS, STYLE, choose_looks, finish, make_panels, typeset
 from epuck_sim.overhead.track.annotate import CYAN
 
 MIN_CONTRAST = 3.0

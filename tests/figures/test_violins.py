@@ -11,8 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.figures.forms.densities import density
-from epuck_sim.figures.forms.violins import LINE, VIOLIN, draw_violins, read_violins, violins_table
+from epuck_sim.figures.forms.violins import LINE, VIOLIN, Violins, density, read_groups
 from epuck_sim.figures.style import count_trials
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, estimate_weibull_mean, weibull_mean
@@ -35,13 +34,13 @@ def law(point):
 
 
 POINTS = in_memory(sweep({COUNT: COUNTS, SPEED: SPEEDS}), law)
-GROUPS = read_violins(POINTS, SPEED, CENSORED_AT)
-OPEN = read_violins(POINTS, SPEED)
+GROUPS = read_groups(POINTS, SPEED, CENSORED_AT)
+OPEN = read_groups(POINTS, SPEED)
 
 
 def panels_of(groups, censored_at: int | None = CENSORED_AT) -> list[Axes]:
     """Return the panels of a figure, laid out."""
-    return laid_out(draw_violins("title", SPEED, groups, censored_at)).axes
+    return laid_out(Violins(axis=SPEED, groups=groups, censored_at=censored_at).draw_figure("title")).axes
 
 
 def violins(panel: Axes) -> list[np.ndarray]:
@@ -84,7 +83,7 @@ def test_without_a_censoring_the_estimate_is_that_of_the_trials_themselves() -> 
 def test_a_trial_that_synchronises_at_the_censoring_is_not_censored_and_one_after_it_is() -> None:
     times = [10, 20, 30, 40, 50]
     (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(times))
-    (at_last,), (before,) = read_violins([made], SPEED, 50), read_violins([made], SPEED, 49)
+    (at_last,), (before,) = read_groups([made], SPEED, 50), read_groups([made], SPEED, 49)
     assert at_last.estimates[0, 0] == weibull_mean(times, [True] * 5)
     assert before.estimates[0, 0] == weibull_mean([*times[:4], 49], [True] * 4 + [False])
     assert before.estimates[0, 0] != at_last.estimates[0, 0]
@@ -94,7 +93,7 @@ def test_the_censoring_makes_the_estimate_undetermined_where_appendix_a_says() -
     (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(range(1, 101)))
     last = round(100 * MIN_UNCENSORED)
     for limit, is_undetermined in ((last - 1, True), (last, False)):
-        (group,) = read_violins([made], SPEED, limit)
+        (group,) = read_groups([made], SPEED, limit)
         assert np.isnan(group.estimates[0, 0]) == is_undetermined
 
 
@@ -112,7 +111,7 @@ def test_censored_trials_stay_censored_and_are_in_no_violin() -> None:
 
 def test_points_without_trials_are_left_out() -> None:
     made = in_memory(sweep({SPEED: [1, 2, 3]}), lambda point: ended([] if point.axes[SPEED] == 2 else [5]))
-    (group,) = read_violins(made, SPEED)
+    (group,) = read_groups(made, SPEED)
     assert group.x.tolist() == [1, 3]
 
 
@@ -164,7 +163,7 @@ def test_there_is_a_violin_at_each_point_as_wide_as_the_others_and_apart_from_th
 
 def test_a_violin_is_as_wide_as_the_density() -> None:
     made = in_memory(sweep({SPEED: [0.1, 1]}), lambda point: weibull(point, 50))
-    (group,) = read_violins(made, SPEED)
+    (group,) = read_groups(made, SPEED)
     (panel,) = panels_of([group], None)
     for corners, x, times in zip(violins(panel), group.x, group.synchronised, strict=True):
         widths = np.abs(np.log10(corners[:, 0] / x)) / 0.4  # a decade apart
@@ -174,7 +173,7 @@ def test_a_violin_is_as_wide_as_the_density() -> None:
 
 def test_where_no_trial_synchronised_there_is_no_violin() -> None:
     made = in_memory(sweep({SPEED: [1, 2]}), lambda _: ended([9, 9], [False, False]))
-    (panel,) = panels_of(read_violins(made, SPEED), None)
+    (panel,) = panels_of(read_groups(made, SPEED), None)
     assert violins(panel) == []
     (crosses,) = lines(panel, "undetermined")
     assert crosses.get_xdata().tolist() == [1, 2]
@@ -220,7 +219,7 @@ def test_a_dashed_line_marks_the_censoring_where_there_is_one() -> None:
 
 
 def test_a_censoring_above_all_trials_is_within_the_figure() -> None:
-    (panel, *_) = panels_of(read_violins(POINTS, SPEED, 10**7), 10**7)
+    (panel, *_) = panels_of(read_groups(POINTS, SPEED, 10**7), 10**7)
     assert panel.get_ylim()[1] > 10**7
     assert lines(panel, r"$T_\mathrm{cens}$ of the Weibull mean: $10^{7}$")
 
@@ -230,13 +229,16 @@ def test_the_title_says_how_many_trials_are_censored_and_nothing_where_none_is()
     trials = sum(len(point.times) for point in POINTS)
     assert censored > 10
     numbers = count_trials([len(point.times) for point in POINTS])
-    title = draw_violins("fig-a-1", SPEED, GROUPS, CENSORED_AT).get_suptitle()
+    title = Violins(axis=SPEED, groups=GROUPS, censored_at=CENSORED_AT).draw_figure("fig-a-1").get_suptitle()
     assert title == f"fig-a-1\n{numbers}; {censored} of {trials} trials censored, not in the violins"
-    assert draw_violins("fig-a-1", SPEED, GROUPS[1:], CENSORED_AT).get_suptitle() == f"fig-a-1\n{numbers}"
+    assert (
+        Violins(axis=SPEED, groups=GROUPS[1:], censored_at=CENSORED_AT).draw_figure("fig-a-1").get_suptitle()
+        == f"fig-a-1\n{numbers}"
+    )
 
 
 def test_the_legend_names_each_mark_once() -> None:
-    assert legend_texts(draw_violins("title", SPEED, GROUPS, CENSORED_AT)) == [
+    assert legend_texts(Violins(axis=SPEED, groups=GROUPS, censored_at=CENSORED_AT).draw_figure("title")) == [
         "trials that synchronised",
         "Weibull mean (Appendix A)",
         "its 95 % interval",
@@ -256,7 +258,9 @@ def test_panels_are_in_order_and_share_their_scales() -> None:
 
 def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
     made = in_memory(sweep({COUNT: [2, 3, 5]}), lambda point: weibull(point, 50))
-    (panel,) = laid_out(draw_violins("title", COUNT, read_violins(made, COUNT), None)).axes
+    (panel,) = laid_out(
+        Violins(axis=COUNT, groups=read_groups(made, COUNT), censored_at=None).draw_figure("title")
+    ).axes
     assert panel.get_xscale() == "linear"
     assert [np.ptp(corners[:, 0]) for corners in violins(panel)] == pytest.approx([0.8] * 3)
 
@@ -265,7 +269,7 @@ def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
 
 
 def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
-    table = written(tmp_path, violins_table(SPEED, GROUPS))
+    table = written(tmp_path, Violins(axis=SPEED, groups=GROUPS).tables[".csv"])
     assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull_high"]
     expected = []
     for point in POINTS:
@@ -282,5 +286,5 @@ def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
 @pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$"])
 def test_a_name_is_no_formula(name: str) -> None:
     named = [group._replace(axes={"noise": f"{name}{n}"}) for n, group in enumerate(GROUPS)]
-    figure = laid_out(draw_violins(name, SPEED, named, None))
+    figure = laid_out(Violins(axis=SPEED, groups=named, censored_at=None).draw_figure(name))
     assert [shown_text(panel.title) for panel in figure.axes] == [f"noise = {name}{n}" for n in range(3)]
