@@ -1,12 +1,15 @@
 """The files of a figure: its pictures, and its numbers as CSV beside them."""
 
 import csv
+import io
 import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from matplotlib import rc_context
@@ -24,6 +27,9 @@ SAVE_OPTIONS: dict[str, dict[str, Any]] = {
 
 EDITABLE: Any = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "epuck-sim"}
 """Settings of matplotlib with which text stays text, and equal figures are equal files."""
+
+SVG = "{http://www.w3.org/2000/svg}"
+"""Namespace of the elements of SVG, which need none in HTML."""
 
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
@@ -92,6 +98,28 @@ def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str,
     for file, table in zip(files, tables.values(), strict=True):
         save_table(file, *table)
     return [*pictures, *files]
+
+
+def to_svg(figure: Figure, name: str) -> Element:
+    """Return a figure as a part of a page; its ids begin with `name`, so that they are its own there."""
+    drawn = io.StringIO()
+    nothing: Any = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    with warnings.catch_warnings(), rc_context(EDITABLE):
+        warnings.filterwarnings("ignore", "Glyph .* missing")
+        figure.savefig(drawn, format="svg", metadata=nothing)
+    root = ElementTree.fromstring(drawn.getvalue())
+    for defs in root.findall(f"{SVG}defs"):
+        for style in defs.findall(f"{SVG}style"):  # would hold for the whole page
+            root.set("style", str(style.text).removeprefix("*{").removesuffix("}"))
+            defs.remove(style)
+    for each in root.iter():
+        each.tag = each.tag.removeprefix(SVG)
+        for key, value in list(each.attrib.items()):
+            del each.attrib[key]
+            target = f"{name}-{value}" if key == "id" else value.replace("url(#", f"url(#{name}-")
+            is_reference = key.endswith("href") and value.startswith("#")
+            each.set(key.rpartition("}")[2], f"#{name}-{value[1:]}" if is_reference else target)
+    return root
 
 
 def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
