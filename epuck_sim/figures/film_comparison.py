@@ -46,7 +46,7 @@ def _status(value: float) -> str:
 def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
     """Return the figure: a histogram of the trials for each quantity, and a line where the film is."""
     down = math.ceil(len(rows) / ACROSS)
-    figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), layout="constrained")
+    figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), dpi=300, layout="constrained")
     panels = figure.subplots(down, ACROSS, squeeze=False).ravel()
     for panel, row in zip(panels, rows, strict=False):
         _draw_quantity(panel, row)
@@ -69,4 +69,4 @@ def _draw_quantity(panel: Axes, row: QuantityComparison) -> None:
     if not math.isnan(row.percentile):
         notes.append(f"film at {row.percentile:.0f} %")
     panel.set_title("\n".join(notes), fontsize="small", loc="left")
-    panel.set(xlabel=f"{row.quantity.name} [{row.quantity.unit}]", ylabel="trials")
+    panel.set(xlabel=f"{row.quantity.name} ({row.quantity.unit})", ylabel="trials")

@@ -7,29 +7,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-
-STYLE: Any = {
-    "font.size": 8,
-    "axes.labelsize": 8,
-    "axes.linewidth": 0.6,
-    "axes.titlesize": 8,
-    "figure.titlesize": 8,
-    "hatch.linewidth": 0.6,
-    "legend.fontsize": 7,
-    "legend.handlelength": 2.4,
-    "lines.linewidth": 1,
-    "lines.markersize": 3.5,
-    "xtick.labelsize": 7,
-    "xtick.major.width": 0.6,
-    "ytick.labelsize": 7,
-    "ytick.major.width": 0.6,
-}
-"""Settings of matplotlib with which figures of sweeps are drawn; letters and lines are as large as print needs."""
 
 COLUMN_CM, PAGE_CM = 8.5, 17.5
 """Widths of a column and of a page of two columns, cm: of a figure with one panel, and with several."""
@@ -40,8 +23,8 @@ MIN_PANEL_CM = 4.0
 MAX_PANELS = 64
 """Largest number of panels of a figure; one with more is neither legible nor quickly drawn."""
 
-LETTERS_PER_CM = 6.5
-"""Number of letters of a title on a centimetre."""
+LETTERS_PER_CM = 52.0
+"""Number of letters of one point on a centimetre."""
 
 BAND = 0.15
 """Opacity of bands."""
@@ -74,6 +57,27 @@ class Look(NamedTuple):
     marker: str
 
 
+def style(font_pt: float = 8.0) -> Any:
+    """Return settings of matplotlib for figures with letters of this size."""
+    small = font_pt - 1
+    return {
+        "font.size": font_pt,
+        "axes.labelsize": font_pt,
+        "axes.linewidth": 0.6,
+        "axes.titlesize": font_pt,
+        "figure.titlesize": font_pt,
+        "hatch.linewidth": 0.6,
+        "legend.fontsize": small,
+        "legend.handlelength": 2.4,
+        "lines.linewidth": 1,
+        "lines.markersize": 3.5,
+        "xtick.labelsize": small,
+        "xtick.major.width": 0.6,
+        "ytick.labelsize": small,
+        "ytick.major.width": 0.6,
+    }
+
+
 def typeset(text: str) -> str:
     r"""Return a text for matplotlib: quantities of the thesis with their indices, all else as it is.
 
@@ -101,7 +105,7 @@ def make_panels(
     """Make a figure with a panel for each title, row by row; the panels share their scales.
 
     Args:
-        title: Title of the figure, whose lines are wrapped.
+        title: Title of the figure, whose lines are wrapped; empty for none.
         titles: Titles of the panels.
         labels: Labels of the horizontal and of the vertical axis; with several vertical ones the panels stand below
             each other, and each has its own vertical scale.
@@ -123,11 +127,12 @@ def make_panels(
     columns = min(count if count <= 3 else math.ceil(math.sqrt(count)), max(1, int(width_cm / MIN_PANEL_CM)))
     columns = 1 if is_stack else columns
     rows = math.ceil(count / columns)
-    figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), layout="constrained")  # `finish` gives it its height
-    letters = int(width_cm * LETTERS_PER_CM)
-    title = title.replace("Fig. ", "Fig.\N{NO-BREAK SPACE}")
-    lines = (textwrap.fill(line, letters, break_on_hyphens=False) for line in title.split("\n"))
-    figure.suptitle(typeset("\n".join(lines)))
+    figure = Figure(
+        figsize=(width_cm / 2.54, width_cm / 2.54), dpi=300, layout="constrained"
+    )  # `finish` sets its height
+    if title:
+        letters = int(width_cm * LETTERS_PER_CM / rcParams["font.size"])
+        figure.suptitle(typeset(textwrap.fill(title, letters, break_on_hyphens=False)))
     grid = figure.subplots(rows, columns, sharex=True, sharey=not is_stack, squeeze=False).ravel()
     for unused in grid[count:]:
         unused.remove()
@@ -135,9 +140,9 @@ def make_panels(
     for panel, text in zip(panels, titles, strict=True):
         panel.set_title(typeset(text))
     for row, panel in enumerate(panels[::columns]):
-        panel.set_ylabel(labels[1 + row] if is_stack else labels[1])
+        panel.set_ylabel(typeset(labels[1 + row] if is_stack else labels[1]))
     for panel in panels[-columns:]:  # the lowest of each column, though the last row may be shorter
-        panel.set_xlabel(labels[0])
+        panel.set_xlabel(typeset(labels[0]))
         panel.tick_params(labelbottom=True)
     return figure, panels
 
@@ -152,7 +157,7 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
     """
     for panel in panels:
         # matplotlib would choose as many ticks as labels of its own size have room when the figure is saved
-        panel.tick_params(labelsize=STYLE["xtick.labelsize"])
+        panel.tick_params(labelsize=rcParams["xtick.labelsize"])
     add_shared_legend(figure, panels)
     width, height = figure.get_size_inches()
     rows = len({panel.get_subplotspec().rowspan.start for panel in panels})  # type: ignore[union-attr] # has one
@@ -166,7 +171,7 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     """Add a legend below the panels that names each label of any of them once, in as many columns as have room.
 
-    Labels that are wider than the figure go over several lines.
+    Each label has one line; one that is wider than the figure loses its middle.
     """
     handles: dict[str, Any] = {}
     for panel in panels:
@@ -179,10 +184,18 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
         if legend.get_window_extent().width < figure.bbox.width:
             return
         legend.remove()
-    letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM)
-    labels = (label.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}") for label in handles)
-    lines = [textwrap.fill(label, letters, subsequent_indent="   ", break_on_hyphens=False) for label in labels]
-    figure.legend(handles.values(), lines, loc="outside lower center")
+    letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM / rcParams["font.size"]) - 4
+    figure.legend(handles.values(), [_shorten(label, letters) for label in handles], loc="outside lower center")
+
+
+def _shorten(label: str, letters: int) -> str:
+    """Return a label without its middle, if it has more letters than this.
+
+    >>> _shorten("a_long_key = 3, another_key = 5", 20)
+    'a_long_ke … _key = 5'
+    """
+    end = (letters - 3) // 2
+    return label if len(label) <= letters else f"{label[: letters - 3 - end].rstrip()} … {label[-end:].lstrip()}"
 
 
 def choose_looks(count: int) -> list[Look]:

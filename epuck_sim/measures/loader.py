@@ -46,7 +46,7 @@ def _shipped_measure(name: str) -> Measure:
         )
     module, _, member = SHIPPED[name].partition(":")
     make = getattr(import_module(f"epuck_sim.instruments.{module}"), member)
-    return Measure(name, name, make, default_parameters(make), {})
+    return Measure(name, name, make, default_parameters(make), {}, getattr(make, "UNIT", ""))
 
 
 def _measure_in(path: Path, member: str) -> Measure:
@@ -68,7 +68,10 @@ def _measure_in(path: Path, member: str) -> Measure:
         parameters = default_parameters(make)
     except ValueError as error:
         raise MeasureError(f"{where} {error}") from error
-    return Measure(member, f"{path}:{member}", make, parameters, file.sources)
+    unit = getattr(make, "UNIT", getattr(file.module, "UNIT", ""))
+    if not isinstance(unit, str):
+        raise MeasureError(f"{where} has UNIT = {short_repr(unit)}; a unit is text")
+    return Measure(member, f"{path}:{member}", make, parameters, file.sources, unit)
 
 
 def _load(path: Path) -> PythonFile:

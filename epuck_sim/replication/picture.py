@@ -6,7 +6,7 @@ from matplotlib import rc_context
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures import plot
-from epuck_sim.figures.style import STYLE
+from epuck_sim.figures.style import style
 from epuck_sim.replication.checks import FormulaCheck
 from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.evaluation import points_at
@@ -47,6 +47,6 @@ def draw_claim(claim: Claim, folder: Path, path: Path) -> bool:
         figure = plot(shown, form="curves", x=axis)
     except EpuckSimError:  # no axis has numbers
         return False
-    with rc_context(STYLE), atomic_write(path) as part:
+    with rc_context(style()), atomic_write(path) as part:
         figure.savefig(part, format="png", dpi=DOTS_PER_INCH)
     return True

@@ -59,21 +59,21 @@ def _sections(contents: Contents) -> Iterator[Node]:
         yield element("h2", quantity.label, id=anchor(quantity.name))
         yield from tabulate(contents, quantity)
         for form in FORMS:
-            yield from _draw(contents, quantity.points, form, quantity.name)
+            yield from _draw(quantity.points, form, quantity.name)
     if not contents.quantities:  # neither oscillators nor a measure of one value
         yield element("h2", "Points")
         yield from count_trials(contents)
     for series in contents.series:
         yield element("h2", series.name, id=anchor(series.name))
-        yield from _draw(contents, series.points, "series", series.name)
+        yield from _draw(series.points, "series", series.name)
     yield from (*list_failures(contents), *list_commands(contents), *show_scenario(contents))
 
 
-def _draw(contents: Contents, points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
+def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
     """Yield a figure with a caption below it; nothing where the form does not fit."""
     try:
-        form = read_form(points, {"form": name}, contents.folder)
-        drawn = form.draw_figure("")
+        form = read_form(points, {"form": name})
+        drawn = form.draw_figure()
     except EpuckSimError:
         return
     identifier = "".join(letter if letter.isalnum() else "-" for letter in f"{name}-{quantity}")
@@ -81,5 +81,5 @@ def _draw(contents: Contents, points: Sequence[PointTrials], name: str, quantity
     picture.set("id", identifier)
     picture.set("role", "group")
     picture.set("aria-label", f"{quantity}: {name}")
-    caption = [form.heading, *form.notes]
-    yield element("figure", picture, element("figcaption", f"{'; '.join(caption)}."))
+    caption = form.caption.removeprefix(form.ran)
+    yield element("figure", picture, element("figcaption", caption))

@@ -38,8 +38,18 @@ class FigureSection(ConfigModel):
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
     base_case: dict[str, Any] = Field(default_factory=dict)
     """Values of axes, by dotted key, of the curve that is dashed because it is the base case."""
+    title: str = ""
+    """Title; by default there is none, as a caption beside the figure says what was run."""
+    labels: dict[str, str] = Field(default_factory=dict)
+    """Labels of axes, by dotted key, and of `T_sync` or a measure, by name."""
+    scale: Literal["linear", "log"] | None = None
+    """Scale of T_sync or the measure; by default logarithmic for T_sync and for positive values that are far apart."""
+    points: bool = False
+    """Whether each trial is a dot, in curves and violins."""
     width_cm: Annotated[Number, Field(ge=5, le=100)] | None = None
     """Width; by default that of a column, or of a page for several panels."""
+    font_pt: Annotated[Number, Field(ge=4, le=30)] = 8.0
+    """Size of letters; those at ticks and in legends are a point smaller."""
 
 
 class Scenario(ConfigModel):

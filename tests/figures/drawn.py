@@ -29,5 +29,5 @@ def shown_text(text: Text) -> str:
 
 def written(folder: Path, table: Table) -> list[dict[str, str]]:
     """Return the rows of a table as they are in its CSV file."""
-    save_table(folder / "table.csv", *table)
+    save_table(folder / "table.csv", table)
     return rows(folder / "table.csv")

@@ -72,9 +72,9 @@ def test_it_says_what_was_run_and_how_to_run_trials_again(tmp_path) -> None:
     text = " ".join(Page(page_of(folder)).text)
     assert "Of speed." in text
     assert "80 of 150 have a result, 20 censored, 3 failed, 67 still to be run" in text
-    for said in ("V [cm/s], robots.0.parameters.speed_cm_s", "numba", "here", "Failed trials: 3", "gone 21"):
+    for said in ("V (cm/s), robots.0.parameters.speed_cm_s", "numba", "here", "Failed trials: 3", "gone 21"):
         assert said in text
-    command = f"epuck-sim run {shlex.quote(str(folder))} --point 4 --trial J"
+    command = f"epuck-sim run {shlex.quote(str(folder))} --point K --trial J"
     assert command in text
 
 
@@ -115,7 +115,7 @@ def test_figures_are_vectors_with_words_and_nothing_in_them_is_taken_for_a_part_
     used = re.findall(r'(?:href="#|url\(#)([^")]*)', html.partition("<svg")[2].rpartition("</svg>")[0])
     assert set(used) - {"failed", "again"} <= set.union(*own)
     words = " ".join(Page(html).text)
-    for said in ("N = 5", "N = 10", "V [cm/s]", "95 % interval"):
+    for said in ("N = 5", "N = 10", "V (cm/s)", "95 % interval"):
         assert said in words
     assert re.findall(r'(?:src|href)="(?!#|data:)|<script|<style(?! *>\n:root)', html) == []
 

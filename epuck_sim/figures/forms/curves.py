@@ -1,7 +1,7 @@
 """Curves of T_sync, or of a measure, against speed or another axis: a line for each combination of the others."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
@@ -9,17 +9,19 @@ from typing import Any, Self
 import numpy as np
 from matplotlib.axes import Axes
 
-from epuck_sim.figures.forms.form import Choices, Form
-from epuck_sim.figures.labels import axis_label, format_axis_values, statistic_label, undetermined_label
-from epuck_sim.figures.saving import Table, rounded
+from epuck_sim.arrays import FloatArray
+from epuck_sim.figures.forms.form import Choices, Form, draw_trials
+from epuck_sim.figures.labels import format_axis_values, statistic_label, undetermined_label
+from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import has_log_scale, is_logarithmic, make_logarithmic
 from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.figure_axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics.curve_extrema import ExtremaSearch, search_extrema
-from epuck_sim.statistics.curves import Curve, read_curves
+from epuck_sim.statistics.curves import Curve, group_by_other_axes, read_curves
 from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.statistics.extrema import MIN_SPEEDS, SpeedExtrema
+from epuck_sim.statistics.measured import Measured, measure
 from epuck_sim.statistics.names import Statistic
 
 POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
@@ -50,7 +52,7 @@ class Curves(Form):
     """
 
     name = "curves"
-    takes = ("x", "panels", "statistic")
+    takes = ("x", "panels", "statistic", "scale", "points")
 
     axis: str
     """Dotted key of the horizontal axis."""
@@ -58,6 +60,8 @@ class Curves(Form):
     """The curves, at least one."""
     split_by: str | None = None
     """Dotted key of the axis that has a panel for each of its values; None for one panel."""
+    trials: Sequence[Sequence[Measured]] = ()
+    """The trials at each point of each curve, if they are to be drawn."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
@@ -71,12 +75,14 @@ class Curves(Form):
         split_by, origin = choices.axis("panels", taken=axis)
         curves = read_curves(points, axis, Statistic(choices.section.statistic))
         check_panels(rows, axis, split_by, origin)
-        return cls(axis=axis, curves=curves, split_by=split_by, settings=choices.section)
+        groups = group_by_other_axes(points, axis) if choices.section.points else []
+        trials = [[measure(point) for point in group] for _, group in groups]
+        return cls(axis=axis, curves=curves, split_by=split_by, trials=trials)
 
     @cached_property
     def searches(self) -> Sequence[ExtremaSearch]:
         """Minimum and peak of each curve of T_sync against speed."""
-        if self.curves[0].of is not None:
+        if self.of is not None:
             return [NOT_T_SYNC] * len(self.curves)
         return [search_extrema(curve) if self.axis.endswith(SPEED) else NOT_A_SPEED for curve in self.curves]
 
@@ -90,7 +96,7 @@ class Curves(Form):
         key = self.split_by
         if key is None:
             return [""] * len(self.curves)
-        return [format_axis_values({key: curve.axes[key]}, self._keys) for curve in self.curves]
+        return [format_axis_values({key: curve.axes[key]}, self._keys, self.settings.labels) for curve in self.curves]
 
     @property
     def _keys(self) -> tuple[str, ...]:
@@ -99,20 +105,22 @@ class Curves(Form):
     @property
     def labels(self) -> Sequence[str]:
         names = [name for curve in self.curves for name in curve.names]
-        return axis_label(self.axis, self._keys), typeset(statistic_label(names, self.curves[0].of))
+        return self.label_of(self.axis, self._keys), statistic_label(names, self.quantity)
 
     @property
-    def heading(self) -> str:
-        return count_trials(np.concatenate([curve.trials for curve in self.curves]).tolist())
+    def shows(self) -> str:
+        names = " or ".join(dict.fromkeys(name for curve in self.curves for name in curve.names))
+        what = f"{names.capitalize()} of {self.quantity} against {self.labels[0]}, with 95 % intervals"
+        return f"{what}; {count_trials(np.concatenate([curve.trials for curve in self.curves]).tolist())}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
         """The points of the curves, and of T_sync their minima and peaks."""
         points = {".csv": curves_table(self.axis, self.curves)}
-        if self.curves[0].of is not None:
+        if self.of is not None:
             return points
-        columns = (*self.curves[0].axes, *EXTREMA_COLUMNS, "p_value", "reason")
-        return {**points, "-regimes.csv": Table(columns, _extrema_rows(self.curves, self.searches))}
+        each = zip(self.curves, self.searches, strict=True)
+        return {**points, "-regimes.csv": tabulate((curve.axes, _extrema_row(search)) for curve, search in each)}
 
     @property
     def notes(self) -> Sequence[str]:
@@ -130,7 +138,7 @@ class Curves(Form):
         own_panels = [panels[self.titles.index(head)] for head in self._heads]
         highest, beyond = self._ends()
         x, values = (np.concatenate([getattr(curve, name) for curve in self.curves]) for name in ("x", "values"))
-        is_log = has_log_scale(self.curves[0].of, values)
+        is_log = has_log_scale(self.of, values, self.settings.scale)
         names = list(dict.fromkeys(labels))
         looks = dict(zip(names, choose_looks(len(names)), strict=True))
         for panel in panels:
@@ -143,25 +151,32 @@ class Curves(Form):
         for panel, curve, search, label in zip(own_panels, self.curves, self.searches, labels, strict=True):
             row = crossed.index(label) if label in crossed else 0
             _draw_curve(panel, curve, search.extrema, looks[label], 1 - CROSS_ROW * (row + 0.8), beyond)
+        for panel, curve, trials, label in zip(own_panels, self.curves, self.trials, labels, strict=False):
+            places = shifted(curve.x, names.index(label), len(names), panel.get_xscale() == "log")
+            for place, measured in zip(places, trials, strict=True):
+                draw_trials(panel, float(place), measured, looks[label].colour)
         self._label_marks(panels[0])
         for panel in panels:
-            if self.curves[0].of is None:
-                panel.set_ylim(top=min(panel.get_ylim()[1], 3 * highest))
+            if self.of is None:
+                panel.set_ylim(top=min(panel.get_ylim()[1], (3 if is_log else 1.5) * highest))
             if math.isfinite(highest):
                 _make_room(panel, highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
 
     def _curve_labels(self) -> list[str]:
         rows = distinguishing_axes([curve.axes for curve in self.curves])
         return [
-            format_axis_values({key: row[key] for key in row if key != self.split_by}, (self.axis, *row))
+            format_axis_values(
+                {key: row[key] for key in row if key != self.split_by}, (self.axis, *row), self.settings.labels
+            )
             for row in rows
         ]
 
     def _ends(self) -> tuple[float, float]:
         """Return the highest value, -inf without any, and how far up bands are drawn whose end is not reached."""
-        values = np.concatenate([curve.values for curve in self.curves])
+        dots = [measured.values for trials in self.trials for measured in trials]
+        values = np.concatenate([curve.values for curve in self.curves] + dots)
         known = values[np.isfinite(values)]
-        if self.curves[0].of is not None:
+        if self.of is not None:
             highest = float(known.max(initial=-math.inf))
             ends = np.concatenate([curve.intervals[:, 1] for curve in self.curves])
             return highest, float(ends[np.isfinite(ends)].max(initial=highest))
@@ -178,7 +193,7 @@ class Curves(Form):
         if any((curve.censored[seen] > 0).any() for curve, seen in zip(self.curves, known, strict=True)):
             panel.plot([], [], "o", color=GREY, markerfacecolor="white", label="some trials censored")
         if not all(seen.all() for seen in known):
-            panel.plot([], [], "x", color=GREY, label=undetermined_label(self.curves[0].of))
+            panel.plot([], [], "x", color=GREY, label=undetermined_label(self.of))
         if any(search.extrema is not None and search.extrema.is_found for search in self.searches):
             for marker, label in (("v", "local minimum V_m"), ("^", "peak V_p")):
                 panel.plot([], [], marker, color=GREY, markersize=7, markeredgecolor="black", label=typeset(label))
@@ -186,24 +201,32 @@ class Curves(Form):
 
 def curves_table(axis: str, curves: Sequence[Curve]) -> Table:
     """Return a table with a row for each point of curves over `axis`; their other axes come first."""
-    return Table((*curves[0].axes, axis, *POINT_COLUMNS), _point_rows(curves))
+    names = (axis, *POINT_COLUMNS)
+    columns = [(c.x, c.trials, c.censored, c.names, c.values, *c.intervals.T) for c in curves]
+    each = zip(curves, columns, strict=True)
+    return tabulate((curve.axes, dict(zip(names, found, strict=True))) for curve, found in each)
 
 
-def _point_rows(curves: Sequence[Curve]) -> Iterator[list[Any]]:
-    for curve in curves:
-        columns = (curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T)
-        for x, trials, censored, name, *numbers in zip(*columns, strict=True):
-            yield [*curve.axes.values(), *map(rounded, (x, trials, censored)), name, *map(rounded, numbers)]
+def _extrema_row(search: ExtremaSearch) -> dict[str, list[Any]]:
+    """Return columns of one row, with the p-value alone where the pair may be noise, or why there is none."""
+    found, numbers = search.extrema, [np.nan] * len(EXTREMA_COLUMNS)
+    if found is not None and found.is_found:
+        numbers = [n for estimate, ends in zip(found[:4], found.intervals, strict=True) for n in (estimate, *ends)]
+    p_value = np.nan if found is None else found.p_value
+    row = dict(zip(EXTREMA_COLUMNS, numbers, strict=True)) | {"p_value": p_value, "reason": search.reason}
+    return {name: [value] for name, value in row.items()}
 
 
-def _extrema_rows(curves: Sequence[Curve], searches: Sequence[ExtremaSearch]) -> Iterator[list[Any]]:
-    """Yield a row for each curve, with the p-value alone where the pair may be noise, or why there is none."""
-    for curve, (each, reason) in zip(curves, searches, strict=True):
-        numbers = [np.nan] * len(EXTREMA_COLUMNS)
-        if each is not None and each.is_found:
-            numbers = [n for estimate, ends in zip(each[:4], each.intervals, strict=True) for n in (estimate, *ends)]
-        p_value = np.nan if each is None else each.p_value
-        yield [*curve.axes.values(), *map(rounded, numbers), rounded(p_value), reason]
+def shifted(x: FloatArray, number: int, count: int, is_log: bool) -> FloatArray:
+    """Return places, (n,), beside points of an axis for the dots of one of several curves.
+
+    >>> shifted(np.array([1.0, 2.0]), 0, 2, False)
+    array([0.875, 1.875])
+    """
+    places = np.log10(x) if is_log else x
+    gap = float(np.diff(places).min()) if len(x) > 1 else 1.0
+    moved = places + gap * ((number + 0.5) / count - 0.5) / 2
+    return 10**moved if is_log else moved
 
 
 def is_base_case(curve: Curve) -> bool:

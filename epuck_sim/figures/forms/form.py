@@ -3,18 +3,23 @@
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity_label
 from epuck_sim.figures.saving import Table
-from epuck_sim.figures.style import STYLE, finish, make_panels
+from epuck_sim.figures.style import finish, make_panels, style, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.scenario import FigureSection
-from epuck_sim.statistics.measured import measure
+from epuck_sim.statistics.measured import Measured, measure
+
+MAX_DOTS = 1000
+"""Largest number of trials at a point that an SVG holds as dots; more of them are a picture in it."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +55,16 @@ class Form(ABC):
     name: ClassVar[str]
     """What `--form` calls it."""
     takes: ClassVar[tuple[str, ...]] = ()
-    """Options that not all forms take, by the names of the keys of the section `figure`."""
+    """Keys of the section `figure` that not all forms take."""
     shape: ClassVar[float] = 0.72
     """Height of a panel over its width."""
 
+    of: str | None = None
+    """Name of the measure; None for T_sync."""
+    unit: str = ""
+    """Unit of the measure; empty if it has none."""
+    ran: str = ""
+    """What was run, as captions say it."""
     settings: FigureSection = field(default_factory=FigureSection)
     """Everything else that is asked of the figure."""
 
@@ -78,8 +89,8 @@ class Form(ABC):
 
     @property
     @abstractmethod
-    def heading(self) -> str:
-        """How many trials it shows."""
+    def shows(self) -> str:
+        """What it shows, and of how many trials, as captions say it."""
 
     @property
     @abstractmethod
@@ -91,19 +102,20 @@ class Form(ABC):
         """What it does not show, and why."""
         return []
 
+    @property
+    def caption(self) -> str:
+        """What was run, and what is shown of it and what is not, line by line."""
+        notes = [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
+        return "\n".join(filter(None, [self.ran, f"{self.shows}.", *notes]))
+
     @abstractmethod
     def draw(self, panels: Sequence[Axes]) -> None:
         """Draw into as many Axes as it has titles; every mark has a label, which a legend shows."""
 
-    def draw_figure(self, title: str) -> Figure:
-        """Return a figure with a legend, and a title to which the numbers of trials are added.
-
-        Raises:
-            EpuckSimError: There are more panels than a figure holds.
-        """
-        with rc_context(STYLE):
-            head = f"{title}\n{self.heading}"
-            figure, panels = make_panels(head, self.titles, self.labels, self.settings.width_cm)
+    def draw_figure(self) -> Figure:
+        """Return a figure with a legend; raise EpuckSimError if there are more panels than a figure holds."""
+        with rc_context(style(self.settings.font_pt)):
+            figure, panels = make_panels(self.settings.title, self.titles, self.labels, self.settings.width_cm)
             self.draw(panels)
             finish(figure, panels, self.shape)
         return figure
@@ -122,9 +134,32 @@ class Form(ABC):
         self.draw(panels)
         heights = [self.labels[1]] * len(panels) if len(self.labels) == 2 else self.labels[1:]
         for panel, title, height in zip(panels, self.titles, heights, strict=True):
-            panel.set(xlabel=self.labels[0], ylabel=height)
+            panel.set(xlabel=typeset(self.labels[0]), ylabel=typeset(height))
             if title:
-                panel.set_title(title)
+                panel.set_title(typeset(title))
+
+    @property
+    def quantity(self) -> str:
+        """Label of T_sync or of the measure."""
+        return quantity_label(self.of, self.unit, self.settings.labels)
+
+    def label_of(self, key: str, among: Collection[str]) -> str:
+        """Return the label of an axis of the figure that stands beside other keys."""
+        return axis_label(key, among, self.settings.labels)
+
+    def labels_of(self, rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
+        """Return a label for each row of axis values, with what distinguishes it from the others."""
+        return distinguishing_labels(rows, among, self.settings.labels)
+
+
+def draw_trials(panel: Axes, x: float, measured: Measured, colour: str) -> None:
+    """Draw each trial of a point as a dot; those that are censored are hollow."""
+    for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):
+        values = measured.values[measured.observed == observed]
+        if len(values):
+            places, is_picture = np.full(len(values), x), len(values) > MAX_DOTS
+            looks: Any = {"color": colour, "markerfacecolor": face, "markeredgewidth": 0.4, "markersize": 1.6}
+            panel.plot(places, values, "o", alpha=0.4, zorder=1.9, rasterized=is_picture, label=label, **looks)
 
 
 def check_has_values(points: Sequence[PointTrials], form: str) -> None:

@@ -16,7 +16,7 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.curves import curves_table
 from epuck_sim.figures.forms.form import Choices, Form, check_has_values
-from epuck_sim.figures.labels import axis_label, distinguishing_labels, statistic_label
+from epuck_sim.figures.labels import statistic_label
 from epuck_sim.figures.saving import Table
 from epuck_sim.figures.scales import format_tick, has_log_scale, is_logarithmic, is_plain, make_logarithmic
 from epuck_sim.figures.style import BAR, BAR_ASPECT, count_trials, typeset
@@ -69,7 +69,7 @@ class Maps(Form):
     """
 
     name = "map"
-    takes = ("x", "y", "statistic")
+    takes = ("x", "y", "statistic", "scale")
 
     x: str
     """Dotted key of the horizontal axis."""
@@ -95,11 +95,11 @@ class Maps(Form):
         rows = [point.axes for point in points]
         x = choose_axis(rows, *choices.axis("x"))
         y = choose_second_axis(rows, x, *choices.axis("y", taken=x))
-        return cls(x=x, y=y, maps=read_maps(points, x, y, statistic), settings=choices.section)
+        return cls(x=x, y=y, maps=read_maps(points, x, y, statistic))
 
     @property
     def titles(self) -> Sequence[str]:
-        return distinguishing_labels([each.axes for each in self.maps], self._keys)
+        return self.labels_of([each.axes for each in self.maps], self._keys)
 
     @property
     def _keys(self) -> tuple[str, ...]:
@@ -107,15 +107,17 @@ class Maps(Form):
 
     @property
     def labels(self) -> Sequence[str]:
-        return axis_label(self.x, self._keys), axis_label(self.y, self._keys)
+        return self.label_of(self.x, self._keys), self.label_of(self.y, self._keys)
 
     @property
     def _rows(self) -> list[Curve]:
         return [row for each in self.maps for row in each.rows]
 
     @property
-    def heading(self) -> str:
-        return count_trials(np.concatenate([row.trials for row in self._rows]).tolist())
+    def shows(self) -> str:
+        names = " or ".join(dict.fromkeys(name for row in self._rows for name in row.names))
+        trials = count_trials(np.concatenate([row.trials for row in self._rows]).tolist())
+        return f"{names.capitalize()} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
@@ -129,7 +131,7 @@ class Maps(Form):
         ]
         has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in self.maps)
         values = np.concatenate([each.values.ravel() for each in self.maps])
-        is_log = has_log_scale(self._rows[0].of, values)
+        is_log = has_log_scale(self.of, values, self.settings.scale)
         levels = choose_levels(values) if is_log else choose_linear_levels(values)
         for panel, each in zip(panels, self.maps, strict=True):
             make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
@@ -137,7 +139,7 @@ class Maps(Form):
             _draw_map(panel, shown, levels, scales, has_contours)
         self._set_limits(panels, scales, has_contours)
         names = [name for row in self._rows for name in row.names]
-        _add_colour_bar(panels, levels, typeset(statistic_label(names, self._rows[0].of)), is_log=is_log)
+        _add_colour_bar(panels, levels, typeset(statistic_label(names, self.quantity)), is_log=is_log)
 
     def _set_limits(self, panels: Sequence[Axes], scales: Sequence[bool], has_contours: bool) -> None:
         """End the panels at the outermost points, or at the edges of their cells where there are no contours."""
@@ -256,11 +258,11 @@ def _add_colour_bar(panels: Sequence[Axes], levels: FloatArray, label: str, *, i
 
 
 def _log_ticks(levels: FloatArray) -> list[float]:
-    """Return the powers of ten within levels, as logarithms, or numbers between where there is one at most."""
-    powers = [float(power) for power in range(math.ceil(levels[0]), math.floor(levels[-1]) + 1)]
-    if len(powers) > 1:
-        return powers
-    decades = range(math.floor(levels[0]), math.ceil(levels[-1]))
-    between = [power + math.log10(factor) for power in decades for factor in range(1, 10)]
-    within = [each for each in between if levels[0] <= each <= levels[-1]]
-    return within if len(within) > 1 else levels.tolist()
+    """Return the powers of ten within levels, as logarithms, or numbers between where there are two at most."""
+    decades = range(math.floor(levels[0]), math.floor(levels[-1]) + 1)
+    for factors in ((1,), (1, 2, 5), range(1, 10)):
+        ticks = [power + math.log10(factor) for power in decades for factor in factors]
+        within = [tick for tick in ticks if levels[0] <= tick <= levels[-1]]
+        if len(within) > 2:
+            return within
+    return [float(level) for level in levels]

@@ -1,8 +1,8 @@
 """Series of a measure over the cycles: at each point of a sweep, the mean of the trials that reach a cycle."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.form import Choices, Form
-from epuck_sim.figures.labels import distinguishing_labels, statistic_label
-from epuck_sim.figures.saving import Table, rounded
+from epuck_sim.figures.saving import Table, tabulate
+from epuck_sim.figures.scales import has_log_scale, make_logarithmic
 from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, space_markers, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.estimate import MIN_TRIALS
@@ -29,16 +29,15 @@ class Series(Form):
     """The mean over the cycles at each point, in its 95 % band; dashed where some trials have ended before."""
 
     name = "series"
+    takes = ("scale",)
 
-    of: str
-    """Name of the measure."""
     points: Sequence[PointSeries]
     """Its series at each point, at least one."""
 
     @classmethod
     def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
         """Return the series of each point; raise EpuckSimError if the measure is no series, or they are too many."""
-        return cls(of=str(points[0].of), points=summarize_series(points), settings=choices.section)
+        return cls(points=summarize_series(points))
 
     def __post_init__(self) -> None:
         if len(self.points) > MAX_LINES:
@@ -49,22 +48,19 @@ class Series(Form):
 
     @property
     def labels(self) -> Sequence[str]:
-        return "cycle", typeset(statistic_label(["mean"], self.of))
+        return "cycle", self.quantity
 
     @property
-    def heading(self) -> str:
-        return count_trials([int(point.statistics.trials[0]) for point in self.points])
+    def shows(self) -> str:
+        trials = count_trials([int(point.statistics.trials[0]) for point in self.points])
+        return f"{self.of}: means over the cycles of the trials that reach them, with 95 % intervals; {trials}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
         """A row for each cycle of each point."""
-        return {".csv": Table((*self.points[0].axes, *COLUMNS), self._rows())}
-
-    def _rows(self) -> Iterator[list[Any]]:
-        for axes, series in self.points:
-            columns = (series.cycles, series.trials, series.known, *series.mean.T, *series.median.T)
-            for row in zip(*columns, strict=True):
-                yield [*axes.values(), *map(rounded, row)]
+        columns = [(s.cycles, s.trials, s.known, *s.mean.T, *s.median.T) for _, s in self.points]
+        each = zip(self.points, columns, strict=True)
+        return {".csv": tabulate((point.axes, dict(zip(COLUMNS, found, strict=True))) for point, found in each)}
 
     @property
     def notes(self) -> Sequence[str]:
@@ -73,10 +69,13 @@ class Series(Form):
 
     def draw(self, panels: Sequence[Axes]) -> None:
         (panel,) = panels
-        labels = distinguishing_labels([point.axes for point in self.points])
+        labels = self.labels_of([point.axes for point in self.points])
         looks = choose_looks(len(self.points))
         for place, (point, label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
             _draw_line(panel, point, look, typeset(label), place)
+        means = np.concatenate([point.statistics.mean[:, 0] for point in self.points])
+        if self.settings.scale == "log" and has_log_scale(self.of, means, "log"):
+            make_logarithmic(panel, "y")
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))
         if any(np.isfinite(point.statistics.mean[:, 1]).any() for point in self.points):
             panel.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")

@@ -1,6 +1,6 @@
 """Agents beside their undisturbed twins over time, for which trials are simulated again (thesis Figs. 5.8 to 5.11)."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -12,8 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.form import Choices, Form
-from epuck_sim.figures.labels import distinguishing_labels
-from epuck_sim.figures.saving import Table, rounded
+from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import format_tick, make_logarithmic
 from epuck_sim.figures.style import BAR, BAR_ASPECT, choose_looks, count_trials, space_markers, typeset
 from epuck_sim.particles.twin import simulate_with_twin
@@ -65,7 +64,7 @@ class Courses(Form):
         """Simulate the trials of each point again; raise ScenarioError for a model other than particles."""
         scenarios = map(_require_particles, points)
         courses = [_course(*each) for each in zip(points, scenarios, strict=True) if len(each[0].times)]
-        return cls(courses=courses, settings=choices.section)
+        return cls(courses=courses)
 
     @property
     def titles(self) -> Sequence[str]:
@@ -73,24 +72,27 @@ class Courses(Form):
 
     @property
     def labels(self) -> Sequence[str]:
-        return ["time [cycles]", "order parameter r", "mean |Δϕ| [cycles]"][: 1 + len(self.titles)]
+        return ["time (cycles)", "order parameter r", "mean |Δϕ| (cycles)"][: 1 + len(self.titles)]
 
     @property
-    def heading(self) -> str:
-        return f"means of {count_trials([course.trials for course in self.courses])}"
+    def shows(self) -> str:
+        what = (
+            "Order parameter" if len(self.titles) == 1 else "Order parameter, and deviation from an undisturbed twin,"
+        )
+        return f"{what} over time; means of {count_trials([course.trials for course in self.courses])}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
         """A row for each moment of each course."""
-        return {".csv": Table((*self.courses[0].axes, "cycle", "order_parameter", "deviation"), self._rows())}
-
-    def _rows(self) -> Iterator[list[Any]]:
-        for course in self.courses:
-            for row in zip(course.cycle, course.order_parameter, course.deviation, strict=True):
-                yield [*course.axes.values(), *map(rounded, row)]
+        return {
+            ".csv": tabulate(
+                (each.axes, {"cycle": each.cycle, "order_parameter": each.order_parameter, "deviation": each.deviation})
+                for each in self.courses
+            )
+        }
 
     def draw(self, panels: Sequence[Axes]) -> None:
-        labels = [typeset(label) for label in distinguishing_labels([course.axes for course in self.courses])]
+        labels = [typeset(label) for label in self.labels_of([course.axes for course in self.courses])]
         deviations = [np.where(course.deviation > 0, course.deviation, np.nan) for course in self.courses]
         self._draw_lines(panels[0], [course.order_parameter for course in self.courses], labels)
         panels[0].set_ylim(-0.03, 1.03)
@@ -149,29 +151,30 @@ class Perturbation(Form):
                 "that --form perturbation would be blank; --form course shows the order parameter"
             )
         shown = [_deviations(*each) for each in zip(points, scenarios, strict=True) if each[0].seeds]
-        return cls(shown=shown, settings=choices.section)
+        return cls(shown=shown)
 
     @property
     def titles(self) -> Sequence[str]:
-        return distinguishing_labels([each.axes for each in self.shown])
+        return self.labels_of([each.axes for each in self.shown])
 
     @property
     def labels(self) -> Sequence[str]:
-        return "time [cycles]", "agent"
+        return "time (cycles)", "agent"
 
     @property
-    def heading(self) -> str:
-        return "the first trial of each point"
+    def shows(self) -> str:
+        return "Deviation of each agent from an undisturbed twin over time; the first trial of each point"
 
     @property
     def tables(self) -> Mapping[str, Table]:
         """A row for each agent and moment with a deviation."""
-        return {".csv": Table((*self.shown[0].axes, "cycle", "agent", "deviation"), self._rows())}
-
-    def _rows(self) -> Iterator[list[Any]]:
-        for each in self.shown:
-            for moment, agent in np.argwhere(each.deviation > 0):
-                yield [*each.axes.values(), each.cycle[moment], agent, rounded(each.deviation[moment, agent])]
+        places = [np.nonzero(each.deviation > 0) for each in self.shown]
+        return {
+            ".csv": tabulate(
+                (each.axes, {"cycle": each.cycle[place[0]], "agent": place[1], "deviation": each.deviation[place]})
+                for each, place in zip(self.shown, places, strict=True)
+            )
+        }
 
     def draw(self, panels: Sequence[Axes]) -> None:
         norm = LogNorm(MIN_DEVIATION, MAX_DEVIATION)
@@ -183,7 +186,7 @@ class Perturbation(Form):
             panel.pcolormesh(*places, shown, norm=norm, cmap="viridis", rasterized=True)
         figure = panels[0].get_figure()
         assert figure is not None
-        mesh, label = panels[0].collections[0], "|Δϕ| [cycles]"
+        mesh, label = panels[0].collections[0], "|Δϕ| (cycles)"
         bar = figure.colorbar(mesh, ax=list(panels), label=label, extend="min", fraction=BAR, aspect=BAR_ASPECT)
         powers = [10.0**exponent for exponent in range(-4, 0)]
         bar.set_ticks(powers, labels=[format_tick(power, plain=False) for power in powers])

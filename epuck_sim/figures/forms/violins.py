@@ -3,7 +3,7 @@
 Distributions of measures stand beside their means.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms.form import Choices, Form, check_has_values
-from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity_label, undetermined_label
-from epuck_sim.figures.saving import Table, rounded
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values, draw_trials
+from epuck_sim.figures.labels import undetermined_label
+from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import format_tick, has_log_scale, is_logarithmic, is_plain, make_logarithmic
 from epuck_sim.figures.style import BAND, GREY, count_trials, typeset
 from epuck_sim.runs.reader import PointTrials
@@ -25,12 +25,6 @@ from epuck_sim.statistics.measured import Measured, cut, measure
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import estimate
 from epuck_sim.statistics.weibull_mean import estimate_weibull_mean
-
-COLUMNS = ("trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull_high")
-"""Columns after the axes in the table: number of trials, share of censored ones, and cycles."""
-
-MEASURE_COLUMNS = ("trials", "mean", "mean_low", "mean_high")
-"""Columns after the axes in the table of a measure."""
 
 HEIGHTS = 100
 """Number of values at which a density is evaluated."""
@@ -52,10 +46,8 @@ class Group(NamedTuple):
     """Values of the other axes."""
     x: FloatArray
     """(S,) values of the axis, ascending."""
-    synchronised: list[FloatArray]
-    """S arrays, (trials,) each: T_sync of the trials that are not censored."""
-    trials: IntArray
-    """(S,) number of trials, censored ones included."""
+    measured: list[Measured]
+    """The trials at each of the S points."""
     sample_means: FloatArray
     """(S,) mean of all trials; NaN where some are censored, and of a measure, whose estimates are means."""
     estimates: FloatArray
@@ -65,9 +57,19 @@ class Group(NamedTuple):
     """
 
     @property
+    def synchronised(self) -> list[FloatArray]:
+        """S arrays, (trials,) each: T_sync of the trials that are not censored."""
+        return [each.values[each.observed] for each in self.measured]
+
+    @property
+    def trials(self) -> IntArray:
+        """(S,) number of trials, censored ones included."""
+        return np.array([len(each.values) for each in self.measured], np.int64)
+
+    @property
     def censored(self) -> IntArray:
         """(S,) number of trials that are censored in the data themselves."""
-        return self.trials - np.array([len(times) for times in self.synchronised], np.int64)
+        return np.array([(~each.observed).sum() for each in self.measured], np.int64)
 
 
 @dataclass(kw_only=True)
@@ -82,14 +84,12 @@ class Violins(Form):
     """
 
     name = "violins"
-    takes = ("x", "censored_at_cycles")
+    takes = ("x", "censored_at_cycles", "scale", "points")
 
     axis: str
     """Dotted key of the horizontal axis."""
     groups: Sequence[Group]
     """The violins of each panel, at least one."""
-    of: str | None = None
-    """Name of the measure; None for T_sync."""
     censored_at: int | None = None
     """Cycle at which the estimates take trials to be censored; where they are if None."""
 
@@ -101,14 +101,14 @@ class Violins(Form):
             EpuckSimError: There is no such axis, or no trial has a value.
         """
         check_has_values(points, cls.name)
-        of, axis = points[0].of, choose_axis([point.axes for point in points], *choices.axis("x"))
-        censored_at = choices.section.censored_at_cycles if of is None else None
+        axis = choose_axis([point.axes for point in points], *choices.axis("x"))
+        censored_at = choices.section.censored_at_cycles if points[0].of is None else None
         groups = read_groups(points, axis, censored_at)
-        return cls(axis=axis, groups=groups, of=of, censored_at=censored_at, settings=choices.section)
+        return cls(axis=axis, groups=groups, censored_at=censored_at)
 
     @property
     def titles(self) -> Sequence[str]:
-        return distinguishing_labels([group.axes for group in self.groups], self._keys)
+        return self.labels_of([group.axes for group in self.groups], self._keys)
 
     @property
     def _keys(self) -> tuple[str, ...]:
@@ -116,54 +116,60 @@ class Violins(Form):
 
     @property
     def labels(self) -> Sequence[str]:
-        return axis_label(self.axis, self._keys), typeset(quantity_label(self.of))
+        return self.label_of(self.axis, self._keys), self.quantity
 
     @property
-    def heading(self) -> str:
+    def shows(self) -> str:
+        estimates = "means" if self.of else "Weibull means"
+        what = f"Distribution of {self.quantity} against {self.labels[0]}, with {estimates} and their 95 % intervals"
         numbers = count_trials(np.concatenate([group.trials for group in self.groups]).tolist())
         censored, trials = (
             int(sum(getattr(group, name).sum() for group in self.groups)) for name in ("censored", "trials")
         )
-        return f"{numbers}; {censored} of {trials} trials censored, not in the violins" if censored else numbers
+        left_out = f"; {censored} of {trials} trials censored, not in the violins" if censored else ""
+        return f"{what}; {numbers}{left_out}"
 
     @property
     def tables(self) -> Mapping[str, Table]:
-        """A row for each violin."""
-        columns = COLUMNS if self.of is None else MEASURE_COLUMNS
-        return {".csv": Table((*self.groups[0].axes, self.axis, *columns), self._rows())}
+        """A row for each violin: number of trials, share of censored ones, and cycles, or values of the measure."""
+        return {".csv": tabulate((group.axes, self._columns(group)) for group in self.groups)}
 
-    def _rows(self) -> Iterator[list[Any]]:
-        for group in self.groups:
-            columns = [group.x, group.trials, *group.estimates.T]
-            if self.of is None:
-                columns[2:2] = [group.censored / group.trials, group.sample_means]
-            for row in zip(*columns, strict=True):
-                yield [*group.axes.values(), *map(rounded, row)]
+    def _columns(self, group: Group) -> dict[str, FloatArray | IntArray]:
+        found = {self.axis: group.x, "trials": group.trials}
+        if self.of is None:
+            found |= {"censored": group.censored / group.trials, "mean": group.sample_means}
+        names = (
+            ("weibull_mean", "weibull_low", "weibull_high") if self.of is None else ("mean", "mean_low", "mean_high")
+        )
+        return found | dict(zip(names, group.estimates.T, strict=True))
 
     def draw(self, panels: Sequence[Axes]) -> None:
         x = np.concatenate([group.x for group in self.groups])
         shown = np.concatenate([each for group in self.groups for each in (*group.synchronised, group.estimates[:, 0])])
-        is_log, has_logs = is_logarithmic(self.axis, x), has_log_scale(self.of, shown)
+        dots = [each.values for group in self.groups for each in group.measured if self.settings.points]
+        is_log, has_logs = is_logarithmic(self.axis, x), has_log_scale(self.of, shown, self.settings.scale)
         places = np.unique(np.log10(x) if is_log else x)
         half_width = HALF_WIDTH * (np.diff(places).min() if len(places) > 1 else 1.0)
         for panel, group in zip(panels, self.groups, strict=True):
             make_logarithmic(panel, *["y"] * has_logs, *["x"] * is_log)
             self._draw_violins(panel, group, half_width, is_log, has_logs)
             self._draw_estimates(panel, group)
+            for place, measured in zip(group.x, group.measured if self.settings.points else [], strict=False):
+                draw_trials(panel, float(place), measured, "black")
             if self.censored_at is not None:
                 limit = format_tick(self.censored_at, plain=is_plain(1, self.censored_at))
                 label = f"{typeset('T_cens')} of the Weibull mean: {limit}"
                 panel.axhline(self.censored_at, color=GREY, linestyle="--", linewidth=1, label=label)
-        if self.of is None:
+        if self.of is None and has_logs:
             for panel in panels:
-                panel.set_ylim(top=3 * float(np.nanmax(shown, initial=self.censored_at or 1)))
+                panel.set_ylim(top=3 * float(np.nanmax(np.concatenate([shown, *dots]), initial=self.censored_at or 1)))
 
     def _draw_violins(self, panel: Axes, group: Group, half_width: float, is_log: bool, has_logs: bool) -> None:
         """Draw violins with this largest half-width, in decades where x is logarithmic."""
         label = "trials that synchronised" if self.of is None else "trials"
         for x, times in zip(group.x, group.synchronised, strict=True):
             if len(times):
-                heights, widths = density(times) if has_logs else linear_density(times)
+                heights, widths = density(times, of_logarithms=has_logs)
                 ends = -half_width * widths, half_width * widths
                 left, right = (x * 10**end if is_log else x + end for end in ends)
                 panel.fill_betweenx(heights, left, right, color=VIOLIN, linewidth=1, label=label)
@@ -199,8 +205,7 @@ def _group(points: Sequence[PointTrials], axis: str, others: dict[str, Any], cen
     return Group(
         axes=others,
         x=np.array([point.axes[axis] for point in points], np.float64),
-        synchronised=[each.values[each.observed] for each in measured],
-        trials=np.array([len(each.values) for each in measured]),
+        measured=measured,
         sample_means=np.array([_plain_mean(each) for each in measured]),
         estimates=np.array([_estimate(each, censored_at) for each in measured]),
     )
@@ -216,23 +221,18 @@ def _estimate(measured: Measured, censored_at: int | None) -> Estimate:
     return estimate_weibull_mean(measured if censored_at is None else cut(measured, censored_at))
 
 
-def density(times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Estimate the density of the logarithms of times, (n,) cycles, by normal kernels as wide as Scott's rule says.
+def density(values: FloatArray, *, of_logarithms: bool) -> tuple[FloatArray, FloatArray]:
+    """Estimate the density of values, (n,), or of their logarithms, by normal kernels as wide as Scott's rule says.
 
     Returns:
-        Times from the smallest to the largest, and the density there, relative to its maximum; 1 where all are equal.
+        Values from the smallest to the largest, and the density there, relative to its maximum; 1 where all are equal.
 
-    >>> density(np.array([7.0, 7.0]))
+    >>> density(np.array([7.0, 7.0]), of_logarithms=True)
     (array([7., 7.]), array([1., 1.]))
     """
-    if times.min() == times.max():
-        return np.repeat(times[0], 2), np.ones(2)
-    heights, found = linear_density(np.log10(times))
-    return 10**heights, found
-
-
-def linear_density(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Estimate the density of values, (n,), as `density` does that of logarithms of times."""
+    if of_logarithms and values.min() < values.max():
+        heights, found = density(np.log10(values), of_logarithms=False)
+        return 10**heights, found
     # scipy.stats.gaussian_kde gives the same to 1e-15, but takes a second to import and 20 ms for 1,000 times
     if values.min() == values.max():
         return np.repeat(values[0], 2), np.ones(2)
