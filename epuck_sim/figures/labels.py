@@ -3,12 +3,14 @@
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from epuck_sim.errors import MeasureError
-from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:  # tables that need labels wait for no results
+    from epuck_sim.runs.reader import PointTrials
 
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
@@ -81,7 +83,7 @@ def undetermined_label(of: str | None) -> str:
     return f"undetermined: {'too many censored' if of is None else 'no trial has a value'}"
 
 
-def measure_unit(point: PointTrials) -> str | None:
+def measure_unit(point: "PointTrials") -> str | None:
     """Return the unit of the measure of a point, empty if it has none; None if the measure is not found."""
     sections = [section for section in point.scenario.measures if section.name == point.of]
     try:

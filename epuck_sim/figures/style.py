@@ -11,7 +11,7 @@ from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from epuck_sim.arrays import FloatArray
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
 
 COLUMN_CM, PAGE_CM = 8.5, 17.5
@@ -127,9 +127,7 @@ def make_panels(
     columns = min(count if count <= 3 else math.ceil(math.sqrt(count)), max(1, int(width_cm / MIN_PANEL_CM)))
     columns = 1 if is_stack else columns
     rows = math.ceil(count / columns)
-    figure = Figure(
-        figsize=(width_cm / 2.54, width_cm / 2.54), dpi=300, layout="constrained"
-    )  # `finish` sets its height
+    figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), dpi=300, layout="constrained")
     if title:
         letters = int(width_cm * LETTERS_PER_CM / rcParams["font.size"])
         figure.suptitle(typeset(textwrap.fill(title, letters, break_on_hyphens=False)))
@@ -189,13 +187,17 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
 
 
 def _shorten(label: str, letters: int) -> str:
-    """Return a label without its middle, if it has more letters than this.
+    """Return a label without its middle, if it has more letters than this, and is no formula.
 
     >>> _shorten("a_long_key = 3, another_key = 5", 20)
     'a_long_ke … _key = 5'
     """
     end = (letters - 3) // 2
-    return label if len(label) <= letters else f"{label[: letters - 3 - end].rstrip()} … {label[-end:].lstrip()}"
+    return (
+        label
+        if len(label) <= letters or "$" in label
+        else f"{label[: letters - 3 - end].rstrip()} … {label[-end:].lstrip()}"
+    )
 
 
 def choose_looks(count: int) -> list[Look]:
@@ -208,13 +210,8 @@ def choose_looks(count: int) -> list[Look]:
     return [Look(COLOURS[place], MARKERS[(place + past) % len(MARKERS)]) for past, place in rounds]
 
 
-def space_markers(values: FloatArray, place: int) -> tuple[float, float] | None:
-    """Return matplotlib's `markevery` for a line over time: few markers, which no two lines have at one place.
-
-    Args:
-        values: (n,) values of the line.
-        place: Number of the line.
-    """
-    if not np.isfinite(values).any():
-        return None  # matplotlib cannot space markers on a line without any point
-    return place * MARKER_SHIFT, MARKER_DISTANCE
+def draw_course(panel: Axes, x: FloatArray | IntArray, values: FloatArray, place: int, look: Look, label: str) -> None:
+    """Draw a line over time, (n,), with few markers, which no two lines of different places have at one place."""
+    # matplotlib cannot space markers on a line without any point
+    every = (place * MARKER_SHIFT, MARKER_DISTANCE) if np.isfinite(values).any() else None
+    panel.plot(x, values, color=look.colour, marker=look.marker, markevery=every, label=label or None)

@@ -9,7 +9,7 @@ from typing import Any
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import Measure, default_parameters
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.measures.shipped import SHIPPED, UNITS
 from epuck_sim.util.messages import comma_list, describe_error, did_you_mean, short_repr
 from epuck_sim.util.python_files import PythonFile, line_of_definition, line_of_error, load_python_file
 
@@ -46,7 +46,7 @@ def _shipped_measure(name: str) -> Measure:
         )
     module, _, member = SHIPPED[name].partition(":")
     make = getattr(import_module(f"epuck_sim.instruments.{module}"), member)
-    return Measure(name, name, make, default_parameters(make), {}, getattr(make, "UNIT", ""))
+    return Measure(name, name, make, default_parameters(make), {}, UNITS.get(name, ""))
 
 
 def _measure_in(path: Path, member: str) -> Measure:

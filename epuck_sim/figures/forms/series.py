@@ -12,7 +12,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import has_log_scale, make_logarithmic
-from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, space_markers, typeset
+from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, draw_course, typeset
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.statistics.estimate import MIN_TRIALS
 from epuck_sim.statistics.series import PointSeries, summarize_series
@@ -88,13 +88,6 @@ def _draw_line(panel: Axes, point: PointSeries, look: Look, label: str, place: i
     mean, low, high = series.mean.T
     complete = int(np.count_nonzero(series.trials == series.trials[0]))
     panel.fill_between(series.cycles, low, high, color=look.colour, alpha=BAND, linewidth=0)
-    panel.plot(
-        series.cycles[:complete],
-        mean[:complete],
-        color=look.colour,
-        marker=look.marker,
-        markevery=space_markers(mean[:complete], place),
-        label=label or None,
-    )
+    draw_course(panel, series.cycles[:complete], mean[:complete], place, look, label)
     if complete < len(mean):
         panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)

@@ -14,7 +14,7 @@ from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.form import Choices, Form
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import format_tick, make_logarithmic
-from epuck_sim.figures.style import BAR, BAR_ASPECT, choose_looks, count_trials, space_markers, typeset
+from epuck_sim.figures.style import BAR, BAR_ASPECT, choose_looks, count_trials, draw_course, typeset
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.particles import ParticleScenario
@@ -102,14 +102,7 @@ class Courses(Form):
 
     def _draw_lines(self, panel: Axes, values: Sequence[FloatArray], labels: Sequence[str]) -> None:
         for place, (course, look) in enumerate(zip(self.courses, choose_looks(len(self.courses)), strict=True)):
-            panel.plot(
-                course.cycle,
-                values[place],
-                color=look.colour,
-                marker=look.marker,
-                markevery=space_markers(values[place], place),
-                label=labels[place] or None,
-            )
+            draw_course(panel, course.cycle, values[place], place, look, labels[place])
         if any(course.cycle[-1] > MAX_MOMENTS for course in self.courses):
             make_logarithmic(panel, "x")
 
