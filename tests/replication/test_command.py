@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib import image
 
 from epuck_sim.cli import replication as command
 from epuck_sim.runs.reader import read_points
@@ -46,6 +47,8 @@ def test_the_page_has_a_row_for_each_claim_and_a_section_for_each_that_is_asked(
     assert "- A misprint." in page
     assert "| tiny | 6 | 72 of 72 |" in page
     assert str(file.parent / "claims.yaml") not in page
+    assert re.findall(r"^!\[Claim (A\d): .*\]\((.*)\)$", page, re.MULTILINE) == [("A3", "figures/claim-A3.png")]
+    assert image.imread(folder / "figures/claim-A3.png").shape[1] == pytest.approx(8.5 / 2.54 * 120, abs=1)
 
 
 def test_its_numbers_are_those_of_the_stored_trials(replicated) -> None:
