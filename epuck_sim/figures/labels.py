@@ -1,6 +1,7 @@
 """Names of axes of a sweep in figures and tables: the thesis's symbols for keys of a scenario, and units."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -138,8 +139,8 @@ def format_axis_values(
     'reorienting on = emitting and receiving, R = none'
     >>> format_axis_values({"neighbourhood": {"kind": "range", "radius_cm": 25}})
     'neighbourhood = range, R = 25 cm'
-    >>> format_axis_values({"robots.0.controller": "/home/me/kura.py", "robots.0.signal": {"kind": "cone"}})
-    'controller = kura, signal = cone'
+    >>> format_axis_values({"arena.walls": "low", "robots.0.signal": {"kind": "cone", "range_cm": 85}})
+    'walls = low, signal = cone, range = 85 cm'
     >>> format_axis_values({"folder": "mine", "robots.0.count": 10})
     'mine, N = 10'
     """
@@ -156,7 +157,23 @@ def distinguishing_labels(
     >>> distinguishing_labels([{"arena.width_cm": 60, "agents.count": 9}, {"arena.width_cm": 80, "agents.count": 9}])
     ['L = 60 cm', 'L = 80 cm']
     """
-    return [format_axis_values(row, among, own) for row in distinguishing_axes(rows)]
+    return [format_axis_values(row, among, own) for row in short_files(distinguishing_axes(rows))]
+
+
+def short_files(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows of axis values with users' files by their names alone, where these tell them apart.
+
+    >>> short_files([{"curve": "/me/kura.py:sine"}, {"curve": "a/b.py"}, {"curve": "c/b.py"}])
+    [{'curve': 'sine'}, {'curve': 'a/b.py'}, {'curve': 'c/b.py'}]
+    """
+    texts = {value for row in rows for value in row.values() if isinstance(value, str)}
+    names = {text: file[2] or file[1] if (file := FILE.fullmatch(text)) else text for text in texts}
+    uses = Counter(names.values())
+    short = {text: name for text, name in names.items() if uses[name] == 1}
+    return [
+        {key: short.get(value, value) if isinstance(value, str) else value for key, value in row.items()}
+        for row in rows
+    ]
 
 
 def _format_value(key: str, value: Any) -> str:
@@ -166,8 +183,6 @@ def _format_value(key: str, value: Any) -> str:
         return ", ".join(filter(None, [str(value.get("kind", "")), details]))
     if isinstance(value, list | tuple):
         return " and ".join(map(str, value)) or "nothing"
-    if isinstance(value, str) and (file := FILE.fullmatch(value)):
-        return file[2] or file[1]
     return "none" if value is None else f"{value}{unit}" if unit in ("", "°") else f"{value} {unit}"
 
 

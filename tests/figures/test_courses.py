@@ -175,11 +175,6 @@ def test_where_none_is_displaced_there_is_one_panel() -> None:
     assert panel.get_yscale() == "linear"
 
 
-def test_one_course_of_many_with_a_displaced_agent_is_enough_for_two_panels() -> None:
-    mixed = [READ[0]._replace(is_displaced=False), READ[1]]
-    assert len(draw_courses(mixed).axes) == 2
-
-
 def test_each_course_has_a_colour_of_its_own_in_both_panels_and_its_values_in_the_legend() -> None:
     figure = draw_courses(READ)
     above, below = figure.axes

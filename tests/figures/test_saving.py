@@ -50,11 +50,6 @@ def test_nothing_but_the_pictures_and_the_tables_is_written(saved) -> None:
     assert names(saved.parent) == sorted(f"fig{ending}" for ending in ENDINGS)
 
 
-def test_without_tables_there_are_the_pictures_alone(tmp_path) -> None:
-    assert save_figure(Target(tmp_path / "fig"), draw) == [tmp_path / "fig.png", tmp_path / "fig.svg"]
-    assert names(tmp_path) == ["fig.png", "fig.svg"]
-
-
 def test_the_pictures_are_whole(saved) -> None:
     picture = image.imread(saved.with_name("fig.png"))
     assert picture.shape == (450, 600, 4)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 
 from epuck_sim.arrays import FloatArray
 from epuck_sim.figures.forms.form import Choices, Form, draw_trials
-from epuck_sim.figures.labels import format_axis_values, statistic_label, undetermined_label
+from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
 from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import has_log_scale, is_logarithmic, make_logarithmic
 from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, typeset
@@ -96,7 +96,8 @@ class Curves(Form):
         key = self.split_by
         if key is None:
             return [""] * len(self.curves)
-        return [format_axis_values({key: curve.axes[key]}, self._keys, self.settings.labels) for curve in self.curves]
+        rows = short_files([{key: curve.axes[key]} for curve in self.curves])
+        return [format_axis_values(row, self._keys, self.settings.labels) for row in rows]
 
     @property
     def _keys(self) -> tuple[str, ...]:
@@ -163,7 +164,7 @@ class Curves(Form):
                 _make_room(panel, highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
 
     def _curve_labels(self) -> list[str]:
-        rows = distinguishing_axes([curve.axes for curve in self.curves])
+        rows = short_files(distinguishing_axes([curve.axes for curve in self.curves]))
         return [
             format_axis_values(
                 {key: row[key] for key in row if key != self.split_by}, (self.axis, *row), self.settings.labels
