@@ -65,7 +65,7 @@ def measured(grid: dict, law=law) -> list[PointTrials]:
 GRID = {PIXELS: PANELS, WIDTH: WIDTHS, SPEED: SPEEDS}
 POINTS = measured(GRID)
 MAPS = read_maps(POINTS, SPEED, WIDTH)
-LEVELS = choose_levels(np.concatenate([each.values.ravel() for each in MAPS]))
+LEVELS = choose_levels(np.concatenate([each.values.ravel() for each in MAPS]), is_log=True)
 
 
 def panels_of(maps: list[Map], x: str = SPEED, y: str = WIDTH) -> list[Axes]:
@@ -180,7 +180,7 @@ def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(
 @pytest.mark.parametrize("grid", [GRID, {WIDTH: [40, 60], SPEED: SPEEDS}], ids=["contours", "cells"])
 def test_each_point_has_the_colour_of_the_level_that_its_mean_is_in(grid: dict) -> None:
     maps = read_maps(measured(grid), SPEED, WIDTH)
-    levels = choose_levels(np.concatenate([each.values.ravel() for each in maps]))
+    levels = choose_levels(np.concatenate([each.values.ravel() for each in maps]), is_log=True)
     seen = set()
     for colours, each in zip(painted(maps), maps, strict=True):
         for (speed, width), colour in colours.items():
@@ -348,7 +348,7 @@ def test_where_there_are_not_two_powers_of_ten_the_bar_has_numbers_between(times
 
 @given(st.lists(st.floats(1, 1e9), min_size=1, max_size=5))
 def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float]) -> None:
-    levels = choose_levels(np.array([*values, math.nan]))
+    levels = choose_levels(np.array([*values, math.nan]), is_log=True)
     steps = np.diff(levels)
     assert 1 <= len(steps) <= MAX_LEVELS
     assert np.allclose(steps, steps[0])

@@ -5,7 +5,7 @@ import pytest
 
 from epuck_sim.errors import EpuckSimError
 from epuck_sim.figures.forms.curves import Curves
-from epuck_sim.figures.forms.maps import Maps, choose_linear_levels, read_maps
+from epuck_sim.figures.forms.maps import Maps, choose_levels, read_maps
 from epuck_sim.figures.forms.series import MAX_LINES, Series
 from epuck_sim.figures.forms.violins import Violins, density, read_groups
 from epuck_sim.figures.scales import has_log_scale
@@ -127,7 +127,7 @@ def test_a_band_whose_end_is_not_reached_does_not_stretch_the_figure():
 
 @pytest.mark.parametrize("values", [[0.1, 0.32], [-5, 5], [3.0], [1e-9, 1.1e-9], [0, 1e6], [7, 7.0000001], [0.0]])
 def test_linear_levels_hold_all_values(values):
-    levels = choose_linear_levels(np.array([*values, np.nan], float))
+    levels = choose_levels(np.array([*values, np.nan], float), is_log=False)
     assert levels[0] <= min(values) + 1e-8 * abs(min(values))
     assert max(values) < levels[-1]
     assert 2 <= len(levels) <= 22

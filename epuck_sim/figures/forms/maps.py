@@ -37,7 +37,7 @@ GREY = "0.88"
 MAX_LEVELS = 20
 """Largest number of levels of colour; more of them are hard to distinguish."""
 
-STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
+LOG_STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
 """Distances from one level to the next, in decades; the smallest that needs at most `MAX_LEVELS` is taken."""
 
 
@@ -132,7 +132,7 @@ class Maps(Form):
         has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in self.maps)
         values = np.concatenate([each.values.ravel() for each in self.maps])
         is_log = has_log_scale(self.of, values, self.settings.scale)
-        levels = choose_levels(values) if is_log else choose_linear_levels(values)
+        levels = choose_levels(values, is_log=is_log)
         for panel, each in zip(panels, self.maps, strict=True):
             make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
             shown = each._replace(values=np.log10(each.values)) if is_log else each
@@ -209,33 +209,22 @@ def _edges(values: FloatArray, is_log: bool) -> FloatArray:
     return 10**edges if is_log else edges
 
 
-def choose_levels(values: FloatArray) -> FloatArray:
-    """Return the ends of the ranges of one colour, log10 of cycles, ascending; all values, (n,), lie between them.
+def choose_levels(values: FloatArray, *, is_log: bool) -> FloatArray:
+    """Return the ends of the ranges of one colour, ascending; all values, (n,), or their log10, lie between them.
 
-    >>> choose_levels(np.array([20.0, 70.0, np.nan])).tolist()
+    >>> choose_levels(np.array([20.0, 70.0, np.nan]), is_log=True).tolist()
     [1.3, 1.35, 1.4, 1.45, 1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85]
     """
-    known = np.log10(values[~np.isnan(values)])
-    low, high = (known.min(), known.max()) if len(known) else (0.0, 1.0)
-    for step in STEPS:
-        first, last = math.floor(low / step), math.floor(high / step) + 1
+    known = values[~np.isnan(values)]
+    known = np.log10(known) if is_log else known
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    unit = 10.0 ** math.floor(math.log10(((high - low) or abs(high) or 1.0) / MAX_LEVELS))
+    for step in LOG_STEPS if is_log else [unit * factor for factor in (1, 2, 5, 10, 20)]:
+        first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
         if last - first <= MAX_LEVELS:
             break
-    return np.round(np.arange(first, last + 1) * step, 9)
-
-
-def choose_linear_levels(values: FloatArray) -> FloatArray:
-    """Return the ends of the ranges of one colour, ascending; all values, (n,), lie between them.
-
-    >>> choose_linear_levels(np.array([0.1, 0.32, np.nan])).round(9).tolist()
-    [0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22, 0.24, 0.26, 0.28, 0.3, 0.32, 0.34]
-    """
-    known = values[~np.isnan(values)]
-    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
-    span = (high - low) or abs(high) or 1.0
-    unit = 10 ** math.floor(math.log10(span / MAX_LEVELS))
-    step = unit * next(factor for factor in (1, 2, 5, 10, 20) if span / (unit * factor) <= MAX_LEVELS - 2)
-    return np.arange(math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 2) * float(step)
+    levels: FloatArray = np.arange(first, last + 1, dtype=np.float64) * step
+    return np.round(levels, 9) if is_log else levels
 
 
 def _add_colour_bar(panels: Sequence[Axes], levels: FloatArray, label: str, *, is_log: bool) -> None:
