@@ -17,7 +17,7 @@ from .particles.simulation import Event, ParticleSimulation
 from .recording.notebook import show
 from .recording.reader import read_recording
 from .recording.recorder import record
-from .report.writer import write_report
+from .report.page import write_report
 from .runs.reader import read_points
 from .scenario.embodied import EmbodiedScenario
 from .scenario.loader import load_scenario

@@ -1,6 +1,5 @@
 """A browser without a window, to look at what pages show."""
 
-import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -30,11 +29,6 @@ def picture(page: Path, profile: Path, *, is_dark: bool = False, size: str = "10
     _run(profile, f"--window-size={size}", *theme, f"--screenshot={target}", page.as_uri())
     with Image.open(target) as opened:
         return np.asarray(opened.convert("RGB"), float)
-
-
-def texts(html: str, kind: str) -> list[str]:
-    """Return the texts of a figure of a kind, as plotly names them: xtitle, legendtext."""
-    return re.findall(rf'<text class="{kind}"[^>]*>(?:<tspan[^>]*>)?([^<]*)', html)
 
 
 def _run(profile: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

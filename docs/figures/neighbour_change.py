@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from epuck_sim import read_points
-from epuck_sim.figures.looks import choose_looks
+from epuck_sim.figures.style import choose_looks
 from epuck_sim.replication.effects import Effect, exponentiate, resampled
 from epuck_sim.replication.places import Drawn, Place, collapse, find_place
 from epuck_sim.runs.reader import PointTrials

@@ -16,11 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 from PIL import Image
 
-from epuck_sim import Simulation, load_scenario, run_sweep
+from epuck_sim import Simulation, figures, load_scenario, run_sweep
 from epuck_sim.arena import Arena
 from epuck_sim.cli.listing import list_measures
-from epuck_sim.cli.plot import FigureOptions
-from epuck_sim.cli.sweep_figures import sketch_sweep
 from epuck_sim.scenario.embodied import EmbodiedScenario
 from epuck_sim.scenario.scenario import require_model
 from epuck_sim.util.builtin import ARENAS, CONTROLLERS, builtin_files
@@ -112,8 +110,7 @@ def draw_measures(keys: Mapping[str, Any], measures: tuple[str, ...]) -> None:
     with TemporaryDirectory() as folder:
         run_sweep(load_scenario({**keys, "measures": list(measures)}), folder)
         for name in measures:
-            options = FigureOptions(None, None, None, None, None, None, name, WIDTH_CM)
-            save(sketch_sweep(Path(folder), options).draw(), f"measure-{name}")
+            save(figures.plot(folder, of=name, width_cm=WIDTH_CM), f"measure-{name}")
 
 
 def save(figure: Figure, name: str) -> None:

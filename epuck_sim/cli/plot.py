@@ -1,19 +1,17 @@
 """The command `plot`: figures of run folders and of recorded trials."""
 
-from collections.abc import Callable, Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from epuck_sim.cli.errors import exit_on_error, reject_first
+from epuck_sim.cli.errors import exit_on_error
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.statistics.names import Statistic
 
-if TYPE_CHECKING:  # or --help would wait for numpy
-    from matplotlib.figure import Figure
-
-    from epuck_sim.figures.csv_tables import Table
+if TYPE_CHECKING:  # or --help would wait for matplotlib
+    from epuck_sim.figures.saving import Target
 
 plots = typer.Typer()
 
@@ -35,43 +33,25 @@ class Form(StrEnum):
     COURSE = "course"
 
 
-class FigureOptions(NamedTuple):
-    """Options of `plot` about the figure of a sweep; for one that is None, the scenario's section `figure` decides."""
-
-    form: Form | None
-    x: str | None
-    y: str | None
-    panels: str | None
-    censored_at: int | None
-    statistic: Statistic | None
-    of: str | None
-    width_cm: float | None
-
-
-class Sketch(NamedTuple):
-    """A figure to be drawn and saved."""
-
-    default_stem: Path
-    """Stem of its files if `--to` is not given."""
-    draw: "Callable[[], Figure]"
-    tables: "Mapping[str, Table]"
-    """Its numbers, by the endings of their files."""
-    note: str = ""
-    """What the figure does not show, and why; or nothing."""
-
-
 @plots.command()
 def plot(
     results: Annotated[
-        Path, typer.Argument(metavar="FOLDER|FILE.rrd", help="A run folder, or the recording of a trial.")
+        list[Path],
+        typer.Argument(
+            metavar="FOLDER...|FILE.rrd", help="A run folder, or several of one scenario, or the recording of a trial."
+        ),
     ],
+    names: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Names of several folders in the figure; by default, their own."),
+    ] = None,
     to: Annotated[
         Path | None,
         typer.Option(
             metavar="STEM|FILE",
-            help="Write STEM.png, STEM.svg and so on, or one picture, FILE.png, FILE.svg or FILE.pdf, with its numbers "
-            "as CSV beside it. By default STEM is FOLDER/T_sync, FOLDER/NAME_OF_MEASURE, FOLDER/FORM, or the "
-            "recording's name.",
+            help="Write STEM.png, STEM.svg and so on, or one picture, FILE.png, FILE.svg or FILE.pdf, with its caption "
+            "and its numbers as CSV beside it. By default STEM is FOLDER/T_sync, FOLDER/NAME_OF_MEASURE, FOLDER/FORM, "
+            "or the recording's name.",
         ),
     ] = None,
     form: Annotated[
@@ -105,37 +85,85 @@ def plot(
             help="Width of a sweep's figure: 8.5 cm, that of a column, or 17.5 cm, that of a page, for several panels.",
         ),
     ] = None,
+    title: Annotated[str | None, typer.Option(metavar="TEXT", help="Title; by default there is none.")] = None,
+    label: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=TEXT", help="Label of an axis, or of T_sync or a measure; may be repeated."),
+    ] = None,
+    log: Annotated[
+        bool | None,
+        typer.Option("--log/--linear", help="Scale of T_sync or the measure.", show_default="log for T_sync"),
+    ] = None,
+    points: Annotated[bool, typer.Option("--points", help="Draw each trial as a dot, in curves and violins.")] = False,
+    font_pt: Annotated[
+        float | None, typer.Option(metavar="PT", min=4, max=30, help="Size of letters; 8 points by default.")
+    ] = None,
 ) -> None:
-    """Draw T_sync or a measure of a sweep, as curves, a map or violins; its trials over time; or a recorded trial."""
+    """Draw T_sync or a measure of sweeps, as curves, a map or violins; their trials over time; or a recorded trial.
+
+    A caption is written beside the figure, and its numbers. A scenario's section figure has the same options.
+    """
     with exit_on_error():
-        from epuck_sim.figures.saving import Target, parse_target, save_figure
+        from epuck_sim.figures.saving import parse_target
 
         target = parse_target(to) if to else None
-        options = FigureOptions(form, x, y, panels, censored_at, statistic, of, width_cm)
-        sketch = _sketch_sweep(results, options) if results.is_dir() else _sketch_trial(results, options)
-        for file in save_figure(target or Target(sketch.default_stem), sketch.draw, sketch.tables):
-            typer.echo(file)
-        if sketch.note:
-            typer.echo(sketch.note, err=True)
+        options = {
+            "form": form,
+            "x": x,
+            "y": y,
+            "panels": panels,
+            "censored_at_cycles": censored_at,
+            "statistic": statistic,
+            "title": title,
+            "labels": _parse_labels(label) if label else None,
+            "scale": None if log is None else "log" if log else "linear",
+            "points": points or None,
+            "width_cm": width_cm,
+            "font_pt": font_pt,
+        }
+        named = [name.strip() for name in names.split(",")] if names else []
+        if len(results) > 1 or results[0].is_dir():
+            _plot_sweeps(results, of, named, options, target)
+        else:
+            _plot_trial(results[0], {**options, "of": of, "names": names}, target)
 
 
-def _sketch_sweep(folder: Path, options: FigureOptions) -> Sketch:
-    from epuck_sim.cli.sweep_figures import sketch_sweep
+def _parse_labels(labels: list[str]) -> dict[str, str]:
+    parts = [label.partition("=") for label in labels]
+    for label, (_, equals, _) in zip(labels, parts, strict=True):
+        if not equals:
+            raise EpuckSimError(f"--label is {label!r}; allowed: KEY=TEXT")
+    return {key: text for key, _, text in parts}
 
-    return sketch_sweep(folder, options)
+
+def _plot_sweeps(
+    folders: list[Path], of: str | None, names: list[str], options: dict[str, Any], target: "Target | None"
+) -> None:
+    from epuck_sim.figures.saving import Target, save_figure
+    from epuck_sim.figures.sweep_figure import SIMULATED_AGAIN, read_form
+
+    form = read_form(folders, options, of, names, "--")
+    stem = form.name if form.name in SIMULATED_AGAIN else of or "T_sync"
+    others = "".join(f"-with-{folder.resolve().name}" for folder in folders[1:])
+    _save(save_figure(target or Target(folders[0] / f"{stem}{others}"), form.draw_figure, form.tables, form.caption))
+    for note in form.notes:
+        typer.echo(f"note: {note}", err=True)
 
 
-def _sketch_trial(recording: Path, options: FigureOptions) -> Sketch:
+def _plot_trial(recording: Path, options: dict[str, Any], target: "Target | None") -> None:
+    from epuck_sim.figures.saving import Target, save_figure
+    from epuck_sim.figures.sweep_figure import flag
     from epuck_sim.figures.trial_page import check_drawable, draw_page
     from epuck_sim.recording.reader import read_recording
 
-    names = ("--form", "--x", "--y", "--panels", "--censored-at", "--statistic", "--of", "--width-cm")
-    reject_first(
-        *(
-            (value is not None, f"{name} is for run folders; {recording} is none")
-            for name, value in zip(names, options, strict=True)
-        )
-    )
+    for name, value in options.items():
+        if value is not None:
+            raise EpuckSimError(f"{flag(name, value)} is for run folders; {recording} is none")
     recorded = read_recording(recording)
     check_drawable(recorded, str(recording))
-    return Sketch(recording.with_suffix(""), lambda: draw_page(recorded), {})
+    _save(save_figure(target or Target(recording.with_suffix("")), lambda: draw_page(recorded)))
+
+
+def _save(files: list[Path]) -> None:
+    for file in files:
+        typer.echo(file)

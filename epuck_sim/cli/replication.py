@@ -30,9 +30,8 @@ def run_claims(claims: Claims, chosen: Sequence[Claim], folder: Path, version: V
 
 
 def write_answers(claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version) -> None:
-    """Write the page, and print a line for each claim and the names of the page's files."""
+    """Write the page, and print a line for each claim and the page's name."""
     written = write_replication(claims, chosen, folder, version)
     for answer in written.contents.answers:
         typer.echo(f"{answer.claim.id:4} {answer.verdict:12} {answer.claim.claim}")
-    for file in written.files:
-        typer.echo(file)
+    typer.echo(written.file)

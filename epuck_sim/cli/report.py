@@ -16,9 +16,9 @@ def report(
     folder: FolderArgument,
     to: Annotated[Path, typer.Option(metavar="PAGE.html", help="The page, which is complete in itself.")],
 ) -> None:
-    """Write a page about a sweep: what was run, tables, figures to zoom and hover, failed trials, commands."""
+    """Write a page about a sweep: what was run, tables, figures, failed trials, commands."""
     with exit_on_error():
-        from epuck_sim.report.writer import write_report
+        from epuck_sim.report.page import write_report
 
         write_report(folder, to)
         typer.echo(to)

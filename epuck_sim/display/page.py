@@ -25,18 +25,15 @@ pre, code { font: .875em/1.45 ui-monospace, monospace } code { overflow-wrap: an
 pre { background: var(--box); border-radius: 6px; padding: .75rem 1rem; overflow: auto; max-height: 34rem }
 summary { cursor: pointer; margin: .75rem 0 }
 figure { margin: 1.5rem 0 } figcaption { color: var(--faint); max-width: 48rem }
-.js-plotly-plot .svg-container text { fill: var(--ink) !important }
-.js-plotly-plot .hoverlayer text { fill: #ffffff !important }
-.js-plotly-plot .gridlayer path, .js-plotly-plot .zerolinelayer path { stroke: var(--rule) !important }
-.js-plotly-plot .updatemenu-item-rect { fill: var(--box) !important; stroke: var(--rule) !important }
+figure > svg { display: block; width: 100%; max-width: 60rem; height: auto; background: #ffffff; border-radius: 6px }
 """
 """Style of the page."""
 
 
-def make_document(title: str, body: str, scripts: str = "") -> str:
-    """Return a page with this title; body and scripts are HTML."""
+def make_document(title: str, body: str) -> str:
+    """Return a page with this title; the body is HTML."""
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"{to_html(element('title', title))}<style>{STYLE}</style>{scripts}</head>\n<body>\n{body}</body></html>\n"
+        f"{to_html(element('title', title))}<style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
     )

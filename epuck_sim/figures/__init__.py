@@ -2,8 +2,7 @@
 
 May import: statistics, runs, recording, overhead.track and what they may import.
 
-From Python, `curves`, `contour_map`, `violins`, `series`, `order_parameters`, `deviations` and `perturbation` draw what
-`read_points` returns into Axes of matplotlib.
+From Python, `plot` draws what `read_points` returns, also into Axes of matplotlib.
 """
 
 import lazy_loader

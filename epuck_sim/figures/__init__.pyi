@@ -1,3 +1,3 @@
-from .on_axes import contour_map, curves, deviations, order_parameters, perturbation, series, violins
+from .sweep_figure import plot
 
-__all__ = ["contour_map", "curves", "deviations", "order_parameters", "perturbation", "series", "violins"]
+__all__ = ["plot"]

@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from epuck_sim.figures.csv_tables import Table, rounded
-from epuck_sim.figures.saving import parse_target, save_figure
+from epuck_sim.figures.saving import Table, parse_target, rounded, save_figure
 from epuck_sim.overhead.film_comparison import QuantityComparison
 
 ACROSS = 3
@@ -47,7 +46,7 @@ def _status(value: float) -> str:
 def draw_comparison(rows: Sequence[QuantityComparison]) -> Figure:
     """Return the figure: a histogram of the trials for each quantity, and a line where the film is."""
     down = math.ceil(len(rows) / ACROSS)
-    figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), layout="constrained")
+    figure = Figure(figsize=(3.6 * ACROSS, 2.3 * down), dpi=300, layout="constrained")
     panels = figure.subplots(down, ACROSS, squeeze=False).ravel()
     for panel, row in zip(panels, rows, strict=False):
         _draw_quantity(panel, row)
@@ -70,4 +69,4 @@ def _draw_quantity(panel: Axes, row: QuantityComparison) -> None:
     if not math.isnan(row.percentile):
         notes.append(f"film at {row.percentile:.0f} %")
     panel.set_title("\n".join(notes), fontsize="small", loc="left")
-    panel.set(xlabel=f"{row.quantity.name} [{row.quantity.unit}]", ylabel="trials")
+    panel.set(xlabel=f"{row.quantity.name} ({row.quantity.unit})", ylabel="trials")

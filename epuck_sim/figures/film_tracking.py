@@ -1,6 +1,6 @@
 """The figure of a tracked film, like thesis Figs. 4.5 and 4.6: the evolving histogram, and its spread over time."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -13,12 +13,11 @@ from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
-from epuck_sim.figures.csv_tables import rounded, save_table
+from epuck_sim.figures.saving import Table, parse_target, rounded, save_figure
 from epuck_sim.figures.scales import make_logarithmic
 from epuck_sim.figures.style import add_shared_legend
 from epuck_sim.overhead.track.result import Snapshot, Track
 from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, frame_ends
-from epuck_sim.util.atomic_write import atomic_write, check_target
 
 COLUMNS = ("time_s", "periods", "count", "spread_ms")
 """Columns of the table, a row per evaluation: time of the mode on the film's clock and in periods, rings, spread."""
@@ -49,20 +48,11 @@ def save_track_figure(png: Path, track: Track, snapshot: Snapshot | None = None)
     """
     if png.suffix != ".png":
         raise FilmError(f"{png}: ends in {png.suffix!r}; allowed: .png, the figure; its table is written as .csv")
-    files = [png, png.with_suffix(".csv")]
-    for file in files:
-        check_target(file)
-    figure = draw_track(track, snapshot)
-    with atomic_write(png) as part:
-        figure.savefig(part, format="png", dpi=120)
-    save_table(files[1], COLUMNS, _rows(track))
-    return files
-
-
-def _rows(track: Track) -> Iterator[list[Any]]:
-    for each in track.evaluations:
-        values = (each.time_s, track.periods_at(each.time_s), each.rings, 1000 * each.spread_s)
-        yield [*map(rounded, values)]
+    rows = (
+        [*map(rounded, (each.time_s, track.periods_at(each.time_s), each.rings, 1000 * each.spread_s))]
+        for each in track.evaluations
+    )
+    return save_figure(parse_target(png), lambda: draw_track(track, snapshot), {".csv": Table(COLUMNS, rows)})
 
 
 def draw_track(track: Track, snapshot: Snapshot | None = None) -> Figure:
@@ -71,7 +61,7 @@ def draw_track(track: Track, snapshot: Snapshot | None = None) -> Figure:
     The first row of snapshots shows the first period; the second shows evaluations from the first one to synchrony; the
     third shows those around synchrony and after it.
     """
-    figure = Figure(figsize=(15.5 if snapshot else 11, 10), layout="constrained")
+    figure = Figure(figsize=(15.5 if snapshot else 11, 10), dpi=120, layout="constrained")
     places = figure.add_gridspec(2, 2, width_ratios=(4, 10), height_ratios=(3, 2))
     if snapshot:
         _draw_picture(figure.add_subfigure(places[0, 0]), track, snapshot)
@@ -107,7 +97,7 @@ def _draw_snapshots(page: SubFigure, track: Track) -> None:
             unused.set_axis_off()
     grid[0, 0].set(xlim=(-SHOWN_PERIODS * track.period_s, 0.03 * track.period_s), ylim=(0, 1.45 * _max_count(track)))
     grid[0, 0].yaxis.set_major_locator(MaxNLocator(4, integer=True))
-    page.supxlabel("time from now [s]", fontsize="small")
+    page.supxlabel("time from now (s)", fontsize="small")
     page.supylabel("lit rings", fontsize="small")
 
 
@@ -161,7 +151,7 @@ def _draw_spreads(panel: Axes, track: Track) -> None:
     limit_ms = track.threshold_ms
     panel.axhline(limit_ms, color=LIMIT, linestyle="--", linewidth=1, label=f"threshold: {limit_ms:.0f} ms")
     _mark_synchrony(panel, track)
-    panel.set(xlabel=f"periods of {track.period_s:.4g} s", ylabel="spread [ms]")
+    panel.set(xlabel=f"periods of {track.period_s:.4g} s", ylabel="spread (ms)")
     make_logarithmic(panel, "y")
 
 

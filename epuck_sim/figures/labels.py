@@ -1,33 +1,33 @@
 """Names of axes of a sweep in figures and tables: the thesis's symbols for keys of a scenario, and units."""
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
+from epuck_sim.errors import MeasureError
 from epuck_sim.scenario.figure_axes import distinguishing_axes
 from epuck_sim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:  # tables that need labels wait for no results
+    from epuck_sim.runs.reader import PointTrials
 
 SYMBOLS = {
     "speed_cm_s": ("V", "cm/s"),
     "arena.width_cm": ("L", "cm"),
     "side_cm": ("L", "cm"),
-    "dimensions": ("dimensions", ""),
     "count": ("N", ""),
     "period_s": ("τ", "s"),
     "jitter": ("\N{GREEK SMALL LETTER SIGMA}", ""),
     "curve": ("Ψ", ""),
-    "early_slope": ("early slope", ""),
     "reorient_on": ("reorienting on", ""),
     "neighbourhood.kind": ("neighbourhood", ""),
     "walk.kind": ("walk", ""),
-    "run_s": ("run", "s"),
     "persistence": ("g", ""),
     "exponent": ("μ", ""),
     "speed_distribution": ("speeds", ""),
     "speed_spread": ("spread", ""),
-    "fast_share": ("fast share", ""),
-    "fast_ratio": ("fast ratio", ""),
-    "speed_per_run": ("speed per run", ""),
     "coupling": ("ε", ""),
     "refractory": ("D", ""),
     "neighbourhood.radius_cm": ("R", "cm"),
@@ -37,26 +37,46 @@ SYMBOLS = {
 }
 """Symbol in the thesis or the field, and unit, by the last two parts of a key, or by the last one."""
 
+UNITS = {"cm_s": "cm/s", "cm": "cm", "ms": "ms", "s": "s", "deg": "°", "rad": "rad", "px": "px", "kg": "kg"}
+"""Units by what keys end with."""
+
+UNIT_ENDING = re.compile(rf"(.+)_({'|'.join(UNITS)})")
+
+FILE = re.compile(r"(?:.*/)?([^/]+)\.(?:py|c)(?::(\w+))?")
+"""A user's file as the value of a key, and what is taken from it."""
+
+FOLDER = "folder"
+"""Axis of points of several run folders, whose values are the folders' names."""
+
 OTHER_GROUP = re.compile(r"robots\.[1-9][0-9]*(\..*)?")
 """What keys of a group of robots beside the first begin with; such a group is always named."""
 
+NO_LABELS: Mapping[str, str] = MappingProxyType({})
 
-def quantity_label(of: str | None) -> str:
+
+def quantity_label(of: str | None, unit: str = "", own: Mapping[str, str] = NO_LABELS) -> str:
     """Return the label of T_sync, or of the measure of this name.
 
-    >>> quantity_label(None), quantity_label("near_walls")
-    ('T_sync [cycles]', 'near_walls')
+    Args:
+        of: Name of the measure; None for T_sync.
+        unit: Unit of the measure; empty if it has none.
+        own: Labels that a user gives, by name.
+
+    >>> quantity_label(None), quantity_label("near_walls"), quantity_label("way", "cm")
+    ('T_sync (cycles)', 'near_walls', 'way (cm)')
     """
-    return "T_sync [cycles]" if of is None else of
+    name, unit = ("T_sync", "cycles") if of is None else (of, unit)
+    return own.get(name) or (f"{name} ({unit})" if unit else name)
 
 
-def statistic_label(names: Iterable[str], of: str | None) -> str:
-    r"""Return the label of statistics of T_sync, or of the measure of this name; each is named once.
+def statistic_label(names: Iterable[str], label: str) -> str:
+    """Return the label of statistics of what has this label; means, restricted or not, go without saying.
 
-    >>> statistic_label(["mean", "restricted mean", "mean"], None)
-    'mean or restricted mean\nof T_sync [cycles]'
+    >>> statistic_label(["mean", "restricted mean"], "T_sync (cycles)"), statistic_label(["median"], "way")
+    ('T_sync (cycles)', 'median of way')
     """
-    return f"{' or '.join(dict.fromkeys(names))}\nof {quantity_label(of)}"
+    others = [name for name in dict.fromkeys(names) if name not in ("mean", "restricted mean")]
+    return f"{' or '.join(others)} of {label}" if others else label
 
 
 def undetermined_label(of: str | None) -> str:
@@ -64,41 +84,54 @@ def undetermined_label(of: str | None) -> str:
     return f"undetermined: {'too many censored' if of is None else 'no trial has a value'}"
 
 
-def key_name(key: str, among: Collection[str] = ()) -> str:
-    """Return the thesis's symbol for a key, or the key itself.
+def measure_unit(point: "PointTrials") -> str | None:
+    """Return the unit of the measure of a point, empty if it has none; None if the measure is not found."""
+    sections = [section for section in point.scenario.measures if section.name == point.of]
+    try:
+        return sections[0].find().unit if sections else None
+    except MeasureError:  # its file is gone
+        return None
+
+
+def key_name(key: str, among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS) -> str:
+    """Return the thesis's symbol for a key, or the last part of the key.
 
     Args:
         key: A dotted key.
         among: Keys beside which it stands; where one of them has the same symbol, each says what it is of.
+        own: Labels that a user gives, by key; a unit in brackets at their end is left out.
 
-    >>> key_name("robots.0.parameters.speed_cm_s"), key_name("stop.metric")
-    ('V', 'stop.metric')
+    >>> key_name("robots.0.parameters.speed_cm_s"), key_name("stop.max_time_s")
+    ('V', 'max time')
     >>> key_name("robots.0.parameters.speed_cm_s", ["robots.1.parameters.speed_cm_s"])
     'V of robots.0'
     """
-    symbol = _symbol(key)
-    owner = _owner(key)
-    namesakes = [other for other in among if other != key and _symbol(other) == symbol]
+    if key in own:
+        return re.sub(r" \([^()]*\)$", "", own[key])
+    symbol, owner = _symbol_and_unit(key)[0], _owner(key)
+    namesakes = [other for other in among if other != key and _symbol_and_unit(other)[0] == symbol]
     if not namesakes and not OTHER_GROUP.fullmatch(owner):
         return symbol
     return key if any(_owner(other) == owner for other in namesakes) else f"{symbol} of {owner}"
 
 
-def _symbol(key: str) -> str:
-    return _symbol_and_unit(key)[0]
-
-
 def _symbol_and_unit(key: str) -> tuple[str, str]:
     *_, owner, last = ["", *key.split(".")]
-    return SYMBOLS.get(f"{owner}.{last}") or SYMBOLS.get(last) or (key, "")
+    found = SYMBOLS.get(f"{owner}.{last}") or SYMBOLS.get(last)
+    if found:
+        return found
+    name, unit = ends.groups() if (ends := UNIT_ENDING.fullmatch(last)) else (last, "")
+    return name.replace("_", " "), UNITS.get(unit, "")
 
 
 def _owner(key: str) -> str:
     return key.rpartition(".")[0].removesuffix(".parameters")
 
 
-def format_axis_values(values: Mapping[str, Any], among: Collection[str] = ()) -> str:
-    """Return axis values as text, with symbols and units; `key_name` says what `among` is.
+def format_axis_values(
+    values: Mapping[str, Any], among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS
+) -> str:
+    """Return axis values as text, with symbols and units; `key_name` says what `among` and `own` are.
 
     >>> format_axis_values({"arena.width_cm": 60, "robots.0.count": 10, "neighbourhood.angle_deg": 90})
     'L = 60 cm, N = 10, θ = 90°'
@@ -106,41 +139,61 @@ def format_axis_values(values: Mapping[str, Any], among: Collection[str] = ()) -
     'reorienting on = emitting and receiving, R = none'
     >>> format_axis_values({"neighbourhood": {"kind": "range", "radius_cm": 25}})
     'neighbourhood = range, R = 25 cm'
-    >>> format_axis_values({"arena.obstacles.0.width_cm": 2, "robots.0.signal": {"kind": "cone", "range_cm": 85}})
-    'arena.obstacles.0.width_cm = 2, robots.0.signal = cone, range_cm = 85'
+    >>> format_axis_values({"arena.walls": "low", "robots.0.signal": {"kind": "cone", "range_cm": 85}})
+    'walls = low, signal = cone, range = 85 cm'
+    >>> format_axis_values({"folder": "mine", "robots.0.count": 10})
+    'mine, N = 10'
     """
-    units = {key: unit_of(key) for key in values}
-    spaced = {key: unit if unit == "°" else f" {unit}" for key, unit in units.items()}
-    names = {key: key_name(key, (*values, *among)) for key in values}
-    return ", ".join(f"{names[key]} = {_format_value(key, value, spaced[key])}" for key, value in values.items())
+    keys = (*values, *among)
+    texts = {key: _format_value(key, value) for key, value in values.items()}
+    return ", ".join(text if key == FOLDER else f"{key_name(key, keys, own)} = {text}" for key, text in texts.items())
 
 
-def distinguishing_labels(rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
+def distinguishing_labels(
+    rows: Sequence[Mapping[str, Any]], among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS
+) -> list[str]:
     """Return a label for each row of axis values, with the values that distinguish it from the others.
 
     >>> distinguishing_labels([{"arena.width_cm": 60, "agents.count": 9}, {"arena.width_cm": 80, "agents.count": 9}])
     ['L = 60 cm', 'L = 80 cm']
     """
-    return [format_axis_values(row, among) for row in distinguishing_axes(rows)]
+    return [format_axis_values(row, among, own) for row in short_files(distinguishing_axes(rows))]
 
 
-def _format_value(key: str, value: Any, unit: str) -> str:
+def short_files(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows of axis values with users' files by their names alone, where these tell them apart.
+
+    >>> short_files([{"curve": "/me/kura.py:sine"}, {"curve": "a/b.py"}, {"curve": "c/b.py"}])
+    [{'curve': 'sine'}, {'curve': 'a/b.py'}, {'curve': 'c/b.py'}]
+    """
+    texts = {value for row in rows for value in row.values() if isinstance(value, str)}
+    names = {text: file[2] or file[1] if (file := FILE.fullmatch(text)) else text for text in texts}
+    uses = Counter(names.values())
+    short = {text: name for text, name in names.items() if uses[name] == 1}
+    return [
+        {key: short.get(value, value) if isinstance(value, str) else value for key, value in row.items()}
+        for row in rows
+    ]
+
+
+def _format_value(key: str, value: Any) -> str:
+    unit = _symbol_and_unit(key)[1]
     if isinstance(value, Mapping):  # a whole section: its kind, and what goes with it
         details = format_axis_values({f"{key}.{name}": detail for name, detail in value.items() if name != "kind"})
-        return ", ".join(filter(None, [str(value.get("kind", "")), details.replace(f"{key}.", "")]))
+        return ", ".join(filter(None, [str(value.get("kind", "")), details]))
     if isinstance(value, list | tuple):
         return " and ".join(map(str, value)) or "nothing"
-    return "none" if value is None else f"{value}{unit}".rstrip()
+    return "none" if value is None else f"{value}{unit}" if unit in ("", "°") else f"{value} {unit}"
 
 
-def axis_label(key: str, among: Collection[str] = ()) -> str:
-    """Return the label of an axis of a figure: symbol and unit; `key_name` says what `among` is.
+def axis_label(key: str, among: Collection[str] = (), own: Mapping[str, str] = NO_LABELS) -> str:
+    """Return the label of an axis of a figure: symbol and unit; `key_name` says what `among` and `own` are.
 
-    >>> axis_label("arena.width_cm"), axis_label("robots.0.count")
-    ('L [cm]', 'N')
+    >>> axis_label("arena.width_cm"), axis_label("robots.0.count"), axis_label("robots.0.signal.range_cm")
+    ('L (cm)', 'N', 'range (cm)')
     """
-    unit, name = unit_of(key), key_name(key, among)
-    return f"{name} [{unit}]" if unit else name
+    unit, name = _symbol_and_unit(key)[1], key_name(key, among, own)
+    return own.get(key) or (f"{name} ({unit})" if unit else name)
 
 
 def axis_labels(keys: Collection[str]) -> list[str]:
@@ -152,16 +205,7 @@ def axis_labels(keys: Collection[str]) -> list[str]:
     return [axis_label(key, keys) for key in keys]
 
 
-def unit_of(key: str) -> str:
-    """Return the unit of a key's values; empty if there is none.
-
-    >>> unit_of("arena.width_cm")
-    'cm'
-    """
-    return _symbol_and_unit(key)[1]
-
-
 def sweep_title(scenario: Scenario) -> str:
-    """Return the title of the figures of a sweep: its description, or its name where it has none."""
+    """Return what a sweep is: its description, or its name where it has none."""
     text = scenario.description or scenario.name
     return text[:1].upper() + text[1:] if scenario.description else text

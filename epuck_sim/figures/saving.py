@@ -1,31 +1,53 @@
 """The files of a figure: its pictures, and its numbers as CSV beside them."""
 
+import csv
+import io
 import re
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.csv_tables import Table, save_table
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
 SAVE_OPTIONS: dict[str, dict[str, Any]] = {
-    ".png": {"dpi": 300},
+    ".png": {"dpi": "figure"},
     ".svg": {"metadata": {"Date": None}},
     ".pdf": {"metadata": {"CreationDate": None}},
 }
 """Options of matplotlib for each format; no format holds the date, so that equal figures are equal files."""
 
+CAPTION, CAPTION_KEYS = ".txt", {".png": "Description", ".svg": "Description", ".pdf": "Subject"}
+"""Ending of the file with the caption, and the key of it in each format's metadata."""
+
 EDITABLE: Any = {"svg.fonttype": "none", "pdf.fonttype": 42, "svg.hashsalt": "epuck-sim"}
 """Settings of matplotlib with which text stays text, and equal figures are equal files."""
 
+SVG = "{http://www.w3.org/2000/svg}"
+"""Namespace of the elements of SVG, which need none in HTML."""
+
 FILE_TYPE = re.compile(r"\.[A-Za-z][A-Za-z0-9]{1,6}")
 """Endings that look like a file type: .jpg or .parquet, but neither .5 nor .b."""
+
+DIGITS = 6
+"""Significant digits of numbers in tables."""
+
+
+class Table(NamedTuple):
+    """What a CSV file holds."""
+
+    columns: Sequence[str]
+    rows: Iterable[Sequence[Any]]
+
 
 NO_TABLES: Mapping[str, Table] = MappingProxyType({})
 
@@ -58,28 +80,58 @@ def parse_target(path: Path) -> Target:
     return Target(path)
 
 
-def save_figure(target: Target, draw: Callable[[], Figure], tables: Mapping[str, Table] = NO_TABLES) -> list[Path]:
-    """Write the pictures of a figure, and its tables beside them; equal results give equal files.
+def save_figure(
+    target: Target, draw: Callable[[], Figure], tables: Mapping[str, Table] = NO_TABLES, caption: str = ""
+) -> list[Path]:
+    """Write the pictures of a figure, and its tables and caption beside them; equal results give equal files.
 
     Args:
         target: Where to write.
         draw: Returns the figure; it is called once all files are known to be writable.
         tables: A CSV table for each ending that is added to the stem.
+        caption: What the figure shows; it is written as text, and into the pictures' metadata. Empty for none.
 
     Returns:
         The files, pictures first.
 
     Raises:
-        EpuckSimError: One of the files cannot be written; then none is.
+        EpuckSimError: One of the files cannot be written; then none is, and older ones stay.
     """
-    pictures = check_files(target.stem, target.formats)
-    files = check_files(target.stem, tables)
+    texts = {CAPTION: caption} if caption else {}
+    files = check_files(target.stem, [*target.formats, *tables, *texts])
     figure = draw()
-    for picture, ending in zip(pictures, target.formats, strict=True):
-        _save_picture(figure, picture, ending.lower())
-    for file, table in zip(files, tables.values(), strict=True):
-        save_table(file, *table)
-    return [*pictures, *files]
+    with ExitStack() as whole:  # files get their names once all of them are written
+        for file, ending in zip(files, [*target.formats, *tables, *texts], strict=True):
+            part = whole.enter_context(atomic_write(file))
+            if ending in tables:
+                _write_table(part, tables[ending])
+            elif ending in texts:
+                part.write_text(f"{caption}\n", encoding="utf-8")
+            else:
+                _save_picture(figure, part, ending.lower(), caption)
+    return files
+
+
+def to_svg(figure: Figure, name: str) -> Element:
+    """Return a figure as a part of a page; its ids begin with `name`, so that they are its own there."""
+    drawn = io.StringIO()
+    nothing: Any = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    with warnings.catch_warnings(), rc_context(EDITABLE):
+        warnings.filterwarnings("ignore", "Glyph .* missing")
+        figure.savefig(drawn, format="svg", metadata=nothing)
+    root = ElementTree.fromstring(drawn.getvalue())
+    for defs in root.findall(f"{SVG}defs"):
+        for style in defs.findall(f"{SVG}style"):  # would hold for the whole page
+            root.set("style", str(style.text).removeprefix("*{").removesuffix("}"))
+            defs.remove(style)
+    for each in root.iter():
+        each.tag = each.tag.removeprefix(SVG)
+        for key, value in list(each.attrib.items()):
+            del each.attrib[key]
+            target = f"{name}-{value}" if key == "id" else value.replace("url(#", f"url(#{name}-")
+            is_reference = key.endswith("href") and value.startswith("#")
+            each.set(key.rpartition("}")[2], f"#{name}-{value[1:]}" if is_reference else target)
+    return root
 
 
 def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
@@ -92,7 +144,46 @@ def check_files(stem: Path, endings: Iterable[str]) -> list[Path]:
     return files
 
 
-def _save_picture(figure: Figure, file: Path, ending: str) -> None:
-    with warnings.catch_warnings(), rc_context(EDITABLE), atomic_write(file) as part:
+def _save_picture(figure: Figure, part: Path, ending: str, caption: str) -> None:
+    options = {**SAVE_OPTIONS[ending]}
+    options["metadata"] = {**options.get("metadata", {}), **({CAPTION_KEYS[ending]: caption} if caption else {})}
+    with warnings.catch_warnings(), rc_context(EDITABLE):
         warnings.filterwarnings("ignore", "Glyph .* missing")  # of a name in letters that the font lacks
-        figure.savefig(part, format=ending[1:], **SAVE_OPTIONS[ending])
+        figure.savefig(part, format=ending[1:], **options)
+
+
+def save_table(file: Path, table: Table) -> None:
+    """Write a CSV file; raise EpuckSimError where it cannot be written."""
+    with atomic_write(file) as part:
+        _write_table(part, table)
+
+
+def _write_table(part: Path, table: Table) -> None:
+    with part.open("w", newline="", encoding="utf-8") as text:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(table.columns)
+        writer.writerows(table.rows)
+
+
+def tabulate(groups: Iterable[tuple[Mapping[str, Any], Mapping[str, Iterable[Any]]]]) -> Table:
+    """Return a table of groups.
+
+    Args:
+        groups: For each group its axis values, by key, and columns of one length, by heading; at least one group.
+    """
+    every = list(groups)
+    rows = (
+        [*axes.values(), *map(rounded, row)] for axes, columns in every for row in zip(*columns.values(), strict=True)
+    )
+    return Table((*every[0][0], *every[0][1]), rows)
+
+
+def rounded(value: float | str) -> str:
+    """Return a number with the digits of tables, and nothing for one that is not finite; a text as it is.
+
+    >>> rounded(1234.56789), rounded(float("nan")), rounded("mean")
+    ('1234.57', '', 'mean')
+    """
+    if isinstance(value, str):
+        return value
+    return f"{value:.{DIGITS}g}" if np.isfinite(value) else ""

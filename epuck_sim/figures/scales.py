@@ -9,6 +9,7 @@ from matplotlib.axis import Axis
 from matplotlib.ticker import Formatter, LogLocator, NullFormatter
 
 from epuck_sim.arrays import FloatArray
+from epuck_sim.errors import EpuckSimError
 from epuck_sim.scenario.figure_axes import SPEED
 
 LOG_RATIO = 10.0
@@ -27,15 +28,21 @@ def is_logarithmic(key: str, values: FloatArray) -> bool:
     return bool(values.min() > 0 and (key.endswith(SPEED) or values.max() / values.min() >= LOG_RATIO))
 
 
-def has_log_scale(of: str | None, values: FloatArray) -> bool:
+def has_log_scale(of: str | None, values: FloatArray, scale: str | None = None) -> bool:
     """Return whether values, (n,), have a logarithmic scale: those of T_sync, and of a measure that are far apart.
 
     Args:
         of: Name of the measure; None for T_sync.
         values: (n,) values; those that are not finite do not count.
+        scale: `linear` or `log`, if that is asked for.
+
+    Raises:
+        EpuckSimError: A logarithmic scale is asked for, and not all values are positive.
     """
     known = values[np.isfinite(values)]
-    return of is None or (len(known) > 0 and is_logarithmic(of, known))
+    if scale == "log" and (known <= 0).any():
+        raise EpuckSimError(f"--log: {of} has values that are not positive, such as {known.min():g}; give --linear")
+    return scale == "log" or (scale is None and (of is None or (len(known) > 0 and is_logarithmic(of, known))))
 
 
 def make_logarithmic(axes: Axes, *names: str) -> None:

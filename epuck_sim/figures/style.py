@@ -1,33 +1,18 @@
-"""The looks that figures have in common: sizes, panels, titles and legends."""
+"""The looks that figures have in common: sizes, panels, titles and legends, colours and markers of lines."""
 
 import math
 import re
 import textwrap
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import EpuckSimError
-
-STYLE: Any = {
-    "font.size": 8,
-    "axes.labelsize": 8,
-    "axes.linewidth": 0.6,
-    "axes.titlesize": 8,
-    "figure.titlesize": 8,
-    "hatch.linewidth": 0.6,
-    "legend.fontsize": 7,
-    "legend.handlelength": 2.4,
-    "lines.linewidth": 1,
-    "lines.markersize": 3.5,
-    "xtick.labelsize": 7,
-    "xtick.major.width": 0.6,
-    "ytick.labelsize": 7,
-    "ytick.major.width": 0.6,
-}
-"""Settings of matplotlib with which figures of sweeps are drawn; letters and lines are as large as print needs."""
 
 COLUMN_CM, PAGE_CM = 8.5, 17.5
 """Widths of a column and of a page of two columns, cm: of a figure with one panel, and with several."""
@@ -38,8 +23,8 @@ MIN_PANEL_CM = 4.0
 MAX_PANELS = 64
 """Largest number of panels of a figure; one with more is neither legible nor quickly drawn."""
 
-LETTERS_PER_CM = 6.5
-"""Number of letters of a title on a centimetre."""
+LETTERS_PER_CM = 52.0
+"""Number of letters of one point on a centimetre."""
 
 BAND = 0.15
 """Opacity of bands."""
@@ -50,8 +35,47 @@ BAR, BAR_ASPECT = 0.05, 25
 GREY = "0.35"
 """Colour of marks in legends that many curves have."""
 
+COLOURS = ("#002dc3", "#ff5a00", "#690f00", "#1e96ff", "#c300a5", "#87784b", "#d27896", "#3c2d4b")
+"""Colours of curves, without a green. A search found them: each has a contrast of at least 3 with white, and any two
+are at least 26 apart in CIELAB, also as people without one kind of cones see them (Machado et al. 2009)."""
+
+MARKERS = ("o", "s", "D", ">", "P", "<", "p", "*")
+"""Markers of curves; triangles that point up and down, and crosses, have meanings of their own."""
+
+MARKER_DISTANCE, MARKER_SHIFT = 0.2, 0.03
+"""Distance from one marker of a line to the next, and from those of one line to those of the next, relative to the
+panel's diagonal."""
+
 NAMES = re.compile(r"\b([TV])_(sync|cens|m|p)\b")
 """Quantities of the thesis that are written with an index."""
+
+
+class Look(NamedTuple):
+    """How a curve looks."""
+
+    colour: str
+    marker: str
+
+
+def style(font_pt: float = 8.0) -> Any:
+    """Return settings of matplotlib for figures with letters of this size."""
+    small = font_pt - 1
+    return {
+        "font.size": font_pt,
+        "axes.labelsize": font_pt,
+        "axes.linewidth": 0.6,
+        "axes.titlesize": font_pt,
+        "figure.titlesize": font_pt,
+        "hatch.linewidth": 0.6,
+        "legend.fontsize": small,
+        "legend.handlelength": 2.4,
+        "lines.linewidth": 1,
+        "lines.markersize": 3.5,
+        "xtick.labelsize": small,
+        "xtick.major.width": 0.6,
+        "ytick.labelsize": small,
+        "ytick.major.width": 0.6,
+    }
 
 
 def typeset(text: str) -> str:
@@ -76,14 +100,15 @@ def count_trials(trials: Sequence[int]) -> str:
 
 
 def make_panels(
-    title: str, titles: Sequence[str], labels: tuple[str, str], width_cm: float | None = None
+    title: str, titles: Sequence[str], labels: Sequence[str], width_cm: float | None = None
 ) -> tuple[Figure, list[Axes]]:
     """Make a figure with a panel for each title, row by row; the panels share their scales.
 
     Args:
-        title: Title of the figure, whose lines are wrapped.
+        title: Title of the figure, whose lines are wrapped; empty for none.
         titles: Titles of the panels.
-        labels: Labels of the horizontal and of the vertical axis.
+        labels: Labels of the horizontal and of the vertical axis; with several vertical ones the panels stand below
+            each other, and each has its own vertical scale.
         width_cm: Width of the figure; by default that of a column for one panel, and that of a page for several.
 
     Returns:
@@ -92,38 +117,32 @@ def make_panels(
     Raises:
         EpuckSimError: There are more than `MAX_PANELS` titles.
     """
-    count = len(titles)
+    count, is_stack = len(titles), len(labels) > 2
     if count > MAX_PANELS:
         raise EpuckSimError(
             f"there would be {count} panels, one for each combination of the other axes; allowed: up to {MAX_PANELS}; "
             "draw against other axes, or --form curves"
         )
-    width_cm = width_cm or (COLUMN_CM if count == 1 else PAGE_CM)
+    width_cm = width_cm or (COLUMN_CM if count == 1 or is_stack else PAGE_CM)
     columns = min(count if count <= 3 else math.ceil(math.sqrt(count)), max(1, int(width_cm / MIN_PANEL_CM)))
+    columns = 1 if is_stack else columns
     rows = math.ceil(count / columns)
-    figure = make_figure(title, width_cm)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), dpi=300, layout="constrained")
+    if title:
+        letters = int(width_cm * LETTERS_PER_CM / rcParams["font.size"])
+        figure.suptitle(typeset(textwrap.fill(title, letters, break_on_hyphens=False)))
+    grid = figure.subplots(rows, columns, sharex=True, sharey=not is_stack, squeeze=False).ravel()
     for unused in grid[count:]:
         unused.remove()
     panels = list(grid[:count])
     for panel, text in zip(panels, titles, strict=True):
         panel.set_title(typeset(text))
-    for panel in panels[::columns]:
-        panel.set_ylabel(labels[1])
+    for row, panel in enumerate(panels[::columns]):
+        panel.set_ylabel(typeset(labels[1 + row] if is_stack else labels[1]))
     for panel in panels[-columns:]:  # the lowest of each column, though the last row may be shorter
-        panel.set_xlabel(labels[0])
+        panel.set_xlabel(typeset(labels[0]))
         panel.tick_params(labelbottom=True)
     return figure, panels
-
-
-def make_figure(title: str, width_cm: float) -> Figure:
-    """Make an empty figure of this width; `finish` gives it its height."""
-    figure = Figure(figsize=(width_cm / 2.54, width_cm / 2.54), layout="constrained")
-    letters = int(width_cm * LETTERS_PER_CM)
-    title = title.replace("Fig. ", "Fig.\N{NO-BREAK SPACE}")
-    lines = (textwrap.fill(line, letters, break_on_hyphens=False) for line in title.split("\n"))
-    figure.suptitle(typeset("\n".join(lines)))
-    return figure
 
 
 def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
@@ -136,7 +155,7 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
     """
     for panel in panels:
         # matplotlib would choose as many ticks as labels of its own size have room when the figure is saved
-        panel.tick_params(labelsize=STYLE["xtick.labelsize"])
+        panel.tick_params(labelsize=rcParams["xtick.labelsize"])
     add_shared_legend(figure, panels)
     width, height = figure.get_size_inches()
     rows = len({panel.get_subplotspec().rowspan.start for panel in panels})  # type: ignore[union-attr] # has one
@@ -150,7 +169,7 @@ def finish(figure: Figure, panels: Sequence[Axes], shape: float = 0.72) -> None:
 def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
     """Add a legend below the panels that names each label of any of them once, in as many columns as have room.
 
-    Labels that are wider than the figure go over several lines.
+    Each label has one line; one that is wider than the figure loses its middle.
     """
     handles: dict[str, Any] = {}
     for panel in panels:
@@ -163,7 +182,36 @@ def add_shared_legend(figure: Figure, panels: Sequence[Axes]) -> None:
         if legend.get_window_extent().width < figure.bbox.width:
             return
         legend.remove()
-    letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM)
-    labels = (label.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}") for label in handles)
-    lines = [textwrap.fill(label, letters, subsequent_indent="   ", break_on_hyphens=False) for label in labels]
-    figure.legend(handles.values(), lines, loc="outside lower center")
+    letters = int(figure.get_figwidth() * 2.54 * LETTERS_PER_CM / rcParams["font.size"]) - 4
+    figure.legend(handles.values(), [_shorten(label, letters) for label in handles], loc="outside lower center")
+
+
+def _shorten(label: str, letters: int) -> str:
+    """Return a label without its middle, if it has more letters than this, and is no formula.
+
+    >>> _shorten("a_long_key = 3, another_key = 5", 20)
+    'a_long_ke … _key = 5'
+    """
+    end = (letters - 3) // 2
+    return (
+        label
+        if len(label) <= letters or "$" in label
+        else f"{label[: letters - 3 - end].rstrip()} … {label[-end:].lstrip()}"
+    )
+
+
+def choose_looks(count: int) -> list[Look]:
+    """Return the looks of curves; up to 64 all differ, in the colour, the marker or both.
+
+    >>> choose_looks(9)[0] == choose_looks(9)[8]
+    False
+    """
+    rounds = [divmod(number, len(COLOURS)) for number in range(count)]
+    return [Look(COLOURS[place], MARKERS[(place + past) % len(MARKERS)]) for past, place in rounds]
+
+
+def draw_course(panel: Axes, x: FloatArray | IntArray, values: FloatArray, place: int, look: Look, label: str) -> None:
+    """Draw a line over time, (n,), with few markers, which no two lines of different places have at one place."""
+    # matplotlib cannot space markers on a line without any point
+    every = (place * MARKER_SHIFT, MARKER_DISTANCE) if np.isfinite(values).any() else None
+    panel.plot(x, values, color=look.colour, marker=look.marker, markevery=every, label=label or None)

@@ -1,20 +1,44 @@
-"""A recorded trial on one page: flashes, phases, the order parameter, and paths."""
+"""A recorded trial on one page: the arena with paths, flashes, phases, the order parameter, and how the trial ended."""
 
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from textwrap import shorten, wrap
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon, Rectangle
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from epuck_sim.arrays import Float32Array, FloatArray, IntArray
 from epuck_sim.errors import RecordingError
-from epuck_sim.figures.trial_arena import RED, draw_arena, robot_colours
-from epuck_sim.figures.trial_title import page_title
+from epuck_sim.figures.agent_paths import agent_path
+from epuck_sim.figures.labels import format_axis_values
+from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.layers.time_series import phase_lead
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.parts import population_of
 from epuck_sim.recording.population import Population
 from epuck_sim.recording.recorded import Recorded
+from epuck_sim.scenario.loader import load_scenario
+from epuck_sim.scenario.particles import ParticleScenario
+from epuck_sim.scenario.scenario import WITHOUT_EFFECT, Scenario
+from epuck_sim.util.builtin import ARENAS, builtin_files
+
+RED = "#dc2828"
+"""Colour of rings that are lit, and of flashes."""
+
+DARK = "#8a8f98"
+"""Colour of rings that are dark."""
+
+INNER_SHARE = 0.88
+"""Radius of the white line within the coloured edge of a disc, as a share of its radius."""
+
+LEGIBLE_SHARE = 1 / 15
+"""Smallest diameter of a disc that has room for a number, as a share of the arena's longer side."""
 
 MAX_VECTOR_MARKS = 5_000
 """Largest number of marks that an SVG holds one by one; more of them are a picture in it."""
@@ -30,6 +54,17 @@ LINE_HEIGHT = 0.035
 
 HEIGHTS = (1.3, 1.1, 1)
 """Relative heights of the flashes, the phases and the order parameter."""
+
+MAX_CHANGES = 8
+"""Most changed keys that a title names."""
+
+MAX_VALUE = 40
+"""Most characters of a changed value that a title shows."""
+
+LINE_LENGTH = 120
+"""Most characters in a line of the title."""
+
+_IRRELEVANT = WITHOUT_EFFECT | {"model", "seed", "sweep"}
 
 
 def check_drawable(recorded: Recorded, origin: str) -> None:
@@ -50,7 +85,7 @@ def draw_page(recorded: Recorded) -> Figure:
     """
     population = population_of(recorded.scenario)
     has_oscillators = not np.isnan(population.period_ms).all()
-    figure = Figure(figsize=(12, 5.6))
+    figure = Figure(figsize=(12, 5.6), dpi=300)
     title = page_title(recorded, has_oscillators=has_oscillators)
     figure.suptitle(title, y=0.985, fontsize="medium", parse_math=False)
     courses = [_draw_flashes] if has_oscillators or len(recorded.flash_s) else []
@@ -68,7 +103,7 @@ def draw_page(recorded: Recorded) -> Figure:
         draw(axes, recorded, population)
         axes.set_xlim(0, 1.01 * recorded.time_s[-1] + 1 / population.rows_per_s)
         axes.tick_params(labelbottom=row == len(courses) - 1)
-    axes.set_xlabel("simulated time [s]")
+    axes.set_xlabel("simulated time (s)")
     return figure
 
 
@@ -92,7 +127,7 @@ def _draw_phases(axes: Axes, recorded: Recorded, population: Population) -> None
             markersize=4,
             rasterized=ahead.size > MAX_VECTOR_MARKS,
         )
-    axes.set(ylabel="phase ahead of\nreference [cycles]", ylim=(-0.53, 0.53))
+    axes.set(ylabel="phase ahead of\nreference (cycles)", ylim=(-0.53, 0.53))
 
 
 def _draw_order(axes: Axes, recorded: Recorded, population: Population) -> None:
@@ -112,3 +147,170 @@ def _draw_order(axes: Axes, recorded: Recorded, population: Population) -> None:
         axes.axhline(threshold, color=RED, linewidth=0.8, linestyle="--", label=named)
     axes.set(ylabel="order\nparameter", ylim=(min(0.0, np.nanmin(recorded.order_parameter, initial=0.0)), 1.04))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.36), ncols=3, fontsize="small", frameon=False)
+
+
+def draw_arena(axes: Axes, recorded: Recorded, population: Population) -> None:
+    """Draw the last moment at which most rings were lit, and the paths that led there."""
+    rings = recorded.ring_on.sum(axis=1)
+    moment = int(np.flatnonzero(rings == rings.max())[-1])
+    begin = int(np.searchsorted(recorded.time_s, recorded.time_s[moment] - population.path_s))
+    draw = _draw_floor if population.arena.height_cm > 0 else _draw_segment
+    draw(axes, recorded, population, slice(begin, moment + 1))
+    duration_s = recorded.time_s[moment] - recorded.time_s[begin]
+    digits = max(0, 1 - math.floor(math.log10(population.path_s)))
+    when = f"at {recorded.time_s[moment]:.{digits + 1}f} s, with the paths of {duration_s:.{digits}f} s"
+    what = "a cube seen from above: x and y of three dimensions\n" if _is_cube(recorded.scenario) else ""
+    axes.set_title(what + when, fontsize="medium")
+    axes.set(xlabel="x (cm)")
+
+
+def _is_cube(scenario: Scenario) -> bool:
+    return isinstance(scenario, ParticleScenario) and scenario.space.dimensions == 3
+
+
+def _paths(recorded: Recorded, population: Population, rows: slice) -> Iterator[FloatArray]:
+    """Yield the path of each robot or agent, (points, 3) s, cm, cm: time, x, y; NaN where it has a gap.
+
+    Robots, and agents in a cube, of whose headings only the horizontal part is known, are drawn from row to row.
+    """
+    scenario, time_s = recorded.scenario, recorded.time_s[rows]
+    for number in range(population.size):
+        positions, headings = recorded.positions[rows, number], recorded.headings[rows, number]
+        if isinstance(scenario, ParticleScenario) and not _is_cube(scenario):
+            side_cm = scenario.space.side_cm
+            yield agent_path(time_s, positions, headings, side_cm, is_cyclic=population.is_cyclic)
+        else:
+            path = np.column_stack([time_s, positions])
+            yield np.insert(path, _jumps(positions, population), np.nan, axis=0)
+
+
+def _draw_floor(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
+    arena, radius_cm = recorded.arena_at(rows.stop - 1), population.radius_cm
+    axes.add_patch(Rectangle((0, 0), arena.width_cm, arena.height_cm, fill=False, linewidth=1.5))
+    for x, y, radius in arena.circles:
+        axes.add_patch(Circle((x, y), radius, facecolor="0.85"))
+    for corners in arena.polygons:
+        axes.add_patch(Polygon(corners, facecolor="0.85"))
+    for number, (colour, path) in enumerate(
+        zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
+    ):
+        axes.plot(path[:, 1], path[:, 2], color=colour, linewidth=0.8, alpha=0.6)
+        x, y = recorded.positions[rows, number][-1]
+        if math.isnan(x):  # the robot is not in the arena
+            continue
+        heading = recorded.headings[rows, number][-1]
+        face = RED if recorded.ring_on[rows, number][-1] else DARK
+        axes.add_patch(Circle((x, y), radius_cm, facecolor=face, edgecolor=colour, linewidth=1.5, zorder=3))
+        # a white line keeps colours apart that the colour-blind confuse
+        axes.add_patch(Circle((x, y), INNER_SHARE * radius_cm, fill=False, edgecolor="white", linewidth=1, zorder=3.5))
+        front = (x + radius_cm * math.cos(heading), y + radius_cm * math.sin(heading))
+        axes.plot([x, front[0]], [y, front[1]], color="white", zorder=4)
+        if population.size < UNLABELLED:
+            _write_number(axes, number, (x, y), heading, population)
+    axes.set(aspect="equal", ylabel="y (cm)")
+    axes.margins(0.02)
+
+
+def _write_number(axes: Axes, number: int, middle: tuple[float, float], heading: float, population: Population) -> None:
+    """Write the number of a robot or agent behind its front: on its disc, or beside it if that is small."""
+    span_cm = max(population.arena.width_cm, population.arena.height_cm)
+    share = -0.45 if 2 * population.radius_cm >= LEGIBLE_SHARE * span_cm else -1.9
+    behind = share * population.radius_cm
+    axes.text(
+        middle[0] + behind * math.cos(heading),
+        middle[1] + behind * math.sin(heading),
+        str(number),
+        fontsize=8,
+        ha="center",
+        va="center",
+        zorder=5,
+        path_effects=[withStroke(linewidth=2, foreground="white")],
+    )
+
+
+def _draw_segment(axes: Axes, recorded: Recorded, population: Population, rows: slice) -> None:
+    """Draw a segment, which has no y, with time as the vertical axis of its paths."""
+    for wall in (0, population.arena.width_cm):
+        axes.axvline(wall, color="black", linewidth=1.5)
+    for number, (colour, path) in enumerate(
+        zip(robot_colours(population), _paths(recorded, population, rows), strict=True)
+    ):
+        axes.plot(path[:, 1], path[:, 0], color=colour, linewidth=0.8)
+        face = RED if recorded.ring_on[rows, number][-1] else DARK
+        axes.plot(path[-1, 1], path[-1, 0], "o", color=face, markeredgecolor=colour, markersize=10)
+        if population.size < UNLABELLED:
+            axes.text(path[-1, 1], path[-1, 0], str(number), color="white", fontsize=6, ha="center", va="center")
+    axes.set(ylabel="simulated time (s)")
+    axes.margins(0.03)
+
+
+def _jumps(path: Float32Array, population: Population) -> IntArray:
+    """Return the rows, (jumps,), of a path, (rows, 2) cm, before which it leaves a cyclic space and re-enters it."""
+    far_cm = population.arena.width_cm / 2 if population.is_cyclic else math.inf
+    return 1 + np.flatnonzero((np.abs(np.diff(path, axis=0)) > far_cm).any(axis=1))
+
+
+def robot_colours(population: Population) -> FloatArray:
+    """Return a colour for each robot or agent, (size, 4)."""
+    colours: FloatArray = colormaps["viridis"](np.linspace(0, 0.95, population.size))
+    return colours
+
+
+def page_title(recorded: Recorded, *, has_oscillators: bool) -> str:
+    """Return the title: scenario, seed and outcome, and a second line if the scenario is not as it is known."""
+    if recorded.synchronised:
+        outcome = f"synchronised after {recorded.cycles} cycles"
+    elif recorded.scenario.stop.order_parameter is None and has_oscillators:
+        outcome = f"{recorded.cycles} cycles"
+    else:
+        outcome = "not synchronised" if has_oscillators else "without oscillators"
+    changes = describe_changes(changed_values(recorded.scenario))
+    return "\n".join([f"{recorded.scenario.name}, seed {recorded.seed}: {outcome}", *wrap(changes, LINE_LENGTH)])
+
+
+def changed_values(scenario: Scenario) -> dict[str, Any]:
+    """Return the values, by dotted key, in which a scenario differs from the shipped one of its name.
+
+    If none has its name, these are the values in which it differs from its model's defaults.
+
+    >>> changed_values(load_scenario("thesis", ["stop.max_cycles=7"]))
+    {'stop.max_cycles': 7}
+    """
+    name = scenario.name
+    known = load_scenario(name if name in builtin_files(ARENAS) else {"model": scenario.model})
+    before = dict(_leaves(known.model_dump(mode="json", exclude=set(_IRRELEVANT))))
+    return {
+        key: value
+        for key, value in _leaves(scenario.model_dump(mode="json", exclude=set(_IRRELEVANT)))
+        if key not in before or before[key] != value
+    }
+
+
+def _leaves(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the values in nested mappings, and in lists of mappings, with their dotted keys."""
+    inner: Mapping[Any, Any] = {}
+    if isinstance(value, Mapping):
+        inner = value
+    elif isinstance(value, Sequence) and value and all(isinstance(each, Mapping) for each in value):
+        inner = dict(enumerate(value))
+    if not inner:
+        yield key, value
+    for name, part in inner.items():
+        yield from _leaves(part, f"{key}.{name}" if key else str(name))
+
+
+def describe_changes(changes: Mapping[str, Any]) -> str:
+    """Return changed values as text, with symbols and units.
+
+    >>> describe_changes({"robots.0.parameters.speed_cm_s": 3.0, "stop.max_cycles": 7})
+    'with V = 3 cm/s, max cycles = 7'
+    >>> describe_changes({"robots.0.count": 2, "robots.1.count": 3})
+    'with N of robots.0 = 2, N of robots.1 = 3'
+    """
+    if not changes:
+        return ""
+    values = {key: f"{value:g}" if isinstance(value, float) else value for key, value in changes.items()}
+    texts = [format_axis_values({key: value}, changes) for key, value in values.items()]
+    shown = [shorten(text, len(text.partition(" = ")[0]) + MAX_VALUE, placeholder=" …") for text in texts[:MAX_CHANGES]]
+    rest = len(texts) - len(shown)
+    return "with " + ", ".join(shown) + (f", and {rest} more" if rest else "")

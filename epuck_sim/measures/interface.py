@@ -13,7 +13,7 @@ point agents, `cycle` after every firing of the reference. `event` is what obser
 The value is a number, a truth value, None where it is undetermined, or a list of them, one for each cycle.
 A class attribute `MODELS` names the models that it can measure, if it cannot measure all; a static method
 `check(parameters)` raises ValueError on parameters that make no sense, `check_scenario(scenario, parameters)` on a
-scenario that it cannot measure.
+scenario that it cannot measure. `UNIT`, of the class or of its file, is the unit that figures name.
 """
 
 import inspect
@@ -55,6 +55,8 @@ class Measure:
     """Name and default of each parameter."""
     sources: Mapping[Path, bytes]
     """Contents of every file that a user's measure comes from, at the time of loading; empty for a shipped one."""
+    unit: str = ""
+    """Unit of its value, which figures name; empty if it has none."""
 
     @property
     def is_function(self) -> bool:

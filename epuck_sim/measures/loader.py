@@ -9,7 +9,7 @@ from typing import Any
 
 from epuck_sim.errors import MeasureError
 from epuck_sim.measures.interface import Measure, default_parameters
-from epuck_sim.measures.shipped import SHIPPED
+from epuck_sim.measures.shipped import SHIPPED, UNITS
 from epuck_sim.user_files import Kind, Place, PythonFile, kept, load_python_file
 from epuck_sim.util.messages import comma_list, did_you_mean, short_repr
 
@@ -48,7 +48,7 @@ def find_measure(name: str, folder: Path | None = None) -> Measure:
 def _shipped_measure(name: str) -> Measure:
     module, _, member = SHIPPED[name].partition(":")
     make = getattr(import_module(f"epuck_sim.instruments.{module}"), member)
-    return Measure(name, name, make, default_parameters(make), {})
+    return Measure(name, name, make, default_parameters(make), {}, UNITS.get(name, ""))
 
 
 @kept
@@ -75,9 +75,11 @@ def _measure_in(file: PythonFile, place: Place, member: str) -> Measure:
         parameters = default_parameters(make)
     except ValueError as error:
         raise file.refusal(chosen, f"{chosen} {error}") from error
-    if not member and place.package:
-        return Measure(place.name, place.name, make, parameters, file.sources)
-    return Measure(chosen, f"{place.name}:{chosen}", make, parameters, file.sources)
+    unit = getattr(make, "UNIT", file.parts.get("UNIT", ""))
+    if not isinstance(unit, str):
+        raise file.refusal("UNIT", f"{chosen} has UNIT = {short_repr(unit)}; a unit is text")
+    stored = place.name if not member and place.package else f"{place.name}:{chosen}"
+    return Measure(place.name if stored == place.name else chosen, stored, make, parameters, file.sources, unit)
 
 
 def _measures_of(file: PythonFile) -> Mapping[str, Callable[..., Any]]:

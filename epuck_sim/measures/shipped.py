@@ -38,3 +38,19 @@ SHIPPED = {
     "words": "consensus:Words",
 }
 """Module in `epuck_sim.instruments` and class of each shipped measure, by the measure's name."""
+
+UNITS = {
+    "cluster_life": "cycles",
+    "consensus": "cycles",
+    "detection_delay": "cycles",
+    "link_life": "cycles",
+    "mean_speed": "cm/s",
+    "mean_squared_displacement": "cm²",
+    "moved": "cm/h",
+    "perturbation": "cycles",
+    "perturbation_transient": "cycles",
+    "spanning_time": "cycles",
+    "threshold_cycles": "cycles",
+    "velocity_correlation_time": "s",
+}
+"""Units of shipped measures that have one, by the measure's name."""

@@ -1,4 +1,4 @@
-"""The page of a replication as blocks: a table of verdicts, then each claim."""
+"""The page of a replication in Markdown: a table of verdicts, then each claim."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -8,7 +8,7 @@ from epuck_sim.replication.checks import FormulaCheck
 from epuck_sim.replication.claims import Claim
 from epuck_sim.replication.contents import Contents
 from epuck_sim.replication.cost import Cost
-from epuck_sim.replication.document import Block, Cell, Code, Heading, Link, Picture, Rows, paragraph
+from epuck_sim.replication.markdown import Cell, Code, Link, paragraph, table
 from epuck_sim.replication.sweeps import Version, sweep_folder
 from epuck_sim.replication.verdicts import Answer, Judged, Verdict
 from epuck_sim.replication.wording import describe_check, describe_effect, describe_prediction, format_p
@@ -27,14 +27,14 @@ RULES = (
 QUICK = "This is the quick version: what it leaves undecided, more trials, or longer ones, may decide (--full). "
 
 
-def make_page(contents: Contents, pictures: Mapping[str, str]) -> Iterator[Block]:
-    """Yield the blocks of the page.
+def make_page(contents: Contents, pictures: Mapping[str, str]) -> Iterator[str]:
+    """Yield the parts of the page, between which there are empty lines.
 
     Args:
         contents: What it shows.
         pictures: Path of each claim's figure, relative to the page, by the claim's id.
     """
-    yield Heading(1, TITLE)
+    yield f"# {TITLE}"
     yield paragraph(
         _count_verdicts(contents), " This page is what this command wrote: ", _command(contents, *contents.chosen), "."
     )
@@ -45,7 +45,7 @@ def make_page(contents: Contents, pictures: Mapping[str, str]) -> Iterator[Block
             yield from _show_claim(contents, answer, pictures)
     yield from _not_asked(contents)
     if contents.notes:
-        yield Heading(2, "Contradictions, misprints and identities")
+        yield "## Contradictions, misprints and identities"
         for note in contents.notes:
             yield paragraph(f"- {note}")
     yield from _sweeps(contents)
@@ -62,7 +62,7 @@ def _command(contents: Contents, *ids: str) -> Code:
     return Code(" ".join(words))
 
 
-def _verdict_table(contents: Contents) -> Rows:
+def _verdict_table(contents: Contents) -> str:
     rows: list[list[Cell]] = []
     for answer in contents.answers:
         claim, is_asked = answer.claim, bool(answer.checks)
@@ -77,23 +77,23 @@ def _verdict_table(contents: Contents) -> Rows:
                 _command(contents, claim.id) if is_asked else "",
             ]
         )
-    return Rows(["", "claim", "section", "it says", "ours", "verdict", "command"], rows)
+    return table(["", "claim", "section", "it says", "ours", "verdict", "command"], rows)
 
 
 def _in_short(judged: Judged) -> str:
     return f"{describe_effect(judged.tested.effect)}, predicted {describe_prediction(judged.tested.check)}"
 
 
-def _show_claim(contents: Contents, answer: Answer, pictures: Mapping[str, str]) -> Iterator[Block]:
+def _show_claim(contents: Contents, answer: Answer, pictures: Mapping[str, str]) -> Iterator[str]:
     claim = answer.claim
-    yield Heading(2, claim.id)
+    yield f"## {claim.id}"
     yield paragraph(
         f"{claim.claim} (section {claim.section}; the thesis says: {claim.says}). Verdict: {answer.verdict}."
     )
     headings = ["test", "ours", "predicted", "p", "corrected", "trials a point", "censored at most", ""]
-    yield Rows(headings, [_check_row(each) for each in answer.checks])
+    yield table(headings, [_check_row(each) for each in answer.checks])
     if claim.id in pictures:
-        yield Picture(pictures[claim.id], f"Claim {claim.id}: the curves that its tests look at")
+        yield f"![Claim {claim.id}: the curves that its tests look at]({pictures[claim.id]})"
     if claim.otherwise:
         yield paragraph(f"What would change this: {claim.otherwise}")
     yield paragraph("Command: ", _command(contents, claim.id), _full_version(contents, claim))
@@ -127,17 +127,17 @@ def _check_row(judged: Judged) -> list[Cell]:
     ]
 
 
-def _not_asked(contents: Contents) -> Iterator[Block]:
+def _not_asked(contents: Contents) -> Iterator[str]:
     left = [answer.claim for answer in contents.answers if not answer.checks]
     if left:
-        yield Heading(2, "Not asked")
-        yield Rows(["", "claim", "why"], [[claim.id, claim.claim, claim.not_asked] for claim in left])
+        yield "## Not asked"
+        yield table(["", "claim", "why"], [[claim.id, claim.claim, claim.not_asked] for claim in left])
 
 
-def _sweeps(contents: Contents) -> Iterator[Block]:
+def _sweeps(contents: Contents) -> Iterator[str]:
     if not contents.sweeps:
         return
-    yield Heading(2, "What was run")
+    yield "## What was run"
     rows: list[list[Cell]] = [
         [
             name,
@@ -152,7 +152,7 @@ def _sweeps(contents: Contents) -> Iterator[Block]:
         ]
         for name, status in contents.sweeps.items()
     ]
-    yield Rows(
+    yield table(
         [
             "sweep",
             "points",

@@ -1,20 +1,18 @@
-"""Writes the page of a replication, as Markdown and as HTML, with its figures."""
+"""Writes the page of a replication, with its figures."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from epuck_sim.display.page import make_document
 from epuck_sim.replication.claims import Claim, Claims
 from epuck_sim.replication.contents import Contents, read_contents
-from epuck_sim.replication.document import to_body, to_markdown
-from epuck_sim.replication.page import TITLE, make_page
+from epuck_sim.replication.page import make_page
 from epuck_sim.replication.picture import draw_claim
 from epuck_sim.replication.sweeps import Version, sweep_folder
 from epuck_sim.util.atomic_write import atomic_write
 
 ALL, SOME = "replication", "chosen"
-"""Stem of the page's files: of all claims, and of some, so that one does not overwrite the other."""
+"""Stem of the page's name: of all claims, and of some, so that one does not overwrite the other."""
 
 FIGURES = "figures"
 """Folder of its figures, beside it."""
@@ -24,25 +22,22 @@ class Written(NamedTuple):
     """A page that was written."""
 
     contents: Contents
-    files: list[Path]
+    file: Path
 
 
 def write_replication(claims: Claims, chosen: Sequence[Claim], folder: Path, version: Version) -> Written:
-    """Write a page about the trials that are stored, FOLDER/replication.md and .html, or chosen.md and .html.
+    """Write a page about the trials that are stored, FOLDER/replication.md, or chosen.md.
 
     Raises:
         EpuckSimError: A run folder is missing, or a file cannot be written.
     """
     contents = read_contents(claims, chosen, folder, version)
     (folder / FIGURES).mkdir(parents=True, exist_ok=True)
-    blocks = list(make_page(contents, _draw(chosen, folder, version)))
-    stem = SOME if contents.chosen else ALL
-    texts = {".md": to_markdown(blocks), ".html": make_document(TITLE, to_body(blocks, folder))}
-    files = [folder / f"{stem}{suffix}" for suffix in texts]
-    for file, text in zip(files, texts.values(), strict=True):
-        with atomic_write(file) as part:
-            part.write_text(text, encoding="utf-8")
-    return Written(contents, files)
+    page = "\n\n".join(make_page(contents, _draw(chosen, folder, version))) + "\n"
+    file = folder / f"{SOME if contents.chosen else ALL}.md"
+    with atomic_write(file) as part:
+        part.write_text(page, encoding="utf-8")
+    return Written(contents, file)
 
 
 def _draw(chosen: Sequence[Claim], folder: Path, version: Version) -> dict[str, str]:

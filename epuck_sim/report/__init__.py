@@ -1,4 +1,4 @@
-"""One page about a run folder, complete in itself: what was run, tables, figures that can be zoomed, failed trials.
+"""One page about a run folder, complete in itself: what was run, tables, figures, failed trials.
 
 May import: everything but cli.
 """

@@ -5,12 +5,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from epuck_sim.figures.labels import quantity_label
-from epuck_sim.report.groups import point_labels
 from epuck_sim.runs.folder import database_of
 from epuck_sim.runs.reader import PointTrials, read_measure_names, read_points
 from epuck_sim.runs.status import Status, read_status
 from epuck_sim.scenario.loader import RUN_SCENARIO
-from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.series import has_series
 from epuck_sim.statistics.summary import PointSummary, summarize
 
 
@@ -21,10 +20,6 @@ class Quantity(NamedTuple):
     label: str
     """Its name, with a unit if it has one."""
     points: list[PointTrials]
-    labels: list[str]
-    """What distinguishes each point, as text."""
-    measured: list[Measured]
-    """Its values at each point; at some there may be none."""
     summaries: list[PointSummary]
     is_time: bool
     """Whether it is T_sync, which may be censored."""
@@ -73,9 +68,8 @@ def read_contents(folder: Path | str) -> Contents:
 
 
 def _quantity(name: str, label: str, points: list[PointTrials]) -> Quantity:
-    measured, is_time = [measure(point) for point in points], points[0].of is None
-    return Quantity(name, label, points, point_labels(points), measured, summarize(points), is_time)
+    return Quantity(name, label, points, summarize(points), points[0].of is None)
 
 
 def _is_series(points: list[PointTrials]) -> bool:
-    return any(isinstance(value, list) for point in points for value in point.measured)
+    return any(map(has_series, points))

@@ -1,15 +1,14 @@
 """The page of a run folder as HTML: its sections, one after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
-from plotly import graph_objects as go
-from plotly.offline import get_plotlyjs
-
-from epuck_sim.display.html import element, to_html
+from epuck_sim.display.html import Node, element, to_html
 from epuck_sim.display.page import make_document
-from epuck_sim.report.contents import Contents, Quantity, Series
-from epuck_sim.report.distribution_plot import draw_distributions
-from epuck_sim.report.estimate_plots import draw_estimates, draw_map
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.saving import to_svg
+from epuck_sim.figures.sweep_figure import read_form
+from epuck_sim.report.contents import Contents, read_contents
 from epuck_sim.report.sections import (
     anchor,
     count_trials,
@@ -19,76 +18,68 @@ from epuck_sim.report.sections import (
     show_scenario,
     tabulate,
 )
-from epuck_sim.report.series_plot import count_series, draw_series
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.util.atomic_write import atomic_write, check_target
 
-CONFIG = {
-    "responsive": True,
-    "displaylogo": False,
-    "showSendToCloud": False,
-    "modeBarButtonsToRemove": ["select2d", "lasso2d"],
-    "toImageButtonOptions": {"format": "svg"},
-}
-"""How plotly shows figures: as wide as the window, with buttons to zoom and to save as SVG, none that uploads data."""
+SUFFIXES = (".html", ".htm")
+"""Endings of a page's name."""
 
-ZOOM = "Hover for numbers; drag to zoom, double-click to zoom out."
-ESTIMATES = "Estimates of the trials of each point, with 95 % intervals."
-CENSORED = (
-    "Hollow: some trials are censored, and means are restricted to the limit of cycles. Missing: all are censored, or "
-    "there are none."
-)
-MAP = "Means over two axes, in cells of equal width."
-CENSORED_MAP = "Missing: half of the trials or more are censored, or there are none."
-DISTRIBUTIONS = "Share of the trials of each point that have at most this value."
-CENSORED_DISTRIBUTIONS = "A line ends below 1 where trials are censored (Kaplan-Meier)."
-SERIES = "Mean of the trials of each point at each cycle; a trial that has ended counts no more."
-"""Captions of figures."""
+FORMS = ("curves", "map", "violins")
+"""Forms in which T_sync and a measure of one value are drawn, where they fit."""
 
-_FIGURE = '<figure class="plot">'
+
+def write_report(folder: Path | str, path: Path | str) -> None:
+    """Write one HTML page about a run folder, complete in itself: it needs no network, and can be sent to others.
+
+    Args:
+        folder: A run folder, finished or not; it stays as it is.
+        path: The page, whose name ends in `.html`.
+
+    Raises:
+        StoreError: The folder is not a run folder, or its database is damaged.
+        EpuckSimError: The page cannot be written.
+    """
+    target = Path(path)
+    if target.suffix not in SUFFIXES:
+        raise EpuckSimError(f"{target}: unknown format {target.suffix!r}; allowed: .html")
+    check_target(target)
+    page = make_page(read_contents(folder))
+    with atomic_write(target) as part:
+        part.write_text(page, encoding="utf-8", errors="backslashreplace")
 
 
 def make_page(contents: Contents) -> str:
     """Return the page; equal contents give an equal page."""
-    body = "".join(_sections(contents))
-    library = f"<script>{get_plotlyjs()}</script>" if _FIGURE in body else ""
-    return make_document(f"{contents.status.scenario}: report", body, library)
+    return make_document(f"{contents.status.scenario}: report", to_html(*_sections(contents)))
 
 
-def _sections(contents: Contents) -> Iterator[str]:
-    yield to_html(*describe_run(contents))
+def _sections(contents: Contents) -> Iterator[Node]:
+    yield from describe_run(contents)
     for quantity in contents.quantities:
-        yield to_html(element("h2", quantity.label, id=anchor(quantity.name)), *tabulate(contents, quantity))
-        yield from _draw_quantity(quantity)
+        yield element("h2", quantity.label, id=anchor(quantity.name))
+        yield from tabulate(contents, quantity)
+        for form in FORMS:
+            yield from _draw(quantity.points, form, quantity.name)
     if not contents.quantities:  # neither oscillators nor a measure of one value
-        yield to_html(element("h2", "Points"), *count_trials(contents))
+        yield element("h2", "Points")
+        yield from count_trials(contents)
     for series in contents.series:
-        yield to_html(element("h2", series.name, id=anchor(series.name)))
-        yield from _draw_series(series)
-    yield to_html(*list_failures(contents), *list_commands(contents), *show_scenario(contents))
+        yield element("h2", series.name, id=anchor(series.name))
+        yield from _draw(series.points, "series", series.name)
+    yield from (*list_failures(contents), *list_commands(contents), *show_scenario(contents))
 
 
-def _draw_quantity(quantity: Quantity) -> Iterator[str]:
-    forms = (
-        ("estimates", draw_estimates, ESTIMATES, CENSORED),
-        ("map", draw_map, MAP, CENSORED_MAP),
-        ("distribution", draw_distributions, DISTRIBUTIONS, CENSORED_DISTRIBUTIONS),
-    )
-    for form, draw, caption, if_censored in forms:
-        drawn = draw(quantity)
-        if drawn is not None:
-            is_censored = any(summary.censored for summary in quantity.summaries)
-            yield _figure(drawn, f"{form}-{quantity.name}", " ".join([caption, *[if_censored] * is_censored, ZOOM]))
-
-
-def _draw_series(series: Series) -> Iterator[str]:
-    trials = sum(map(count_series, series.points))
-    yield to_html(element("p", f"A value for each cycle, in {trials} trials.", class_="note"))
-    drawn = draw_series(series)
-    if drawn is not None:
-        yield _figure(drawn, f"series-{series.name}", f"{SERIES} {ZOOM}")
-
-
-def _figure(figure: go.Figure, name: str, caption: str) -> str:
-    """Return a figure with a caption below it."""
-    identifier = "".join(letter if letter.isalnum() else "-" for letter in name)
-    drawn = figure.to_html(config=CONFIG, include_plotlyjs=False, full_html=False, div_id=identifier)
-    return f"{_FIGURE}{drawn}{to_html(element('figcaption', caption))}</figure>\n"
+def _draw(points: Sequence[PointTrials], name: str, quantity: str) -> Iterator[Node]:
+    """Yield a figure with a caption below it; nothing where the form does not fit."""
+    try:
+        form = read_form(points, {"form": name})
+        drawn = form.draw_figure()
+    except EpuckSimError:
+        return
+    identifier = "".join(letter if letter.isalnum() else "-" for letter in f"{name}-{quantity}")
+    picture = to_svg(drawn, identifier)
+    picture.set("id", identifier)
+    picture.set("role", "group")
+    picture.set("aria-label", f"{quantity}: {name}")
+    caption = form.caption.removeprefix(form.ran)
+    yield element("figure", picture, element("figcaption", caption))

@@ -140,8 +140,6 @@ def list_commands(contents: Contents) -> Iterator[Node]:
         "epuck-sim replay trial.rrd",
     ]
     yield element("pre", "\n".join(lines))
-    cells = [[_code(f"run {folder} --point {point.number} --trial J")] for point in contents.points]
-    yield details("The command of each point", _by_point(contents.points, ["command"], cells))
 
 
 def show_scenario(contents: Contents) -> Iterator[Node]:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from epuck_sim.errors import ScenarioError
 from epuck_sim.scenario.axes import SweepAxes
-from epuck_sim.scenario.base import ConfigModel, WholeNumber
+from epuck_sim.scenario.base import ConfigModel, Number, WholeNumber
 from epuck_sim.scenario.condition import Awaited
 from epuck_sim.scenario.measures import MeasureSection, check_condition, resolve_measures
 from epuck_sim.scenario.stop import StopSection
@@ -23,18 +23,33 @@ STOP = "stop.when"
 class FigureSection(ConfigModel):
     """How `plot` draws a sweep, where the command does not say."""
 
-    form: Literal["curves", "map", "violins", "perturbation", "course"] = "curves"
-    """How the sweep is drawn; `perturbation` and `course` are for point agents."""
+    form: Literal["curves", "map", "violins", "series", "perturbation", "course"] = "curves"
+    """How the sweep is drawn; `series` is for measures with a value for each cycle, and `perturbation` and `course` are
+    for point agents."""
     x: str | None = None
     """Dotted key of the axis to draw against; the speed by default."""
     y: str | None = None
     """Dotted key of a map's vertical axis."""
     panels: str | None = None
     """Dotted key of the axis that has a panel for each of its values, for curves; one panel by default."""
+    statistic: Literal["mean", "median", "weibull-mean"] = "mean"
+    """What stands for the trials of a point in curves and maps."""
     censored_at_cycles: Annotated[WholeNumber, Field(ge=1)] | None = None
     """Limit, in cycles, at which the estimate drawn in violins treats trials as censored."""
     base_case: dict[str, Any] = Field(default_factory=dict)
     """Values of axes, by dotted key, of the curve that is dashed because it is the base case."""
+    title: str = ""
+    """Title; by default there is none, as a caption beside the figure says what was run."""
+    labels: dict[str, str] = Field(default_factory=dict)
+    """Labels of axes, by dotted key, and of `T_sync` or a measure, by name."""
+    scale: Literal["linear", "log"] | None = None
+    """Scale of T_sync or the measure; by default logarithmic for T_sync and for positive values that are far apart."""
+    points: bool = False
+    """Whether each trial is a dot, in curves and violins."""
+    width_cm: Annotated[Number, Field(ge=5, le=100)] | None = None
+    """Width; by default that of a column, or of a page for several panels."""
+    font_pt: Annotated[Number, Field(ge=4, le=30)] = 8.0
+    """Size of letters; those at ticks and in legends are a point smaller."""
 
 
 class Scenario(ConfigModel):

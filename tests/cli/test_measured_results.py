@@ -72,7 +72,7 @@ def test_numbers_are_summarised_drawn_fitted_and_compared(tmp_path):
 def test_by_default_the_stem_is_the_measures_name(tmp_path):
     folder = folder_of(tmp_path, "number")
     assert called("plot", folder, "--of", "number").splitlines() == [
-        f"{folder}/number.{each}" for each in ("png", "svg", "csv")
+        f"{folder}/number.{each}" for each in ("png", "svg", "csv", "txt")
     ]
 
 

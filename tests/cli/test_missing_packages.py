@@ -43,6 +43,7 @@ def test_sweeps_and_statistics_need_none_of_them(folder: Path, command: str) -> 
     ("words", "package", "extra"),
     [
         (("plot", "runs"), "matplotlib", "plot"),
+        (("report", "runs", "--to", "page.html"), "matplotlib", "plot"),
         (("export", "runs", "--to", "trials.csv"), "pyarrow", "table"),
         (("run", "pair", "--trace", "trace.parquet"), "pyarrow", "table"),
         (("run", "pair", "--record", "pair.rrd"), "rerun-sdk", "view"),

@@ -370,13 +370,6 @@ def test_panels_are_those_wanted_rather_than_the_scenario_s(until_synchrony, fol
     assert stderr == "error: --panels is for --form curves, but this is course\n"
 
 
-def test_curves_are_drawn_against_the_axis_that_the_scenario_has_for_panels(tmp_path) -> None:
-    path = written(tmp_path, "over", f"{UNTIL_SYNCHRONY}figure: {{panels: {COUNT}}}\n")
-    called("run", path, "--out", tmp_path / "run", "--workers", 1)
-    called("plot", tmp_path / "run", "--x", COUNT, "--to", tmp_path / "fig")
-    assert [*rows(tmp_path / "fig.csv")[0]][:2] == [SPEED, COUNT]
-
-
 def test_the_scenario_says_which_form_is_drawn(tmp_path) -> None:
     path = written(tmp_path, "over", f"{OVER_TIME}figure: {{form: course}}\n")
     called("run", path, "--out", tmp_path / "run", "--workers", 1)
@@ -390,15 +383,7 @@ def test_the_scenario_says_which_form_is_drawn(tmp_path) -> None:
         (("--form", "map"), f"a map needs a second axis, beside {SPEED}: there is no other axis whose numbers differ"),
         (("--form", "map", "--y", RADIUS), f"--y: unknown '{RADIUS}'; axes with numbers: {SPEED}"),
         (("--x", REORIENT), f"--x: unknown '{REORIENT}'"),
-        (
-            ("--form", "course", "--x", SPEED),
-            "--x is for --form curves, map and violins, but this is course",
-        ),
-        (
-            ("--form", "perturbation", "--x", SPEED),
-            "--x is for --form curves, map and violins, but this is perturbation",
-        ),
-        (("--form", "course", "--y", SPEED), "--y is for --form map, but this is course"),
+        (("--form", "course", "--x", SPEED), "--x is for --form curves, map and violins, but this is course"),
         (("--form", "perturbation", "--censored-at", 5), "--censored-at is for --form violins, but this is pert"),
     ],
 )
@@ -406,14 +391,6 @@ def test_what_cannot_be_drawn_is_refused(folder, options, message: str) -> None:
     before = set(folder.iterdir())
     assert message in refused("plot", folder, *options)
     assert set(folder.iterdir()) == before
-
-
-@pytest.mark.parametrize("form", ["perturbation", "course"])
-def test_what_becomes_of_robots_over_time_is_refused(tmp_path, form: str) -> None:
-    called("run", "pair", "--set", "stop.max_cycles=1", "--out", tmp_path / "run", "--workers", 1)
-    words = "pair: model is 'embodied'; the forms perturbation and course need model: particles"
-    assert refused("plot", tmp_path / "run", "--form", form) == f"error: {words}\n"
-    assert not list((tmp_path / "run").glob("*.png"))
 
 
 def test_fit_tells_that_there_are_too_few_speeds(folder) -> None:

@@ -17,9 +17,6 @@ from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from epuck_sim.cli.app import app
-from epuck_sim.figures.csv_tables import Table, save_table
-from epuck_sim.figures.forms.maps import draw_maps, maps_table, read_maps
-from epuck_sim.figures.forms.violins import draw_violins, read_violins, violins_table
 from epuck_sim.runs.folder import DATABASE
 from epuck_sim.runs.reader import read_points
 from epuck_sim.runs.store import Store
@@ -42,7 +39,7 @@ from tests.runs.made_folders import (
     weibull,
 )
 
-FIGURE = ["T_sync-regimes.csv", "T_sync.csv", "T_sync.png", "T_sync.svg"]
+FIGURE = ["T_sync-regimes.csv", "T_sync.csv", "T_sync.png", "T_sync.svg", "T_sync.txt"]
 SCENARIO = sweep({COUPLING: [0.1, 0.2], SPEED: MANY_SPEEDS}, trials=100, name="fig-x")
 SMALL = sweep({SPEED: SPEEDS}, trials=5)
 
@@ -246,86 +243,13 @@ def shown(monkeypatch) -> list[Figure]:
     return figures
 
 
-def titles(figure: Figure) -> list[tuple[str, str, str]]:
-    return [(axes.get_title(), axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes]
-
-
-def assert_plotted(shown, folder: Path, options, expected: Figure, table: Table) -> None:
-    """Check that `plot` draws what is expected, and writes this table."""
-    target = folder.with_name("plotted")
-    target.mkdir()
-    stdout = called("plot", folder, *options, "--to", target / "fig")
-    assert stdout.split() == [str(target / f"fig{ending}") for ending in (".png", ".svg", ".csv")]
-    save_table(target / "expected.csv", *table)
-    assert (target / "fig.csv").read_bytes() == (target / "expected.csv").read_bytes()
-    assert [figure.get_suptitle() for figure in shown] == [expected.get_suptitle()] * 2
-    assert titles(shown[0]) == titles(expected)
-
-
-def assert_map_is_plotted(shown, folder: Path, options, x: str, y: str) -> None:
-    maps = read_maps(read_points(folder), x, y)
-    assert_plotted(shown, folder, options, draw_maps("forms", x, y, maps), maps_table(x, maps))
-
-
-@pytest.mark.parametrize(
-    ("figure", "options", "expected"),
-    [
-        ({}, ("--form", "map", "--y", WIDTH), (SPEED, WIDTH)),
-        ({}, ("--form", "map", "--x", COUNT, "--y", SPEED), (COUNT, SPEED)),
-        ({"form": "map", "y": COUNT}, (), (SPEED, COUNT)),
-        ({"form": "map", "x": WIDTH, "y": COUNT}, (), (WIDTH, COUNT)),
-        ({"form": "map", "x": WIDTH, "y": COUNT}, ("--y", SPEED), (WIDTH, SPEED)),
-        ({"form": "violins", "x": WIDTH, "y": COUNT}, ("--form", "map"), (WIDTH, COUNT)),
-    ],
-)
-def test_a_map_is_drawn_over_the_axes_requested_or_else_the_scenario_s(
-    shown, tmp_path, figure, options, expected
-) -> None:
-    assert_map_is_plotted(shown, many(tmp_path / "run", **figure), options, *expected)
-
-
-def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it(shown, tmp_path) -> None:
-    folder = store(
-        tmp_path / "run",
-        sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=5, name="forms", figure={"form": "map", "y": WIDTH}),
-        lambda point: weibull(point, 30),
-    )
-    assert_map_is_plotted(shown, folder, ("--x", WIDTH), WIDTH, SPEED)
-
-
-@pytest.mark.parametrize(
-    ("figure", "options", "expected"),
-    [
-        ({}, ("--form", "violins"), (SPEED, None)),
-        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, (), (COUNT, 30)),
-        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, ("--x", WIDTH, "--censored-at", 20), (WIDTH, 20)),
-    ],
-)
-def test_violins_are_drawn_as_requested_or_else_as_the_scenario_says(
-    shown, tmp_path, figure, options, expected
-) -> None:
-    folder, (x, censored_at) = many(tmp_path / "run", **figure), expected
-    violins = read_violins(read_points(folder), x, censored_at)
-    drawn = draw_violins("forms", x, violins, censored_at)
-    assert_plotted(shown, folder, options, drawn, violins_table(x, violins))
-    lines = [[line.get_label() for line in axes.get_lines()] for axes in shown[0].axes]
-    assert lines == [[line.get_label() for line in axes.get_lines()] for axes in drawn.axes]
-
-
-def test_curves_are_drawn_against_the_axis_of_the_scenario(shown, tmp_path) -> None:
-    folder = many(tmp_path / "run", form="map", x=COUNT, y=SPEED)
-    called("plot", folder, "--form", "curves", "--to", tmp_path / "fig")
-    assert [*rows(tmp_path / "fig.csv")[0]][:3] == [WIDTH, SPEED, COUNT]
-    assert [axes.get_xlabel() for axes in shown[0].axes] == ["N"]
-
-
 @pytest.mark.parametrize("form", ["map", "violins"])
 def test_the_other_forms_write_into_the_folder_too(tmp_path, form: str) -> None:
     pair = store(tmp_path / "run", sweep({COUNT: [3, 5], SPEED: [1, 2]}, trials=5), lambda point: weibull(point, 30))
     before = set(contents(pair))
     printed = called("plot", pair, "--form", form)
-    assert printed.split() == [str(pair / f"T_sync{ending}") for ending in (".png", ".svg", ".csv")]
-    assert set(contents(pair)) == before | {"T_sync.png", "T_sync.svg", "T_sync.csv"}
+    assert printed.split() == [str(pair / f"T_sync{ending}") for ending in (".png", ".svg", ".csv", ".txt")]
+    assert set(contents(pair)) == before | {"T_sync.png", "T_sync.svg", "T_sync.csv", "T_sync.txt"}
     assert (pair / "T_sync.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -374,16 +298,59 @@ def test_a_sweep_without_t_sync_is_refused_by_the_forms_that_show_it(tmp_path, f
     assert "trials have no T_sync" in refused("plot", folder, "--form", form)
 
 
-@pytest.mark.parametrize(("options", "width_cm"), [((), 8.5), (("--panels", WIDTH), 17.5), (("--width-cm", 12), 12)])
-def test_figures_are_as_wide_as_a_column_or_a_page_or_as_asked_for(shown, tmp_path, options, width_cm: float) -> None:
-    called("plot", many(tmp_path / "run"), *options, "--to", tmp_path / "fig")
-    assert shown[0].get_size_inches()[0] * 2.54 == pytest.approx(width_cm)
-
-
-def test_the_title_is_the_description_of_the_scenario(shown, tmp_path) -> None:
+@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
+def test_a_caption_says_what_was_run_beside_the_picture_and_in_it(tmp_path, ending: str) -> None:
     scenario = sweep({SPEED: [1, 2]}, trials=5, description="two speeds for $5")
-    called("plot", store(tmp_path / "run", scenario, lambda point: weibull(point, 30)), "--to", tmp_path / "fig")
-    assert shown[0].get_suptitle() == "Two speeds for \\$5\n5 trials a point"
+    folder = store(tmp_path / "run", scenario, lambda point: weibull(point, 30))
+    called("plot", folder, "--to", tmp_path / f"fig{ending}")
+    caption = (tmp_path / "fig.txt").read_text()
+    assert caption == (
+        "Two speeds for $5 (scenario demo, seed 0, run folder run).\n"
+        "Mean of T_sync (cycles) against V (cm/s), with 95 % intervals; 5 trials a point.\n"
+    )
+    picture = (tmp_path / f"fig{ending}").read_bytes()
+    assert b"Two speeds for $5" in picture
+
+
+def test_options_of_the_figure_are_those_of_the_section(shown, tmp_path) -> None:
+    words = ["--title", "mine", "--label", f"{SPEED}=speed = V", "--linear", "--points", "--font-pt", 9]
+    called("plot", many(tmp_path / "run"), *words, "--to", tmp_path / "fig")
+    (panel,) = shown[0].axes
+    assert (shown[0].get_suptitle(), panel.get_xlabel(), panel.get_yscale()) == ("mine", "speed = V", "linear")
+    assert panel.xaxis.label.get_fontsize() == 9
+    assert "a trial" in panel.get_legend_handles_labels()[1]
+
+
+def test_two_folders_make_one_figure_in_the_first_named_after_the_second(tmp_path) -> None:
+    one, other = (many(tmp_path / name) for name in ("one", "other"))
+    files = called("plot", one, other, "--names", "mine, thesis").split()
+    assert files[0] == str(one / "T_sync-with-other.png")
+    assert {row["folder"] for row in rows(one / "T_sync-with-other.csv")} == {"mine", "thesis"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--label", "spede=V"), "--label: unknown 'spede'; allowed: "),
+        (("--label", "V"), "--label is 'V'; allowed: KEY=TEXT"),
+        (
+            ("--form", "course", "--linear"),
+            "--linear is for --form curves, map, violins and series, but this is course",
+        ),
+        (("--names", "a,b"), "names are for several folders, one that differs for each; given: a, b"),
+    ],
+)
+def test_what_an_option_of_looks_does_not_fit_is_refused(small, options, message: str) -> None:
+    before = contents(small)
+    assert message in refused("plot", small, *options)
+    assert contents(small) == before
+
+
+def test_folders_of_other_scenarios_are_refused_and_nothing_is_written(small, tmp_path) -> None:
+    other = many(tmp_path / "other")
+    before = contents(tmp_path)
+    assert "is of another scenario than" in refused("plot", other, small)
+    assert contents(tmp_path) == before
 
 
 @pytest.mark.parametrize(
@@ -575,7 +542,7 @@ def test_a_target_that_cannot_be_written_is_refused_and_nothing_written(small, t
 @pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
 def test_a_target_that_names_a_picture_is_that_picture_with_its_numbers_beside_it(small, tmp_path, ending) -> None:
     stdout = called("plot", small, "--to", tmp_path / f"fig{ending}")
-    expected = [f"fig{ending}", "fig.csv", "fig-regimes.csv"]
+    expected = [f"fig{ending}", "fig.csv", "fig-regimes.csv", "fig.txt"]
     assert stdout.splitlines() == [str(tmp_path / name) for name in expected]
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == sorted(expected)
 
@@ -604,12 +571,10 @@ def test_a_file_that_is_in_the_way_of_one_of_the_four_keeps_plot_from_writing_an
 @pytest.mark.parametrize("name", ["a $\\frac{$", "[/red]"])
 def test_any_name_of_a_scenario_can_be_plotted(tmp_path, name: str) -> None:
     folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=5, name=name), lambda _: ended([5] * 5))
-    assert len(called("plot", folder).splitlines()) == 4
+    assert len(called("plot", folder).splitlines()) == 5
 
 
-@pytest.mark.parametrize(
-    "arguments", [["export", "x"], ["export", "--to", "x.csv"], ["summarize"], ["plot"], ["fit"], ["plot", "x", "y"]]
-)
+@pytest.mark.parametrize("arguments", [["export", "x"], ["export", "--to", "x.csv"], ["summarize"], ["plot"], ["fit"]])
 def test_what_is_missing_or_too_much_is_named(arguments: list[str]) -> None:
     result = call(*arguments)
     assert (result.exit_code, result.stdout) == (2, "")

@@ -6,7 +6,7 @@ from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from epuck_sim.figures.csv_tables import Table, save_table
+from epuck_sim.figures.saving import Table, save_table
 from tests.runs.made_folders import rows
 
 
@@ -29,5 +29,5 @@ def shown_text(text: Text) -> str:
 
 def written(folder: Path, table: Table) -> list[dict[str, str]]:
     """Return the rows of a table as they are in its CSV file."""
-    save_table(folder / "table.csv", *table)
+    save_table(folder / "table.csv", table)
     return rows(folder / "table.csv")

@@ -7,21 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms.courses import (
-    MAX_MOMENTS,
-    Courses,
-    choose_moments,
-    courses_table,
-    draw_courses,
-    read_courses,
-)
-from epuck_sim.figures.looks import choose_looks
+from epuck_sim.figures.forms.form import Choices
+from epuck_sim.figures.forms.twins import MAX_MOMENTS, Course, Courses, choose_moments
+from epuck_sim.figures.style import choose_looks
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.runs.reader import PointTrials
 from epuck_sim.scenario.points import points
-from tests.figures.drawn import laid_out, legend_texts, shown_text, written
+from epuck_sim.scenario.scenario import FigureSection
+from tests.figures.drawn import laid_out, legend_texts, written
 from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
 
@@ -44,14 +40,22 @@ def never(point):
     return censored(point, point.scenario.trials)
 
 
+def read_courses(points) -> list[Course]:
+    return list(Courses.read(points, Choices(FigureSection())).courses)
+
+
+def draw_courses(courses: list[Course]) -> Figure:
+    return Courses(courses=courses).draw_figure()
+
+
 SCENARIO = particles({SPEED: [3, 30]})
 READ = read_courses(in_memory(SCENARIO, never))
 
 
-def course_of(order, deviation, cycle=None, is_displaced=True, **axes) -> Courses:
+def course_of(order, deviation, cycle=None, is_displaced=True, **axes) -> Course:
     """Return a course that no trial had."""
     cycle = np.arange(0.5, len(order)) if cycle is None else np.array(cycle, float)
-    return Courses(axes, is_displaced, cycle, np.array(order, float), np.array(deviation, float), 3)
+    return Course(axes, is_displaced, cycle, np.array(order, float), np.array(deviation, float), 3)
 
 
 # Moments
@@ -151,57 +155,42 @@ def test_robots_with_bodies_have_no_course() -> None:
 
 
 def test_where_agents_are_displaced_the_deviation_is_below_the_order_parameter() -> None:
-    above, below = draw_courses("title", READ).axes
+    above, below = draw_courses(READ).axes
     for number, read in enumerate(READ):
         for panel, values in ((above, read.order_parameter), (below, read.deviation)):
             line = panel.get_lines()[number]
             np.testing.assert_array_equal(line.get_xdata(), read.cycle)
             np.testing.assert_array_equal(line.get_ydata(), values)
-    assert (above.get_ylabel(), below.get_ylabel()) == ("order parameter r", "mean |Δϕ| [cycles]")
-    assert (above.get_xlabel(), below.get_xlabel()) == ("", "time [cycles]")
+    assert (above.get_ylabel(), below.get_ylabel()) == ("order parameter r", "mean |Δϕ| (cycles)")
+    assert (above.get_xlabel(), below.get_xlabel()) == ("", "time (cycles)")
     assert (above.get_yscale(), below.get_yscale(), below.get_xscale()) == ("linear", "log", "linear")
     bottom, top = above.get_ylim()
     assert (bottom < 0, top > 1) == (True, True)
 
 
 def test_where_none_is_displaced_there_is_one_panel() -> None:
-    (panel,) = draw_courses("title", [READ[0]._replace(is_displaced=False)]).axes
+    (panel,) = draw_courses([READ[0]._replace(is_displaced=False)]).axes
     assert len(panel.get_lines()) == 1
-    assert (panel.get_ylabel(), panel.get_xlabel()) == ("order parameter r", "time [cycles]")
+    assert (panel.get_ylabel(), panel.get_xlabel()) == ("order parameter r", "time (cycles)")
     assert panel.get_yscale() == "linear"
 
 
-def test_one_course_of_many_with_a_displaced_agent_is_enough_for_two_panels() -> None:
-    mixed = [READ[0]._replace(is_displaced=False), READ[1]]
-    assert len(draw_courses("title", mixed).axes) == 2
-
-
 def test_each_course_has_a_colour_of_its_own_in_both_panels_and_its_values_in_the_legend() -> None:
-    figure = draw_courses("5 % of $x", READ)
+    figure = draw_courses(READ)
     above, below = figure.axes
     for panel in (above, below):
         assert [(to_hex(line.get_color()), line.get_marker()) for line in panel.get_lines()] == choose_looks(2)
     assert legend_texts(figure) == ["V = 3 cm/s", "V = 30 cm/s"]
-    (title,) = figure.texts
-    assert shown_text(title) == "5 % of $x\nmeans of 3 trials a point"
-
-
-def test_one_course_alone_needs_no_legend() -> None:
-    assert draw_courses("title", READ[:1]).legends == []
-
-
-def test_the_axis_that_all_courses_share_is_not_named() -> None:
-    both = [course_of([1, 1], [0.1, 0.1], **{SPEED: speed, COUPLING: 0.1}) for speed in (1, 2)]
-    assert legend_texts(draw_courses("title", both)) == ["V = 1 cm/s", "V = 2 cm/s"]
+    assert Courses(courses=READ).shows.endswith("over time; means of 3 trials a point")
 
 
 def test_where_nothing_deviates_the_line_has_a_gap() -> None:
-    _, below = draw_courses("title", [course_of([1, 1, 1], [0.01, 0, 0.1])]).axes
+    _, below = draw_courses([course_of([1, 1, 1], [0.01, 0, 0.1])]).axes
     np.testing.assert_array_equal(below.get_lines()[0].get_ydata(), [0.01, math.nan, 0.1])
 
 
 def test_a_course_that_never_deviates_is_drawn_all_the_same() -> None:
-    above, below = laid_out(draw_courses("title", [course_of([1, 1, 1], [0, 0, 0])])).axes
+    above, below = laid_out(draw_courses([course_of([1, 1, 1], [0, 0, 0])])).axes
     assert above.get_lines()[0].get_ydata().tolist() == [1, 1, 1]
     assert np.isnan(below.get_lines()[0].get_ydata()).all()
 
@@ -213,7 +202,7 @@ def test_time_is_logarithmic_in_all_panels_once_moments_are_farther_and_farther_
 ) -> None:
     moments = choose_moments(cycles)
     flat = np.full(len(moments), 0.5)
-    figure = draw_courses("title", [course_of(flat, flat, moments, is_displaced)])
+    figure = draw_courses([course_of(flat, flat, moments, is_displaced)])
     assert {panel.get_xscale() for panel in figure.axes} == {scale}
 
 
@@ -221,7 +210,7 @@ def test_time_is_logarithmic_in_all_panels_once_moments_are_farther_and_farther_
 
 
 def test_the_table_holds_every_moment_of_every_course(tmp_path) -> None:
-    table = written(tmp_path, courses_table(READ))
+    table = written(tmp_path, Courses(courses=READ).tables[".csv"])
     assert [*table[0]] == [SPEED, "cycle", "order_parameter", "deviation"]
     expected = [
         [str(read.axes[SPEED]), *map(six_digits, row)]
@@ -233,23 +222,20 @@ def test_the_table_holds_every_moment_of_every_course(tmp_path) -> None:
 
 
 def test_the_table_is_exactly_this(tmp_path) -> None:
-    written(tmp_path, courses_table([course_of([1, 1 / 3], [0, 2e-7 / 3], **{SPEED: 0.5, COUPLING: 2})]))
+    written(
+        tmp_path, Courses(courses=[course_of([1, 1 / 3], [0, 2e-7 / 3], **{SPEED: 0.5, COUPLING: 2})]).tables[".csv"]
+    )
     assert (tmp_path / "table.csv").read_text() == (
         f"{SPEED},{COUPLING},cycle,order_parameter,deviation\n0.5,2,0.5,1,0\n0.5,2,1.5,0.333333,6.66667e-08\n"
     )
 
 
-def test_the_same_trials_give_the_same_courses(tmp_path) -> None:
-    again = read_courses(in_memory(SCENARIO, never))
-    assert written(tmp_path, courses_table(again)) == written(tmp_path, courses_table(READ))
-
-
 def test_a_point_whose_axis_holds_lists_and_null_is_labelled_in_words(tmp_path) -> None:
     grid = {REORIENT: [[], ["emitting"], ["emitting", "receiving"]]}
     read = read_courses(in_memory(particles(grid, trials=1, cycles=2), never))
-    assert legend_texts(draw_courses("title", read)) == [
+    assert legend_texts(draw_courses(read)) == [
         "reorienting on = nothing",
         "reorienting on = emitting",
         "reorienting on = emitting and receiving",
     ]
-    assert len(written(tmp_path, courses_table(read))) == 6
+    assert len(written(tmp_path, Courses(courses=read).tables[".csv"])) == 6

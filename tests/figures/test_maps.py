@@ -14,13 +14,12 @@ from matplotlib.contour import QuadContourSet
 from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms.levels import COLOURS, MAX_LEVELS, choose_levels
-from epuck_sim.figures.forms.maps import GREY, Map, draw_maps, maps_table, read_maps
+from epuck_sim.figures.forms.maps import COLOURS, GREY, MAX_LEVELS, Map, Maps, choose_levels, read_maps
 from epuck_sim.figures.style import MAX_PANELS
 from epuck_sim.runs.reader import PointTrials
-from epuck_sim.statistics.curves import read_curves
+from epuck_sim.scenario.scenario import FigureSection
 from epuck_sim.statistics.names import Statistic
-from tests.figures.drawn import laid_out, shown_text, written
+from tests.figures.drawn import laid_out, written
 from tests.runs.made_folders import (
     COUNT,
     COUPLING,
@@ -66,12 +65,12 @@ def measured(grid: dict, law=law) -> list[PointTrials]:
 GRID = {PIXELS: PANELS, WIDTH: WIDTHS, SPEED: SPEEDS}
 POINTS = measured(GRID)
 MAPS = read_maps(POINTS, SPEED, WIDTH)
-LEVELS = choose_levels(np.concatenate([each.values.ravel() for each in MAPS]))
+LEVELS = choose_levels(np.concatenate([each.values.ravel() for each in MAPS]), is_log=True)
 
 
 def panels_of(maps: list[Map], x: str = SPEED, y: str = WIDTH) -> list[Axes]:
     """Return the panels of a figure, laid out; the last of its axes is the colour bar."""
-    return laid_out(draw_maps("title", x, y, maps)).axes[:-1]
+    return laid_out(Maps(x=x, y=y, maps=maps).draw_figure()).axes[:-1]
 
 
 def contours(panel: Axes) -> list[QuadContourSet]:
@@ -90,7 +89,7 @@ def colour_of(mean: float, levels: np.ndarray = LEVELS) -> str:
 
 def painted(maps: list[Map], bare: bool = True) -> list[dict[tuple[float, float], str]]:
     """Return the colour of the page at each point of each map; `bare`: with no hatches over what is grey."""
-    figure = draw_maps("title", SPEED, WIDTH, maps)
+    figure = Maps(x=SPEED, y=WIDTH, maps=maps).draw_figure()
     for panel in figure.axes[:-1]:
         for axis in (panel.xaxis, panel.yaxis):  # ticks reach onto the points at the edge
             axis.set_major_locator(NullLocator())
@@ -181,7 +180,7 @@ def test_a_point_has_a_value_just_if_fewer_than_half_of_its_trials_are_censored(
 @pytest.mark.parametrize("grid", [GRID, {WIDTH: [40, 60], SPEED: SPEEDS}], ids=["contours", "cells"])
 def test_each_point_has_the_colour_of_the_level_that_its_mean_is_in(grid: dict) -> None:
     maps = read_maps(measured(grid), SPEED, WIDTH)
-    levels = choose_levels(np.concatenate([each.values.ravel() for each in maps]))
+    levels = choose_levels(np.concatenate([each.values.ravel() for each in maps]), is_log=True)
     seen = set()
     for colours, each in zip(painted(maps), maps, strict=True):
         for (speed, width), colour in colours.items():
@@ -209,12 +208,12 @@ def test_what_is_undetermined_is_grey_and_hatched_what_is_untried_is_blank_and_c
 
 
 def test_a_legend_names_what_is_undetermined_where_there_is_any() -> None:
-    (legend,) = draw_maps("title", SPEED, WIDTH, MAPS).legends
+    (legend,) = Maps(x=SPEED, y=WIDTH, maps=MAPS).draw_figure().legends
     assert [text.get_text() for text in legend.get_texts()] == ["half of the trials or more are censored"]
     (patch,) = legend.get_patches()
     assert patch.get_hatch()
     assert to_rgb(patch.get_facecolor()) == pytest.approx(to_rgb(GREY))
-    assert draw_maps("title", SPEED, WIDTH, MAPS[:1]).legends == []
+    assert Maps(x=SPEED, y=WIDTH, maps=MAPS[:1]).draw_figure().legends == []
 
 
 def test_contours_do_not_reach_over_holes() -> None:
@@ -315,20 +314,20 @@ def test_panels_are_arranged_in_a_grid_with_numbers_on_its_lower_edge(count: int
 def test_more_panels_than_a_page_holds_are_refused() -> None:
     many = [MAPS[0]._replace(axes={PIXELS: n}) for n in range(MAX_PANELS + 1)]
     with pytest.raises(EpuckSimError, match=f"there would be {MAX_PANELS + 1} panels.*up to {MAX_PANELS}"):
-        draw_maps("title", SPEED, WIDTH, many)
+        Maps(x=SPEED, y=WIDTH, maps=many).draw_figure()
 
 
 def test_y_is_logarithmic_where_it_spans_a_decade_and_x_is_linear_where_it_does_not() -> None:
     made = measured({WIDTH: [40, 100, 400], COUNT: [2, 5, 8]}, lambda _: ended([7]))
     (panel,) = panels_of(read_maps(made, COUNT, WIDTH), COUNT, WIDTH)
     assert (panel.get_xscale(), panel.get_yscale()) == ("linear", "log")
-    assert (panel.get_xlabel(), panel.get_ylabel()) == ("N", "L [cm]")
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("N", "L (cm)")
 
 
 def test_the_colour_bar_is_one_for_all_panels_with_powers_of_ten() -> None:
-    figure = draw_maps("title", SPEED, WIDTH, MAPS)
+    figure = Maps(x=SPEED, y=WIDTH, maps=MAPS).draw_figure()
     bar = figure.axes[-1]
-    assert bar.get_ylabel() == "mean or restricted mean\nof $T_\\mathrm{sync}$ [cycles]"
+    assert bar.get_ylabel() == "$T_\\mathrm{sync}$ (cycles)"
     assert bar.get_ylim() == (LEVELS[0], LEVELS[-1])
     assert bar.get_yticks().tolist() == [1, 2, 3]
     assert [label.get_text() for label in bar.get_yticklabels()] == ["10", "100", "1000"]
@@ -343,13 +342,13 @@ def test_the_colour_bar_is_one_for_all_panels_with_powers_of_ten() -> None:
 )
 def test_where_there_are_not_two_powers_of_ten_the_bar_has_numbers_between(times, labels: list[str]) -> None:
     made = measured({WIDTH: [40, 60], SPEED: [1, 2]}, lambda point: ended([times[point.axes[SPEED] - 1]] * 3))
-    bar = draw_maps("title", SPEED, WIDTH, read_maps(made, SPEED, WIDTH)).axes[-1]
+    bar = Maps(x=SPEED, y=WIDTH, maps=read_maps(made, SPEED, WIDTH)).draw_figure().axes[-1]
     assert [label.get_text() for label in bar.get_yticklabels()] == labels
 
 
 @given(st.lists(st.floats(1, 1e9), min_size=1, max_size=5))
 def test_levels_are_even_few_enough_and_enclose_all_values(values: list[float]) -> None:
-    levels = choose_levels(np.array([*values, math.nan]))
+    levels = choose_levels(np.array([*values, math.nan]), is_log=True)
     steps = np.diff(levels)
     assert 1 <= len(steps) <= MAX_LEVELS
     assert np.allclose(steps, steps[0])
@@ -367,7 +366,7 @@ def test_where_every_mean_is_undetermined_all_is_grey() -> None:
 
 
 def test_the_csv_has_a_row_for_each_point_with_trials(tmp_path) -> None:
-    table = written(tmp_path, maps_table(SPEED, MAPS))
+    table = written(tmp_path, Maps(x=SPEED, y=WIDTH, maps=MAPS).tables[".csv"])
     assert list(table[0]) == [PIXELS, WIDTH, SPEED, "trials", "censored", "statistic", "estimate", "low", "high"]
     expected = []
     for pixels in PANELS:
@@ -382,40 +381,10 @@ def test_the_csv_has_a_row_for_each_point_with_trials(tmp_path) -> None:
     assert [[*row.values()] for row in table] == expected
 
 
-def test_the_csv_has_the_numbers_that_curves_have(tmp_path) -> None:
-    made = measured(
-        {WIDTH: [40, 60], SPEED: [1, 2]}, lambda point: ended([3, 5, 9, 40 * point.axes[SPEED]], [True] * 3 + [False])
-    )
-    table = written(tmp_path, maps_table(SPEED, read_maps(made, SPEED, WIDTH)))
-    numbers = [
-        [*map(six_digits, row[:3]), row[3], *map(six_digits, row[4:])]
-        for curve in read_curves(made, SPEED)
-        for row in zip(
-            curve.x, curve.trials, curve.censored, curve.names, curve.values, *curve.intervals.T, strict=True
-        )
-    ]
-    assert [[*row.values()][1:] for row in table] == numbers
-
-
-def test_a_page_of_three_panels_is_wider_than_high() -> None:
-    width, height = draw_maps("title", SPEED, WIDTH, MAPS).get_size_inches()
-    assert width == pytest.approx(17.5 / 2.54)
-    assert width > height > 2
-
-
 def test_a_width_that_is_asked_for_is_that_of_the_figure_with_fewer_columns_where_it_is_narrow() -> None:
-    figure = laid_out(draw_maps("title", SPEED, WIDTH, MAPS, 8.5))
+    figure = laid_out(Maps(x=SPEED, y=WIDTH, maps=MAPS, settings=FigureSection(width_cm=8.5)).draw_figure())
     assert figure.get_size_inches()[0] == pytest.approx(8.5 / 2.54)
     assert len({round(panel.get_position().x0, 3) for panel in figure.axes[:-1]}) == 2
     box = figure.get_tightbbox()
     assert box.x0 >= -0.01
     assert box.x1 <= 8.5 / 2.54 + 0.01
-
-
-@pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$"])
-def test_a_name_is_no_formula(name: str) -> None:
-    named = [each._replace(axes={"noise": f"{name}{n}"}) for n, each in enumerate(MAPS)]
-    figure = laid_out(draw_maps(name, SPEED, WIDTH, named))
-    (title,) = figure.texts
-    assert shown_text(title) == f"{name}\n3 to 12 trials a point"
-    assert [shown_text(panel.title) for panel in figure.axes[:-1]] == [f"noise = {name}{n}" for n in range(3)]

@@ -7,21 +7,18 @@ import pytest
 from matplotlib import colormaps, image
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, to_hex
+from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms import perturbations
-from epuck_sim.figures.forms.perturbations import (
-    MIN_DEVIATION,
-    Perturbation,
-    draw_perturbations,
-    perturbations_table,
-    read_perturbations,
-)
+from epuck_sim.figures.forms import twins
+from epuck_sim.figures.forms.form import Choices
+from epuck_sim.figures.forms.twins import MIN_DEVIATION, Deviations, Perturbation
+from epuck_sim.figures.saving import Table
 from epuck_sim.particles.twin import simulate_with_twin
 from epuck_sim.scenario.points import points
+from epuck_sim.scenario.scenario import FigureSection
 from tests.figures.drawn import laid_out, written
-from tests.runs.made_folders import SPEED as WHEELS
 from tests.runs.made_folders import censored, ended, in_memory, six_digits, sweep
 
 SPEED, COUPLING = "agents.speed_cm_s", "response.coupling"
@@ -42,14 +39,26 @@ def never(point):
     return censored(point, point.scenario.trials)
 
 
+def read_perturbations(points) -> list[Deviations]:
+    return list(Perturbation.read(points, Choices(FigureSection())).shown)
+
+
+def draw_perturbations(shown: list[Deviations]) -> Figure:
+    return Perturbation(shown=shown).draw_figure()
+
+
+def perturbations_table(shown: list[Deviations]) -> Table:
+    return Perturbation(shown=shown).tables[".csv"]
+
+
 SCENARIO = particles({SPEED: [3, 30, 90]})
 READ = read_perturbations(in_memory(SCENARIO, never))
 
 
-def made(deviation, **axes) -> Perturbation:
+def made(deviation, **axes) -> Deviations:
     """Return a perturbation, (moments, agents), that no trial had."""
     values = np.array(deviation, float)
-    return Perturbation(axes, np.arange(0.5, len(values)), values)
+    return Deviations(axes, np.arange(0.5, len(values)), values)
 
 
 # What is read
@@ -76,29 +85,11 @@ def test_of_a_point_without_its_trial_0_the_first_is_read_that_has_a_result_and_
     )
 
 
-def test_moments_are_the_middles_of_periods_whatever_their_length() -> None:
-    slow = particles({SPEED: [7.5]}, clocks={"period_s": 4.0})
-    (read,) = read_perturbations(in_memory(slow, never))
-    (point,) = points(slow)
-    assert read.cycle.tolist() == np.arange(0.5, 12).tolist()
-    np.testing.assert_array_equal(
-        read.deviation, simulate_with_twin(point.scenario, point.seed(0), 4 * read.cycle).deviation
-    )
-
-
 def test_of_a_long_trial_the_beginning_is_shown(monkeypatch) -> None:
-    monkeypatch.setattr(perturbations, "MAX_CYCLES", 7)
+    monkeypatch.setattr(twins, "MAX_CYCLES", 7)
     for read, whole in zip(read_perturbations(in_memory(SCENARIO, never)), READ, strict=True):
         assert read.cycle.tolist() == np.arange(0.5, 7).tolist()
         np.testing.assert_array_equal(read.deviation, whole.deviation[:7])
-
-
-def test_robots_with_bodies_have_no_such_map() -> None:
-    robots = in_memory(sweep({WHEELS: [1, 2]}, trials=2, name="robots"), lambda _: ended([3, 4]))
-    with pytest.raises(EpuckSimError) as caught:
-        read_perturbations(robots)
-    words = "robots: model is 'embodied'; the forms perturbation and course need model: particles"
-    assert str(caught.value) == words
 
 
 @pytest.mark.parametrize("start", [{"phases": "random"}, {"phases": "synchronised"}])
@@ -111,14 +102,14 @@ def test_a_sweep_in_which_nothing_can_deviate_is_refused_and_not_drawn_blank(sta
 # What is drawn
 
 
-def panels_of(given: list[Perturbation]) -> list[Axes]:
+def panels_of(given: list[Deviations]) -> list[Axes]:
     """Return the panels of a figure, laid out; the last of its axes is the colour bar."""
-    return laid_out(draw_perturbations("title", given)).axes[:-1]
+    return laid_out(draw_perturbations(given)).axes[:-1]
 
 
-def painted(given: Perturbation) -> list[list[str]]:
+def painted(given: Deviations) -> list[list[str]]:
     """Return the colour of the page in the middle of each agent and moment, agents first."""
-    figure = draw_perturbations("title", [given])
+    figure = draw_perturbations([given])
     panel = figure.axes[0]
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(NullLocator())
@@ -135,12 +126,7 @@ def painted(given: Perturbation) -> list[list[str]]:
 def test_there_is_a_panel_for_each_point_titled_with_its_values() -> None:
     panels = panels_of(READ)
     assert [panel.get_title() for panel in panels] == ["V = 3 cm/s", "V = 30 cm/s", "V = 90 cm/s"]
-    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("time [cycles]", "agent")
-
-
-def test_one_point_is_one_panel_without_words() -> None:
-    (panel,) = panels_of(READ[:1])
-    assert panel.get_title() == ""
+    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("time (cycles)", "agent")
 
 
 def test_each_panel_holds_the_deviation_of_every_agent_at_every_moment_with_nothing_where_it_is_zero() -> None:
@@ -159,8 +145,8 @@ def test_all_panels_share_one_logarithmic_scale_up_to_half_a_cycle() -> None:
     for norm in norms:
         assert isinstance(norm, LogNorm)
         assert (norm.vmin, norm.vmax) == (MIN_DEVIATION, 0.5)
-    figure = draw_perturbations("title", READ)
-    assert figure.axes[-1].get_ylabel() == "|Δϕ| [cycles]"
+    figure = draw_perturbations(READ)
+    assert figure.axes[-1].get_ylabel() == "|Δϕ| (cycles)"
 
 
 def test_on_the_page_zero_is_blank_and_anything_else_has_the_colour_of_its_size() -> None:
@@ -172,14 +158,10 @@ def test_on_the_page_zero_is_blank_and_anything_else_has_the_colour_of_its_size(
     assert colours == [[viridis(1.0), viridis(0.5)], ["#ffffff", viridis(0.0)], [viridis(0.0), "#ffffff"]]
 
 
-def test_where_nothing_deviates_the_whole_panel_is_blank() -> None:
-    assert painted(made(np.zeros((3, 4)))) == [["#ffffff"] * 3] * 4
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (1, 4), (5, 1)])
 def test_the_smallest_trials_are_drawn_too(tmp_path, shape: tuple[int, int]) -> None:
     smallest = [made(np.full(shape, 0.1))]
-    laid_out(draw_perturbations("title", smallest))
+    laid_out(draw_perturbations(smallest))
     assert len(written(tmp_path, perturbations_table(smallest))) == shape[0] * shape[1]
 
 
@@ -213,11 +195,6 @@ def test_the_table_is_exactly_this(tmp_path) -> None:
     )
 
 
-def test_the_same_trials_give_the_same_perturbations(tmp_path) -> None:
-    again = read_perturbations(in_memory(SCENARIO, never))
-    assert written(tmp_path, perturbations_table(again)) == written(tmp_path, perturbations_table(READ))
-
-
 def test_more_points_than_a_page_holds_are_refused_in_words() -> None:
     with pytest.raises(EpuckSimError, match=r"there would be 65 panels.*; allowed: up to 64"):
-        draw_perturbations("title", [made([[0.1]], **{SPEED: speed}) for speed in range(65)])
+        draw_perturbations([made([[0.1]], **{SPEED: speed}) for speed in range(65)])

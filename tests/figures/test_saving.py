@@ -11,8 +11,7 @@ from matplotlib import image
 from matplotlib.figure import Figure
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.csv_tables import Table
-from epuck_sim.figures.saving import Target, parse_target, save_figure
+from epuck_sim.figures.saving import Table, Target, parse_target, save_figure
 from tests.runs.made_folders import rows
 
 ENDINGS = (".png", ".svg", ".csv", "-more.csv")
@@ -21,7 +20,7 @@ SIGNATURES = {".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}
 
 def draw(title: str = "title") -> Figure:
     """Return a small figure; an SVG names its markers and masks by digests."""
-    figure = Figure(figsize=(2, 1.5))
+    figure = Figure(figsize=(2, 1.5), dpi=300)
     axes = figure.subplots()
     axes.plot([1, 2, 3], [1, 3, 2], "o-")
     axes.set_title(title)
@@ -49,11 +48,6 @@ def saved(tmp_path_factory) -> Path:
 
 def test_nothing_but_the_pictures_and_the_tables_is_written(saved) -> None:
     assert names(saved.parent) == sorted(f"fig{ending}" for ending in ENDINGS)
-
-
-def test_without_tables_there_are_the_pictures_alone(tmp_path) -> None:
-    assert save_figure(Target(tmp_path / "fig"), draw) == [tmp_path / "fig.png", tmp_path / "fig.svg"]
-    assert names(tmp_path) == ["fig.png", "fig.svg"]
 
 
 def test_the_pictures_are_whole(saved) -> None:
@@ -157,7 +151,8 @@ def test_where_writing_fails_older_files_stay_and_nothing_is_left_beside_them(
 
     def write_half(_: Figure, part: Path, **__) -> None:
         part.write_text("half")
-        raise problem
+        if ".svg" in part.name:  # the second picture
+            raise problem
 
     monkeypatch.setattr(Figure, "savefig", write_half)
     with pytest.raises(raised):

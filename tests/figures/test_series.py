@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.forms.curves import curves_tables, draw_curves, find_extrema
-from epuck_sim.figures.forms.densities import linear_density
-from epuck_sim.figures.forms.levels import choose_linear_levels
-from epuck_sim.figures.forms.maps import draw_maps, read_maps
-from epuck_sim.figures.forms.series import MAX_LINES, draw_series, series_table
-from epuck_sim.figures.forms.violins import draw_violins, read_violins
+from epuck_sim.figures.forms.curves import Curves
+from epuck_sim.figures.forms.maps import Maps, choose_levels, read_maps
+from epuck_sim.figures.forms.series import MAX_LINES, Series
+from epuck_sim.figures.forms.violins import Violins, density, read_groups
 from epuck_sim.figures.scales import has_log_scale
+from epuck_sim.scenario.scenario import FigureSection
 from epuck_sim.statistics.curves import read_curves
 from epuck_sim.statistics.series import PointSeries, series_statistics
 from tests.figures.drawn import legend_texts
@@ -21,7 +20,7 @@ SHORT = PointSeries({SPEED: 2}, series_statistics([np.arange(3.0)] * 3 + [np.ara
 
 
 def test_a_line_is_the_mean_and_dashed_once_a_trial_has_ended():
-    figure = draw_series("demo", "mine", [LONG, SHORT])
+    figure = Series(of="mine", points=[LONG, SHORT]).draw_figure()
     (panel,) = figure.axes
     full, short, ended_before, _ = panel.get_lines()
     assert full.get_ydata().tolist() == pytest.approx([1.25, 2.25, 3.25, 5.25])
@@ -29,27 +28,29 @@ def test_a_line_is_the_mean_and_dashed_once_a_trial_has_ended():
     assert (short.get_linestyle(), short.get_xdata().tolist()) == ("-", [1, 2])
     assert (ended_before.get_linestyle(), ended_before.get_xdata().tolist()) == ("--", [2, 3])
     assert legend_texts(figure) == ["V = 1 cm/s", "V = 2 cm/s", "95 % interval", "some trials have ended"]
-    assert (panel.get_xlabel(), panel.get_ylabel()) == ("cycle", "mean\nof mine")
-    assert figure.get_suptitle() == "demo\n6 trials a point"
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("cycle", "mine")
+    assert Series(of="mine", points=[LONG, SHORT]).shows.endswith("; 6 trials a point")
 
 
 def test_the_legend_of_one_line_names_its_band_alone():
-    assert legend_texts(draw_series("demo", "mine", [LONG])) == ["95 % interval"]
+    assert legend_texts(Series(of="mine", points=[LONG]).draw_figure()) == ["95 % interval"]
 
 
 @pytest.mark.parametrize(("width_cm", "expected"), [(None, 8.5), (12.0, 12)])
 def test_a_series_is_as_wide_as_a_column_or_as_asked_for(width_cm, expected):
-    width, _ = draw_series("demo", "mine", [LONG], width_cm).get_size_inches()
+    width, _ = (
+        Series(of="mine", points=[LONG], settings=FigureSection(width_cm=width_cm)).draw_figure().get_size_inches()
+    )
     assert width * 2.54 == pytest.approx(expected)
 
 
 def test_lines_that_no_one_could_tell_apart_are_refused():
     with pytest.raises(EpuckSimError, match=f"{MAX_LINES + 1} lines, one for each point; allowed: up to {MAX_LINES}"):
-        draw_series("demo", "mine", [LONG] * (MAX_LINES + 1))
+        Series(of="mine", points=[LONG] * (MAX_LINES + 1)).draw_figure()
 
 
 def test_the_table_has_a_row_for_each_cycle():
-    columns, rows = series_table([LONG, SHORT])
+    columns, rows = Series(of="mine", points=[LONG, SHORT]).tables[".csv"]
     rows = list(rows)
     assert len(rows) == 7
     assert dict(zip(columns, rows[-1], strict=True)) | {"median": ""} == {
@@ -82,19 +83,18 @@ SIGNED = measured(lambda _, random: random.normal())
 @pytest.mark.parametrize(("points", "scale"), [(WIDE, "log"), (NARROW, "linear"), (SIGNED, "linear")])
 def test_a_measure_has_its_name_and_the_scale_that_fits_it(points, scale):
     curves = read_curves(points, SPEED)
-    searches = find_extrema(SPEED, curves)
-    curve_panel = draw_curves("demo", SPEED, curves, searches).axes[0]
-    violin_panel = draw_violins("demo", SPEED, read_violins(points, SPEED)).axes[0]
-    assert curve_panel.get_ylabel() == "mean\nof mine"
+    curve_panel = Curves(axis=SPEED, curves=curves, of=curves[0].of).draw_figure().axes[0]
+    violin_panel = Violins(axis=SPEED, groups=read_groups(points, SPEED), of="mine").draw_figure().axes[0]
+    assert curve_panel.get_ylabel() == "mine"
     assert violin_panel.get_ylabel() == "mine"
     assert (curve_panel.get_yscale(), violin_panel.get_yscale()) == (scale, scale)
     assert curve_panel.get_ylim()[1] > max(curve.intervals[:, 1].max() for curve in curves)
     assert curves[0].values.tolist() in [line.get_ydata().tolist() for line in curve_panel.get_lines()]
-    assert list(curves_tables(SPEED, curves, searches)) == [".csv"]
+    assert list(Curves(axis=SPEED, curves=curves, of=curves[0].of).tables) == [".csv"]
     maps = read_maps(points, SPEED, COUNT)
     assert has_log_scale("mine", maps[0].values.ravel()) == (scale == "log")
-    *_, bar = draw_maps("demo", SPEED, COUNT, maps).axes
-    assert bar.get_ylabel() == "mean\nof mine"
+    *_, bar = Maps(x=SPEED, y=COUNT, maps=maps, of="mine").draw_figure().axes
+    assert bar.get_ylabel() == "mine"
 
 
 @pytest.mark.parametrize("law", [lambda _, random: random.normal(), lambda point, _: 10.0 ** point.axes[COUNT]])
@@ -103,7 +103,7 @@ def test_points_without_a_value_are_crosses_above_all_others_and_hatched_in_maps
         point._replace(measured=(None,) * 8) if point.axes == {SPEED: 2, COUNT: 4} else point for point in measured(law)
     ]
     curves = read_curves(gaps, SPEED)
-    figure = draw_curves("demo", SPEED, curves, find_extrema(SPEED, curves))
+    figure = Curves(axis=SPEED, curves=curves, of=curves[0].of).draw_figure()
     assert "undetermined: no trial has a value" in legend_texts(figure)
     (panel,) = figure.axes
     (cross,) = [line for line in panel.get_lines() if line.get_marker() == "x" and len(line.get_xdata())]
@@ -111,21 +111,23 @@ def test_points_without_a_value_are_crosses_above_all_others_and_hatched_in_maps
     (_, at), *_ = panel.transAxes.inverted().transform(panel.transData.transform([(1, highest)]))
     assert cross.get_xdata().tolist() == [2]
     assert at < cross.get_ydata()[0] < 1
-    assert "no trial has a value" in legend_texts(draw_maps("demo", SPEED, COUNT, read_maps(gaps, SPEED, COUNT)))
-    violins = draw_violins("demo", SPEED, read_violins(gaps, SPEED))
+    assert "no trial has a value" in legend_texts(
+        Maps(x=SPEED, y=COUNT, maps=read_maps(gaps, SPEED, COUNT), of="mine").draw_figure()
+    )
+    violins = Violins(axis=SPEED, groups=read_groups(gaps, SPEED), of="mine").draw_figure()
     assert "undetermined: no trial has a value" in legend_texts(violins)
 
 
 def test_a_band_whose_end_is_not_reached_does_not_stretch_the_figure():
     (curve, *_) = read_curves(SIGNED, SPEED)
     open_ended = curve._replace(intervals=np.column_stack([curve.intervals[:, 0], np.full(len(curve.x), np.inf)]))
-    axes = draw_curves("demo", SPEED, [open_ended], find_extrema(SPEED, [open_ended])).axes[0]
+    axes = Curves(axis=SPEED, curves=[open_ended], of="mine").draw_figure().axes[0]
     assert -10 < axes.get_ylim()[0] < axes.get_ylim()[1] < 10
 
 
 @pytest.mark.parametrize("values", [[0.1, 0.32], [-5, 5], [3.0], [1e-9, 1.1e-9], [0, 1e6], [7, 7.0000001], [0.0]])
 def test_linear_levels_hold_all_values(values):
-    levels = choose_linear_levels(np.array([*values, np.nan], float))
+    levels = choose_levels(np.array([*values, np.nan], float), is_log=False)
     assert levels[0] <= min(values) + 1e-8 * abs(min(values))
     assert max(values) < levels[-1]
     assert 2 <= len(levels) <= 22
@@ -133,6 +135,6 @@ def test_linear_levels_hold_all_values(values):
 
 
 def test_densities_of_values_of_any_sign():
-    heights, found = linear_density(np.array([-1.0, 0.0, 1.0]))
+    heights, found = density(np.array([-1.0, 0.0, 1.0]), of_logarithms=False)
     assert (heights[0], heights[-1], found.max()) == (-1, 1, 1)
     assert found == pytest.approx(found[::-1])

@@ -22,9 +22,7 @@ from epuck_sim.arrays import FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.errors import RecordingError
 from epuck_sim.figures.saving import Target, save_figure
-from epuck_sim.figures.trial_arena import RED
-from epuck_sim.figures.trial_page import MAX_VECTOR_MARKS, check_drawable, draw_page
-from epuck_sim.figures.trial_title import page_title
+from epuck_sim.figures.trial_page import MAX_VECTOR_MARKS, RED, check_drawable, draw_page, page_title
 from epuck_sim.particles.simulation import ParticleSimulation
 from epuck_sim.recording.layers.arena import UNLABELLED
 from epuck_sim.recording.level import Level
@@ -218,7 +216,7 @@ def test_time_is_the_same_in_all_panels_and_all_of_it_is_there(thesis) -> None:
     left, right = timed[0].get_xlim()
     assert left <= 0
     assert thesis.time_s[-1] < right < 1.1 * thesis.time_s[-1]
-    assert timed[-1].get_xlabel() == "simulated time [s]"
+    assert timed[-1].get_xlabel() == "simulated time (s)"
 
 
 def test_the_title_names_scenario_seed_and_outcome(thesis, mixed) -> None:
@@ -233,7 +231,7 @@ def test_the_title_names_what_is_not_as_in_the_shipped_scenario(tmp_path) -> Non
     trial = recorded(tmp_path / "t.rrd", load_scenario("thesis", settings))
     first, *rest = draw_page(trial).get_suptitle().splitlines()
     assert first == "thesis, seed 0: not synchronised"
-    assert sorted("".join(rest).removeprefix("with ").split(", ")) == ["V = 3 cm/s", "stop.max_time_s = 1"]
+    assert sorted("".join(rest).removeprefix("with ").split(", ")) == ["V = 3 cm/s", "max time = 1 s"]
 
 
 # What can be read
@@ -274,8 +272,8 @@ def test_a_trial_without_oscillators_has_no_empty_panels(tmp_path, is_lit: bool)
     trial = recorded(tmp_path / "t.rrd", {"robots": [group], "stop": {"max_time_s": 2}})
     figure = laid_out(draw_page(trial))
     assert len(figure.axes) == 1 + is_lit
-    assert figure.axes[0].get_xlabel() == "x [cm]"
-    assert figure.axes[-1].get_xlabel() == ("simulated time [s]" if is_lit else "x [cm]")
+    assert figure.axes[0].get_xlabel() == "x (cm)"
+    assert figure.axes[-1].get_xlabel() == ("simulated time (s)" if is_lit else "x (cm)")
     assert "without oscillators" in figure.get_suptitle()
 
 

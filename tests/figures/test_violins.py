@@ -11,12 +11,11 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from epuck_sim.figures.forms.densities import density
-from epuck_sim.figures.forms.violins import LINE, VIOLIN, draw_violins, read_violins, violins_table
+from epuck_sim.figures.forms.violins import LINE, VIOLIN, Violins, density, read_groups
 from epuck_sim.figures.style import count_trials
 from epuck_sim.statistics.measured import Measured
 from epuck_sim.statistics.weibull_mean import MIN_UNCENSORED, estimate_weibull_mean, weibull_mean
-from tests.figures.drawn import laid_out, legend_texts, shown_text, written
+from tests.figures.drawn import laid_out, legend_texts, written
 from tests.runs.made_folders import COUNT, SPEED, SPEEDS, ended, in_memory, six_digits, sweep, weibull
 
 COUNTS = [7, 3, 5]
@@ -35,13 +34,13 @@ def law(point):
 
 
 POINTS = in_memory(sweep({COUNT: COUNTS, SPEED: SPEEDS}), law)
-GROUPS = read_violins(POINTS, SPEED, CENSORED_AT)
-OPEN = read_violins(POINTS, SPEED)
+GROUPS = read_groups(POINTS, SPEED, CENSORED_AT)
+OPEN = read_groups(POINTS, SPEED)
 
 
 def panels_of(groups, censored_at: int | None = CENSORED_AT) -> list[Axes]:
     """Return the panels of a figure, laid out."""
-    return laid_out(draw_violins("title", SPEED, groups, censored_at)).axes
+    return laid_out(Violins(axis=SPEED, groups=groups, censored_at=censored_at).draw_figure()).axes
 
 
 def violins(panel: Axes) -> list[np.ndarray]:
@@ -84,7 +83,7 @@ def test_without_a_censoring_the_estimate_is_that_of_the_trials_themselves() -> 
 def test_a_trial_that_synchronises_at_the_censoring_is_not_censored_and_one_after_it_is() -> None:
     times = [10, 20, 30, 40, 50]
     (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(times))
-    (at_last,), (before,) = read_violins([made], SPEED, 50), read_violins([made], SPEED, 49)
+    (at_last,), (before,) = read_groups([made], SPEED, 50), read_groups([made], SPEED, 49)
     assert at_last.estimates[0, 0] == weibull_mean(times, [True] * 5)
     assert before.estimates[0, 0] == weibull_mean([*times[:4], 49], [True] * 4 + [False])
     assert before.estimates[0, 0] != at_last.estimates[0, 0]
@@ -94,7 +93,7 @@ def test_the_censoring_makes_the_estimate_undetermined_where_appendix_a_says() -
     (made,) = in_memory(sweep({SPEED: [1]}), lambda _: ended(range(1, 101)))
     last = round(100 * MIN_UNCENSORED)
     for limit, is_undetermined in ((last - 1, True), (last, False)):
-        (group,) = read_violins([made], SPEED, limit)
+        (group,) = read_groups([made], SPEED, limit)
         assert np.isnan(group.estimates[0, 0]) == is_undetermined
 
 
@@ -112,7 +111,7 @@ def test_censored_trials_stay_censored_and_are_in_no_violin() -> None:
 
 def test_points_without_trials_are_left_out() -> None:
     made = in_memory(sweep({SPEED: [1, 2, 3]}), lambda point: ended([] if point.axes[SPEED] == 2 else [5]))
-    (group,) = read_violins(made, SPEED)
+    (group,) = read_groups(made, SPEED)
     assert group.x.tolist() == [1, 3]
 
 
@@ -121,7 +120,7 @@ def test_points_without_trials_are_left_out() -> None:
 
 @given(st.lists(st.integers(1, 10**7), min_size=1, max_size=30))
 def test_a_violin_spans_its_trials_and_is_1_where_it_is_widest(times: list[int]) -> None:
-    heights, widths = density(np.array(times, float))
+    heights, widths = density(np.array(times, float), of_logarithms=True)
     assert heights[[0, -1]] == pytest.approx([min(times), max(times)])
     assert (np.diff(heights) >= 0).all()
     assert widths.max() == 1
@@ -131,13 +130,13 @@ def test_a_violin_spans_its_trials_and_is_1_where_it_is_widest(times: list[int])
 def test_the_density_is_that_of_the_logarithms() -> None:
     """Of a lognormal distribution it is a bell around the median, and not around the mean."""
     drawn = np.exp(5 + np.random.default_rng(1).standard_normal(20_000))
-    heights, widths = density(drawn)
+    heights, widths = density(drawn, of_logarithms=True)
     expected = np.exp(-((np.log(heights) - 5) ** 2) / 2 / (1 + 20_000**-0.4))
     np.testing.assert_allclose(widths, expected, atol=0.05)
 
 
 def test_two_groups_of_trials_make_two_humps() -> None:
-    heights, widths = density(np.array([10.0] * 10 + [11.0] * 10 + [1000.0] * 5 + [1100.0] * 5))
+    heights, widths = density(np.array([10.0] * 10 + [11.0] * 10 + [1000.0] * 5 + [1100.0] * 5), of_logarithms=True)
     between = widths[(heights > 50) & (heights < 200)]
     upper = widths[heights > 500]
     assert between.min() < 0.2
@@ -164,17 +163,17 @@ def test_there_is_a_violin_at_each_point_as_wide_as_the_others_and_apart_from_th
 
 def test_a_violin_is_as_wide_as_the_density() -> None:
     made = in_memory(sweep({SPEED: [0.1, 1]}), lambda point: weibull(point, 50))
-    (group,) = read_violins(made, SPEED)
+    (group,) = read_groups(made, SPEED)
     (panel,) = panels_of([group], None)
     for corners, x, times in zip(violins(panel), group.x, group.synchronised, strict=True):
         widths = np.abs(np.log10(corners[:, 0] / x)) / 0.4  # a decade apart
-        heights, expected = density(times)
+        heights, expected = density(times, of_logarithms=True)
         np.testing.assert_allclose(widths, np.interp(np.log(corners[:, 1]), np.log(heights), expected), atol=1e-6)
 
 
 def test_where_no_trial_synchronised_there_is_no_violin() -> None:
     made = in_memory(sweep({SPEED: [1, 2]}), lambda _: ended([9, 9], [False, False]))
-    (panel,) = panels_of(read_violins(made, SPEED), None)
+    (panel,) = panels_of(read_groups(made, SPEED), None)
     assert violins(panel) == []
     (crosses,) = lines(panel, "undetermined")
     assert crosses.get_xdata().tolist() == [1, 2]
@@ -220,23 +219,24 @@ def test_a_dashed_line_marks_the_censoring_where_there_is_one() -> None:
 
 
 def test_a_censoring_above_all_trials_is_within_the_figure() -> None:
-    (panel, *_) = panels_of(read_violins(POINTS, SPEED, 10**7), 10**7)
+    (panel, *_) = panels_of(read_groups(POINTS, SPEED, 10**7), 10**7)
     assert panel.get_ylim()[1] > 10**7
     assert lines(panel, r"$T_\mathrm{cens}$ of the Weibull mean: $10^{7}$")
 
 
-def test_the_title_says_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
+def test_the_caption_says_how_many_trials_are_censored_and_nothing_where_none_is() -> None:
     censored = sum(int((~point.observed).sum()) for point in POINTS)
     trials = sum(len(point.times) for point in POINTS)
     assert censored > 10
     numbers = count_trials([len(point.times) for point in POINTS])
-    title = draw_violins("fig-a-1", SPEED, GROUPS, CENSORED_AT).get_suptitle()
-    assert title == f"fig-a-1\n{numbers}; {censored} of {trials} trials censored, not in the violins"
-    assert draw_violins("fig-a-1", SPEED, GROUPS[1:], CENSORED_AT).get_suptitle() == f"fig-a-1\n{numbers}"
+    what = "Distribution of T_sync (cycles) against V (cm/s), with Weibull means and their 95 % intervals"
+    shows = Violins(axis=SPEED, groups=GROUPS).shows
+    assert shows == f"{what}; {numbers}; {censored} of {trials} trials censored, not in the violins"
+    assert Violins(axis=SPEED, groups=GROUPS[1:]).shows == f"{what}; {numbers}"
 
 
 def test_the_legend_names_each_mark_once() -> None:
-    assert legend_texts(draw_violins("title", SPEED, GROUPS, CENSORED_AT)) == [
+    assert legend_texts(Violins(axis=SPEED, groups=GROUPS, censored_at=CENSORED_AT).draw_figure()) == [
         "trials that synchronised",
         "Weibull mean (Appendix A)",
         "its 95 % interval",
@@ -251,12 +251,12 @@ def test_panels_are_in_order_and_share_their_scales() -> None:
     assert [panel.get_title() for panel in panels] == [f"N = {count}" for count in COUNTS]
     assert len({(panel.get_xlim(), panel.get_ylim()) for panel in panels}) == 1
     assert (panels[0].get_xscale(), panels[0].get_yscale()) == ("log", "log")
-    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("V [cm/s]", r"$T_\mathrm{sync}$ [cycles]")
+    assert (panels[0].get_xlabel(), panels[0].get_ylabel()) == ("V (cm/s)", r"$T_\mathrm{sync}$ (cycles)")
 
 
 def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
     made = in_memory(sweep({COUNT: [2, 3, 5]}), lambda point: weibull(point, 50))
-    (panel,) = laid_out(draw_violins("title", COUNT, read_violins(made, COUNT), None)).axes
+    (panel,) = laid_out(Violins(axis=COUNT, groups=read_groups(made, COUNT), censored_at=None).draw_figure()).axes
     assert panel.get_xscale() == "linear"
     assert [np.ptp(corners[:, 0]) for corners in violins(panel)] == pytest.approx([0.8] * 3)
 
@@ -265,7 +265,7 @@ def test_a_linear_axis_has_violins_of_one_width_on_it() -> None:
 
 
 def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
-    table = written(tmp_path, violins_table(SPEED, GROUPS))
+    table = written(tmp_path, Violins(axis=SPEED, groups=GROUPS).tables[".csv"])
     assert list(table[0]) == [COUNT, SPEED, "trials", "censored", "mean", "weibull_mean", "weibull_low", "weibull_high"]
     expected = []
     for point in POINTS:
@@ -277,10 +277,3 @@ def test_the_csv_has_the_numbers_of_the_violins(tmp_path) -> None:
     assert [[*row.values()] for row in table] == expected
     assert [*table[0].values()] == ["7", "0.2", "5", "0", "30", "30", "", ""]
     assert [*table[1].values()] == ["7", "0.5", "1", "0", "800", "", "", ""]
-
-
-@pytest.mark.parametrize("name", ["costs $5 and $6", "a $\\frac{$"])
-def test_a_name_is_no_formula(name: str) -> None:
-    named = [group._replace(axes={"noise": f"{name}{n}"}) for n, group in enumerate(GROUPS)]
-    figure = laid_out(draw_violins(name, SPEED, named, None))
-    assert [shown_text(panel.title) for panel in figure.axes] == [f"noise = {name}{n}" for n in range(3)]

@@ -486,7 +486,7 @@ def test_in_a_segment_paths_go_up_in_time(tmp_path) -> None:
     recorded(tmp_path / "t.rrd", load("segment"))
     read = read_recording(tmp_path / "t.rrd")
     arena, *_ = draw_page(read).axes
-    assert (arena.get_xlabel(), arena.get_ylabel()) == ("x [cm]", "simulated time [s]")
+    assert (arena.get_xlabel(), arena.get_ylabel()) == ("x (cm)", "simulated time (s)")
     paths = [line for line in arena.get_lines() if len(line.get_xdata()) > 2]
     assert len(paths) == 9
     for agent, line in enumerate(paths):

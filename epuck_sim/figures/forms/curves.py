@@ -1,22 +1,35 @@
 """Curves of T_sync, or of a measure, against speed or another axis: a line for each combination of the others."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from epuck_sim.figures.csv_tables import Table, curves_table, extrema_table
-from epuck_sim.figures.labels import axis_label, format_axis_values, statistic_label, undetermined_label
-from epuck_sim.figures.looks import Look, choose_looks
+from epuck_sim.arrays import FloatArray
+from epuck_sim.figures.forms.form import Choices, Form, draw_trials
+from epuck_sim.figures.labels import format_axis_values, short_files, statistic_label, undetermined_label
+from epuck_sim.figures.saving import Table, tabulate
 from epuck_sim.figures.scales import has_log_scale, is_logarithmic, make_logarithmic
-from epuck_sim.figures.style import BAND, GREY, STYLE, count_trials, finish, make_panels, typeset
-from epuck_sim.scenario.figure_axes import SPEED, distinguishing_axes
+from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, typeset
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.figure_axes import SPEED, check_panels, choose_axis, distinguishing_axes
 from epuck_sim.statistics.curve_extrema import ExtremaSearch, search_extrema
-from epuck_sim.statistics.curves import Curve
-from epuck_sim.statistics.extrema import SpeedExtrema
+from epuck_sim.statistics.curves import Curve, group_by_other_axes, read_curves
+from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.statistics.extrema import MIN_SPEEDS, SpeedExtrema
+from epuck_sim.statistics.measured import Measured, measure
+from epuck_sim.statistics.names import Statistic
+
+POINT_COLUMNS = ("trials", "censored", "statistic", "estimate", "low", "high")
+"""Columns after the axes in a table of curves: number of trials, share of censored ones, what the estimate is,
+and cycles."""
+
+EXTREMA_COLUMNS = tuple(f"{name}{end}" for name in ("v_m", "t_m", "v_p", "t_p") for end in ("", "_low", "_high"))
+"""Columns of the minimum and the peak in the table of extrema, cm/s and cycles."""
 
 MAX_EXTRAPOLATION = 100
 """Largest Weibull mean that is shown, as a multiple of the limit of cycles; larger ones are extrapolated too far."""
@@ -29,123 +42,192 @@ NOT_A_SPEED = ExtremaSearch(None, "the axis is no speed")
 NOT_T_SYNC = ExtremaSearch(None, "those of a measure are printed by fit")
 
 
-def find_extrema(axis: str, curves: Sequence[Curve]) -> list[ExtremaSearch]:
-    """Look for the minimum and the peak of each curve of T_sync over `axis`, a dotted key."""
-    if curves[0].of is not None:
-        return [NOT_T_SYNC] * len(curves)
-    return [search_extrema(curve) if axis.endswith(SPEED) else NOT_A_SPEED for curve in curves]
-
-
-def curves_tables(axis: str, curves: Sequence[Curve], searches: Sequence[ExtremaSearch]) -> dict[str, Table]:
-    """Return the points of curves over `axis`, and their minima and peaks, as tables by the endings of their files.
-
-    Of a measure there is the first table alone.
-    """
-    if curves[0].of is not None:
-        return {".csv": curves_table(axis, curves)}
-    return {".csv": curves_table(axis, curves), "-regimes.csv": extrema_table(curves, searches)}
-
-
-@rc_context(STYLE)
-def draw_curves(
-    title: str,
-    axis: str,
-    curves: Sequence[Curve],
-    searches: Sequence[ExtremaSearch],
-    split_by: str | None = None,
-    width_cm: float | None = None,
-) -> Figure:
-    """Draw curves in one panel, or in a panel for each value of an axis; `plot_curves` says how.
-
-    Args:
-        title: Title of the figure, to which the numbers of trials are added.
-        axis: Dotted key of the horizontal axis.
-        curves: The curves, at least one.
-        searches: Minimum and peak of each curve.
-        split_by: Dotted key of the axis that has a panel for each of its values; one panel by default.
-        width_cm: Width of the figure; by default that of a column, or of a page for several panels.
-    """
-    among = (axis, *curves[0].axes)
-    heads = [format_axis_values({split_by: curve.axes[split_by]}, among) if split_by else "" for curve in curves]
-    titles = list(dict.fromkeys(heads))
-    trials = np.concatenate([curve.trials for curve in curves]).tolist()
-    labels = axis_label(axis, among), curves_label(curves)
-    figure, panels = make_panels(f"{title}\n{count_trials(trials)}", titles, labels, width_cm)
-    _draw([panels[titles.index(head)] for head in heads], axis, curves, searches, split_by)
-    finish(figure, panels)
-    return figure
-
-
-def plot_curves(axes: Axes, axis: str, curves: Sequence[Curve], searches: Sequence[ExtremaSearch]) -> None:
-    """Draw curves over `axis`, a dotted key, with their 95 % bands.
+@dataclass(kw_only=True)
+class Curves(Form):
+    """Curves with their 95 % bands.
 
     The scale is logarithmic for T_sync, and for measures that are positive and far apart. Points are hollow where
     trials are censored; a cross at the upper edge is undetermined; triangles are the local minimum and the peak, where
-    found; the base case is dashed. Every mark has a label, which `axes.legend()` shows.
+    found; the base case is dashed.
     """
-    _draw([axes] * len(curves), axis, curves, searches, None)
+
+    name = "curves"
+    takes = ("x", "panels", "statistic", "scale", "points")
+
+    axis: str
+    """Dotted key of the horizontal axis."""
+    curves: Sequence[Curve]
+    """The curves, at least one."""
+    split_by: str | None = None
+    """Dotted key of the axis that has a panel for each of its values; None for one panel."""
+    trials: Sequence[Sequence[Measured]] = ()
+    """The trials at each point of each curve, if they are to be drawn."""
+
+    @classmethod
+    def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
+        """Estimate a curve for each combination of the other axes.
+
+        Raises:
+            EpuckSimError: There is no such axis, no T_sync, or the measure is a series.
+        """
+        rows = [point.axes for point in points]
+        axis = choose_axis(rows, *choices.axis("x"))
+        split_by, origin = choices.axis("panels", taken=axis)
+        curves = read_curves(points, axis, Statistic(choices.section.statistic))
+        check_panels(rows, axis, split_by, origin)
+        groups = group_by_other_axes(points, axis) if choices.section.points else []
+        trials = [[measure(point) for point in group] for _, group in groups]
+        return cls(axis=axis, curves=curves, split_by=split_by, trials=trials)
+
+    @cached_property
+    def searches(self) -> Sequence[ExtremaSearch]:
+        """Minimum and peak of each curve of T_sync against speed."""
+        if self.of is not None:
+            return [NOT_T_SYNC] * len(self.curves)
+        return [search_extrema(curve) if self.axis.endswith(SPEED) else NOT_A_SPEED for curve in self.curves]
+
+    @property
+    def titles(self) -> Sequence[str]:
+        return list(dict.fromkeys(self._heads))
+
+    @property
+    def _heads(self) -> list[str]:
+        """Title of the panel of each curve."""
+        key = self.split_by
+        if key is None:
+            return [""] * len(self.curves)
+        rows = short_files([{key: curve.axes[key]} for curve in self.curves])
+        return [format_axis_values(row, self._keys, self.settings.labels) for row in rows]
+
+    @property
+    def _keys(self) -> tuple[str, ...]:
+        return (self.axis, *self.curves[0].axes)
+
+    @property
+    def labels(self) -> Sequence[str]:
+        names = [name for curve in self.curves for name in curve.names]
+        return self.label_of(self.axis, self._keys), statistic_label(names, self.quantity)
+
+    @property
+    def shows(self) -> str:
+        names = " or ".join(dict.fromkeys(name for curve in self.curves for name in curve.names))
+        what = f"{names.capitalize()} of {self.quantity} against {self.labels[0]}, with 95 % intervals"
+        return f"{what}; {count_trials(np.concatenate([curve.trials for curve in self.curves]).tolist())}"
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """The points of the curves, and of T_sync their minima and peaks."""
+        points = {".csv": curves_table(self.axis, self.curves)}
+        if self.of is not None:
+            return points
+        each = zip(self.curves, self.searches, strict=True)
+        return {**points, "-regimes.csv": tabulate((curve.axes, _extrema_row(search)) for curve, search in each)}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """Why there are no bands or marks, where there cannot be any."""
+        searched = zip(self.curves, self.searches, strict=True)
+        many = (search.reason for curve, search in searched if len(curve.x) >= MIN_SPEEDS)  # few are plain to see
+        reasons = [each for each in dict.fromkeys(many) if each not in ("", NOT_A_SPEED.reason, NOT_T_SYNC.reason)]
+        notes = [f"no minimum and peak are looked for: {reason}" for reason in reasons]
+        if any((curve.trials < MIN_TRIALS).any() for curve in self.curves):
+            notes.insert(0, f"no bands where a point has fewer than {MIN_TRIALS} trials")
+        return notes
+
+    def draw(self, panels: Sequence[Axes]) -> None:
+        labels = self._curve_labels()
+        own_panels = [panels[self.titles.index(head)] for head in self._heads]
+        highest, beyond = self._ends()
+        x, values = (np.concatenate([getattr(curve, name) for curve in self.curves]) for name in ("x", "values"))
+        is_log = has_log_scale(self.of, values, self.settings.scale)
+        names = list(dict.fromkeys(labels))
+        looks = dict(zip(names, choose_looks(len(names)), strict=True))
+        for panel in panels:
+            make_logarithmic(panel, *["y"] * is_log, *["x"] * is_logarithmic(self.axis, x))
+        for name, look in looks.items():
+            if name:
+                panels[0].plot([], [], marker=look.marker, color=look.colour, label=typeset(name))
+        with_crosses = {label for curve, label in zip(self.curves, labels, strict=True) if np.isnan(curve.values).any()}
+        crossed = [name for name in names if name in with_crosses]
+        for panel, curve, search, label in zip(own_panels, self.curves, self.searches, labels, strict=True):
+            row = crossed.index(label) if label in crossed else 0
+            _draw_curve(panel, curve, search.extrema, looks[label], 1 - CROSS_ROW * (row + 0.8), beyond)
+        for panel, curve, trials, label in zip(own_panels, self.curves, self.trials, labels, strict=False):
+            places = shifted(curve.x, names.index(label), len(names), panel.get_xscale() == "log")
+            for place, measured in zip(places, trials, strict=True):
+                draw_trials(panel, float(place), measured, looks[label].colour)
+        self._label_marks(panels[0])
+        for panel in panels:
+            if self.of is None:
+                panel.set_ylim(top=min(panel.get_ylim()[1], (3 if is_log else 1.5) * highest))
+            if math.isfinite(highest):
+                _make_room(panel, highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
+
+    def _curve_labels(self) -> list[str]:
+        rows = short_files(distinguishing_axes([curve.axes for curve in self.curves]))
+        return [
+            format_axis_values(
+                {key: row[key] for key in row if key != self.split_by}, (self.axis, *row), self.settings.labels
+            )
+            for row in rows
+        ]
+
+    def _ends(self) -> tuple[float, float]:
+        """Return the highest value, -inf without any, and how far up bands are drawn whose end is not reached."""
+        dots = [measured.values for trials in self.trials for measured in trials]
+        values = np.concatenate([curve.values for curve in self.curves] + dots)
+        known = values[np.isfinite(values)]
+        if self.of is not None:
+            highest = float(known.max(initial=-math.inf))
+            ends = np.concatenate([curve.intervals[:, 1] for curve in self.curves])
+            return highest, float(ends[np.isfinite(ends)].max(initial=highest))
+        longest = MAX_EXTRAPOLATION * max(curve.scenario.stop.max_cycles for curve in self.curves)
+        return min(float(known.max(initial=1.0)), longest), 1e12
+
+    def _label_marks(self, panel: Axes) -> None:
+        """Add an empty mark with a label for each kind that is drawn."""
+        known = [~np.isnan(curve.values) for curve in self.curves]
+        if any(np.isfinite(curve.intervals[seen, 0]).any() for curve, seen in zip(self.curves, known, strict=True)):
+            panel.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
+        if any(map(is_base_case, self.curves)):
+            panel.plot([], [], "--", color=GREY, label="base case")
+        if any((curve.censored[seen] > 0).any() for curve, seen in zip(self.curves, known, strict=True)):
+            panel.plot([], [], "o", color=GREY, markerfacecolor="white", label="some trials censored")
+        if not all(seen.all() for seen in known):
+            panel.plot([], [], "x", color=GREY, label=undetermined_label(self.of))
+        if any(search.extrema is not None and search.extrema.is_found for search in self.searches):
+            for marker, label in (("v", "local minimum V_m"), ("^", "peak V_p")):
+                panel.plot([], [], marker, color=GREY, markersize=7, markeredgecolor="black", label=typeset(label))
 
 
-def _draw(
-    panels: Sequence[Axes],
-    axis: str,
-    curves: Sequence[Curve],
-    searches: Sequence[ExtremaSearch],
-    split_by: str | None,
-) -> None:
-    """Draw each curve into its panel; all panels share their scales."""
-    distinguishing = distinguishing_axes([curve.axes for curve in curves])
-    labels = [
-        format_axis_values({key: row[key] for key in row if key != split_by}, (axis, *row)) for row in distinguishing
-    ]
-    highest, beyond = _ends(curves)
-    x, values = (np.concatenate([getattr(curve, name) for curve in curves]) for name in ("x", "values"))
-    is_log = has_log_scale(curves[0].of, values)
-    make_logarithmic(panels[0], *["y"] * is_log, *["x"] * is_logarithmic(axis, x))
-    names = list(dict.fromkeys(labels))
-    looks = dict(zip(names, choose_looks(len(names)), strict=True))
-    for name, look in looks.items():
-        if name:
-            panels[0].plot([], [], marker=look.marker, color=look.colour, label=typeset(name))
-    crossed = [
-        name
-        for name in names
-        if any(np.isnan(curve.values).any() for curve, label in zip(curves, labels, strict=True) if label == name)
-    ]
-    for panel, curve, search, label in zip(panels, curves, searches, labels, strict=True):
-        row = crossed.index(label) if label in crossed else 0
-        _draw_curve(panel, curve, search.extrema, looks[label], 1 - CROSS_ROW * (row + 0.8), beyond)
-    _label_marks(panels[0], curves, searches)
-    if curves[0].of is None:
-        panels[0].set_ylim(top=min(panels[0].get_ylim()[1], 3 * highest))
-    if math.isfinite(highest):
-        _make_room(panels[0], highest, CROSS_ROW * (len(crossed) + 0.8) if crossed else 0.0)
+def curves_table(axis: str, curves: Sequence[Curve]) -> Table:
+    """Return a table with a row for each point of curves over `axis`; their other axes come first."""
+    names = (axis, *POINT_COLUMNS)
+    columns = [(c.x, c.trials, c.censored, c.names, c.values, *c.intervals.T) for c in curves]
+    each = zip(curves, columns, strict=True)
+    return tabulate((curve.axes, dict(zip(names, found, strict=True))) for curve, found in each)
 
 
-def _ends(curves: Sequence[Curve]) -> tuple[float, float]:
-    """Return the highest value, -inf without any, and how far up bands are drawn whose end is not reached."""
-    values, ends = (np.concatenate(each) for each in zip(*((c.values, c.intervals[:, 1]) for c in curves), strict=True))
-    known = values[np.isfinite(values)]
-    if curves[0].of is not None:
-        highest = float(known.max(initial=-math.inf))
-        return highest, float(ends[np.isfinite(ends)].max(initial=highest))
-    longest = MAX_EXTRAPOLATION * max(curve.scenario.stop.max_cycles for curve in curves)
-    return min(float(known.max(initial=1.0)), longest), 1e12
+def _extrema_row(search: ExtremaSearch) -> dict[str, list[Any]]:
+    """Return columns of one row, with the p-value alone where the pair may be noise, or why there is none."""
+    found, numbers = search.extrema, [np.nan] * len(EXTREMA_COLUMNS)
+    if found is not None and found.is_found:
+        numbers = [n for estimate, ends in zip(found[:4], found.intervals, strict=True) for n in (estimate, *ends)]
+    p_value = np.nan if found is None else found.p_value
+    row = dict(zip(EXTREMA_COLUMNS, numbers, strict=True)) | {"p_value": p_value, "reason": search.reason}
+    return {name: [value] for name, value in row.items()}
 
 
-def _make_room(axes: Axes, highest: float, share: float) -> None:
-    """End the vertical scale so high that the highest value stays below this upper share of the panel."""
-    bottom, top = axes.get_ylim()
-    if axes.get_yscale() == "log":
-        reach = bottom * math.exp(math.log(1.15 * highest / bottom) / (1 - share))
-    else:
-        reach = bottom + 1.05 * (highest - bottom) / (1 - share)
-    axes.set_ylim(top=max(top, reach))
+def shifted(x: FloatArray, number: int, count: int, is_log: bool) -> FloatArray:
+    """Return places, (n,), beside points of an axis for the dots of one of several curves.
 
-
-def curves_label(curves: Sequence[Curve]) -> str:
-    """Return the label of an axis with the statistic that curves show."""
-    return typeset(statistic_label([name for curve in curves for name in curve.names], curves[0].of))
+    >>> shifted(np.array([1.0, 2.0]), 0, 2, False)
+    array([0.875, 1.875])
+    """
+    places = np.log10(x) if is_log else x
+    gap = float(np.diff(places).min()) if len(x) > 1 else 1.0
+    moved = places + gap * ((number + 0.5) / count - 0.5) / 2
+    return 10**moved if is_log else moved
 
 
 def is_base_case(curve: Curve) -> bool:
@@ -154,35 +236,29 @@ def is_base_case(curve: Curve) -> bool:
     return bool(base) and all(key in curve.axes and curve.axes[key] == value for key, value in base.items())
 
 
+def _make_room(panel: Axes, highest: float, share: float) -> None:
+    """End the vertical scale so high that the highest value stays below this upper share of the panel."""
+    bottom, top = panel.get_ylim()
+    if panel.get_yscale() == "log":
+        reach = bottom * math.exp(math.log(1.15 * highest / bottom) / (1 - share))
+    else:
+        reach = bottom + 1.05 * (highest - bottom) / (1 - share)
+    panel.set_ylim(top=max(top, reach))
+
+
 def _draw_curve(
-    axes: Axes, curve: Curve, extrema: SpeedExtrema | None, look: Look, cross_at: float, beyond: float
+    panel: Axes, curve: Curve, extrema: SpeedExtrema | None, look: Look, cross_at: float, beyond: float
 ) -> None:
     known = ~np.isnan(curve.values)
     low, high = np.where(known[:, None], np.nan_to_num(curve.intervals, nan=np.nan, posinf=beyond), np.nan).T
-    axes.fill_between(curve.x, low, high, color=look.colour, alpha=BAND, linewidth=0)
+    panel.fill_between(curve.x, low, high, color=look.colour, alpha=BAND, linewidth=0)
     style = "--" if is_base_case(curve) else "-"
-    axes.plot(curve.x, curve.values, style, color=look.colour)  # with a gap where it is undetermined
+    panel.plot(curve.x, curve.values, style, color=look.colour)  # with a gap where it is undetermined
     for censored, face in ((False, look.colour), (True, "white")):
         chosen = known & ((curve.censored > 0) == censored)
-        axes.plot(curve.x[chosen], curve.values[chosen], look.marker, color=look.colour, markerfacecolor=face)
+        panel.plot(curve.x[chosen], curve.values[chosen], look.marker, color=look.colour, markerfacecolor=face)
     at = np.full(np.count_nonzero(~known), cross_at)
-    axes.plot(curve.x[~known], at, "x", color=look.colour, transform=axes.get_xaxis_transform())
+    panel.plot(curve.x[~known], at, "x", color=look.colour, transform=panel.get_xaxis_transform())
     if extrema is not None and extrema.is_found:
         for speed, time, marker in ((extrema.v_m, extrema.t_m, "v"), (extrema.v_p, extrema.t_p, "^")):
-            axes.plot(speed, time, marker, color=look.colour, markersize=7, markeredgecolor="black", zorder=4)
-
-
-def _label_marks(axes: Axes, curves: Sequence[Curve], searches: Sequence[ExtremaSearch]) -> None:
-    """Add an empty mark with a label for each kind that is drawn."""
-    known = [~np.isnan(curve.values) for curve in curves]
-    if any(np.isfinite(curve.intervals[chosen, 0]).any() for curve, chosen in zip(curves, known, strict=True)):
-        axes.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
-    if any(map(is_base_case, curves)):
-        axes.plot([], [], "--", color=GREY, label="base case")
-    if any((curve.censored[chosen] > 0).any() for curve, chosen in zip(curves, known, strict=True)):
-        axes.plot([], [], "o", color=GREY, markerfacecolor="white", label="some trials censored")
-    if not all(chosen.all() for chosen in known):
-        axes.plot([], [], "x", color=GREY, label=undetermined_label(curves[0].of))
-    if any(search.extrema is not None and search.extrema.is_found for search in searches):
-        for marker, label in (("v", "local minimum V_m"), ("^", "peak V_p")):
-            axes.plot([], [], marker, color=GREY, markersize=7, markeredgecolor="black", label=typeset(label))
+            panel.plot(speed, time, marker, color=look.colour, markersize=7, markeredgecolor="black", zorder=4)

@@ -1,31 +1,44 @@
 """Maps of T_sync (thesis Figs. 3.5, 5.6, D.4), or of a measure, over two axes; a panel for each value of the others."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
-from matplotlib.figure import Figure
 
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.figures.csv_tables import Table, curves_table
-from epuck_sim.figures.forms.levels import COLOURS, add_colour_bar, choose_levels, choose_linear_levels
-from epuck_sim.figures.labels import axis_label, distinguishing_labels, statistic_label
-from epuck_sim.figures.scales import has_log_scale, is_logarithmic, make_logarithmic
-from epuck_sim.figures.style import STYLE, count_trials, finish, make_panels, typeset
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.forms.curves import curves_table
+from epuck_sim.figures.forms.form import Choices, Form, check_has_values
+from epuck_sim.figures.labels import statistic_label
+from epuck_sim.figures.saving import Table
+from epuck_sim.figures.scales import format_tick, has_log_scale, is_logarithmic, is_plain, make_logarithmic
+from epuck_sim.figures.style import BAR, BAR_ASPECT, count_trials, typeset
 from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.figure_axes import choose_axis, choose_second_axis
 from epuck_sim.statistics.curves import Curve, estimate_curve, group_by_other_axes
 from epuck_sim.statistics.names import Statistic
 from epuck_sim.statistics.statistic import MOST_CENSORED
+
+COLOURS = colormaps["viridis"]
 
 MIN_CONTOUR_VALUES = 3
 """Fewest values of x and of y in every panel with which contours are drawn between the points."""
 
 GREY = "0.88"
 """Colour of cells where half of the trials or more are censored."""
+
+MAX_LEVELS = 20
+"""Largest number of levels of colour; more of them are hard to distinguish."""
+
+LOG_STEPS = (0.02, 0.05, 0.1, 0.2, 0.25, 0.5, 1.0)
+"""Distances from one level to the next, in decades; the smallest that needs at most `MAX_LEVELS` is taken."""
 
 
 class Map(NamedTuple):
@@ -43,6 +56,98 @@ class Map(NamedTuple):
     """(ny, nx) whether there are trials."""
     rows: list[Curve]
     """The same points as curves over x, one for each y, which is the last of its axes."""
+
+
+@dataclass(kw_only=True)
+class Maps(Form):
+    """Maps in one set of colours, and a colour bar beside them.
+
+    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored, or none has
+    a value of the measure; one without trials is blank. Between four neighbours that are neither, contours are drawn
+    over the cells; nothing else is interpolated. Colours stand for logarithms of T_sync, and of measures that are
+    positive and far apart.
+    """
+
+    name = "map"
+    takes = ("x", "y", "statistic", "scale")
+
+    x: str
+    """Dotted key of the horizontal axis."""
+    y: str
+    """Dotted key of the vertical axis."""
+    maps: Sequence[Map]
+    """The map of each panel, at least one."""
+
+    @classmethod
+    def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
+        """Estimate a map for each combination of the other axes, in the order of the sweep.
+
+        Raises:
+            EpuckSimError: There are no such axes, no trial has a value, or the statistic is none for maps.
+        """
+        check_has_values(points, cls.name)
+        statistic = Statistic(choices.section.statistic)
+        if statistic == Statistic.WEIBULL_MEAN:
+            raise EpuckSimError(
+                "--statistic weibull-mean is not for --form map: where trials are censored it is extrapolated from a "
+                "few, and a map has no intervals to show that; allowed: mean, which is restricted there, and median"
+            )
+        rows = [point.axes for point in points]
+        x = choose_axis(rows, *choices.axis("x"))
+        y = choose_second_axis(rows, x, *choices.axis("y", taken=x))
+        return cls(x=x, y=y, maps=read_maps(points, x, y, statistic))
+
+    @property
+    def titles(self) -> Sequence[str]:
+        return self.labels_of([each.axes for each in self.maps], self._keys)
+
+    @property
+    def _keys(self) -> tuple[str, ...]:
+        return (self.x, self.y, *self.maps[0].axes)
+
+    @property
+    def labels(self) -> Sequence[str]:
+        return self.label_of(self.x, self._keys), self.label_of(self.y, self._keys)
+
+    @property
+    def _rows(self) -> list[Curve]:
+        return [row for each in self.maps for row in each.rows]
+
+    @property
+    def shows(self) -> str:
+        names = " or ".join(dict.fromkeys(name for row in self._rows for name in row.names))
+        trials = count_trials(np.concatenate([row.trials for row in self._rows]).tolist())
+        return f"{names.capitalize()} of {self.quantity} over {self.labels[0]} and {self.labels[1]}; {trials}"
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """The points, with the columns of a table of curves."""
+        return {".csv": curves_table(self.x, self._rows)}
+
+    def draw(self, panels: Sequence[Axes]) -> None:
+        scales = [
+            is_logarithmic(key, np.concatenate([getattr(each, name) for each in self.maps]))
+            for name, key in (("x", self.x), ("y", self.y))
+        ]
+        has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in self.maps)
+        values = np.concatenate([each.values.ravel() for each in self.maps])
+        is_log = has_log_scale(self.of, values, self.settings.scale)
+        levels = choose_levels(values, is_log=is_log)
+        for panel, each in zip(panels, self.maps, strict=True):
+            make_logarithmic(panel, *(name for name, chosen in zip("xy", scales, strict=True) if chosen))
+            shown = each._replace(values=np.log10(each.values)) if is_log else each
+            _draw_map(panel, shown, levels, scales, has_contours)
+        self._set_limits(panels, scales, has_contours)
+        names = [name for row in self._rows for name in row.names]
+        _add_colour_bar(panels, levels, typeset(statistic_label(names, self.quantity)), is_log=is_log)
+
+    def _set_limits(self, panels: Sequence[Axes], scales: Sequence[bool], has_contours: bool) -> None:
+        """End the panels at the outermost points, or at the edges of their cells where there are no contours."""
+        for name, is_log in zip("xy", scales, strict=True):
+            values = [getattr(each, name) for each in self.maps]
+            ends = np.concatenate(values if has_contours else [_edges(each, is_log) for each in values])
+            for panel in panels:
+                panel.set(**{f"{name}lim": (ends.min(), ends.max())})
 
 
 def read_maps(points: Sequence[PointTrials], x: str, y: str, statistic: Statistic = Statistic.MEAN) -> list[Map]:
@@ -65,65 +170,10 @@ def _map(points: Sequence[PointTrials], x: str, y: str, others: dict[str, Any], 
     return Map(others, xs, np.array([row.axes[y] for row in rows], np.float64), values, is_tried, rows)
 
 
-def maps_table(x: str, maps: Sequence[Map]) -> Table:
-    """Return the points of maps over `x`, with the columns of a table of curves."""
-    return curves_table(x, [row for each in maps for row in each.rows])
-
-
-@rc_context(STYLE)
-def draw_maps(title: str, x: str, y: str, maps: Sequence[Map], width_cm: float | None = None) -> Figure:
-    """Draw a panel for each map, all in the same colours; `plot_maps` says how.
-
-    Args:
-        title: Title of the figure, to which the numbers of trials are added.
-        x: Dotted key of the horizontal axis.
-        y: Dotted key of the vertical axis.
-        maps: The maps, at least one.
-        width_cm: Width of the figure; by default that of a column, or of a page for several panels.
-
-    Raises:
-        EpuckSimError: There are more maps than panels of a figure.
-    """
-    among = (x, y, *maps[0].axes)
-    titles = distinguishing_labels([each.axes for each in maps], among)
-    trials = np.concatenate([row.trials for each in maps for row in each.rows]).tolist()
-    labels = axis_label(x, among), axis_label(y, among)
-    figure, panels = make_panels(f"{title}\n{count_trials(trials)}", titles, labels, width_cm)
-    plot_maps(panels, x, y, maps)
-    finish(figure, panels)
-    return figure
-
-
-def plot_maps(panels: Sequence[Axes], x: str, y: str, maps: Sequence[Map]) -> None:
-    """Draw maps over `x` and `y`, dotted keys, into panels that share their scales, and a colour bar beside them.
-
-    Each point fills the cell around it, with a hatched grey where half of its trials or more are censored, or none has
-    a value of the measure; one without trials is blank. Between four neighbours that are neither, contours are drawn
-    over the cells; nothing else is interpolated. Colours stand for logarithms of T_sync, and of measures that are
-    positive and far apart. The colour bar names the statistic.
-    """
-    logarithmic = (
-        is_logarithmic(x, np.concatenate([each.x for each in maps])),
-        is_logarithmic(y, np.concatenate([each.y for each in maps])),
-    )
-    make_logarithmic(panels[0], *(name for name, chosen in zip("xy", logarithmic, strict=True) if chosen))
-    has_contours = all(min(each.values.shape) >= MIN_CONTOUR_VALUES for each in maps)
-    values = np.concatenate([each.values.ravel() for each in maps])
-    of = maps[0].rows[0].of
-    is_log = has_log_scale(of, values)
-    levels = choose_levels(values) if is_log else choose_linear_levels(values)
-    for panel, each in zip(panels, maps, strict=True):
-        shown = each._replace(values=np.log10(each.values)) if is_log else each
-        _draw_map(panel, shown, levels, logarithmic, has_contours)
-    _set_limits(panels[0], maps, logarithmic, has_contours)
-    names = [name for each in maps for row in each.rows for name in row.names]
-    add_colour_bar(panels, levels, typeset(statistic_label(names, of)), is_log=is_log)
-
-
-def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[bool, bool], has_contours: bool) -> None:
+def _draw_map(panel: Axes, each: Map, levels: FloatArray, scales: Sequence[bool], has_contours: bool) -> None:
     norm = BoundaryNorm(levels, COLOURS.N)
     values = np.ma.masked_invalid(each.values)
-    edges = [_edges(places, is_log) for places, is_log in zip((each.x, each.y), logarithmic, strict=True)]
+    edges = [_edges(places, is_log) for places, is_log in zip((each.x, each.y), scales, strict=True)]
     panel.pcolormesh(*edges, values, cmap=COLOURS, norm=norm, edgecolors="face", linewidth=0.2)
     is_undetermined = each.is_tried & np.isnan(each.values)
     if is_undetermined.any():
@@ -136,17 +186,9 @@ def _draw_map(panel: Axes, each: Map, levels: FloatArray, logarithmic: tuple[boo
         cells.update_scalarmappable()  # or the legend would have another colour
     if has_contours:
         # in the coordinates of the page, where a contour between two points of a logarithmic axis belongs
-        scaled = [_scaled(values, is_log) for values, is_log in zip((each.x, each.y), logarithmic, strict=True)]
+        scaled = [_scaled(values, is_log) for values, is_log in zip((each.x, each.y), scales, strict=True)]
         on_page = panel.transLimits + panel.transAxes
         panel.contourf(*scaled, values, levels=levels, cmap=COLOURS, norm=norm, corner_mask=False, transform=on_page)
-
-
-def _set_limits(panel: Axes, maps: Sequence[Map], logarithmic: tuple[bool, bool], has_contours: bool) -> None:
-    """End the panels at the outermost points, or at the edges of their cells where there are no contours."""
-    for name, is_log in zip("xy", logarithmic, strict=True):
-        values = [getattr(each, name) for each in maps]
-        ends = np.concatenate(values if has_contours else [_edges(each, is_log) for each in values])
-        panel.set(**{f"{name}lim": (ends.min(), ends.max())})
 
 
 def _scaled(values: FloatArray, is_log: bool) -> FloatArray:
@@ -165,3 +207,51 @@ def _edges(values: FloatArray, is_log: bool) -> FloatArray:
     inner = places[:-1] + gaps[: len(places) - 1] / 2
     edges = np.concatenate([[places[0] - gaps[0] / 2], inner, [places[-1] + gaps[-1] / 2]])
     return 10**edges if is_log else edges
+
+
+def choose_levels(values: FloatArray, *, is_log: bool) -> FloatArray:
+    """Return the ends of the ranges of one colour, ascending; all values, (n,), or their log10, lie between them.
+
+    >>> choose_levels(np.array([20.0, 70.0, np.nan]), is_log=True).tolist()
+    [1.3, 1.35, 1.4, 1.45, 1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85]
+    """
+    known = values[~np.isnan(values)]
+    known = np.log10(known) if is_log else known
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
+    unit = 10.0 ** math.floor(math.log10(((high - low) or abs(high) or 1.0) / MAX_LEVELS))
+    for step in LOG_STEPS if is_log else [unit * factor for factor in (1, 2, 5, 10, 20)]:
+        first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
+        if last - first <= MAX_LEVELS:
+            break
+    levels: FloatArray = np.arange(first, last + 1, dtype=np.float64) * step
+    return np.round(levels, 9) if is_log else levels
+
+
+def _add_colour_bar(panels: Sequence[Axes], levels: FloatArray, label: str, *, is_log: bool) -> None:
+    """Add a colour bar beside panels; if levels are logarithms, their powers of ten are its numbers."""
+    figure = panels[0].get_figure()
+    assert figure is not None
+    bar = figure.colorbar(
+        ScalarMappable(BoundaryNorm(levels, COLOURS.N), COLOURS),
+        ax=list(panels),
+        label=label,
+        spacing="proportional",
+        fraction=BAR,
+        aspect=BAR_ASPECT,
+    )
+    if is_log:
+        plain = is_plain(10 ** levels[0], 10 ** levels[-1])
+        logs = _log_ticks(levels)
+        bar.set_ticks(logs, labels=[format_tick(float(f"{10**each:.3g}"), plain=plain) for each in logs])
+    bar.ax.minorticks_off()
+
+
+def _log_ticks(levels: FloatArray) -> list[float]:
+    """Return the powers of ten within levels, as logarithms, or numbers between where there are two at most."""
+    decades = range(math.floor(levels[0]), math.floor(levels[-1]) + 1)
+    for factors in ((1,), (1, 2, 5), range(1, 10)):
+        ticks = [power + math.log10(factor) for power in decades for factor in factors]
+        within = [tick for tick in ticks if levels[0] <= tick <= levels[-1]]
+        if len(within) > 2:
+            return within
+    return [float(level) for level in levels]

@@ -1,20 +1,21 @@
 """Series of a measure over the cycles: at each point of a sweep, the mean of the trials that reach a cycle."""
 
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.figures.csv_tables import Table, rounded
-from epuck_sim.figures.labels import distinguishing_labels, statistic_label
-from epuck_sim.figures.looks import Look, choose_looks, space_markers
-from epuck_sim.figures.style import BAND, GREY, STYLE, count_trials, finish, make_panels, typeset
-from epuck_sim.statistics.series import PointSeries
+from epuck_sim.figures.forms.form import Choices, Form
+from epuck_sim.figures.saving import Table, tabulate
+from epuck_sim.figures.scales import has_log_scale, make_logarithmic
+from epuck_sim.figures.style import BAND, GREY, Look, choose_looks, count_trials, draw_course, typeset
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.statistics.estimate import MIN_TRIALS
+from epuck_sim.statistics.series import PointSeries, summarize_series
 
 COLUMNS = ("cycle", "trials", "known", "mean", "low", "high", "median", "median_low", "median_high")
 """Columns after the axes in the table: number of trials that reach the cycle, and of those with a value there."""
@@ -23,78 +24,70 @@ MAX_LINES = 20
 """Largest number of lines; more of them are hard to distinguish."""
 
 
-def series_table(points: Sequence[PointSeries]) -> Table:
-    """Return a table with a row for each cycle of each point of a sweep."""
-    return Table((*points[0].axes, *COLUMNS), _rows(points))
+@dataclass(kw_only=True)
+class Series(Form):
+    """The mean over the cycles at each point, in its 95 % band; dashed where some trials have ended before."""
+
+    name = "series"
+    takes = ("scale",)
+
+    points: Sequence[PointSeries]
+    """Its series at each point, at least one."""
+
+    @classmethod
+    def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
+        """Return the series of each point; raise EpuckSimError if the measure is no series, or they are too many."""
+        return cls(points=summarize_series(points))
+
+    def __post_init__(self) -> None:
+        if len(self.points) > MAX_LINES:
+            raise EpuckSimError(
+                f"there would be {len(self.points)} lines, one for each point; allowed: up to {MAX_LINES}; epuck-sim "
+                "summarize prints all"
+            )
+
+    @property
+    def labels(self) -> Sequence[str]:
+        return "cycle", self.quantity
+
+    @property
+    def shows(self) -> str:
+        trials = count_trials([int(point.statistics.trials[0]) for point in self.points])
+        return f"{self.of}: means over the cycles of the trials that reach them, with 95 % intervals; {trials}"
+
+    @property
+    def tables(self) -> Mapping[str, Table]:
+        """A row for each cycle of each point."""
+        columns = [(s.cycles, s.trials, s.known, *s.mean.T, *s.median.T) for _, s in self.points]
+        each = zip(self.points, columns, strict=True)
+        return {".csv": tabulate((point.axes, dict(zip(COLUMNS, found, strict=True))) for point, found in each)}
+
+    @property
+    def notes(self) -> Sequence[str]:
+        few = any((point.statistics.known < MIN_TRIALS).any() for point in self.points)
+        return [f"no bands where fewer than {MIN_TRIALS} trials have a value"] * few
+
+    def draw(self, panels: Sequence[Axes]) -> None:
+        (panel,) = panels
+        labels = self.labels_of([point.axes for point in self.points])
+        looks = choose_looks(len(self.points))
+        for place, (point, label, look) in enumerate(zip(self.points, labels, looks, strict=True)):
+            _draw_line(panel, point, look, typeset(label), place)
+        means = np.concatenate([point.statistics.mean[:, 0] for point in self.points])
+        if self.settings.scale == "log" and has_log_scale(self.of, means, "log"):
+            make_logarithmic(panel, "y")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+        if any(np.isfinite(point.statistics.mean[:, 1]).any() for point in self.points):
+            panel.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
+        if any((point.statistics.trials < point.statistics.trials[0]).any() for point in self.points):
+            panel.plot([], [], "--", color=GREY, label="some trials have ended")
 
 
-def _rows(points: Sequence[PointSeries]) -> Iterator[list[Any]]:
-    for axes, series in points:
-        columns = (series.cycles, series.trials, series.known, *series.mean.T, *series.median.T)
-        for row in zip(*columns, strict=True):
-            yield [*axes.values(), *map(rounded, row)]
-
-
-@rc_context(STYLE)
-def draw_series(title: str, of: str, points: Sequence[PointSeries], width_cm: float | None = None) -> Figure:
-    """Draw a line for each point; `plot_series` says how.
-
-    Args:
-        title: Title of the figure, to which the numbers of trials are added.
-        of: Name of the measure.
-        points: Its series at each point, at least one.
-        width_cm: Width of the figure; by default that of a column.
-
-    Raises:
-        EpuckSimError: There are too many lines.
-    """
-    trials = count_trials([int(point.statistics.trials[0]) for point in points])
-    figure, panels = make_panels(f"{title}\n{trials}", [""], series_labels(of), width_cm)
-    plot_series(panels[0], points)
-    finish(figure, panels)
-    return figure
-
-
-def series_labels(of: str) -> tuple[str, str]:
-    """Return the labels of the horizontal and of the vertical axis, for the measure of this name."""
-    return "cycle", typeset(statistic_label(["mean"], of))
-
-
-def plot_series(axes: Axes, points: Sequence[PointSeries]) -> None:
-    """Draw the mean over the cycles at each point, in its 95 % band; dashed where some trials have ended before.
-
-    Every mark has a label, which `axes.legend()` shows.
-
-    Raises:
-        EpuckSimError: There are too many lines.
-    """
-    if len(points) > MAX_LINES:
-        raise EpuckSimError(
-            f"there would be {len(points)} lines, one for each point; allowed: up to {MAX_LINES}; epuck-sim summarize "
-            "prints all"
-        )
-    labels = distinguishing_labels([point.axes for point in points])
-    for place, (point, label, look) in enumerate(zip(points, labels, choose_looks(len(points)), strict=True)):
-        _draw_line(axes, point, look, typeset(label), place)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    if any(np.isfinite(point.statistics.mean[:, 1]).any() for point in points):
-        axes.fill_between([], [], color=GREY, alpha=BAND, linewidth=0, label="95 % interval")
-    if any((point.statistics.trials < point.statistics.trials[0]).any() for point in points):
-        axes.plot([], [], "--", color=GREY, label="some trials have ended")
-
-
-def _draw_line(axes: Axes, point: PointSeries, look: Look, label: str, place: int) -> None:
+def _draw_line(panel: Axes, point: PointSeries, look: Look, label: str, place: int) -> None:
     series = point.statistics
     mean, low, high = series.mean.T
     complete = int(np.count_nonzero(series.trials == series.trials[0]))
-    axes.fill_between(series.cycles, low, high, color=look.colour, alpha=BAND, linewidth=0)
-    axes.plot(
-        series.cycles[:complete],
-        mean[:complete],
-        color=look.colour,
-        marker=look.marker,
-        markevery=space_markers(mean[:complete], place),
-        label=label or None,
-    )
+    panel.fill_between(series.cycles, low, high, color=look.colour, alpha=BAND, linewidth=0)
+    draw_course(panel, series.cycles[:complete], mean[:complete], place, look, label)
     if complete < len(mean):
-        axes.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)
+        panel.plot(series.cycles[complete - 1 :], mean[complete - 1 :], "--", color=look.colour)

@@ -1,0 +1,175 @@
+"""What all forms of figures have in common: a form is one object that reads and checks, draws, and tabulates."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.labels import axis_label, distinguishing_labels, quantity_label
+from epuck_sim.figures.saving import Table
+from epuck_sim.figures.style import finish, make_panels, style, typeset
+from epuck_sim.runs.reader import PointTrials
+from epuck_sim.scenario.scenario import FigureSection
+from epuck_sim.statistics.measured import Measured, measure
+
+MAX_DOTS = 1000
+"""Largest number of trials at a point that an SVG holds as dots; more of them are a picture in it."""
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What is asked of a figure."""
+
+    section: FigureSection
+    """The scenario's section `figure`, with the options that are given in place of its own values."""
+    given: Collection[str] = ()
+    """Keys of the section that are given as options."""
+    folder: str = ""
+    """The run folder, as messages name it."""
+    prefix: str = ""
+    """What the names of options begin with in messages: `--` on the command line."""
+
+    def axis(self, name: str, taken: str | None = None) -> tuple[str | None, str]:
+        """Return the key that is asked for as an axis, or None, and what messages call this choice.
+
+        Args:
+            name: Key of the section.
+            taken: Another axis of the figure; a section that names it for this one, too, names none.
+        """
+        key = getattr(self.section, name)
+        if name in self.given:
+            return key, f"{self.prefix}{name}"
+        return None if key == taken else key, f"{self.folder}: figure.{name}"
+
+
+@dataclass(kw_only=True)
+class Form(ABC):
+    """A way to draw a sweep, with what it shows."""
+
+    name: ClassVar[str]
+    """What `--form` calls it."""
+    takes: ClassVar[tuple[str, ...]] = ()
+    """Keys of the section `figure` that not all forms take."""
+    shape: ClassVar[float] = 0.72
+    """Height of a panel over its width."""
+
+    of: str | None = None
+    """Name of the measure; None for T_sync."""
+    unit: str = ""
+    """Unit of the measure; empty if it has none."""
+    ran: str = ""
+    """What was run, as captions say it."""
+    settings: FigureSection = field(default_factory=FigureSection)
+    """Everything else that is asked of the figure."""
+
+    @classmethod
+    @abstractmethod
+    def read(cls, points: Sequence[PointTrials], choices: Choices) -> Self:
+        """Return what is to be drawn of points of a sweep.
+
+        Raises:
+            EpuckSimError: The form does not fit the sweep, or it would be blank.
+        """
+
+    @property
+    def titles(self) -> Sequence[str]:
+        """Titles of the panels, from left to right and from above."""
+        return [""]
+
+    @property
+    @abstractmethod
+    def labels(self) -> Sequence[str]:
+        """Labels of the horizontal and of the vertical axis; several vertical ones are of panels below each other."""
+
+    @property
+    @abstractmethod
+    def shows(self) -> str:
+        """What it shows, and of how many trials, as captions say it."""
+
+    @property
+    @abstractmethod
+    def tables(self) -> Mapping[str, Table]:
+        """Its numbers, by the endings of their files."""
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What it does not show, and why."""
+        return []
+
+    @property
+    def caption(self) -> str:
+        """What was run, and what is shown of it and what is not, line by line."""
+        notes = [f"{note[:1].upper()}{note[1:]}." for note in self.notes]
+        return "\n".join(filter(None, [self.ran, f"{self.shows}.", *notes]))
+
+    @abstractmethod
+    def draw(self, panels: Sequence[Axes]) -> None:
+        """Draw into as many Axes as it has titles; every mark has a label, which a legend shows."""
+
+    def draw_figure(self) -> Figure:
+        """Return a figure with a legend; raise EpuckSimError if there are more panels than a figure holds."""
+        with rc_context(style(self.settings.font_pt)):
+            figure, panels = make_panels(self.settings.title, self.titles, self.labels, self.settings.width_cm)
+            self.draw(panels)
+            finish(figure, panels, self.shape)
+        return figure
+
+    def draw_on(self, panels: Sequence[Axes]) -> None:
+        """Draw into given Axes, and label them.
+
+        Raises:
+            EpuckSimError: They are fewer or more than the form has panels.
+        """
+        if len(panels) != len(self.titles):
+            raise EpuckSimError(
+                f"the figure has {len(self.titles)} panels, but ax is {len(panels)} Axes: give as many, or points with "
+                "one value of the other axes"
+            )
+        self.draw(panels)
+        heights = [self.labels[1]] * len(panels) if len(self.labels) == 2 else self.labels[1:]
+        for panel, title, height in zip(panels, self.titles, heights, strict=True):
+            panel.set(xlabel=typeset(self.labels[0]), ylabel=typeset(height))
+            if title:
+                panel.set_title(typeset(title))
+
+    @property
+    def quantity(self) -> str:
+        """Label of T_sync or of the measure."""
+        return quantity_label(self.of, self.unit, self.settings.labels)
+
+    def label_of(self, key: str, among: Collection[str]) -> str:
+        """Return the label of an axis of the figure that stands beside other keys."""
+        return axis_label(key, among, self.settings.labels)
+
+    def labels_of(self, rows: Sequence[Mapping[str, Any]], among: Collection[str] = ()) -> list[str]:
+        """Return a label for each row of axis values, with what distinguishes it from the others."""
+        return distinguishing_labels(rows, among, self.settings.labels)
+
+
+def draw_trials(panel: Axes, x: float, measured: Measured, colour: str) -> None:
+    """Draw each trial of a point as a dot; those that are censored are hollow."""
+    for observed, face, label in ((True, colour, "a trial"), (False, "none", "a censored trial")):
+        values = measured.values[measured.observed == observed]
+        if len(values):
+            places, is_picture = np.full(len(values), x), len(values) > MAX_DOTS
+            looks: Any = {"color": colour, "markerfacecolor": face, "markeredgewidth": 0.4, "markersize": 1.6}
+            panel.plot(places, values, "o", alpha=0.4, zorder=1.9, rasterized=is_picture, label=label, **looks)
+
+
+def check_has_values(points: Sequence[PointTrials], form: str) -> None:
+    """Raise EpuckSimError if all trials are censored, or without a value, so that a map or violins would be blank."""
+    if any(measure(point).observed.any() for point in points):
+        return
+    of = points[0].of
+    if of is not None:
+        raise EpuckSimError(f"no trial has a value of {of}, so that --form {form} would be blank")
+    raise EpuckSimError(
+        f"all trials are censored, so that --form {form} would be blank; raise stop.max_cycles, or draw --form curves, "
+        "which marks where trials are censored"
+    )

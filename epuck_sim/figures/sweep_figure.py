@@ -1,0 +1,203 @@
+"""The figure of a sweep: which form it has, and which options go with it."""
+
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from epuck_sim.errors import EpuckSimError, StoreError
+from epuck_sim.figures.forms.form import Choices, Form
+from epuck_sim.figures.labels import FOLDER, measure_unit, sweep_title
+from epuck_sim.runs.reader import PointTrials, read_points
+from epuck_sim.scenario.scenario import Scenario
+from epuck_sim.scenario.validation import validate
+from epuck_sim.statistics.series import has_series
+from epuck_sim.util.messages import comma_list, did_you_mean
+
+FORMS = {
+    "curves": "curves:Curves",
+    "map": "maps:Maps",
+    "violins": "violins:Violins",
+    "series": "series:Series",
+    "perturbation": "twins:Perturbation",
+    "course": "twins:Courses",
+}
+"""Module in `figures.forms` and class of each form, by its name."""
+
+Results = Path | str | Sequence[Path | str] | Sequence[PointTrials]
+"""A run folder, several, or the points of one."""
+
+SIMULATED_AGAIN = ("perturbation", "course")
+"""Forms for which trials are simulated again."""
+
+
+def plot(
+    results: Results,
+    *,
+    of: str | None = None,
+    names: Sequence[str] = (),
+    ax: Axes | Sequence[Axes] | None = None,
+    **options: object,
+) -> Figure:
+    """Draw T_sync, or a measure, of a sweep, or of several in one figure.
+
+    Args:
+        results: A run folder, or what `read_points` returns of one, or several folders of one scenario.
+        of: Name of a measure of the folders' trials; T_sync by default.
+        names: Name of each of several folders in the figure; their own by default.
+        ax: Axes to draw into, one for each panel. They get neither title nor legend, but all marks have labels, which
+            `ax.legend()` shows. By default there is a new figure with a legend.
+        options: Keys of the section `figure` of scenarios, which counts for all others: `form`, `x`, `y`, `panels`,
+            `statistic`, `censored_at_cycles`, `title`, `labels`, `scale`, `points`, `width_cm` and `font_pt`.
+
+    Returns:
+        The new figure, or that of `ax`.
+
+    Raises:
+        EpuckSimError: There is nothing to draw, or an option does not fit the form or the sweep.
+    """
+    form = read_form(results, options, of, names)
+    if ax is None:
+        return form.draw_figure()
+    given = [ax] if isinstance(ax, Axes) else list(ax)
+    form.draw_on(given)
+    figure = given[0].get_figure(root=True)
+    assert figure is not None
+    return figure
+
+
+def read_form(
+    results: Results,
+    options: Mapping[str, object],
+    of: str | None = None,
+    names: Sequence[str] = (),
+    prefix: str = "",
+) -> Form:
+    """Return what is to be drawn.
+
+    Args:
+        results: The run folders, or points of one, as `plot` takes them.
+        options: Options of the figure, by the names of the keys of the section `figure`; None where it decides.
+        of: Name of a measure; T_sync by default.
+        names: Name of each of several folders.
+        prefix: What the names of options begin with in messages.
+
+    Raises:
+        EpuckSimError: There is nothing to draw, or an option does not fit the form or the sweep.
+    """
+    given_results = [results] if isinstance(results, Path | str) else results
+    folders = [each for each in given_results if isinstance(each, Path | str)]
+    points = [each for each in given_results if isinstance(each, PointTrials)] or _read_folders(folders, of, names)
+    folder = str(folders[0]) if folders else "the scenario"
+    given = {name: value for name, value in options.items() if value is not None}
+    scenario = points[0].scenario
+    wanted = {**scenario.model_dump(mode="json"), "figure": {**scenario.figure.model_dump(mode="json"), **given}}
+    section = validate(wanted, folder).figure
+    name = section.form if "form" in given else _usual_form(points)
+    _check_fit(points, name, given)
+    known = [*points[0].axes, "T_sync", *(measure.name for measure in scenario.measures)]
+    for key in section.labels:
+        if key not in known:
+            where = f"{prefix}label" if "labels" in given else f"{folder}: figure.labels"
+            raise EpuckSimError(f"{where}: {did_you_mean(key, known)}; allowed: {comma_list(known)}")
+    if not any(len(point.times) for point in points):
+        raise StoreError(f"{folder}: holds no results yet")
+    form = _find(name).read(points, Choices(section, given.keys(), folder, prefix))
+    form.of, form.unit, form.settings = points[0].of, measure_unit(points[0]) or "", section
+    form.ran = _describe(points, folders)
+    return form
+
+
+def _read_folders(folders: Sequence[Path | str], of: str | None, names: Sequence[str]) -> list[PointTrials]:
+    """Return the points of run folders; those of several have the folder's name as an axis.
+
+    Raises:
+        EpuckSimError: The folders are of other scenarios, the measure has another unit in one of them, or there is
+            not one name for each.
+    """
+    sweeps = [read_points(folder, of) for folder in folders]
+    if len(folders) == 1 and not names:
+        return sweeps[0]
+    own = [Path(folder).resolve().name for folder in folders]
+    names = names or (own if len(set(own)) == len(own) else [str(folder) for folder in folders])
+    if not len(set(names)) == len(names) == len(folders) > 1:
+        raise EpuckSimError(f"names are for several folders, one that differs for each; given: {comma_list([*names])}")
+    for folder, sweep in zip(folders, sweeps, strict=True):
+        _check_alike(folders[0], sweeps[0][0], folder, sweep[0])
+    named = zip(names, sweeps, strict=True)
+    return [point._replace(axes={FOLDER: name, **point.axes}) for name, sweep in named for point in sweep]
+
+
+def _check_alike(folder: Path | str, point: PointTrials, other_folder: Path | str, other: PointTrials) -> None:
+    """Raise EpuckSimError if two folders, of which these are points, do not go into one figure."""
+    of, unit, other_unit = point.of, measure_unit(point), measure_unit(other)
+    if point.scenario.model != other.scenario.model or [*point.axes] != [*other.axes]:
+        one, two = (f"model {each.scenario.model} over {comma_list([*each.axes])}" for each in (point, other))
+        raise EpuckSimError(
+            f"{other_folder}: is of another scenario than {folder}: {two}, and not {one}; one figure shows folders of "
+            "one scenario, or variants of it"
+        )
+    if unit != other_unit and None not in (unit, other_unit):
+        units = f"{other_unit or 'no unit'}, and in {folder} {unit or 'no unit'}"
+        raise EpuckSimError(f"{other_folder}: {of} is in {units}: they have no common scale")
+
+
+def _describe(points: Sequence[PointTrials], folders: Sequence[Path | str]) -> str:
+    """Return what was run, a line for each folder."""
+    places = [f", run folder {Path(folder).resolve().name}" for folder in folders] or [""]
+    scenarios: dict[str | None, Scenario] = {}
+    for point in points:
+        scenarios.setdefault(point.axes.get(FOLDER), point.scenario)
+    lines = []
+    for (name, scenario), place in zip(scenarios.items(), places, strict=True):
+        head = f"{name}: " if name else ""
+        lines.append(f"{head}{sweep_title(scenario)} (scenario {scenario.name}, seed {scenario.seed}{place}).")
+    return "\n".join(lines)
+
+
+def _find(name: str) -> type[Form]:
+    module, _, member = FORMS[name].partition(":")
+    found: type[Form] = getattr(import_module(f"epuck_sim.figures.forms.{module}"), member)
+    return found
+
+
+def _usual_form(points: Sequence[PointTrials]) -> str:
+    """Return the form of a figure if no option gives one."""
+    form = points[0].scenario.figure.form
+    if any(map(has_series, points)):
+        return "series"
+    return "curves" if form in (SIMULATED_AGAIN if points[0].of is not None else ["series"]) else form
+
+
+def _check_fit(points: Sequence[PointTrials], form: str, given: Mapping[str, object]) -> None:
+    """Raise EpuckSimError for a form that does not fit the measure, or T_sync, and for options that do not fit it."""
+    of, is_series = points[0].of, any(map(has_series, points))
+    mistakes: dict[str, object] = {
+        "--form series is for measures: give --of NAME": of is None and form == "series",
+        f"--of is for --form curves, map, violins and series, but this is {form}": of and form in SIMULATED_AGAIN,
+        f"--form series: {of} is no series, but one value for each trial; allowed: curves, map or violins": (
+            form == "series" and not is_series
+        ),
+        f"--form {form}: {of} is a series, with a value for each cycle; allowed: series": (
+            is_series and form != "series"
+        ),
+        "--censored-at is for T_sync; measures are never censored": of and "censored_at_cycles" in given,
+    }
+    for option, value in given.items():
+        takers = [each for each in FORMS if option in _find(each).takes]
+        others = " and ".join(filter(None, [", ".join(takers[:-1]), *takers[-1:]]))
+        mistakes[f"{flag(option, value)} is for --form {others}, but this is {form}"] = form not in (takers or [form])
+    for message, is_made in mistakes.items():
+        if is_made:
+            raise EpuckSimError(message)
+
+
+def flag(option: str, value: object) -> str:
+    """Return what the command line calls an option with a value.
+
+    >>> flag("censored_at_cycles", 5), flag("scale", "log")
+    ('--censored-at', '--log')
+    """
+    return f"--{value}" if option == "scale" else f"--{option.removesuffix('_cycles').replace('_', '-')}"

@@ -1,0 +1,303 @@
+"""Claims about figures from Python: they draw into the Axes they are given, and what does not fit one is refused."""
+
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+from epuck_sim import figures
+from epuck_sim.errors import EpuckSimError
+from epuck_sim.figures.sweep_figure import read_form
+from epuck_sim.runs.reader import read_points
+from tests.figures.drawn import legend_texts, written
+from tests.runs.made_folders import (
+    COUNT,
+    SPEED,
+    SPEEDS,
+    WIDTH,
+    censored,
+    ended,
+    in_memory,
+    store,
+    store_measured,
+    sweep,
+    weibull,
+)
+
+POINTS = in_memory(sweep({WIDTH: [40, 60], SPEED: SPEEDS}, trials=9), lambda point: weibull(point, 50))
+AGENTS = sweep(
+    {"agents.speed_cm_s": [3, 30]},
+    trials=2,
+    model="particles",
+    agents={"count": 4},
+    start={"phases": "synchronised", "displacement": 0.01},
+    stop={"order_parameter": None, "max_cycles": 5},
+)
+DISPLACED = in_memory(AGENTS, lambda point: censored(point, 2))
+UNDISTURBED = [
+    point._replace(
+        scenario=point.scenario.model_copy(
+            update={"start": point.scenario.start.model_copy(update={"displacement": 0.0})}
+        )
+    )
+    for point in DISPLACED
+]
+
+SIGNED = [point._replace(of="mine", measured=(-1.0,) * 9) for point in POINTS]
+BLANK = [point._replace(observed=point.observed & False) for point in POINTS]
+SERIES = [point._replace(of="mine", measured=([1, 2, 3],) * 9) for point in POINTS if point.axes[SPEED] in SPEEDS[:2]]
+
+FORMS = {
+    "curves": (POINTS, 1),
+    "map": (POINTS, 1),
+    "violins": (POINTS, 2),
+    "series": (SERIES, 1),
+    "course": (DISPLACED, 2),
+    "perturbation": (DISPLACED, 2),
+}
+"""Points that each form is drawn of, and the number of its panels."""
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_form_draws_into_the_axes_it_is_given_and_adds_neither_title_nor_legend(form: str) -> None:
+    points, count = FORMS[form]
+    figure = Figure()
+    left, *right = figure.subplots(1, 1 + count)
+    assert figures.plot(points, form=form, ax=right[0] if count == 1 else right) is figure
+    assert not left.has_data()
+    assert (figure.get_suptitle(), figure.legends) == ("", [])
+    for panel in right:
+        assert panel.has_data()
+        assert panel.get_legend() is None
+        assert panel.get_xlabel()
+        assert panel.get_ylabel()
+    figure.draw_without_rendering()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_without_axes_a_form_makes_a_figure_with_a_legend(form: str) -> None:
+    points, count = FORMS[form]
+    made = figures.plot(points, form=form)
+    width_cm = 8.5 if count == 1 or form == "course" else 17.5
+    assert made.get_size_inches()[0] * 2.54 == pytest.approx(width_cm)
+    assert made.get_suptitle() == ""
+    labels = {label for panel in made.axes for label in panel.get_legend_handles_labels()[1]}
+    assert {*legend_texts(made)} == labels
+
+
+def test_every_mark_of_curves_has_a_label() -> None:
+    _, labels = figures.plot(POINTS).axes[0].get_legend_handles_labels()
+    assert labels == ["L = 40 cm", "L = 60 cm", "95 % interval"]
+
+
+def test_a_measure_is_drawn_under_its_name() -> None:
+    measured = [point._replace(of="mine", measured=(*map(float, range(9)),)) for point in POINTS]
+    assert figures.plot(measured).axes[0].get_ylabel() == "mine"
+    assert figures.plot(measured, form="violins").axes[0].get_ylabel() == "mine"
+    assert figures.plot(measured, form="map").axes[-1].get_ylabel() == "mine"
+
+
+def test_axes_and_statistics_are_chosen_by_name() -> None:
+    assert figures.plot(POINTS, x=WIDTH).axes[0].get_xlabel() == "L (cm)"
+    assert figures.plot(POINTS, statistic="median").axes[0].get_ylabel().startswith("median of")
+    assert figures.plot(POINTS, form="map", x=WIDTH, y=SPEED).axes[0].get_ylabel() == "V (cm/s)"
+
+
+def test_a_folder_is_drawn_as_its_points_are(tmp_path) -> None:
+    folder = store(tmp_path / "run", sweep({SPEED: SPEEDS}, trials=9), lambda point: weibull(point, 50))
+    drawn, expected = (figures.plot(each).axes[0].get_lines() for each in (folder, read_points(folder)))
+    assert [line.get_xydata().tolist() for line in drawn] == [line.get_xydata().tolist() for line in expected]
+
+
+def test_labels_are_as_asked_for_and_their_units_stay_out_of_the_legend() -> None:
+    labels = {SPEED: "speed (cm/s)", WIDTH: "side (cm)", "T_sync": "time to $"}
+    panel = figures.plot(POINTS, labels=labels, title="two sides").axes[0]
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("speed (cm/s)", "time to \\$")
+    assert panel.get_legend_handles_labels()[1][:2] == ["side = 40 cm", "side = 60 cm"]
+    assert panel.figure.get_suptitle() == "two sides"
+
+
+@pytest.mark.parametrize("form", ["curves", "violins"])
+def test_each_trial_is_a_dot_within_the_figure_and_hollow_if_it_is_censored(form: str) -> None:
+    points = in_memory(sweep({SPEED: SPEEDS}, trials=9), lambda point: censored(point, 9) if point.number else HALF)
+    panel = figures.plot(points, form=form, points=True).axes[0]
+    for label, is_known in (("a trial", True), ("a censored trial", False)):
+        drawn = [line for line in panel.get_lines() if line.get_label() == label]
+        found = [y for line in drawn for y in line.get_ydata()]
+        assert found == [t for p in points for t, seen in zip(p.times, p.observed, strict=True) if seen == is_known]
+        assert {line.get_markerfacecolor() == "none" for line in drawn} == {not is_known}
+    assert panel.get_ylim()[1] > 5000
+
+
+HALF = ended([10] * 4 + [5000] * 5, [True] * 4 + [False] * 5)
+
+
+@pytest.mark.parametrize("form", ["curves", "violins", "map", "series"])
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_the_scale_is_as_asked_for(form: str, scale: str) -> None:
+    panel, *others = figures.plot(SERIES if form == "series" else POINTS, form=form, scale=scale).axes
+    if form != "map":
+        assert panel.get_yscale() == scale
+        return
+    bar = others[-1]
+    assert (bar.get_ylim()[1] < 5) == (scale == "log")
+
+
+def test_letters_have_the_size_that_is_asked_for() -> None:
+    made = figures.plot(POINTS, font_pt=11.0)
+    panel, (legend,) = made.axes[0], made.legends
+    assert panel.xaxis.label.get_fontsize() == 11
+    assert {text.get_fontsize() for text in (*legend.get_texts(), *panel.get_xticklabels())} == {10}
+
+
+def test_the_section_of_the_scenario_counts_where_nothing_is_asked_for() -> None:
+    settings = {"title": "mine", "labels": {SPEED: "speed"}, "scale": "linear", "points": True, "statistic": "median"}
+    own = in_memory(sweep({SPEED: SPEEDS}, trials=9, figure=settings), lambda point: weibull(point, 50))
+    drawn = [figures.plot(own), figures.plot(POINTS[: len(SPEEDS)], **settings)]
+    one, other = ([(line.get_label(), line.get_color()) for line in each.axes[0].get_lines()] for each in drawn)
+    assert one == other
+    assert {each.axes[0].get_yscale() for each in drawn} == {"linear"}
+    assert {each.get_suptitle() for each in drawn} == {"mine"}
+    assert figures.plot(own, scale="log").axes[0].get_yscale() == "log"
+
+
+THREE = {COUNT: [3, 5], WIDTH: [40, 60, 80], SPEED: [1, 2, 4]}
+
+
+@pytest.mark.parametrize(
+    ("figure", "options", "expected"),
+    [
+        ({}, {"form": "map", "y": WIDTH}, {"x": SPEED, "y": WIDTH}),
+        ({}, {"form": "map", "x": COUNT, "y": SPEED}, {"x": COUNT, "y": SPEED}),
+        ({"form": "map", "y": COUNT}, {}, {"x": SPEED, "y": COUNT}),
+        ({"form": "map", "x": WIDTH, "y": COUNT}, {"y": SPEED}, {"x": WIDTH, "y": SPEED}),
+        ({"form": "violins", "x": WIDTH, "y": COUNT}, {"form": "map"}, {"x": WIDTH, "y": COUNT}),
+        ({}, {"form": "violins"}, {"axis": SPEED, "censored_at": None}),
+        ({"form": "violins", "x": COUNT, "censored_at_cycles": 30}, {}, {"axis": COUNT, "censored_at": 30}),
+        (
+            {"form": "violins", "x": COUNT, "censored_at_cycles": 30},
+            {"x": WIDTH, "censored_at_cycles": 20},
+            {"axis": WIDTH, "censored_at": 20},
+        ),
+        ({"form": "map", "x": COUNT, "y": SPEED}, {"form": "curves"}, {"axis": COUNT}),
+        ({"panels": COUNT}, {"x": COUNT}, {"axis": COUNT, "split_by": None}),
+    ],
+)
+def test_axes_are_those_asked_for_or_else_the_scenario_s(figure, options, expected) -> None:
+    form = read_form(in_memory(sweep(THREE, trials=5, figure=figure), lambda point: weibull(point, 30)), options)
+    assert {name: getattr(form, name) for name in expected} == expected
+
+
+def test_a_map_finds_the_second_of_two_axes_even_if_the_first_was_to_be_it() -> None:
+    scenario = sweep({WIDTH: [40, 60], SPEED: [1, 2]}, trials=5, figure={"form": "map", "y": WIDTH})
+    form = read_form(in_memory(scenario, lambda point: weibull(point, 30)), {"x": WIDTH})
+    assert (form.x, form.y) == (WIDTH, SPEED)
+
+
+# Several folders
+
+
+def two_folders(tmp_path, **changes) -> list[Path]:
+    """Make two run folders, of which the second has these changes."""
+    grid = {COUNT: [3, 5], SPEED: SPEEDS}
+    first = store(tmp_path / "a" / "run", sweep(grid, trials=9), lambda point: weibull(point, 50))
+    changed = {"grid": grid, "name": "other", **changes}
+    return [first, store(tmp_path / "b" / "run", sweep(trials=9, **changed), lambda point: weibull(point, 90))]
+
+
+def test_folders_are_told_apart_by_their_names_in_the_figure_the_table_and_the_caption(tmp_path) -> None:
+    folders = two_folders(tmp_path)
+    form = read_form(folders, {}, names=["mine", "thesis"])
+    (panel,) = form.draw_figure().axes
+    assert panel.get_legend_handles_labels()[1][:3] == ["mine, N = 3", "mine, N = 5", "thesis, N = 3"]
+    assert [*written(tmp_path, form.tables[".csv"])[0]][:3] == ["folder", COUNT, SPEED]
+    assert form.caption.splitlines()[:2] == [
+        "mine: demo (scenario demo, seed 0, run folder run).",
+        "thesis: other (scenario other, seed 0, run folder run).",
+    ]
+    alone = [figures.plot(folder).axes[0].get_lines() for folder in folders]
+    drawn = {tuple(line.get_ydata()) for lines in alone for line in lines if len(line.get_ydata()) == len(SPEEDS)}
+    assert drawn == {tuple(line.get_ydata()) for line in panel.get_lines() if len(line.get_ydata()) == len(SPEEDS)}
+
+
+@pytest.mark.parametrize("form", ["map", "violins"])
+def test_each_folder_has_panels_of_its_own(tmp_path, form: str) -> None:
+    titles = [panel.get_title() for panel in figures.plot(two_folders(tmp_path), form=form, names=["a", "b"]).axes]
+    expected = {"map": ["a", "b", ""], "violins": ["a, N = 3", "a, N = 5", "b, N = 3", "b, N = 5"]}
+    assert titles == expected[form]
+
+
+def test_folders_of_one_name_are_told_apart_by_their_paths(tmp_path) -> None:
+    folders = two_folders(tmp_path)
+    labels = figures.plot(folders, panels=COUNT).axes[0].get_legend_handles_labels()[1]
+    assert labels[:2] == [str(folder) for folder in folders]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"grid": {SPEED: SPEEDS}},
+            f"b/run: is of another scenario than .*: model embodied over {SPEED}, and not",
+        ),
+        (
+            {"grid": {"agents.speed_cm_s": [1, 2]}, "model": "particles"},
+            "model particles over agents.speed_cm_s, and not model embodied",
+        ),
+    ],
+)
+def test_folders_of_other_scenarios_are_refused(tmp_path, changes, message: str) -> None:
+    with pytest.raises(EpuckSimError, match=message):
+        figures.plot(two_folders(tmp_path, **changes))
+
+
+@pytest.mark.parametrize("names", [["one"], ["one", "one"], ["one", "two", "three"]])
+def test_each_of_several_folders_takes_one_name(tmp_path, names: list[str]) -> None:
+    with pytest.raises(EpuckSimError, match="one that differs for each; given: one"):
+        figures.plot(two_folders(tmp_path), names=names)
+
+
+def test_a_measure_has_the_unit_of_its_file_and_folders_with_other_units_are_refused(tmp_path) -> None:
+    folders = []
+    for unit in ("cm", "mm"):
+        path = tmp_path / unit / "mine.py"
+        path.parent.mkdir()
+        path.write_text(f'UNIT = "{unit}"\n\n\ndef way(simulation): return 1.0\n')
+        scenario = sweep({SPEED: SPEEDS}, trials=2, measures=[str(path)])
+        folders.append(store_measured(tmp_path / f"run-{unit}", scenario, lambda point: [point.axes[SPEED]] * 2))
+    assert [figures.plot(each, of="way").axes[0].get_ylabel() for each in folders] == ["way (cm)", "way (mm)"]
+    with pytest.raises(EpuckSimError, match=r"run-mm: way is in mm, and in .*run-cm cm: they have no common scale"):
+        figures.plot(folders, of="way")
+    (tmp_path / "mm/mine.py").unlink()
+    assert figures.plot(folders[1], of="way").axes[0].get_ylabel() == "way"
+
+
+# What does not fit
+
+
+@pytest.mark.parametrize(
+    ("draw", "message"),
+    [
+        (lambda: figures.plot(POINTS, x=COUNT), f"x: unknown '{COUNT}'"),
+        (lambda: figures.plot(POINTS, form="violins", ax=Figure().subplots()), "has 2 panels, but ax is 1 Axes"),
+        (lambda: figures.plot(POINTS, form="pie"), "figure.form: is 'pie'; allowed: 'curves', 'map'"),
+        (
+            lambda: figures.plot(POINTS, points=True, form="map"),
+            "--points is for --form curves and violins, but this is map",
+        ),
+        (lambda: figures.plot(POINTS, labels={"spede": "V"}), "label: unknown 'spede'"),
+        (lambda: figures.plot(POINTS, width=3), "figure.width: unknown 'width', did you mean 'width_cm'"),
+        (lambda: figures.plot(SIGNED, scale="log"), "--log: mine has values that are not positive, such as -1"),
+        (lambda: figures.plot(POINTS, y=WIDTH), "--y is for --form map, but this is curves"),
+        (lambda: figures.plot(POINTS, form="map", statistic="weibull-mean"), "not for --form map"),
+        (lambda: figures.plot(DISPLACED), "trials have no T_sync"),
+        (lambda: figures.plot(POINTS, form="series"), "is for measures"),
+        (lambda: figures.plot(SERIES, form="curves"), "mine is a series"),
+        (lambda: figures.plot(POINTS, form="course"), "need model: particles"),
+        (lambda: figures.plot(BLANK, form="map"), "would be blank"),
+        (lambda: figures.plot(UNDISTURBED, form="perturbation"), "nothing deviates"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_words(draw, message: str) -> None:
+    with pytest.raises(EpuckSimError, match=message):
+        draw()
