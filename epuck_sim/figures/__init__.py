@@ -1,6 +1,6 @@
 """The figures, and the table beside each.
 
-May import: statistics, runs, recording, overhead.track and what they may import.
+May import: statistics, runs, recording, overhead, but for render and filming, and what they may import.
 
 From Python, `curves`, `contour_map`, `violins`, `series`, `order_parameters`, `deviations` and `perturbation` draw what
 `read_points` returns into Axes of matplotlib.

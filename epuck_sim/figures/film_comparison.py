@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from epuck_sim.figures.csv_tables import Table, rounded
 from epuck_sim.figures.saving import parse_target, save_figure
-from epuck_sim.overhead.film_comparison import QuantityComparison
+from epuck_sim.overhead.compare import QuantityComparison
 
 ACROSS = 3
 """Number of panels in a row."""

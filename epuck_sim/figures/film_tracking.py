@@ -16,8 +16,8 @@ from epuck_sim.errors import FilmError
 from epuck_sim.figures.csv_tables import rounded, save_table
 from epuck_sim.figures.scales import make_logarithmic
 from epuck_sim.figures.style import add_shared_legend
-from epuck_sim.overhead.track.result import Snapshot, Track
-from epuck_sim.overhead.track.spread import MIN_COVERAGE, Evaluation, frame_ends
+from epuck_sim.overhead.synchrony import MIN_COVERAGE, Evaluation, frame_ends
+from epuck_sim.overhead.track import Snapshot, Track
 from epuck_sim.util.atomic_write import atomic_write, check_target
 
 COLUMNS = ("time_s", "periods", "count", "spread_ms")

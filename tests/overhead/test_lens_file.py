@@ -8,10 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead import lens_file
-from epuck_sim.overhead.camera_model import CameraModel
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.lens_file import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
+from epuck_sim.overhead import lens
+from epuck_sim.overhead.camera import CameraModel
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.lens import MIN_VIEWS, Board, View, calibrate_lens, find_views, read_lens, save_lens
 from tests.overhead.boards import charuco, checkerboard, film, lens_matrix
 
 SIZE = (640, 480)
@@ -104,7 +104,7 @@ def test_corners_that_come_and_go_are_no_movement() -> None:
     flickers = [View(view.board[number:], view.pixels[number:]) for number in (0, 1, 0, 1)]
     board = Board("charuco", 9, 6)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lens_file, "_charuco_corners", lambda *_: flickers.pop())
+        patch.setattr(lens, "_charuco_corners", lambda *_: flickers.pop())
         frames = [Frame(float(second), np.zeros((4, 4, 3), np.uint8)) for second in range(4)]
         assert len(find_views(frames, board)) == 1
 
@@ -113,7 +113,7 @@ def test_pictures_are_all_searched() -> None:
     views = views_of_a_board(np.linspace(-30, 30, 10), False)
     pictures = [Frame(number / 25, np.zeros((4, 4, 3), np.uint8)) for number in range(10)]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lens_file, "_checkerboard_corners", lambda *_: views.pop())
+        patch.setattr(lens, "_checkerboard_corners", lambda *_: views.pop())
         assert len(find_views(pictures, Board("checkerboard", 9, 6), apart_s=0.0)) == 10
 
 

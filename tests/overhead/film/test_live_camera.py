@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.film import live_camera
-from epuck_sim.overhead.film.live_camera import LiveCamera
+from epuck_sim.overhead import live
+from epuck_sim.overhead.live import LiveCamera
 
 SIZE = 64, 48
 """Columns and rows of the pictures that come first."""
@@ -60,8 +60,8 @@ def clock(monkeypatch):
     monkeypatch.setattr(cv2, "VideoCapture", Imitation)
     monkeypatch.setattr(Imitation, "grabbed", 0)
     instants = itertools.count(1000)
-    monkeypatch.setattr(live_camera.time, "monotonic", lambda: next(instants) / 10)
-    monkeypatch.setattr(live_camera.time, "sleep", lambda _: None)
+    monkeypatch.setattr(live.time, "monotonic", lambda: next(instants) / 10)
+    monkeypatch.setattr(live.time, "sleep", lambda _: None)
 
 
 def levels(camera, number):

@@ -13,10 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.film.timestamps import FilmClock
-from epuck_sim.overhead.film.writer import film_file
+from epuck_sim.overhead.film import FilmClock, open_film
+from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.frame import Frame
 from tests.overhead.film import small_films as kit
 from tests.overhead.film.small_films import cut_off, number_in, numbered_picture, write_film, write_packets, write_sound
 

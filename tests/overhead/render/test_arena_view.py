@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import ScenarioError
-from epuck_sim.overhead.render.arena_view import ArenaView
+from epuck_sim.overhead.render import ArenaView
 from epuck_sim.scenario.loader import load_scenario
 
 SCENARIO = load_scenario("obstacles", ["overhead.noise_levels=20", "overhead.blur_px=5"])

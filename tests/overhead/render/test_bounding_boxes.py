@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, simple_lens
-from epuck_sim.overhead.render.bounding_boxes import bounding_boxes
+from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, simple_lens
+from epuck_sim.overhead.render import bounding_boxes
 
 
 @given(st.floats(4, 56), st.floats(4, 56), st.sampled_from([-0.1, 0.0, 0.1]), st.floats(0, 0.1))

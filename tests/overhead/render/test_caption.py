@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from epuck_sim.embodied.simulation import Simulation
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.render import caption
-from epuck_sim.overhead.render.caption import Captions
-from epuck_sim.overhead.render.film_trial import film_recording, film_trial
+from epuck_sim.overhead import filming
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.filming import Captions, film_recording, film_trial
+from epuck_sim.overhead.frame import Frame
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.recorder import record
 from epuck_sim.scenario.loader import load_scenario
@@ -22,7 +21,7 @@ def frame(time_s: float) -> Frame:
 
 def test_a_frame_says_what_the_trial_had_come_to(monkeypatch) -> None:
     written: list[str] = []
-    monkeypatch.setattr(caption, "_write", lambda picture, text: written.append(text) or picture)
+    monkeypatch.setattr(filming, "_write", lambda picture, text: written.append(text) or picture)
     captions = Captions(start_s=2.0)
     for state in ((0.0, 0, None), (0.5, 1, 0.25), (1.0, 2, 0.75), (1.5, 2, 0.75)):
         captions.add(*state)
@@ -53,7 +52,7 @@ def test_a_trial_and_its_recording_have_the_same_captions_in_the_light_alone(tmp
         "overhead": {"width_px": 160, "height_px": 160, "frames_per_s": 5, "light": light},
     }
     written: list[str] = []
-    monkeypatch.setattr(caption, "_write", lambda picture, text: written.append(text) or picture)
+    monkeypatch.setattr(filming, "_write", lambda picture, text: written.append(text) or picture)
     scenario = load_scenario(given)
     with (
         record(tmp_path / "t.rrd", scenario, 1, Level.POSES) as recorder,

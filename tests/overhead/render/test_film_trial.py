@@ -13,11 +13,11 @@ from epuck_sim.arrays import BoolArray, FloatArray
 from epuck_sim.embodied.simulation import Simulation
 from epuck_sim.embodied.step import Step
 from epuck_sim.errors import EpuckSimError, FilmError, ScenarioError
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.render.film_trial import describe_film, film_recording, film_trial
-from epuck_sim.overhead.track.film_calibration import DESCRIPTION, TrackOptions
-from epuck_sim.overhead.track.track_film import track_film
+from epuck_sim.overhead.calibration import DESCRIPTION, TrackOptions
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.filming import describe_film, film_recording, film_trial
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.track import track_film
 from epuck_sim.recording.level import Level
 from epuck_sim.recording.reader import read_recording
 from epuck_sim.recording.recorder import record
@@ -188,7 +188,7 @@ def test_point_like_agents_are_refused(
     filmed: Filmed, tmp_path: Path, settings: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points = read_recording(filmed.recording)._replace(scenario=load_scenario({"name": "p", "model": "particles"}))
-    monkeypatch.setattr("epuck_sim.overhead.render.film_trial.read_recording", lambda _: points)
+    monkeypatch.setattr("epuck_sim.overhead.filming.read_recording", lambda _: points)
     with pytest.raises(ScenarioError, match=r"model is 'particles'; its agents have no rings; allowed: 'embodied'$"):
         film_recording(filmed.recording, settings, tmp_path / "no.mp4", passed)
     assert not list(tmp_path.iterdir())

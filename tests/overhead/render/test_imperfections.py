@@ -7,9 +7,8 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
-from epuck_sim.overhead.camera_model import overhead_camera
-from epuck_sim.overhead.render.imperfections import LEDS, mirror_images
-from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
+from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.render import LED_ANGLES, ExposureSample, Renderer, mirror_images
 from epuck_sim.scenario.overhead import OverheadSection
 
 CLEAN = {"width_px": 200, "height_px": 200, "noise_levels": 0.0, "blur_px": 0.0, "bloom": 0.0, "vignetting": 0.0}
@@ -32,11 +31,11 @@ def level_at(camera, picture, x_cm, y_cm):
 
 def test_points_shine_at_the_leds_and_not_between() -> None:
     camera, picture = shot((30, 30, 0.2), led_points=True)
-    angles = 0.2 + np.arange(LEDS) * math.tau / LEDS
+    angles = 0.2 + LED_ANGLES
     ring = epuck.RING_RADIUS_CM
     at, between = (
         [level_at(camera, picture, 30 + ring * math.cos(a), 30 + ring * math.sin(a))[0] for a in angles + shift]
-        for shift in (0.0, math.tau / LEDS / 2)
+        for shift in (0.0, math.tau / 16)
     )
     assert min(at) > 200
     assert max(between) < 40

@@ -8,15 +8,16 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, CameraModel, simple_lens
-from epuck_sim.overhead.render.renderer import Renderer, dimming
-from epuck_sim.overhead.render.ring_light import (
+from epuck_sim.overhead.camera import LOOKING_DOWN, CameraModel, simple_lens
+from epuck_sim.overhead.render import (
     COLOUR_LEVELS,
     CORE_CM,
     DEPTH,
     FADE_CM,
     NOMINAL_EXPOSURE_MS,
     WIDTH_CM,
+    Renderer,
+    dimming,
     reach_cm,
 )
 from epuck_sim.scenario.overhead import OverheadSection

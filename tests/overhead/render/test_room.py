@@ -8,9 +8,8 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.arena import make_arena
-from epuck_sim.overhead.camera_model import WALL_HEIGHT_CM
-from epuck_sim.overhead.render.renderer import ExposureSample
-from epuck_sim.overhead.render.room import (
+from epuck_sim.overhead.camera import WALL_HEIGHT_CM
+from epuck_sim.overhead.render import (
     BODY_SIDE,
     BODY_TOP,
     FLOOR,
@@ -19,6 +18,7 @@ from epuck_sim.overhead.render.room import (
     TABLE,
     WALL_FACE,
     WALL_TOP,
+    ExposureSample,
 )
 from tests.overhead.render.cameras import CLEAN, make_set, pixel_at, standing
 

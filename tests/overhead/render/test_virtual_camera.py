@@ -12,11 +12,10 @@ from epuck_sim import epuck
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import EpuckSimError
-from epuck_sim.overhead.camera_model import overhead_camera
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
-from epuck_sim.overhead.render.room import BODY_TOP, FLOOR, HEADING_MARK
-from epuck_sim.overhead.render.virtual_camera import SAMPLES, VirtualCamera
+from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.filming import SAMPLES, VirtualCamera
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.render import BODY_TOP, FLOOR, HEADING_MARK, ExposureSample, Renderer
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.render.cameras import ARENA, CLEAN, pixel_at, ring_centroid
 
@@ -58,7 +57,7 @@ class Spy(Renderer):
 
 @pytest.fixture
 def spied(monkeypatch: pytest.MonkeyPatch) -> Spied:
-    monkeypatch.setattr("epuck_sim.overhead.render.virtual_camera.Renderer", Spy)
+    monkeypatch.setattr("epuck_sim.overhead.filming.Renderer", Spy)
     return Spy.asked
 
 
@@ -132,7 +131,7 @@ def test_lit_start_shows_the_room_and_then_the_dark() -> None:
 def test_robots_move_evenly_from_step_to_step(step_s: float, rate: float, speed: float, turning: float) -> None:
     section = OverheadSection(frames_per_s=rate, exposure_ms=20)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("epuck_sim.overhead.render.virtual_camera.Renderer", Spy)
+        patch.setattr("epuck_sim.overhead.filming.Renderer", Spy)
         times = np.arange(8) * step_s
         wrapped = (turning * times + math.pi) % math.tau - math.pi
         shoot(
@@ -176,7 +175,7 @@ def test_memory_stays_flat() -> None:
     camera = VirtualCamera(OverheadSection(frames_per_s=15), ARENA, 0)
     for number in range(1000):
         list(camera.observe(number * 0.02, STILL, np.array([False])))
-    assert len(camera._states) <= 5
+    assert len(camera._steps) <= 5
 
 
 def test_camera_between_the_walls_is_refused() -> None:

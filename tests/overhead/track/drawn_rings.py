@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import LOOKING_DOWN, WALL_HEIGHT_CM, CameraModel, overhead_camera, simple_lens
-from epuck_sim.overhead.track.ring_detection import RingFinder
+from epuck_sim.overhead.camera import LOOKING_DOWN, WALL_HEIGHT_CM, CameraModel, overhead_camera, simple_lens
+from epuck_sim.overhead.rings import RingFinder
 from epuck_sim.scenario.overhead import OverheadSection
 
 APART_CM = 2 * epuck.RADIUS_CM

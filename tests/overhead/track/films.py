@@ -15,15 +15,14 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.arrays import BoolArray, FloatArray
-from epuck_sim.overhead.camera_model import CameraModel, overhead_camera
-from epuck_sim.overhead.film.frame import Frame, Timed
-from epuck_sim.overhead.film.writer import film_file
-from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.geometry import Geometry
-from epuck_sim.overhead.track.light import RingLight, is_lit
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.ring_detection import Ring
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.camera import CameraModel, Geometry, overhead_camera
+from epuck_sim.overhead.film_writer import film_file
+from epuck_sim.overhead.frame import Frame, Timed
+from epuck_sim.overhead.light import RingLight, is_lit
+from epuck_sim.overhead.render import ExposureSample, Renderer
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.track import Track
 from epuck_sim.scenario.overhead import OverheadSection
 
 PERIOD_S = 1.0
@@ -157,9 +156,9 @@ def read_rings(path: Path, unknown: float = math.nan) -> list[dict[str, float]]:
 
 def code_rings(patch: pytest.MonkeyPatch) -> None:
     """Have counters take the rings that `coded` writes into frames."""
-    where = "epuck_sim.overhead.track.ring_counter"
+    where = "epuck_sim.overhead.counting"
     patch.setattr(f"{where}.RingFinder", Coded)
-    patch.setattr(f"{where}.ring_light_of", lambda picture, _: RingLight(picture[:, :, 2], is_lit(picture)))
+    patch.setattr(f"{where}.ring_light", lambda picture, _: RingLight(picture[:, :, 2], is_lit(picture)))
 
 
 class Coded:
@@ -175,8 +174,8 @@ class Coded:
     def find(self, picture: npt.NDArray[np.uint8]) -> list[Ring]:
         return self.find_in(RingLight(picture[:, :, 2], False))
 
-    def find_in(self, ring_light: RingLight) -> list[Ring]:
-        count = int(ring_light.levels[0, 0])
+    def find_in(self, light: RingLight) -> list[Ring]:
+        count = int(light.levels[0, 0])
         self._lit = self._lit[max(0, len(self._lit) - count) :]
         while len(self._lit) < count:
             self._lit.append(self._next)

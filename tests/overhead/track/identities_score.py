@@ -6,8 +6,8 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from epuck_sim.arrays import BoolArray, FloatArray, IntArray
-from epuck_sim.overhead.track.flashes import Flash
-from epuck_sim.overhead.track.identities import Identities
+from epuck_sim.overhead.flashes import Flash
+from epuck_sim.overhead.identities import Identities
 
 NEAR_CM = 2.0
 

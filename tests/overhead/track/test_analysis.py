@@ -9,11 +9,10 @@ import pytest
 
 from epuck_sim.arrays import FloatArray, IntArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.track.analysis import analyse
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.period_estimation import spread_at_s, spread_threshold_s
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.ring_counter import RingCounter
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.counting import RingCounter
+from epuck_sim.overhead.synchrony import spread_at_s, spread_threshold_s
+from epuck_sim.overhead.track import Track, analyse
 from tests.overhead.track.counts import counted
 from tests.overhead.track.films import code_rings, coded, make_geometry
 
@@ -59,7 +58,7 @@ def test_track_of_a_swarm() -> None:
     assert analysed(*swarm(), TrackOptions(robots=6)).warnings == ("first",)
     assert json.loads(json.dumps(track.summary(), allow_nan=False))["robots_seen"] == 6
     assert set(track.summary()) == set(Track._fields) - {
-        *("times_s", "counts", "evaluations", "flashes", "steady", "geometry", "options")
+        *("times_s", "counts", "evaluations", "flashes", "steady", "geometry", "options", "tags")
     }
 
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, STRIP_SHARE, WHITE, Annotator
-from epuck_sim.overhead.track.annotate import _counts_by_column as counts_by_column
+from epuck_sim.overhead.annotate import BARS, BLUE, CYAN, GREY, OLD_BARS, STRIP_SHARE, WHITE, Annotator
+from epuck_sim.overhead.annotate import _counts_by_column as counts_by_column
+from epuck_sim.overhead.frame import Frame
 
 PERIOD_S = 5.0
 

@@ -7,16 +7,15 @@ import pytest
 
 from epuck_sim import epuck
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera_model import (
+from epuck_sim.overhead.camera import (
     LOOKING_DOWN,
     CameraModel,
     fisheye_lens,
     overhead_camera,
     simple_lens,
 )
-from epuck_sim.overhead.track.calibration import expected_rings, fit_camera
-from epuck_sim.overhead.track.floor_corners import find_corners
-from epuck_sim.overhead.track.ring_sizes import SeenRings
+from epuck_sim.overhead.camera_fit import SeenRings, expected_rings, fit_camera
+from epuck_sim.overhead.floor import find_corners
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.track.drawn_rings import (
     finder_for,

@@ -10,9 +10,7 @@ import pytest
 from epuck_sim import epuck
 from epuck_sim.arrays import FloatArray
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera_model import CameraModel
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.track.film_calibration import (
+from epuck_sim.overhead.calibration import (
     CORNERS,
     LIGHT,
     LIT_FRAMES,
@@ -23,6 +21,8 @@ from epuck_sim.overhead.track.film_calibration import (
     described_geometry,
     parse_metadata,
 )
+from epuck_sim.overhead.camera import CameraModel
+from epuck_sim.overhead.frame import Frame
 from tests.overhead.track.films import PLACES, SMALL, described, even, flashing, make_camera, shoot
 
 SIDE = SMALL["width_px"]

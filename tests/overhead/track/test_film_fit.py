@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.overhead.track.film_fit import Fitted, cycles_of, fit_film, fit_uniform
-from epuck_sim.overhead.track.flashes import Flash
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.robots import robots_by_motion
+from epuck_sim.overhead.film_fit import fit_film, fit_uniform
+from epuck_sim.overhead.flashes import Flash
+from epuck_sim.overhead.robots import find_robots
+from epuck_sim.overhead.track import Track
 from tests.overhead.track.films import TRACK
 
 FPS = 15.0
@@ -40,7 +40,7 @@ def track_of(seed: int, period_s: float, clock_rate: float, speed_cm_s: float, w
 @pytest.mark.parametrize(("clock_rate", "wheel_speed"), [(0.0, 0.0), (0.01, 0.08)])
 def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: float) -> None:
     track = track_of(seed, 4.0, clock_rate, 0.4, wheel_speed)
-    robots = robots_by_motion(track)
+    robots = find_robots(track)
     assert robots.identities.unsure == 0
     fitted = fit_film(track, robots)
     truth = {
@@ -61,7 +61,7 @@ def test_intervals_hold_what_is_true(seed: int, clock_rate: float, wheel_speed: 
 
 def test_robots_that_are_mixed_up_tell_nothing_of_their_differences() -> None:
     track = track_of(0, 4.0, 0.01, 0.4, 0.08)
-    robots = robots_by_motion(track)
+    robots = find_robots(track)
     unsure = robots._replace(identities=robots.identities._replace(certainty=np.full(len(track.flashes), 0.6)))
     told = fit_film(track, unsure).keys()
     assert told == {"robots.0.parameters.speed_cm_s", "robots.0.parameters.flash_fraction", "overhead.frames_per_s"}
@@ -71,7 +71,7 @@ def test_coupled_robots_whose_cycles_are_hardly_ever_their_own_do_not_tell_the_p
     track = track_of(0, 4.0, 0.0, 0.4, 0.0)
     generator = np.random.default_rng(0)
     early = [flash._replace(onset_s=flash.onset_s - generator.uniform(0, 0.8)) for flash in track.flashes]
-    fitted = fit_film(track._replace(flashes=tuple(sorted(early))), robots_by_motion(track))
+    fitted = fit_film(track._replace(flashes=tuple(sorted(early))), find_robots(track))
     assert "robots.0.parameters.period_s" not in fitted
     assert "spread.clock_rate" not in fitted
 
@@ -91,12 +91,12 @@ def test_a_known_spread_is_found(seed: int, half_width: float) -> None:
 
 def test_robots_that_stand_have_no_speed_to_differ_in() -> None:
     track = track_of(0, 4.0, 0.0, 0.0, 0.0)
-    still = fit_film(track, robots_by_motion(track))
+    still = fit_film(track, find_robots(track))
     assert not still.keys() & {"robots.0.parameters.speed_cm_s", "spread.wheel_speed"}
     generator = np.random.default_rng(0)
     shaken = [flash._replace(x_cm_s=0.02 * generator.standard_normal()) for flash in track.flashes]
     moved = track._replace(flashes=tuple(shaken))
-    assert "spread.wheel_speed" not in fit_film(moved, robots_by_motion(moved))
+    assert "spread.wheel_speed" not in fit_film(moved, find_robots(moved))
 
 
 def test_values_that_are_all_the_same_have_a_mean() -> None:
@@ -108,11 +108,9 @@ def test_values_that_are_all_the_same_have_a_mean() -> None:
 
 def test_uneven_frames_of_a_short_film_tell_no_rate() -> None:
     track = track_of(0, 4.0, 0.0, 0.4, 0.0)
-    robots = robots_by_motion(track)
+    robots = find_robots(track)
     assert "overhead.frames_per_s" not in fit_film(track._replace(times_s=np.array([0.0, 0.01, 1.0])), robots)
 
 
 def test_few_robots_tell_nothing() -> None:
     assert fit_uniform(np.array([1.0, 2.0]), np.array([0.1, 0.1])) == (None, None)
-    assert Fitted(10, 8, 12).widened(0.1) == pytest.approx((10, 7.2, 13.2))
-    assert cycles_of(np.array([0, 1, 0, -1, 1, 0]), np.arange(6.0)).tolist() == [2, 3, 3]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.track.flash_motion import FlashTable, Habits, commonest_speed, ways_between
+from epuck_sim.overhead.identities import FlashTable, Habits, commonest_speed, ways_between
 
 FLOOR_CM = (60.0, 60.0)
 
@@ -13,7 +13,7 @@ FLOOR_CM = (60.0, 60.0)
 def table(*rows: tuple[float, float, float, float, float]) -> FlashTable:
     """Return flashes with an onset, a place and a velocity each."""
     columns = np.array(rows)
-    return FlashTable(columns[:, 0], columns[:, 0] + 0.4, columns[:, 1:3], columns[:, 3:5])
+    return FlashTable(columns[:, 0], columns[:, 0] + 0.4, columns[:, 1:3], columns[:, 3:5], columns[:, 0])
 
 
 def test_a_straight_way_is_where_it_leads() -> None:

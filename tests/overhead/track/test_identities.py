@@ -1,6 +1,7 @@
 """Whose flashes are whose, by how robots move from one to the next."""
 
 from itertools import permutations
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -8,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from epuck_sim.arrays import FloatArray, IntArray
-from epuck_sim.overhead.track.flash_motion import FlashTable
-from epuck_sim.overhead.track.identities import SURE, _best, _certainties, link_flashes
+from epuck_sim.overhead.identities import SURE, FlashTable, _certainties, _link, link_flashes
 
 FLOOR_CM = (60.0, 60.0)
 PERIOD_S = 5.0
@@ -24,7 +24,7 @@ def straight(
     whose = np.tile(np.arange(robots), cycles)
     at = places[whose] + onsets[:, None] * velocities[whose]
     order = np.argsort(onsets, kind="stable")
-    table = FlashTable(onsets[order], onsets[order] + 0.4, at[order], velocities[whose[order]])
+    table = FlashTable(onsets[order], onsets[order] + 0.4, at[order], velocities[whose[order]], onsets[order])
     return table, whose[order]
 
 
@@ -76,9 +76,11 @@ def test_a_robot_too_far_away_is_another_one() -> None:
 
 
 def test_no_flashes_are_of_no_robots() -> None:
-    found = link_flashes(FlashTable(np.empty(0), np.empty(0), np.empty((0, 2)), np.empty((0, 2))), PERIOD_S, FLOOR_CM)
+    found = link_flashes(
+        FlashTable(np.empty(0), np.empty(0), np.empty((0, 2)), np.empty((0, 2)), np.empty(0)), PERIOD_S, FLOOR_CM
+    )
     assert (found.robots, found.unsure) == (0, 0)
-    alone = FlashTable(np.array([1.0]), np.array([1.4]), np.array([[30.0, 30.0]]), np.zeros((1, 2)))
+    alone = FlashTable(np.array([1.0]), np.array([1.4]), np.array([[30.0, 30.0]]), np.zeros((1, 2)), np.ones(1))
     assert link_flashes(alone, PERIOD_S, FLOOR_CM).robot.tolist() == [0]
 
 
@@ -94,10 +96,20 @@ def test_a_long_film_is_linked_in_parts_as_whole(seed: int) -> None:
     assert all(len(set(found.robot[whose == robot])) == 1 for robot in range(6))
 
 
+class Fixed(NamedTuple):
+    """Costs of links from all flashes to some."""
+
+    targets: IntArray
+    table: FloatArray
+
+    def of(self, sources: IntArray) -> tuple[IntArray, FloatArray]:
+        return self.targets, self.table[sources]
+
+
 @given(st.lists(st.lists(st.floats(-5, 2), min_size=4, max_size=4), min_size=1, max_size=4))
 def test_links_cost_least(costs: list[list[float]]) -> None:
     table = np.minimum(np.array(costs), 0.0)
-    links = _best(np.arange(4) + 7, table)
+    links = _link(np.arange(float(len(table))), Fixed(np.arange(4) + 7, table), 10.0)  # type: ignore[arg-type]
     total = sum(table[row, target - 7] for row, target in enumerate(links) if target >= 0)
     least = min(
         sum(table[row, target] for row, target in enumerate(each)) for each in permutations(range(4), len(table))
@@ -107,15 +119,8 @@ def test_links_cost_least(costs: list[list[float]]) -> None:
     assert len(set(taken)) == len(taken)
 
 
-class Fixed:
-    """Costs of links from flash 0 to 2 or 3, and from 1 to 3."""
-
-    def of(self, sources: IntArray) -> tuple[IntArray, FloatArray]:
-        table = np.array([[-5.0, -5.0], [0.0, -5.0], [0.0, 0.0], [0.0, 0.0]])
-        return np.array([2, 3]), table[sources]
-
-
 def test_a_flash_that_follows_one_long_before_or_after_is_no_alternative() -> None:
     links, onset_s = np.array([2, 3, -1, -1]), np.array([0.0, 5.0, 6.0, 7.0])
-    certainty = _certainties(links, Fixed(), onset_s, 1.0)  # type: ignore[arg-type]
+    costs = Fixed(np.array([2, 3]), np.array([[-5.0, -5.0], [0.0, -5.0], [0.0, 0.0], [0.0, 0.0]]))
+    certainty = _certainties(links, costs, onset_s, 1.0)  # type: ignore[arg-type]
     assert certainty == pytest.approx([np.nan, np.nan, 1 / (1 + np.exp(-5)), 1 / (1 + np.exp(-5))], nan_ok=True)

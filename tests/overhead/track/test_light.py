@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.track.geometry import Geometry
-from epuck_sim.overhead.track.light import LightMeter, ring_light_of
+from epuck_sim.overhead.camera import Geometry
+from epuck_sim.overhead.light import LightMeter, ring_light
 from tests.overhead.track.films import make_camera, make_geometry
 
 ROWS = COLUMNS = 240
@@ -30,9 +30,9 @@ def test_lamps_that_flicker_change_nothing(flicker: float, bands: float, turned:
     meter = LightMeter(Geometry(make_camera(), (60.0, 60.0), "somewhere", knows_floor))
     background = room(20 * (1 - flicker), 0, 0, False, 0)
     for spots in range(4):
-        steady = meter.lit_px(ring_light_of(room(0, 0, 0, turned, spots), DARK).levels)
+        steady = meter.lit_px(ring_light(room(0, 0, 0, turned, spots), DARK).levels)
         assert steady == pytest.approx(spots * (SPOT_PX + 1) ** 2, rel=0.3)
-        assert meter.lit_px(ring_light_of(room(20, flicker, bands, turned, spots), background).levels) == pytest.approx(
+        assert meter.lit_px(ring_light(room(20, flicker, bands, turned, spots), background).levels) == pytest.approx(
             steady, rel=0.1
         )
 
@@ -41,5 +41,5 @@ def test_light_outside_of_the_floor_does_not_count() -> None:
     geometry = make_geometry()
     outside = DARK.copy()
     outside[:4, :100] = outside[100:200, -4:] = 200
-    assert LightMeter(geometry).lit_px(ring_light_of(outside, DARK).levels) == 0
-    assert LightMeter(geometry._replace(knows_floor=False)).lit_px(ring_light_of(outside, DARK).levels) > 700
+    assert LightMeter(geometry).lit_px(ring_light(outside, DARK).levels) == 0
+    assert LightMeter(geometry._replace(knows_floor=False)).lit_px(ring_light(outside, DARK).levels) > 700

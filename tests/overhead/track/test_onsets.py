@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from epuck_sim.order_parameter import order_parameter
-from epuck_sim.overhead.track.onsets import first_in_order_s, order_over_time
+from epuck_sim.overhead.synchrony import first_in_order_s, order_over_time
 
 TOGETHER = np.sort(
     np.concatenate([np.arange(6) / 6 + cycle for cycle in range(3)] + [np.full(6, 4.5), np.full(6, 5.5)])

@@ -9,15 +9,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from epuck_sim.order_parameter import order_parameter
-from epuck_sim.overhead.track.lag_density import lags
-from epuck_sim.overhead.track.period_estimation import (
+from epuck_sim.overhead.period import (
     MIN_PERIODS,
+    _lags,
     estimate_flash_s,
     estimate_period_s,
-    firing_spread_s,
-    spread_threshold_s,
 )
-from epuck_sim.overhead.track.spread import evaluate
+from epuck_sim.overhead.synchrony import evaluate, firing_spread_s, spread_threshold_s
 from tests.overhead.track.counts import counted, frames, steady, uneven
 
 PERIOD = 5.0
@@ -134,7 +132,7 @@ events = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 3)), max_size=12)
 def test_lags_are_those_of_all_pairs(causes, effects, least, width):
     expected = [(b - a, m * n) for a, m in causes for b, n in effects if least <= b - a < least + width]
     pairs = (np.array(each, float).reshape(-1, 2).T for each in (causes, effects))
-    found = lags(*map(tuple, pairs), (least, least + width))
+    found = _lags(*map(tuple, pairs), (least, least + width))
     assert list(zip(*(each.tolist() for each in found), strict=True)) == expected
 
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from epuck_sim.overhead.track.analysis import analyse
-from epuck_sim.overhead.track.film_calibration import TrackOptions
-from epuck_sim.overhead.track.light import LightMeter
-from epuck_sim.overhead.track.ring_counter import RingCounter, track_frames
-from epuck_sim.overhead.track.spread import evaluate, first_synchronised
+from epuck_sim.overhead.calibration import TrackOptions
+from epuck_sim.overhead.counting import RingCounter, track_frames
+from epuck_sim.overhead.light import LightMeter
+from epuck_sim.overhead.synchrony import evaluate, first_synchronised
+from epuck_sim.overhead.track import analyse
 from tests.overhead.score import Score, compare
 from tests.overhead.track.counts import counted, uneven
 from tests.overhead.track.films import PLACES, code_rings, coded, even, in_step, make_geometry, shoot
@@ -51,13 +51,13 @@ def process_all(counter: RingCounter, counts: list[int], is_lit: list[bool]) -> 
 def test_trial_begins_with_the_first_dark_frame(counter: RingCounter, is_lit: list[bool], first: int) -> None:
     process_all(counter, [3, 1, 4, 1, 5, 9], is_lit)
     assert counter.start_s == first / 2
-    assert counter.frames == 6
+    assert counter.counted().frames == 6
     assert counter.times_s.tolist() == (np.arange(first, 6) / 2).tolist()
     assert counter.counts.tolist() == [3, 1, 4, 1, 5, 9][first:]
 
 
 def test_counter_without_frames(counter: RingCounter) -> None:
-    assert (counter.frames, counter.start_s) == (0, 0.0)
+    assert (counter.counted().frames, counter.start_s) == (0, 0.0)
     assert counter.times_s.shape == counter.counts.shape == (0,)
 
 
@@ -78,7 +78,7 @@ def test_ctrl_c_leaves_as_many_counts_as_times(counter: RingCounter, monkeypatch
     monkeypatch.setattr(LightMeter, "lit_px", interrupt)
     with pytest.raises(KeyboardInterrupt):
         process_all(counter, [3], [False])
-    assert len(counter.times_s) == len(counter.counts) == len(counter.areas_px) == 2
+    assert len(counter.times_s) == len(counter.counts) == len(counter.counted().areas_px) == 2
 
 
 @given(
@@ -134,7 +134,7 @@ def test_synchrony_in_the_light_is_forgotten_in_the_dark(counter: RingCounter) -
 def test_a_frame_is_processed_when_it_is_asked_for(counter: RingCounter) -> None:
     tracked_frames = track_frames(coded([0, 1, 2], [1, 2, 3], [False] * 3), counter, 1.0, lambda: 0.1, none_steady)
     for number in range(3):
-        assert counter.frames == number
+        assert counter.counted().frames == number
         assert len(next(tracked_frames).rings) == number + 1
 
 

@@ -6,10 +6,9 @@ import pytest
 from scipy import ndimage
 
 from epuck_sim import epuck
-from epuck_sim.overhead.camera_model import simple_lens
-from epuck_sim.overhead.track.light import is_lit, ring_light
-from epuck_sim.overhead.track.rectified_view import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, rectified_view
-from epuck_sim.overhead.track.ring_fit import fit_ring
+from epuck_sim.overhead.camera import simple_lens
+from epuck_sim.overhead.light import is_lit, ring_light
+from epuck_sim.overhead.rings import MAX_CELLS_PER_PIXEL, MAX_REACH_HEIGHTS, fit_ring, rectified_view
 from tests.overhead.track.drawn_rings import (
     APART_CM,
     CLEAN,
@@ -200,8 +199,9 @@ def test_whether_the_room_is_lit():
 
 def test_light_is_bright_or_coloured():
     picture = np.array([[(200, 90, 120), (90, 200, 120), (90, 90, 90)]], np.uint8)
-    np.testing.assert_array_equal(ring_light(picture, False), [[137, 137, 90]])
-    np.testing.assert_array_equal(ring_light(picture, True), [[110, 110, 0]])
+    np.testing.assert_array_equal(ring_light(picture).levels, [[110, 110, 0]])  # the room is lit
+    np.testing.assert_array_equal(ring_light(picture - 80).levels, [[57, 57, 10]])
+    np.testing.assert_array_equal(ring_light(picture - 80, picture // 90 * 3).levels, [[53, 53, 7]])
 
 
 # --- how it is done -------------------------------------------------------------------------------
@@ -227,8 +227,8 @@ def test_the_rectified_view_shows_what_the_pixels_there_show(camera):
     view = rectified_view(camera)
     sampled = view.sample(light)
     rows, columns = (cells[::17, ::17].ravel() for cells in np.indices(sampled.shape))
-    points = [(*view.position_cm(column, row), epuck.RING_HEIGHT_CM) for row, column in zip(rows, columns, strict=True)]
-    pixels = camera.project(np.array(points))
+    points = view.origin_cm + np.column_stack([columns, rows]) / view.cells_per_cm
+    pixels = camera.project(np.column_stack([points, np.full(len(rows), epuck.RING_HEIGHT_CM)]))
     is_in = ((pixels >= 0) & (pixels <= (camera.width_px - 1, camera.height_px - 1))).all(axis=1)
     assert np.count_nonzero(is_in) > 100
     slow = ndimage.map_coordinates(light.astype(float), pixels[is_in, ::-1].T, order=1)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from epuck_sim.order_parameter import order_parameter
-from epuck_sim.overhead.track.robot_phases import first_in_order, order_of_shares, pairs, phase_shares
+from epuck_sim.overhead.robots import first_in_order, order_of_shares, pairs, phase_shares
 
 ONSETS = np.array([0.0, 0.5, 1.0, 1.4, 2.0, 2.4, 4.0])
 ROBOT = np.array([0, 1, 0, 1, 0, 1, 0])

@@ -7,19 +7,19 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from epuck_sim.overhead.track.flashes import Flash, FlashLinker, count_lit
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.ring_detection import Ring
-from epuck_sim.overhead.track.robots import (
+from epuck_sim.overhead.flashes import Flash, FlashLinker, count_lit
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.robots import (
     Robots,
+    find_robots,
     flash_columns,
     pair_columns,
-    robots_by_motion,
     save_robots,
     summary,
     trace_columns,
+    write_table,
 )
-from epuck_sim.overhead.track.table_file import write_table
+from epuck_sim.overhead.track import Track
 from tests.overhead.track.films import TRACK, even
 
 CYCLES = 6
@@ -50,7 +50,7 @@ def test_flashes_have_their_velocity() -> None:
 
 def test_a_trace_tells_what_is_seen_and_leaves_out_what_is_not() -> None:
     track = track_of([0.1, 0.4, 0.7])
-    table = trace_columns(track, robots_by_motion(track))
+    table = trace_columns(track, find_robots(track))
     assert list(table) == ["time_s", "robot", "x_cm", "y_cm", "heading_rad", "ring_on", "phase_ms"]
     assert len({len(column) for column in table.values()}) == 1
     own = {name: column[table["robot"] == 1] for name, column in table.items()}
@@ -73,7 +73,7 @@ def test_a_ring_that_is_lit_at_the_end_of_the_film_is_lit_in_its_last_frame() ->
     late = Flash(last_s, last_s, 30.0, 45.0, 80.0)
     flashes = (*(flash for flash in track.flashes if flash.onset_s < last_s - 0.5), late)
     track = track._replace(flashes=flashes)
-    table = trace_columns(track, robots_by_motion(track))
+    table = trace_columns(track, find_robots(track))
     is_last = table["time_s"] == last_s
     assert table["ring_on"][is_last].sum() == 1
     assert table["y_cm"][is_last & table["ring_on"]] == pytest.approx(45)
@@ -82,7 +82,7 @@ def test_a_ring_that_is_lit_at_the_end_of_the_film_is_lit_in_its_last_frame() ->
 
 def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
     track = track_of([0.5, 0.5, 0.52])
-    robots = robots_by_motion(track)
+    robots = find_robots(track)
     table = flash_columns(track, robots)
     assert table["robot"].tolist()[:3] == [0, 1, 2]
     assert sorted(table["cycle"].tolist()) == sorted([*range(1, CYCLES + 1)] * 3)
@@ -99,18 +99,18 @@ def test_flashes_tell_whose_they_are_and_the_order_of_phases() -> None:
 def test_what_is_doubtful_is_said() -> None:
     track = track_of([0.1, 0.4, 0.7])
     told = track._replace(options=track.options._replace(robots=4))
-    assert robots_by_motion(track).warnings == ()
-    (warning,) = robots_by_motion(told).warnings
+    assert find_robots(track).warnings == ()
+    (warning,) = find_robots(told).warnings
     assert warning == "flashes are linked to 3 robots, but there are 4: some were lost and count anew"
     together = enumerate(track_of([0.1] * 3).flashes)
     close = tuple(flash._replace(x_cm=20.0 + 0.1 * (index % 3), y_cm=20.0) for index, flash in together)
-    (warning,) = robots_by_motion(track._replace(flashes=close)).warnings
+    (warning,) = find_robots(track._replace(flashes=close)).warnings
     assert " % of the links from flash to flash have an alternative that is nearly as good" in warning
 
 
 def test_tables_are_written_as_csv_and_as_parquet_alike(tmp_path: Path) -> None:
     track = track_of([0.1, 0.4, 0.7])
-    robots = robots_by_motion(track)
+    robots = find_robots(track)
     save_robots(track, robots, tmp_path / "f.csv", tmp_path / "t.parquet", tmp_path / "p.csv")
     save_robots(track, robots, tmp_path / "f.parquet", tmp_path / "t.csv", None)
     for name, expected in (("f", flash_columns(track, robots)), ("t", trace_columns(track, robots))):
@@ -128,10 +128,10 @@ def test_tables_are_written_as_csv_and_as_parquet_alike(tmp_path: Path) -> None:
 
 def test_a_film_without_flashes_gives_tables_without_rows(tmp_path: Path) -> None:
     track = TRACK._replace(flashes=())
-    robots = robots_by_motion(track)
+    robots = find_robots(track)
     assert isinstance(robots, Robots)
     for ending in ("csv", "parquet"):
         for name, columns in (("f", flash_columns), ("t", trace_columns), ("p", pair_columns)):
-            write_table(tmp_path / f"{name}.{ending}", columns(track, robots))
+            write_table(tmp_path / f"{name}.{ending}", columns(track, robots), {})
     assert (tmp_path / "t.csv").read_text() == "time_s,robot,x_cm,y_cm,heading_rad,ring_on,phase_ms\n"
     assert summary(track, robots)["t_sync_s"] is None

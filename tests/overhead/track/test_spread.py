@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from epuck_sim.overhead.track.spread import (
+from epuck_sim.overhead.synchrony import (
     MAX_HOLD_INTERVALS,
     MIN_COVERAGE,
     Evaluation,

@@ -7,15 +7,13 @@ import pytest
 
 from epuck_sim.arena import make_arena
 from epuck_sim.errors import FilmError
-from epuck_sim.overhead.camera_model import overhead_camera
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.render.renderer import ExposureSample, Renderer
-from epuck_sim.overhead.tags import tag_corners_cm, tag_pattern
-from epuck_sim.overhead.track.flashes import Flash
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.robots import flash_columns, summary, trace_columns
-from epuck_sim.overhead.track.tag_reading import Readings, TagReader, read_tags
-from epuck_sim.overhead.track.tagged_robots import robots_by_tags
+from epuck_sim.overhead.camera import overhead_camera
+from epuck_sim.overhead.flashes import Flash
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.render import ExposureSample, Renderer
+from epuck_sim.overhead.robots import find_robots, flash_columns, summary, trace_columns
+from epuck_sim.overhead.tags import Readings, TagReader, tag_corners_cm, tag_pattern
+from epuck_sim.overhead.track import Track
 from epuck_sim.scenario.overhead import OverheadSection
 from tests.overhead.track.films import TRACK
 
@@ -79,9 +77,12 @@ def test_the_pattern_has_white_around_it() -> None:
 
 def test_tags_of_a_film_are_gathered() -> None:
     camera, picture = shown()
-    readings = read_tags(
-        [Frame(1.0, picture), Frame(2.0, np.zeros_like(picture)), Frame(3.0, picture)], TagReader(camera, "4X4_50")
-    )
+    reader = TagReader(camera, "4X4_50")
+    reader.add(Frame(0.0, picture))
+    reader.restart()
+    for frame in (Frame(1.0, picture), Frame(2.0, np.zeros_like(picture)), Frame(3.0, picture)):
+        reader.add(frame)
+    readings = reader.readings
     assert readings.time_s.tolist() == [1] * 4 + [3] * 4
     assert readings.number.tolist() == [0, 1, 2, 3] * 2
     assert readings.poses.shape == (8, 3)
@@ -105,10 +106,15 @@ def track(*flashes: tuple[float, float], robots: int | None = None) -> Track:
     return TRACK._replace(flashes=made, times_s=TIMES, start_s=0.0, options=TRACK.options._replace(robots=robots))
 
 
+def tagged(track: Track, tags: Readings, *numbers: int) -> Track:
+    """Return a track with tags that were read, of robots that have some numbers."""
+    return track._replace(tags=tags, options=track.options._replace(tag_numbers=frozenset(numbers)))
+
+
 def test_flashes_are_those_of_the_tags_above_them() -> None:
     dark = {(round(0.1 * k, 1), 7) for k in range(20, 26)}  # unread while lit
     tracked = track((1.0, 5.0), (2.1, 15.0), (2.2, 5.0), (3.0, 5.0), robots=2)
-    robots = robots_by_tags(tracked, read(without=dark), None)
+    robots = find_robots(tracked._replace(tags=read(without=dark)))
     assert robots.warnings == ()
     assert robots.numbers.tolist() == [4, 7]
     table = flash_columns(tracked, robots)
@@ -125,7 +131,7 @@ def test_flashes_are_those_of_the_tags_above_them() -> None:
 
 def test_where_a_tag_is_unread_for_long_it_is_not_known_where_the_robot_is() -> None:
     gap = {(round(0.1 * k, 1), 4) for k in range(20, 40)}
-    robots = robots_by_tags(track((3.0, 5.0)), read(without=gap), None)
+    robots = find_robots(track((3.0, 5.0))._replace(tags=read(without=gap)))
     assert robots.poses is not None
     assert np.isnan(robots.poses[20:40, 0]).all()
     assert not np.isnan(robots.poses[:20, 0]).any()
@@ -139,7 +145,7 @@ def test_a_tag_that_is_seen_twice_is_said_and_left_out() -> None:
     double = Readings(
         *(np.concatenate([a, b[:20]]) for a, b in zip(once, other._replace(poses=other.poses + 20), strict=True))
     )
-    robots = robots_by_tags(track((1.0, 5.0)), double, None)
+    robots = find_robots(track((1.0, 5.0))._replace(tags=double))
     assert "tag 4 is seen twice in 20 frames, and left out there" in robots.warnings[0]
     assert robots.poses is not None
     assert np.isnan(robots.poses[:19, 0]).all()
@@ -149,12 +155,12 @@ def test_a_tag_that_is_seen_twice_is_said_and_left_out() -> None:
 def test_a_film_in_which_each_tag_is_seen_twice_is_refused() -> None:
     double = Readings(*(np.concatenate([column, column]) for column in read()))
     with pytest.raises(FilmError, match="no tag is read, or all are seen twice"):
-        robots_by_tags(track((1.0, 5.0)), double, None)
+        find_robots(track((1.0, 5.0))._replace(tags=double))
 
 
 def test_a_tagged_robot_that_never_flashes_has_places_and_no_phase() -> None:
     tracked = track((1.0, 5.0), (2.0, 5.0))
-    robots = robots_by_tags(tracked, read(), None)
+    robots = find_robots(tracked._replace(tags=read()))
     assert summary(tracked, robots)["by"] == "tags"
     trace = trace_columns(tracked, robots)
     dark = trace["robot"] == 7
@@ -165,13 +171,13 @@ def test_a_tagged_robot_that_never_flashes_has_places_and_no_phase() -> None:
 def test_unknown_seldom_and_missing_tags_are_said() -> None:
     seldom = Readings(np.array([1.0]), np.array([33]), np.zeros((1, 3)))
     both = Readings(*(np.concatenate(columns) for columns in zip(read(), seldom, strict=True)))
-    (warning,) = robots_by_tags(track(), both, None).warnings
+    (warning,) = find_robots(track()._replace(tags=both)).warnings
     assert warning == "tags that are read in less than 2 % of the frames, and are left out: 33"
-    found = robots_by_tags(track(robots=5), both, frozenset({4, 5})).warnings
+    found = find_robots(tagged(track(robots=5), both, 4, 5)).warnings
     assert found == (
         "tags that are not among those given, and are left out: 7",
         "tags that are never read: 5",
         "robots whose tags are read: 1, but there are 5",
     )
     with pytest.raises(FilmError, match=r"^film.mp4: no tag is read, or all are seen twice; check the dictionary"):
-        robots_by_tags(track(), both, frozenset({8}))
+        find_robots(tagged(track(), both, 8))

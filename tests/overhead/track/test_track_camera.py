@@ -17,13 +17,12 @@ import numpy as np
 import pytest
 
 from epuck_sim.errors import EpuckSimError, FilmError, PortError
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.live_page import live_page
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.film.writer import FilmWriter
-from epuck_sim.overhead.track.film_calibration import LIGHT, RINGS, TrackOptions
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.track_camera import Watching, track_camera
+from epuck_sim.overhead.calibration import LIGHT, RINGS, TrackOptions
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.film_writer import FilmWriter
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.live import Watching, live_page, track_camera
+from epuck_sim.overhead.track import Track
 from epuck_sim.util.ports import check_port, free_port
 from tests.overhead.track.films import SMALL, even, in_step, make_camera, passed, read_rings, shoot
 
@@ -77,9 +76,7 @@ Plug = Callable[..., Imitation]
 def plug(monkeypatch: pytest.MonkeyPatch) -> Plug:
     def plug_in(frames: Iterable[Frame], end: BaseException | None = None) -> Imitation:
         camera = Imitation(frames, end or KeyboardInterrupt())
-        monkeypatch.setattr(
-            "epuck_sim.overhead.track.track_camera.LiveCamera", lambda number, _: camera if number == 7 else None
-        )
+        monkeypatch.setattr("epuck_sim.overhead.live.LiveCamera", lambda number, _: camera if number == 7 else None)
         return camera
 
     return plug_in
@@ -217,7 +214,7 @@ import os, signal, sys
 from pathlib import Path
 
 sys.path.insert(0, sys.argv[1])
-import epuck_sim.overhead.track.track_camera as module
+import epuck_sim.overhead.live as module
 from tests.overhead.track.test_track_camera import CORNERS_PX, LIT, TIMES, Imitation, TrackOptions, shoot, watch
 
 

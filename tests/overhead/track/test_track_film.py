@@ -11,20 +11,14 @@ import pytest
 
 from epuck_sim.epuck import RING_HEIGHT_CM
 from epuck_sim.errors import EpuckSimError, FilmError
-from epuck_sim.overhead.film.frame import Frame
-from epuck_sim.overhead.film.reader import open_film
-from epuck_sim.overhead.track.annotate import Annotator
-from epuck_sim.overhead.track.film_calibration import CORNERS, DESCRIPTION, LIGHT, RINGS, TrackOptions
-from epuck_sim.overhead.track.flashes import Flash
-from epuck_sim.overhead.track.result import Track
-from epuck_sim.overhead.track.ring_counter import TrackedFrame
-from epuck_sim.overhead.track.ring_detection import Ring
-from epuck_sim.overhead.track.track_film import (
-    annotate_film,
-    ring_table,
-    snapshot,
-    track_film,
-)
+from epuck_sim.overhead.annotate import Annotator
+from epuck_sim.overhead.calibration import CORNERS, DESCRIPTION, LIGHT, RINGS, TrackOptions
+from epuck_sim.overhead.counting import TrackedFrame
+from epuck_sim.overhead.film import open_film
+from epuck_sim.overhead.flashes import Flash
+from epuck_sim.overhead.frame import Frame
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.track import Track, annotate_film, ring_table, snapshot, track_film
 from tests.overhead.film.small_films import cut_off
 from tests.overhead.score import Score, compare
 from tests.overhead.track.films import (

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from epuck_sim.overhead.track.flashes import Flash, FlashLinker, count_lit, count_places
-from epuck_sim.overhead.track.ring_detection import Ring
-from epuck_sim.overhead.track.spread import evaluate
-from epuck_sim.overhead.track.verdict import Evidence, count_images, may_be_half_a_period, objections, recurs_after_two
+from epuck_sim.overhead.flashes import Flash, FlashLinker, count_lit, count_places
+from epuck_sim.overhead.rings import Ring
+from epuck_sim.overhead.synchrony import evaluate
+from epuck_sim.overhead.verdict import Evidence, count_images, may_be_half_a_period, objections, recurs_after_two
 from tests.overhead.track.counts import counted
 
 TIMES = np.arange(240) / 30
